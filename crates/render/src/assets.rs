@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, VisualPart, World};
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
 use crate::mesh::Mesh;
+use crate::shape::Shape;
 use crate::surroundings;
 use crate::texture::{MipTexture, linear_from_srgb};
 
@@ -18,9 +19,8 @@ pub struct RenderAssets {
     robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
-    /// Low and high corners of boxes around the opaque parts of each body, in its frame.
-    bounds: Vec<Option<(Vec3, Vec3)>>,
-    boxiness: Vec<f32>,
+    /// By body.
+    shapes: Vec<Option<Shape>>,
 }
 
 /// One mesh of one material, in the frame of its body.
@@ -106,9 +106,8 @@ impl RenderAssets {
         if parts.len() > limit {
             return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
         }
-        let bounds = bounds(&parts, body);
-        let boxiness = boxiness(&parts, &bounds);
-        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, bounds, boxiness }))
+        let shapes = Shape::of_bodies(&parts, body);
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes }))
     }
 
     /// Number of poses in a [`FrameState`]: links of the robot and of all objects.
@@ -116,15 +115,9 @@ impl RenderAssets {
         self.body_count
     }
 
-    /// Low and high corner of the box around the opaque parts of a body, in its frame; `None` without any.
-    pub(crate) fn bounds_of(&self, body: usize) -> Option<(Vec3, Vec3)> {
-        self.bounds[body]
-    }
-
-    /// How far the outermost corner of a body's opaque parts lies from the middle of the box around them: the sum of its
-    /// distances along the axes, each as a share of half the side. 3 for a box, less for what is round.
-    pub(crate) fn boxiness_of(&self, body: usize) -> f32 {
-        self.boxiness[body]
+    /// What the opaque parts of a body are like; `None` without any.
+    pub(crate) fn shape_of(&self, body: usize) -> Option<&Shape> {
+        self.shapes[body].as_ref()
     }
 
     /// Number of the robot's bodies, which come first.
@@ -177,36 +170,6 @@ impl RenderAssets {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
     }
-}
-
-/// Low and high corners of boxes around the opaque parts of each body.
-fn bounds(parts: &[Part], bodies: usize) -> Vec<Option<(Vec3, Vec3)>> {
-    let mut bounds = vec![None; bodies];
-    for (body, place) in opaque_corners(parts) {
-        let (low, high) = bounds[body].unwrap_or((place, place));
-        bounds[body] = Some((low.min(place), high.max(place)));
-    }
-    bounds
-}
-
-/// As [`RenderAssets::boxiness_of`], of each body, 0 without opaque parts.
-fn boxiness(parts: &[Part], bounds: &[Option<(Vec3, Vec3)>]) -> Vec<f32> {
-    let mut boxiness = vec![0.0_f32; bounds.len()];
-    for (body, place) in opaque_corners(parts) {
-        if let Some((low, high)) = bounds[body] {
-            let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
-            boxiness[body] = boxiness[body].max(((place - (low + high) * 0.5) / half).abs().element_sum());
-        }
-    }
-    boxiness
-}
-
-/// The corners of the opaque parts of bodies, each with its body.
-fn opaque_corners(parts: &[Part]) -> impl Iterator<Item = (usize, Vec3)> {
-    let parts = parts.iter().filter(|part| part.casts_shadow && !part.is_transparent());
-    parts.filter_map(|part| Some((part.body?, part))).flat_map(|(body, part)| {
-        part.mesh.positions.iter().map(move |&place| (body, place))
-    })
 }
 
 impl Part {

@@ -52,6 +52,7 @@ mod reflectance;
 mod scene;
 mod shade;
 mod shadow;
+mod shape;
 mod sky;
 mod surroundings;
 mod table_light;

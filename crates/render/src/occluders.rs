@@ -13,6 +13,7 @@ use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::lanes::{Lane, whole_registers, within};
 use crate::points::Points;
+use crate::shape::Shape;
 use crate::sky::dot;
 use crate::view::rotation;
 use hollow::enclose;
@@ -21,6 +22,8 @@ mod held;
 mod hollow;
 
 pub(crate) use held::Held;
+#[cfg(test)]
+pub(crate) use held::held_cube;
 pub(crate) use hollow::{Hollow, facing_middle};
 
 /// Half axes of an ellipsoid over those of the box that it stands for. Fitted to traced pictures.
@@ -65,8 +68,9 @@ pub(crate) struct Occluder {
     middle: Vec3,
     /// How much of the light from above enters on the side of its third axis, 0-1.
     entering: f32,
-    /// As [`RenderAssets::boxiness_of`].
-    boxiness: f32,
+    /// As of [`Shape`].
+    is_box: bool,
+    is_hollow: bool,
     /// How far it is in the hand, 0-1, for the hand's own camera.
     in_hand: f32,
 }
@@ -77,7 +81,7 @@ impl Occluders {
         self.count = mount == CameraMount::Hand;
         self.bodies.clear();
         for (body, pose) in frame.body_poses.iter().enumerate() {
-            let Some((low, high)) = assets.bounds_of(body) else { continue };
+            let Some(&Shape { low, high, is_box, is_hollow }) = assets.shape_of(body) else { continue };
             let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
             let turn = rotation(pose);
             let center = turn * Vec3A::from((low + high) * 0.5) + pose.position.as_vec3a();
@@ -87,10 +91,19 @@ impl Occluders {
             let reach = (volume / half.min_element() / LEAST).sqrt();
             let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
             let (center, middle) = (center.to_array(), (low + high) * 0.5);
-            let boxiness = assets.boxiness_of(body);
-            let (entering, in_hand) = (0.0, 0.0);
-            let occluder = Occluder { body, center, axes, volume, color, reach, middle, entering, boxiness, in_hand };
-            self.bodies.push(occluder);
+            self.bodies.push(Occluder {
+                body,
+                center,
+                axes,
+                volume,
+                color,
+                reach,
+                middle,
+                entering: 0.0,
+                is_box,
+                is_hollow,
+                in_hand: 0.0,
+            });
         }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
@@ -252,7 +265,8 @@ mod tests {
             color: [0.0; 3],
             middle: Vec3::ZERO,
             entering: 0.0,
-            boxiness: 0.0,
+            is_box: false,
+            is_hollow: false,
             in_hand: 0.0,
             center: place,
             axes,
@@ -269,6 +283,21 @@ mod tests {
             (points.place[axis][0], points.normal[axis][0]) = (place[axis], f32::from(u8::from(axis == 2)));
         }
         points
+    }
+
+    /// A lamp overhead behind a ball, before it, beside it and far below it.
+    #[test]
+    fn balls_veil_a_broad_lamp() {
+        let up = [0.0, 0.0, 1.0];
+        for (center, low, high) in [
+            ([0.0, 0.0, 0.2], 0.7, 0.9),
+            ([0.0, 0.0, 3.0], 0.002, 0.02),
+            ([0.0, 0.0, -0.2], 0.0, 1e-6),
+            ([0.5, 0.0, 0.1], 0.0, 1e-6),
+        ] {
+            let got = veiled(&ball(center, [0.1; 3]), center, up);
+            assert!((low..=high).contains(&got), "{got}, expected {low} to {high} at {center:?}");
+        }
     }
 
     /// What is above, beside and below a point: shares of the sky in closed form.

@@ -63,10 +63,16 @@ impl Bent {
 }
 
 /// What is seen behind a solid transparent thing: the sight leaves its far side where it went on inside for as long as
-/// the thing is deep. `None` when nothing is bent, or what is seen there is nearer.
+/// the thing is deep. `None` when nothing is bent, what is seen there is nearer, or part of the thing itself is behind.
 pub(crate) fn bent(panes: &[Pane], view: &View, arrival: &Arrival, scene: &Scene<'_>) -> Option<Bent> {
     let [far, near] = panes else { return None };
     if !near.is_solid || surface_of(far.spot.id) != surface_of(near.spot.id) {
+        return None;
+    }
+    // What sticks to its far side, a label, is seen there wherever the sight is bent to.
+    let body_of = |surface: usize| surface.checked_sub(1).and_then(|part| scene.assets.parts[part].body);
+    let behind = body_of(usize::from(arrival.surface[near.pixel as usize]));
+    if behind.is_some() && behind == body_of(surface_of(near.spot.id) as usize) {
         return None;
     }
     let lens = &view.lens;

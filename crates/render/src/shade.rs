@@ -11,9 +11,9 @@ use multiversion::multiversion;
 
 use crate::arrival::Arrival;
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
+use crate::job::ROBOT;
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO};
 use crate::layers::TILE;
-use crate::job::ROBOT;
 use crate::mesh::Face;
 use crate::points::Pixels;
 use crate::scene::Scene;
@@ -252,7 +252,7 @@ impl Shading {
             table_light: surface.is_table.then_some(scene.table_light),
             hollow: part.body.and_then(|body| scene.occluders.hollow_of(body)),
             held: (part.instance == ROBOT && surface.metallic > 0.0).then(|| scene.occluders.held()).flatten(),
-            bounce: 1.0 - part.body.map_or(0.0, |body| scene.occluders.share_in_hand(body)),
+            bounce: part.body.map_or(1.0, |body| scene.occluders.bounce_of(body)),
         };
         if is_flat {
             reflect_flat([spots, corners], surface, placed, lens, &light, reflected);

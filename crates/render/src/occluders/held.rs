@@ -9,9 +9,6 @@ use crate::sky::dot;
 /// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
 const BESIDE: f32 = 0.2;
 const BETWEEN: f32 = 0.4;
-/// Sum of the shares of the half sides of its box at which the outermost corner of a thing lies, from which it is a box
-/// and not an ellipsoid: 3 for a box, 2.4 for a standing cylinder, 1.7 for an ellipsoid.
-const BOXY: f32 = 2.7;
 /// Light on a thing in the hand, which lies in its shade, over that without the hand: of the surroundings, and of the lamp.
 /// Fitted to traced pictures.
 const AROUND: f32 = 0.32;
@@ -38,9 +35,10 @@ pub(crate) struct Held {
 }
 
 impl Occluders {
-    /// How far a thing is in the hand, 0-1, for the hand's own camera.
-    pub fn share_in_hand(&self, body: usize) -> f32 {
-        self.of_body(body).map_or(0.0, |own| own.in_hand)
+    /// How much of the light that a thing throws on what is around it comes back, 0-1: less from the hand, which is dark,
+    /// but all from its own inside.
+    pub fn bounce_of(&self, body: usize) -> f32 {
+        self.of_body(body).filter(|own| !own.is_hollow).map_or(1.0, |own| 1.0 - own.in_hand)
     }
 
     /// The thing in the hand.
@@ -49,7 +47,7 @@ impl Occluders {
         Some(Held {
             center: own.center,
             axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
-            is_box: own.boxiness > BOXY,
+            is_box: own.is_box,
             color: own.color,
             share: own.in_hand,
         })
@@ -81,8 +79,7 @@ impl Held {
         let from = [place[0] - self.center[0], place[1] - self.center[1], place[2] - self.center[2]];
         let start = self.axes.map(|axis| dot(axis, from));
         let step = self.axes.map(|axis| dot(axis, direction));
-        let (share, normal) =
-            if self.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
+        let (share, normal) = if self.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
         let share = share * self.share;
         let (around, lit) = (around(normal), dot(normal, to_light));
         let lit = if lit > 0.0 { lit * KEY } else { 0.0 };
@@ -138,4 +135,50 @@ impl Held {
 fn unit(vector: [f32; 3]) -> [f32; 3] {
     let inverse = 1.0 / (dot(vector, vector) + 1e-12).sqrt();
     vector.map(|value| value * inverse)
+}
+
+/// A red cube of 0.2 m around the world's origin, or the ball in it, fully in the hand.
+#[cfg(test)]
+pub(crate) fn held_cube(is_box: bool) -> Held {
+    let axes = std::array::from_fn(|row| std::array::from_fn(|axis| if row == axis { 10.0 } else { 0.0 }));
+    Held { center: [0.0; 3], axes, is_box, color: [0.8, 0.0, 0.0], share: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rays that meet a cube or the ball in it, pass it, or lead away; the normal where they meet it, and how much is met.
+    #[test]
+    fn rays_meet_what_is_held() {
+        let diagonal = [std::f32::consts::FRAC_1_SQRT_2, 0.0, std::f32::consts::FRAC_1_SQRT_2];
+        let (right, left) = ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+        for (is_box, from, direction, expected, normal) in [
+            (true, [-0.3, 0.0, 0.0], right, 1.0, Some(left)),
+            (false, [-0.12, 0.0, 0.0], right, 1.0, Some(left)),
+            // Farther away the image is less than the ball.
+            (false, [-0.3, 0.0, 0.0], right, 0.877, None),
+            (true, [-0.3, 0.0, 0.0], left, 0.0, None),
+            (false, [-0.3, 0.0, 0.0], left, 0.0, None),
+            (true, [-0.3, 0.3, 0.0], right, 0.0, None),
+            (false, [-0.15, 0.5, 0.0], right, 0.0, None),
+            // Through an upper corner of the cube, where only the blurred edge of the ball is.
+            (true, [-0.101, 0.09, 0.09], right, 1.0, Some(left)),
+            (false, [-0.101, 0.09, 0.09], right, 0.215, None),
+            // Near the edge of the ball the image is blurred.
+            (false, [-0.3, 0.1, 0.0], right, 0.5, None),
+            (true, [-0.2, 0.0, -0.2], diagonal, 1.0, None),
+        ] {
+            let held = held_cube(is_box);
+            let white = |normal: [f32; 3]| [normal[0].abs(), normal[1].abs(), normal[2].abs()];
+            let (left_over, light) = held.seen(from, direction, white, [[0.0, 0.0, 1.0], [0.0; 3]]);
+            assert!((1.0 - left_over - expected).abs() < 1e-3, "{left_over} is left, {is_box} {from:?} {direction:?}");
+            if let Some(normal) = normal {
+                let red = held.seen(from, direction, |normal| [normal[0]; 3], [[0.0; 3]; 2]).1[0];
+                let along = red / (0.8 * AROUND);
+                assert!((along - normal[0]).abs() < 1e-3, "{along}, expected {normal:?}");
+            }
+            assert_eq!([light[1], light[2]], [0.0; 2], "it is red");
+        }
+    }
 }

@@ -398,12 +398,7 @@ fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
 
 /// [`add_up`] of a dielectric, after [`mirror`]: a share of one side scatters, and a share of the sky is seen from its hollow.
 #[inline(always)]
-fn add_up_dielectric<const LANES: usize>(
-    spots: &Spots,
-    side: f32,
-    light: &Light<'_>,
-    out: &mut Reflected,
-) {
+fn add_up_dielectric<const LANES: usize>(spots: &Spots, side: f32, light: &Light<'_>, out: &mut Reflected) {
     let (mut is_open, mut has_hollow) = (true, false);
     for i in 0..LANES {
         is_open &= spots.ambient[i] == 1.0;
@@ -488,6 +483,7 @@ mod tests {
     use glam::{Vec2, Vec3A};
 
     use super::*;
+    use crate::occluders::held_cube as held;
     use crate::variation::RenderVariation;
 
     /// Whatever registers the machine has, the bits are those of the plain loop.
@@ -519,7 +515,9 @@ mod tests {
                 is_table: false,
             };
             let glossy = lighting.sky.glossy(surface.roughness);
-            let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None };
+            let held = [None, Some(held(true)), Some(held(false))][(draw(0.0, 3.0) as usize).min(2)];
+            let bounce = draw(0.0, 1.0);
+            let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None, held, bounce };
             let placed = PartView::default();
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));

@@ -1,0 +1,87 @@
+//! What a body's opaque parts are like as a whole.
+
+use glam::Vec3;
+
+use crate::assets::Part;
+
+/// The box around a body's opaque parts, in its frame, and how they fill it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Shape {
+    /// Corners, metres.
+    pub low: Vec3,
+    pub high: Vec3,
+    /// Whether its corners reach those of the box.
+    pub is_box: bool,
+    /// Whether much of it faces its own middle, as the inside of a bowl does.
+    pub is_hollow: bool,
+}
+
+/// Sum of the distances of the outermost corner from the middle along the axes, each as a share of half the side, from
+/// which a body is a box: 3 for a box, 2.4 for an upright cylinder, 1.7 for an ellipsoid. Chosen.
+const BOX: f32 = 2.7;
+/// Share of the surface that faces the middle from which a body is hollow: none of a box or a ball, half of a bowl. Chosen.
+const HOLLOW: f32 = 0.3;
+
+impl Shape {
+    /// Of each of so many bodies; `None` without opaque parts.
+    pub fn of_bodies(parts: &[Part], bodies: usize) -> Vec<Option<Self>> {
+        let mut opaque = vec![Vec::new(); bodies];
+        for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
+            if let Some(own) = part.body.and_then(|body| opaque.get_mut(body)) {
+                own.push(part);
+            }
+        }
+        opaque.iter().map(|parts| Self::of(parts)).collect()
+    }
+
+    fn of(parts: &[&Part]) -> Option<Self> {
+        let corners = || parts.iter().flat_map(|part| &part.mesh.positions).copied();
+        let (low, high) = corners().map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
+        let (middle, half) = ((low + high) * 0.5, ((high - low) * 0.5).max(Vec3::splat(1e-4)));
+        let outermost = corners().map(|at| ((at - middle) / half).abs().element_sum()).fold(0.0, f32::max);
+        let (mut inward, mut all) = (0.0, 0.0);
+        for part in parts {
+            for triangle in &part.mesh.triangles {
+                let [a, b, c] = triangle.map(|corner| part.mesh.positions[corner as usize]);
+                let across = (b - a).cross(c - a);
+                let area = across.length();
+                all += area;
+                inward += if across.dot(middle - (a + b + c) / 3.0) > 0.0 { area } else { 0.0 };
+            }
+        }
+        Some(Self { low, high, is_box: outermost > BOX, is_hollow: inward > HOLLOW * all })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use genmanip_assets::Catalogue;
+    use genmanip_core::ObjectModel;
+
+    use super::*;
+    use crate::RenderAssets;
+
+    /// Things of the catalogue by what they are called.
+    #[test]
+    fn boxes_and_bowls_are_told_by_their_meshes() {
+        let catalogue = Catalogue::builtin();
+        let shape_of = |kind: &str| {
+            let card = catalogue.cards().iter().find(|card| card.category == kind).expect(kind);
+            let model: Arc<ObjectModel> = catalogue.build(&card.uid).unwrap();
+            *RenderAssets::without_robot(&[model], None).unwrap().shape_of(0).unwrap()
+        };
+        for (kind, is_box, is_hollow) in [
+            ("cube", true, false),
+            ("book", true, false),
+            ("apple", false, false),
+            ("food tin", false, false),
+            ("bowl", false, true),
+            ("mug", false, true),
+        ] {
+            let shape = shape_of(kind);
+            assert_eq!([shape.is_box, shape.is_hollow], [is_box, is_hollow], "{kind}: {shape:?}");
+        }
+    }
+}
