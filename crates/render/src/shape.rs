@@ -60,7 +60,6 @@ mod tests {
     use genmanip_assets::Catalogue;
     use genmanip_core::ObjectModel;
 
-    use super::*;
     use crate::RenderAssets;
 
     /// Things of the catalogue by what they are called.
