@@ -511,22 +511,40 @@ fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
 impl Arrival {
     /// What the ambient light of a tile follows from.
     fn fill_window(&self, first_column: usize, first_row: usize, window: &mut RefineWindow) {
+        let (x, y) = (first_column / 2, first_row / 2);
         for row in 0..TILE.min(self.height - first_row) {
             let fine = (first_row + row) * self.width + first_column;
-            for column in 0..TILE.min(self.width - first_column) {
-                window.surface[row][column] = u32::from(self.surface[fine + column]);
-                window.depth[row][column] = self.depth[fine + column];
+            let (surfaces, depths) = (&self.surface[fine..], &self.depth[fine..]);
+            let count = TILE.min(self.width - first_column);
+            if let (Some(surfaces), Some(depths), TILE) = (surfaces.first_chunk(), depths.first_chunk(), count) {
+                (window.surface[row], window.depth[row]) = (surfaces.map(u32::from), *depths);
+                continue;
+            }
+            for column in 0..count {
+                window.surface[row][column] = u32::from(surfaces[column]);
+                window.depth[row][column] = depths[column];
             }
         }
         for row in 0..=HALF {
-            let y = (first_row / 2 + row).min(self.half_height - 1);
+            let y = (y + row).min(self.half_height - 1);
+            let (fine, coarse) = (2 * y * self.width + 2 * x, y * self.half_width + x);
+            let (surfaces, depths) = (&self.surface[fine..], &self.depth[fine..]);
             let (mut surface, mut depth, mut value) = ([0; HALF + 1], [0.0; HALF + 1], [UNKNOWN; HALF + 1]);
-            for column in 0..=HALF {
-                let x = (first_column / 2 + column).min(self.half_width - 1);
-                let fine = 2 * y * self.width + 2 * x;
-                surface[column] = u32::from(self.surface[fine]);
-                depth[column] = self.depth[fine];
-                value[column] = self.half[y * self.half_width + x];
+            if let (Some(surfaces), Some(depths), true) = (
+                surfaces.first_chunk::<{ TILE + 1 }>(),
+                depths.first_chunk::<{ TILE + 1 }>(),
+                x + HALF < self.half_width,
+            ) {
+                surface = std::array::from_fn(|column| u32::from(surfaces[2 * column]));
+                depth = std::array::from_fn(|column| depths[2 * column]);
+                value.copy_from_slice(&self.half[coarse..][..=HALF]);
+            } else {
+                for column in 0..=HALF {
+                    let right = column.min(self.half_width - 1 - x);
+                    surface[column] = u32::from(surfaces[2 * right]);
+                    depth[column] = depths[2 * right];
+                    value[column] = self.half[coarse + right];
+                }
             }
             for column in 0..TILE {
                 for (side, x) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {

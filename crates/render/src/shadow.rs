@@ -15,6 +15,7 @@ use crate::layers::{Layers, Motion, Rectangle, TILE};
 use crate::mesh::Mesh;
 use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
+use crate::refine::UNKNOWN;
 use crate::sky::luminance;
 use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
 use crate::tops::Tops;
@@ -237,10 +238,11 @@ impl ShadowMap {
         let Doubts { places, search: queue, filter, taps } = doubts;
         let limit = self.light.size as f32 - 1.0;
         for i in 0..points.count {
+            let pixel = points.pixel[i] as usize;
             if places.facing[i] <= 0.0 {
+                share[pixel] = UNKNOWN;
                 continue;
             }
-            let pixel = points.pixel[i] as usize;
             let (x, y) = (places.x[i], places.y[i]);
             if !(x >= 0.0 && y >= 0.0 && x <= limit && y <= limit) {
                 share[pixel] = 1.0;

@@ -49,13 +49,9 @@ impl Arrival {
         let blurred = if low >= high {
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
         } else if self.tiles[tile].is_coarse {
-            let window = &mut windows.coarse;
-            window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
-            blur_coarse_tile(window)
+            blur_coarse_tile(&mut windows.coarse, self, &self.raw_key, [columns.start, rows.start])
         } else {
-            let window = &mut windows.fine;
-            window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
-            blur_tile(window)
+            blur_tile(&mut windows.fine, self, &self.raw_key, [columns.start, rows.start])
         };
         for (row, line) in rows.zip(&blurred) {
             let pixels = row * self.width + columns.start..row * self.width + columns.end;
@@ -88,9 +84,7 @@ impl Arrival {
             return;
         }
         self.half.forget(tile);
-        let window = &mut windows.half;
-        window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
-        let blurred = blur_half_tile(window);
+        let blurred = blur_half_tile(&mut windows.half, self, &self.raw_half, [columns.start, rows.start]);
         for (row, line) in rows.zip(&blurred) {
             let out = &mut self.half[row * self.half_width..][columns.clone()];
             out.copy_from_slice(&line[..out.len()]);
@@ -126,24 +120,47 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     const BESIDE: usize = MARGIN * STEP;
 
     /// From values on a grid with a step of so many pixels; nothing is known beyond the picture.
-    fn load(&mut self, arrival: &Arrival, values: &[f32], width: usize, [x0, y0]: [usize; 2], step: usize) {
+    #[inline(always)]
+    fn load<const PIXELS: usize>(&mut self, arrival: &Arrival, values: &[f32], [x0, y0]: [usize; 2]) {
+        let width = if PIXELS == 1 { arrival.width } else { arrival.half_width };
         let height = values.len() / width;
         let from = Self::BESIDE.saturating_sub(x0);
         let to = SIDE.min(width + Self::BESIDE - x0);
         for row in 0..SIDE {
             let Some(y) = (y0 + row).checked_sub(Self::BESIDE).filter(|&y| y < height) else {
-                self.value[row].fill(UNKNOWN);
+                self.value[row] = [UNKNOWN; SIDE];
                 continue;
             };
-            self.value[row][..from].fill(UNKNOWN);
-            self.value[row][to..].fill(UNKNOWN);
             let x = x0 + from - Self::BESIDE;
-            self.value[row][from..to].copy_from_slice(&values[y * width + x..][..to - from]);
-            let fine = y * step * arrival.width + x * step;
-            let depths = arrival.depth[fine..].iter().step_by(step);
-            self.depth[row][from..to].iter_mut().zip(depths).for_each(|(out, &depth)| *out = depth);
-            let surfaces = arrival.surface[fine..].iter().step_by(step);
-            self.surface[row][from..to].iter_mut().zip(surfaces).for_each(|(out, &surface)| *out = u32::from(surface));
+            let (values, fine) = (&values[y * width + x..], y * PIXELS * arrival.width + x * PIXELS);
+            let (depths, surfaces) = (&arrival.depth[fine..], &arrival.surface[fine..]);
+            if to - from == SIDE {
+                self.load_line::<PIXELS>(row, 0..SIDE, [values, depths], surfaces);
+            } else {
+                self.value[row] = [UNKNOWN; SIDE];
+                self.load_line::<PIXELS>(row, from..to, [values, depths], surfaces);
+            }
+        }
+    }
+
+    /// Some columns of a row, the first of which begin the lists.
+    #[inline(always)]
+    fn load_line<const PIXELS: usize>(
+        &mut self,
+        row: usize,
+        columns: Range<usize>,
+        [values, depths]: [&[f32]; 2],
+        surfaces: &[u16],
+    ) {
+        let count = columns.len();
+        let last = (count - 1) * PIXELS + 1;
+        let (values, depths, surfaces) = (&values[..count], &depths[..last], &surfaces[..last]);
+        let (value, depth) = (&mut self.value[row][columns.clone()], &mut self.depth[row][columns.clone()]);
+        let surface = &mut self.surface[row][columns];
+        for i in 0..count {
+            value[i] = values[i];
+            depth[i] = depths[i * PIXELS];
+            surface[i] = u32::from(surfaces[i * PIXELS]);
         }
     }
 
@@ -194,16 +211,29 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn blur_tile(window: &Window<WINDOW, 1>) -> [[f32; TILE]; TILE] {
+fn blur_tile(window: &mut Window<WINDOW, 1>, arrival: &Arrival, key: &[f32], at: [usize; 2]) -> [[f32; TILE]; TILE] {
+    window.load::<1>(arrival, key, at);
     window.blurred()
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn blur_coarse_tile(window: &Window<COARSE_WINDOW, 2>) -> [[f32; TILE]; TILE] {
+fn blur_coarse_tile(
+    window: &mut Window<COARSE_WINDOW, 2>,
+    arrival: &Arrival,
+    key: &[f32],
+    at: [usize; 2],
+) -> [[f32; TILE]; TILE] {
+    window.load::<1>(arrival, key, at);
     window.blurred()
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn blur_half_tile(window: &Window<HALF_WINDOW, 1>) -> [[f32; HALF]; HALF] {
+fn blur_half_tile(
+    window: &mut Window<HALF_WINDOW, 1>,
+    arrival: &Arrival,
+    half: &[f32],
+    at: [usize; 2],
+) -> [[f32; HALF]; HALF] {
+    window.load::<2>(arrival, half, at);
     window.blurred()
 }

@@ -3,7 +3,7 @@
 use glam::Vec2;
 
 use super::bins::Bins;
-use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, Work, put};
+use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, SEVERAL, Work, put};
 use crate::layers::TILE;
 use crate::points::packed;
 use crate::refine::UNKNOWN;
@@ -48,7 +48,11 @@ impl Arrival {
                 _ if shadow.is_on() => shadow.certain_share(&summary.span),
                 _ => Some(1.0),
             };
-            self.raw_key.fill(tile, [columns.clone(), rows.clone()], share.unwrap_or(UNKNOWN));
+            // Where all pixels of one surface are estimated, all are written.
+            let is_estimated = share.is_none() && summary.surface != SEVERAL && !summary.has_top;
+            if !is_estimated || summary.is_coarse && !summary.is_level {
+                self.raw_key.fill(tile, [columns.clone(), rows.clone()], share.unwrap_or(UNKNOWN));
+            }
             if share.is_none() || summary.has_top {
                 self.raw_key.forget(tile);
             }
