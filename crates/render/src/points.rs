@@ -58,6 +58,7 @@ pub(crate) struct Pixels {
     pub column: Lane,
     pub row: Lane,
     pub depth: Lane,
+    /// Only the first where all are the same.
     pub triangle: [u32; CHUNK],
     /// Whether all show the same triangle.
     pub is_flat: bool,
@@ -86,14 +87,10 @@ impl Pixels {
     pub fn list(&mut self, places: &[u32], centers: Centers<'_>) {
         self.count = places.len().min(CHUNK);
         self.is_tile = false;
-        for (i, &place) in places.iter().enumerate().take(CHUNK) {
-            let [column, row] = unpacked(place);
-            let pixel = row * centers.width + column;
-            self.pixel[i] = pixel as u32;
-            self.column[i] = column as i32 as f32;
-            self.row[i] = row as i32 as f32;
-            self.depth[i] = centers.depth[pixel];
-            self.triangle[i] = centers.ids[pixel] & TRIANGLE;
+        place_pixels(self, &places[..self.count], centers.width as u32);
+        for i in 0..self.count {
+            let pixel = self.pixel[i] as usize;
+            (self.depth[i], self.triangle[i]) = (centers.depth[pixel], centers.ids[pixel] & TRIANGLE);
         }
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
@@ -110,6 +107,15 @@ impl Pixels {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
+    for (i, &place) in places.iter().enumerate().take(CHUNK) {
+        let (column, row) = (place & 0xffff, place >> 16);
+        pixels.pixel[i] = row * width + column;
+        (pixels.column[i], pixels.row[i]) = (column as i32 as f32, row as i32 as f32);
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Centers<'_>, first_id: u32) {
     let [column, row] = unpacked(place);
     let mut differ = 0;
@@ -117,7 +123,7 @@ fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Cente
     for step in 0..TILE {
         let first = (row + step) * centers.width + column;
         let depths = &centers.depth[first..][..TILE];
-        let ids = if IS_ONE { &[first_id; TILE] } else { &centers.ids[first..][..TILE] };
+        let ids = if IS_ONE { &[0; TILE] } else { &centers.ids[first..][..TILE] };
         let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
         for x in 0..TILE {
             let i = step * TILE + x;
@@ -125,10 +131,13 @@ fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Cente
             pixels.column[i] = (column + x as u32) as i32 as f32;
             pixels.row[i] = row;
             pixels.depth[i] = depths[x];
-            pixels.triangle[i] = ids[x] & TRIANGLE;
-            differ |= pixels.triangle[i] ^ first_triangle;
+            if !IS_ONE {
+                pixels.triangle[i] = ids[x] & TRIANGLE;
+                differ |= pixels.triangle[i] ^ first_triangle;
+            }
         }
     }
+    pixels.triangle[0] = first_triangle;
     pixels.is_flat = differ == 0;
 }
 

@@ -69,6 +69,8 @@ struct Spots {
     count: usize,
     /// Whether they are the pixels of a whole tile, row by row.
     is_tile: bool,
+    /// Whether all show the same triangle.
+    is_one: bool,
     x: Lane,
     y: Lane,
     depth: Lane,
@@ -91,6 +93,7 @@ impl Default for Spots {
         Self {
             count: 0,
             is_tile: false,
+            is_one: true,
             x: ZERO,
             y: ZERO,
             depth: ZERO,
@@ -110,7 +113,7 @@ impl Default for Spots {
 impl Shading {
     /// Starts a new chunk.
     pub fn clear(&mut self) {
-        (self.spots.count, self.spots.is_tile) = (0, false);
+        (self.spots.count, self.spots.is_tile, self.spots.is_one) = (0, false, true);
     }
 
     /// Adds a spot.
@@ -120,6 +123,7 @@ impl Shading {
         (spots.x[i], spots.y[i], spots.depth[i]) = (spot.x, spot.y, spot.depth);
         (spots.key[i], spots.ambient[i]) = (spot.key, spot.ambient);
         spots.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
+        spots.is_one &= spots.triangle[i] == spots.triangle[0];
         spots.count += 1;
     }
 
@@ -127,7 +131,11 @@ impl Shading {
     pub fn take(&mut self, pixels: &Pixels, arrival: &Arrival) {
         let (key, ambient) = (&arrival.key, &arrival.ambient);
         let spots = &mut self.spots;
-        (spots.count, spots.is_tile, spots.triangle) = (pixels.count, pixels.is_tile, pixels.triangle);
+        (spots.count, spots.is_tile, spots.is_one) = (pixels.count, pixels.is_tile, pixels.is_flat);
+        match pixels.is_flat {
+            true => spots.triangle[0] = pixels.triangle[0],
+            false => spots.triangle = pixels.triangle,
+        }
         (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
         if pixels.is_tile {
             let tile = arrival.tile_of(pixels.pixel[0]);
@@ -200,8 +208,7 @@ impl Shading {
         let Self { spots, corners, samples, reflected, .. } = self;
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
-        let first = spots.triangle[0];
-        let is_one = spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
+        let (first, is_one) = (spots.triangle[0], spots.is_one);
         let is_dull = surface.metallic == 0.0 && surface.opacity >= 1.0 && surface.roughness >= SMOOTH;
         let is_flat =
             is_one && is_dull && spots.is_tile && lens.focal.min_element() >= NARROW_PX && corners.span(spots);
