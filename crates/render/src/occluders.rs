@@ -38,7 +38,7 @@ const LAMP_BEYOND: f32 = 0.21;
 /// Thinnest half axis, metres. Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
-const LEAST: f32 = 0.006;
+const LEAST: f32 = 0.01;
 
 /// All bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
