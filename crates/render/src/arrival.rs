@@ -108,6 +108,8 @@ struct Work {
     /// Tiles whose shares of the key light and of the ambient light follow from estimates.
     doubtful: Vec<usize>,
     dark: Vec<usize>,
+    /// Tiles of which four estimates of the ambient light share one.
+    shared: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
     /// Estimates of the picture before.
@@ -322,7 +324,7 @@ impl Arrival {
         let mut work = std::mem::take(&mut self.work);
         self.keep_estimates(tiles, &mut work.before);
         self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
+        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, shared, open, .. } = &mut *work;
         let centers = centers!(self);
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -339,7 +341,8 @@ impl Arrival {
             }
         });
         open.clear(assets.parts.len());
-        self.find_ambient(tiles, bins, assets.parts.len(), dark, table, scene.occluders.count().then_some(&mut *open));
+        let bodies = scene.occluders.count().then_some(&mut *open);
+        self.find_ambient(tiles, bins, assets.parts.len(), [dark, shared], table, bodies);
         let is_table = |part: usize| part + 1 == usize::from(table);
         let centers = centers!(self);
         bins.for_each(pixels, centers, |part, pixels| {
@@ -356,6 +359,7 @@ impl Arrival {
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             put_half(points, &taps.share, &mut self.raw_half, self.half_width);
         });
+        work.shared.iter().for_each(|&tile| self.share_ambient(tile));
         for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
             self.tiles[tile].key = range_of(&self.raw_key, self.width, columns, rows);
@@ -376,12 +380,13 @@ impl Arrival {
         tiles: &[usize],
         bins: &mut Bins,
         parts: usize,
-        dark: &mut Vec<usize>,
+        [dark, shared]: [&mut Vec<usize>; 2],
         table: u16,
         mut open: Option<&mut Bins>,
     ) {
         bins.clear(parts);
         dark.clear();
+        shared.clear();
         let has_bodies = open.is_some();
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
@@ -392,10 +397,12 @@ impl Arrival {
                 Some(open) if is_plain || is_far => &mut **open,
                 _ => &mut *bins,
             };
-            if has_bodies && is_plain && surface > 0 && surface != SEVERAL && surface != table {
+            if has_bodies && (is_plain || is_far) && surface > 0 && surface != SEVERAL && surface != table {
+                // Only bodies darken it, and slowly from place to place.
                 self.raw_half.forget(tile);
-                list.push_even(surface, &columns, &rows);
+                list.push_every::<4>(surface, &columns, &rows);
                 dark.push(tile);
+                shared.push(tile);
                 continue;
             }
             if surface != SEVERAL {
@@ -406,7 +413,7 @@ impl Arrival {
                     self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
                 } else {
                     self.raw_half.forget(tile);
-                    list.push_even(surface, &columns, &rows);
+                    list.push_every::<2>(surface, &columns, &rows);
                     dark.push(tile);
                 }
                 continue;
@@ -423,6 +430,17 @@ impl Arrival {
                         list.push(surface, packed(column, row));
                     }
                 }
+            }
+        }
+    }
+
+    /// Gives the estimates of a tile, two by two, the first of them.
+    fn share_ambient(&mut self, tile: usize) {
+        let [columns, rows] = self.pixels_of(tile).map(|range| range.start / 2..range.end.div_ceil(2));
+        for row in rows {
+            for column in columns.clone() {
+                self.raw_half[row * self.half_width + column] =
+                    self.raw_half[(row & !1) * self.half_width + (column & !1)];
             }
         }
     }

@@ -38,11 +38,11 @@ impl Bins {
         }
     }
 
-    /// Adds the pixels at even rows and columns of a tile that shows one surface.
-    pub fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+    /// Adds the pixels at every so many rows and columns of a tile that shows one surface.
+    pub fn push_every<const STEP: usize>(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
         let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
-        for row in rows.clone().step_by(2) {
-            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
+        for row in rows.clone().step_by(STEP) {
+            bin.pixels.extend(columns.clone().step_by(STEP).map(|column| packed(column, row)));
         }
     }
 

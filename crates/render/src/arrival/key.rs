@@ -62,7 +62,7 @@ impl Arrival {
             }
             let summary = &self.tiles[tile];
             if share.is_none() && summary.is_coarse && summary.is_level {
-                bins.push_even(summary.surface, &columns, &rows);
+                bins.push_every::<2>(summary.surface, &columns, &rows);
                 coarse.push(tile);
             } else if share.is_none() && summary.is_coarse {
                 for row in rows {
