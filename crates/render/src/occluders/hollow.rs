@@ -10,7 +10,7 @@ use crate::lanes::{Lane, whole_registers, within};
 use crate::points::Points;
 
 /// Share of the ambient light in their part of the sky that the walls of a hollow hold back. Fitted to traced pictures.
-const WALLS: f32 = 0.4675;
+const WALLS: f32 = 0.7;
 /// Key light that enters a hollow over that which arrives on a surface that faces the lamp. Fitted likewise.
 const HOLLOW_KEY: f32 = 0.65;
 /// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
@@ -120,7 +120,7 @@ mod tests {
             share[0]
         };
         let (mug, plate) = ([0.04, 0.04, 0.045], [0.1, 0.1, 0.01]);
-        assert!(bottom(mug, false) < 0.65, "{}", bottom(mug, false));
+        assert!(bottom(mug, false) < 0.55, "{}", bottom(mug, false));
         assert!(bottom(plate, false) > 0.9, "{}", bottom(plate, false));
         assert_eq!(bottom(mug, true), 1.0);
     }
