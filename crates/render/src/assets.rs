@@ -106,7 +106,7 @@ impl RenderAssets {
         if parts.len() > limit {
             return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
         }
-        let shapes = Shape::of_bodies(&parts, body);
+        let shapes = shapes(&parts, body);
         Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes }))
     }
 
@@ -170,6 +170,17 @@ impl RenderAssets {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
     }
+}
+
+/// Of the opaque parts of each body.
+fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<Shape>> {
+    let mut meshes = vec![Vec::new(); bodies];
+    for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
+        if let Some(own) = part.body.and_then(|body| meshes.get_mut(body)) {
+            own.push(&*part.mesh);
+        }
+    }
+    meshes.iter().map(|meshes| Shape::of(meshes)).collect()
 }
 
 impl Part {

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::assets::Part;
+use crate::mesh::Mesh;
 
 /// The box around a body's opaque parts, in its frame, and how they fill it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,26 +23,16 @@ const BOX: f32 = 2.7;
 const HOLLOW: f32 = 0.3;
 
 impl Shape {
-    /// Of each of so many bodies; `None` without opaque parts.
-    pub fn of_bodies(parts: &[Part], bodies: usize) -> Vec<Option<Self>> {
-        let mut opaque = vec![Vec::new(); bodies];
-        for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
-            if let Some(own) = part.body.and_then(|body| opaque.get_mut(body)) {
-                own.push(part);
-            }
-        }
-        opaque.iter().map(|parts| Self::of(parts)).collect()
-    }
-
-    fn of(parts: &[&Part]) -> Option<Self> {
-        let corners = || parts.iter().flat_map(|part| &part.mesh.positions).copied();
+    /// Of a body of these meshes; `None` without any.
+    pub fn of(meshes: &[&Mesh]) -> Option<Self> {
+        let corners = || meshes.iter().flat_map(|mesh| &mesh.positions).copied();
         let (low, high) = corners().map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
         let (middle, half) = ((low + high) * 0.5, ((high - low) * 0.5).max(Vec3::splat(1e-4)));
         let outermost = corners().map(|at| ((at - middle) / half).abs().element_sum()).fold(0.0, f32::max);
         let (mut inward, mut all) = (0.0, 0.0);
-        for part in parts {
-            for triangle in &part.mesh.triangles {
-                let [a, b, c] = triangle.map(|corner| part.mesh.positions[corner as usize]);
+        for mesh in meshes {
+            for triangle in &mesh.triangles {
+                let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
                 let across = (b - a).cross(c - a);
                 let area = across.length();
                 all += area;
