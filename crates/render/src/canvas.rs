@@ -19,7 +19,7 @@ use crate::texture::srgb8_from_linear;
 use crate::view::{Lens, View, surface_of};
 
 /// Pixels of a strip of tiles that is drawn at a time: what all stages hold of it fits the second cache.
-const STRIP_PIXELS: usize = 8192;
+const STRIP_PIXELS: usize = 16_384;
 
 /// A picture and all that it was made from.
 #[derive(Debug, Default)]
