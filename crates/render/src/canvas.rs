@@ -100,6 +100,10 @@ impl Canvas {
         } else {
             self.stale.clone_from(&self.changed);
         }
+        // Whether a body counts for a point depends on the points that are estimated with it.
+        if scene.occluders.count() && self.stale.contains(&true) {
+            self.stale.fill(true);
+        }
         self.shaded.clone_from(&self.changed);
         if scene.occluders.differ(&self.occluders) {
             self.stale.fill(true);
