@@ -32,6 +32,13 @@ pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
     if value < high { value } else { high }
 }
 
+/// A smooth step from 0 to 1 of a share of the way between its ends.
+#[inline(always)]
+pub(crate) fn smooth_step(share: f32) -> f32 {
+    let t = within(share, 0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// Largest integer that is not above a number of less than 2²², without a call to the mathematics library.
 #[inline(always)]
 pub(crate) fn floor(value: f32) -> f32 {

@@ -11,7 +11,7 @@ use multiversion::multiversion;
 
 use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
-use crate::lanes::{Lane, whole_registers, within};
+use crate::lanes::{Lane, smooth_step, whole_registers, within};
 use crate::points::Points;
 use crate::shape::Shape;
 use crate::sky::dot;
@@ -218,10 +218,9 @@ pub(crate) fn veiled(occluder: &Occluder, toward: [f32; 3], lamp: [f32; 3]) -> f
     let beside = square - nearest * nearest;
     let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
     let spread = LAMP_WIDTH * (if nearest > 0.0 { nearest } else { 0.0 }) + LAMP_EDGE;
-    let t = within((1.0 - beside) / spread * 0.5 + 0.5, 0.0, 1.0);
     // Far away the lamp is wider than the ellipsoid.
     let full = 1.0 / (1.0 + spread * spread * LAMP_BEYOND);
-    t * t * (3.0 - 2.0 * t) * full * within(nearest + 0.5, 0.0, 1.0)
+    smooth_step((1.0 - beside) / spread * 0.5 + 0.5) * full * within(nearest + 0.5, 0.0, 1.0)
 }
 
 /// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:

@@ -18,8 +18,8 @@ pub(crate) fn packed(column: usize, row: usize) -> u32 {
 
 /// Column and row of a [`packed`] pixel.
 #[inline(always)]
-pub(crate) fn unpacked(place: u32) -> [usize; 2] {
-    [(place & 0xffff) as usize, (place >> 16) as usize]
+pub(crate) fn unpacked(place: u32) -> [u32; 2] {
+    [place & 0xffff, place >> 16]
 }
 
 /// What the centres of an image's pixels see of what is opaque.
@@ -38,12 +38,12 @@ pub(crate) struct Centers<'a> {
 impl Centers<'_> {
     /// The one id of the tile of which this is the first pixel.
     fn only(&self, place: u32) -> Option<u32> {
-        let [column, row] = unpacked(place);
+        let [column, row] = unpacked(place).map(|at| at as usize);
         self.only[row / TILE * self.columns + column / TILE]
     }
 
     fn first_id(&self, place: u32) -> u32 {
-        let [column, row] = unpacked(place);
+        let [column, row] = unpacked(place).map(|at| at as usize);
         self.ids[row * self.width + column]
     }
 }
@@ -109,7 +109,7 @@ impl Pixels {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     for (i, &place) in places.iter().enumerate().take(CHUNK) {
-        let (column, row) = (place & 0xffff, place >> 16);
+        let [column, row] = unpacked(place);
         pixels.pixel[i] = row * width + column;
         (pixels.column[i], pixels.row[i]) = (column as i32 as f32, row as i32 as f32);
     }
@@ -117,7 +117,7 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Centers<'_>, first_id: u32) {
-    let [column, row] = unpacked(place);
+    let [column, row] = unpacked(place).map(|at| at as usize);
     let mut differ = 0;
     let first_triangle = first_id & TRIANGLE;
     for step in 0..TILE {

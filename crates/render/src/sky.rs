@@ -7,7 +7,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::lanes::within;
+use crate::lanes::{smooth_step, within};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
@@ -103,8 +103,7 @@ impl Glossy {
     #[inline(always)]
     pub fn at(&self, direction: [f32; 3]) -> [f32; 3] {
         let z = direction[2];
-        let t = within(z * self.sharpness + 0.5, 0.0, 1.0);
-        let above = t * t * (3.0 - 2.0 * t);
+        let above = smooth_step(z * self.sharpness + 0.5);
         let overhead = HORIZON + (ZENITH - HORIZON) * (if z > 0.0 { z } else { 0.0 });
         let mut lamps = 0.0;
         for (axis, sharpness, brightness) in self.lamps {
@@ -156,8 +155,7 @@ impl Studio {
 
     /// Light from a direction over some ground.
     fn radiance(&self, direction: Vec3A, ground: Vec3A) -> Vec3A {
-        let t = ((direction.z / 0.06 + 1.0) * 0.5).clamp(0.0, 1.0);
-        let above = t * t * (3.0 - 2.0 * t);
+        let above = smooth_step((direction.z / 0.06 + 1.0) * 0.5);
         let overhead = HORIZON + (ZENITH - HORIZON) * direction.z.max(0.0);
         let gradient = ground.lerp(self.sky * overhead, above);
         let lamp = |&(axis, sharpness, brightness): &(Vec3A, f32, f32)| {

@@ -6,7 +6,7 @@ use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
 use super::{Occluder, Occluders, covered};
-use crate::lanes::{Lane, whole_registers, within};
+use crate::lanes::{Lane, smooth_step, whole_registers};
 use crate::points::Points;
 
 /// Share of the ambient light in their part of the sky that the walls of a hollow hold back. Fitted to traced pictures.
@@ -67,8 +67,7 @@ fn open_share(volume: f32, half: f32) -> f32 {
 /// How far inside a hollow a point is whose normal has a cosine to the direction of the hollow's middle.
 #[inline(always)]
 pub(crate) fn facing_middle(cosine: f32) -> f32 {
-    let t = within((cosine - 0.2) * (1.0 / 0.6), 0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
+    smooth_step((cosine - 0.2) * (1.0 / 0.6))
 }
 
 /// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
