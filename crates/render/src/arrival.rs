@@ -103,8 +103,8 @@ struct Work {
     reading: Reading,
     /// Pixels that show level tops.
     tops: Bins,
-    /// Tiles whose pixels share estimates of the key light.
-    coarse: Vec<usize>,
+    /// Tiles whose pixels share estimates of the key light, and the pixels that do, in bits.
+    coarse: Vec<(usize, u64)>,
     /// Tiles whose shares of the key light and of the ambient light follow from estimates.
     doubtful: Vec<usize>,
     dark: Vec<usize>,
@@ -333,7 +333,7 @@ impl Arrival {
         if shadow.is_on() {
             shadow.settle(doubts, &mut self.raw_key);
         }
-        coarse.iter().for_each(|&tile| self.share_key(tile));
+        coarse.iter().for_each(|&(tile, shared)| self.share_key(tile, shared));
         let centers = centers!(self);
         tops.for_each(pixels, centers, |part, pixels| {
             if let Some(top) = shadow.tops().of(part as u16 + 1) {
@@ -522,8 +522,20 @@ fn range_of(values: &[f32], width: usize, columns: Range<usize>, rows: Range<usi
 fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
     match out.first_chunk_mut::<TILE>() {
         Some(whole) => *whole = *values,
-        None => out.copy_from_slice(&values[..out.len()]),
+        // Two copies of a slice would become one call with a length.
+        None => out.iter_mut().zip(values).for_each(|(out, value)| *out = *value),
     }
+}
+
+/// Reads a tile's row, whose values end where the picture does.
+#[inline(always)]
+fn line_of<T: Copy>(values: &[T], beyond: T) -> [T; TILE] {
+    if let Some(whole) = values.first_chunk() {
+        return *whole;
+    }
+    let mut line = [beyond; TILE];
+    line.iter_mut().zip(values).for_each(|(line, value)| *line = *value);
+    line
 }
 
 impl Arrival {

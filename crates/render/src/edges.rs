@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3A};
 use crate::arrival::Arrival;
 use crate::assets::RenderAssets;
 use crate::glass::Glass;
-use crate::layers::TILE;
+use crate::layers::{TILE, each_place};
 use crate::panes::{Pane, bent, refracted, seen_through};
 use crate::raster::Target;
 use crate::scene::Scene;
@@ -95,12 +95,7 @@ impl Edges {
 
     /// The places within a tile of the pixels whose bytes were not those of their colour alone when it was last looked at.
     pub fn rewritten(&self, tile: usize) -> impl Iterator<Item = usize> {
-        let mut left = self.rewritten[tile];
-        std::iter::from_fn(move || {
-            let place = (left != 0).then_some(left.trailing_zeros() as usize)?;
-            left &= left - 1;
-            Some(place)
-        })
+        each_place(self.rewritten[tile])
     }
 
     /// Shades what no pixel's centre shows and rewrites the bytes of all pixels that were found.

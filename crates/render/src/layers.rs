@@ -9,6 +9,16 @@ use crate::raster::{SIDE, Target};
 /// Pixels per side of the tiles whose changes are tracked.
 pub(crate) const TILE: usize = 8;
 
+/// The places of a tile's pixels in bits, row by row, that are set.
+#[inline(always)]
+pub(crate) fn each_place(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = (bits != 0).then_some(bits.trailing_zeros() as usize & (TILE * TILE - 1))?;
+        bits &= bits - 1;
+        Some(place)
+    })
+}
+
 /// Pixels, ends excluded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Rectangle {

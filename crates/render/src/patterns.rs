@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use genmanip_core::{Material, Texture};
 use glam::Vec3;
 
+use crate::lanes::smooth_step;
+
 /// How a table top or a wall looks: two colours, 8-bit sRGB, and what mixes them.
 pub(crate) struct Patterned {
     pub name: &'static str,
@@ -179,16 +181,14 @@ fn grain(u: f32, v: f32, bands: f32) -> f32 {
 
 /// 0 below, 1 above, smooth between.
 fn smooth_edge(value: f32, below: f32, above: f32) -> f32 {
-    let t = ((value - below) / (above - below)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
+    smooth_step((value - below) / (above - below))
 }
 
 /// Value noise in 0-1 on a grid of `columns` × `rows` cells that repeats after one unit.
 fn tiling_noise(u: f32, v: f32, columns: u32, rows: u32) -> f32 {
     let (x, y) = (u * columns as f32, v * rows as f32);
     let (x0, y0) = (x as u32, y as u32);
-    let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    let (fx, fy) = (smooth(x - x0 as f32), smooth(y - y0 as f32));
+    let (fx, fy) = (smooth_step(x - x0 as f32), smooth_step(y - y0 as f32));
     let value =
         |column: u32, row: u32| hash((column % columns) + (row % rows) * columns + columns * 7919 + rows * 104_729);
     let upper = value(x0, y0) + (value(x0 + 1, y0) - value(x0, y0)) * fx;

@@ -6,7 +6,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec4};
 use multiversion::multiversion;
 
 use crate::arrival::Arrival;
@@ -172,9 +172,14 @@ impl Shading {
                         *color = self.color_of(from + x);
                     }
                 }
-                for (x, bytes) in rgb[to * 3..(to + TILE) * 3].chunks_exact_mut(3).enumerate() {
-                    bytes.copy_from_slice(&std::array::from_fn::<u8, 3, _>(|channel| code(channel, from + x)));
-                }
+                let [a, b, c, d, e, f, g, h] = std::array::from_fn(|x| {
+                    let [red, green, blue] = [0, 1, 2].map(|channel| u64::from(code(channel, from + x)));
+                    red | green << 8 | blue << 16
+                });
+                // Three bytes each, as three words.
+                let words = [a | b << 24 | c << 48, c >> 16 | d << 8 | e << 32 | f << 56, f >> 8 | g << 16 | h << 40];
+                let bytes = rgb[to * 3..(to + TILE) * 3].as_chunks_mut().0;
+                bytes.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
             }
         } else {
             for (spot, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
@@ -293,6 +298,7 @@ impl Spots {
 
     /// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
     fn interpolate(&mut self, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
+        let mut mixed = [Vec4::ZERO; CHUNK];
         for i in 0..self.count {
             let face = &faces[self.triangle[i] as usize];
             let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
@@ -304,14 +310,22 @@ impl Spots {
             {
                 normal_u = (-normal_u).with_w(normal_u.w);
             }
-            let [nx, ny, nz, u] = normal_u.to_array();
-            (self.normal[0][i], self.normal[1][i], self.normal[2][i]) = (nx, ny, nz);
+            mixed[i] = normal_u;
             if is_textured {
-                self.u[i] = u;
                 self.v[i] = face.v.x * x + face.v.y * y + face.v.z * z + face.v.w;
                 self.texels[i] = face.plane.w;
             }
         }
+        take_apart(&mixed, self);
+    }
+}
+
+/// Normals and the first texture coordinate, component by component.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn take_apart(mixed: &[Vec4; CHUNK], spots: &mut Spots) {
+    for i in 0..CHUNK {
+        let [x, y, z, u] = mixed[i].to_array();
+        (spots.normal[0][i], spots.normal[1][i], spots.normal[2][i], spots.u[i]) = (x, y, z, u);
     }
 }
 

@@ -55,7 +55,7 @@ pub(crate) fn visuals(world: &World) -> Vec<Fixed> {
     fixed
 }
 
-/// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by fans.
+/// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by flat faces.
 /// In the surface's frame; the texture is fixed in the world, as long as the slab is not turned.
 fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;
@@ -97,15 +97,13 @@ fn slab(surface: &SupportSurface) -> TriMesh {
         }
         rings += 1;
     }
-    let middle = (low + high) * 0.5;
-    push(middle.extend(0.0), Vec3::Z);
-    push(middle.extend(-size.z), Vec3::NEG_Z);
-    let (top, bottom) = (rings * count, rings * count + 1);
     let last = (rings - 1) * count;
+    for [a, b, c] in face(QUARTER as u32 + 1) {
+        mesh.triangles.push([a, b, c]);
+        mesh.triangles.push([last + a, last + c, last + b]);
+    }
     for i in 0..count {
         let next = (i + 1) % count;
-        mesh.triangles.push([top, i, next]);
-        mesh.triangles.push([bottom, last + next, last + i]);
         for ring in 0..rings - 1 {
             let (a, b) = (ring * count, (ring + 1) * count);
             mesh.triangles.push([a + i, b + i, b + next]);
@@ -113,6 +111,18 @@ fn slab(surface: &SupportSurface) -> TriMesh {
         }
     }
     mesh
+}
+
+/// Triangles between an outline of four round corners of so many points each. Most of the face is two of them: the others
+/// lie along its border, where a camera over the middle sees no seams.
+fn face(corner: u32) -> Vec<[u32; 3]> {
+    let mut triangles = Vec::new();
+    for first in [0, corner, 2 * corner, 3 * corner] {
+        triangles.extend((first + 1..first + corner - 1).map(|point| [first, point, point + 1]));
+        triangles.push([first, first + corner - 1, (first + corner) % (4 * corner)]);
+    }
+    triangles.extend([[0, corner, 2 * corner], [0, 2 * corner, 3 * corner]]);
+    triangles
 }
 
 /// Four legs from the slab down to the floor, in the surface's frame.

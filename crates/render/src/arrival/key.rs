@@ -3,8 +3,8 @@
 use glam::Vec2;
 
 use super::bins::Bins;
-use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, SEVERAL, Work, put};
-use crate::layers::TILE;
+use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, SEVERAL, Work, line_of, put};
+use crate::layers::{TILE, each_place};
 use crate::points::packed;
 use crate::refine::UNKNOWN;
 use crate::shadow::ShadowMap;
@@ -63,16 +63,14 @@ impl Arrival {
             let summary = &self.tiles[tile];
             if share.is_none() && summary.is_coarse && summary.is_level {
                 bins.push_every::<2>(summary.surface, &columns, &rows);
-                coarse.push(tile);
+                coarse.push((tile, u64::MAX));
             } else if share.is_none() && summary.is_coarse {
-                for row in rows {
-                    for column in columns.clone() {
-                        if self.raw_key[row * self.width + column] > ON_TOP && self.giver_of(column, row).is_none() {
-                            bins.push(self.surface[row * self.width + column], packed(column, row));
-                        }
-                    }
+                let [estimated, shared] = self.shared_in(tile);
+                for place in each_place(estimated & !shared) {
+                    let [column, row] = [columns.start + place % TILE, rows.start + place / TILE];
+                    bins.push(self.surface[row * self.width + column], packed(column, row));
                 }
-                coarse.push(tile);
+                coarse.push((tile, shared));
             } else if share.is_none() && summary.has_top {
                 for row in rows {
                     for pixel in row * self.width + columns.start..row * self.width + columns.end {
@@ -108,40 +106,50 @@ impl Arrival {
         }
     }
 
-    /// The pixel at an even row and column whose estimate of the key light another pixel of a coarse tile shares: it must
-    /// show the same surface.
-    #[inline(always)]
-    fn giver_of(&self, column: usize, row: usize) -> Option<usize> {
-        let (pixel, giver) = (row * self.width + column, (row & !1) * self.width + (column & !1));
-        let is_same = (self.surface[giver] == self.surface[pixel])
-            & ((self.depth[giver] - self.depth[pixel]).abs() < LEVEL * self.depth[pixel])
-            & (self.raw_key[giver] > ON_TOP)
-            & (self.raw_key[pixel] > ON_TOP);
-        (pixel != giver && is_same).then_some(giver)
+    /// Pixels of a coarse tile, in bits, row by row: those whose share of the key light is estimated, and those of them that
+    /// share the estimate of the one at an even row and column beside them, which shows the same surface.
+    fn shared_in(&self, tile: usize) -> [u64; 2] {
+        let [columns, rows] = self.pixels_of(tile);
+        // What lies beyond the picture is not estimated.
+        let line = |row: usize| {
+            let pixels = row * self.width + columns.start..row * self.width + columns.end;
+            let (surfaces, depths) = (&self.surface[pixels.clone()], &self.depth[pixels.clone()]);
+            (line_of(surfaces, 0), line_of(depths, 0.0), line_of(&self.raw_key[pixels], ON_TOP))
+        };
+        let (mut estimated, mut shared) = (0, 0);
+        for row in rows.clone() {
+            let (givers, giver_depths, giver_keys) = line(row & !1);
+            let (surfaces, depths, keys) = line(row);
+            for i in 0..TILE {
+                let giver = i & !1;
+                let is_estimated = keys[i] > ON_TOP;
+                let is_shared = (givers[giver] == surfaces[i])
+                    & ((giver_depths[giver] - depths[i]).abs() < LEVEL * depths[i])
+                    & (giver_keys[giver] > ON_TOP)
+                    & is_estimated
+                    & (row % 2 + i % 2 > 0);
+                let place = (row - rows.start) * TILE + i;
+                estimated |= u64::from(is_estimated) << place;
+                shared |= u64::from(is_shared) << place;
+            }
+        }
+        [estimated, shared]
     }
 
-    pub(super) fn share_key(&mut self, tile: usize) {
+    /// Gives the pixels of a coarse tile that share an estimate that of another.
+    pub(super) fn share_key(&mut self, tile: usize, shared: u64) {
         let [columns, rows] = self.pixels_of(tile);
         if self.tiles[tile].is_level {
             for row in rows {
-                let (giver, first) = ((row & !1) * self.width, row * self.width);
-                let mut given = [0.0; TILE];
-                let from = &self.raw_key[giver..][columns.clone()];
-                match from.first_chunk() {
-                    Some(whole) => given = *whole,
-                    None => given[..from.len()].copy_from_slice(from),
-                }
+                let given = line_of(&self.raw_key[(row & !1) * self.width..][columns.clone()], 0.0);
                 let shared = std::array::from_fn(|step| given[step & !1]);
-                put(&mut self.raw_key[first..][columns.clone()], &shared);
+                put(&mut self.raw_key[row * self.width..][columns.clone()], &shared);
             }
             return;
         }
-        for row in rows {
-            for column in columns.clone() {
-                if let Some(giver) = self.giver_of(column, row) {
-                    self.raw_key[row * self.width + column] = self.raw_key[giver];
-                }
-            }
+        for place in each_place(shared) {
+            let [column, row] = [columns.start + place % TILE, rows.start + place / TILE];
+            self.raw_key[row * self.width + column] = self.raw_key[(row & !1) * self.width + (column & !1)];
         }
     }
 }

@@ -216,8 +216,9 @@ impl Kinds {
     #[inline(always)]
     pub fn leaning(&self, place: usize) -> [f32; BESIDE.len()] {
         std::array::from_fn(|sample| {
-            let leans = self.0[place] >> LEANS & 1 << sample != 0;
-            if leans { BESIDE[sample].1 } else { 0.0 }
+            // As a number: whether a sample leans cannot be guessed, and a choice would become a branch.
+            let leans = self.0[place] >> (LEANS + sample as u32) & 1;
+            leans as i32 as f32 * BESIDE[sample].1
         })
     }
 }

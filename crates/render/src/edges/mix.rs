@@ -7,7 +7,7 @@ use multiversion::multiversion;
 
 use super::keys::{Around, BESIDE, Kinds, SIDE, TileKeys};
 use super::{Edges, Extra};
-use crate::layers::TILE;
+use crate::layers::{TILE, each_place};
 use crate::shade::Spot;
 
 /// Pixels next to one, in the order in which they are asked for a colour.
@@ -38,9 +38,7 @@ impl Edges {
             inner = found & places(columns, rows, 1..width - 1, 1..height - 1);
             sum_leaning(&kinds, inner, colors, rows.start * width + columns.start, width, &mut sums);
         }
-        let mut mixed = found;
-        while mixed != 0 {
-            let place = mixed.trailing_zeros() as usize;
+        for place in each_place(found) {
             let [x, y] = [columns.start + place % TILE, rows.start + place / TILE];
             let pixel = y * width + x;
             let color = if inner >> place & 1 == 1 {
@@ -54,7 +52,6 @@ impl Edges {
                 self.mix(around, keys, [x, y], pixel, colors)
             };
             self.mixed.push((pixel as u32, color));
-            mixed &= mixed - 1;
         }
         found
     }
@@ -186,10 +183,8 @@ fn places(columns: &Range<usize>, rows: &Range<usize>, of_columns: Range<usize>,
 /// Sums the colours of the samples that show what the pixel shows that they lean to, for some pixels of a tile that do
 /// not lie at the border.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn sum_leaning(kinds: &Kinds, mut mixed: u64, colors: &[Vec3A], first: usize, width: usize, sums: &mut Sums) {
-    while mixed != 0 {
-        let place = mixed.trailing_zeros() as usize & (TILE * TILE - 1);
-        mixed &= mixed - 1;
+fn sum_leaning(kinds: &Kinds, mixed: u64, colors: &[Vec3A], first: usize, width: usize, sums: &mut Sums) {
+    for place in each_place(mixed) {
         let shares = kinds.leaning(place);
         let pixel = first + place / TILE * width + place % TILE;
         let row = |first: usize| &colors[first..][..3];

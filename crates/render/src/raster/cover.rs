@@ -16,6 +16,8 @@ use crate::lanes::within;
 
 /// Samples along the side of a tile: the tiles of a picture with two samples per pixel along each axis.
 pub(crate) const SIDE: usize = 16;
+/// Samples beyond a tile that its edges read: up to the centres of the pixels next to it.
+const BORDER: usize = 2;
 /// In place of the index of a cover: the samples of the tile are stored.
 const STORED: u32 = u32::MAX;
 /// Tiles along a side of the box around a triangle from which on it may cover some: smaller ones are just drawn. Measured.
@@ -151,26 +153,39 @@ impl Target {
 
     /// Stores the samples of a tile of the picture.
     pub fn settle(&mut self, tile: usize) {
-        let Some(cover) = self.covers.of(tile) else { return };
-        let (column, row) = (tile % self.covers.columns * SIDE, tile / self.covers.columns * SIDE);
-        let (columns, rows) = (SIDE.min(self.width - column), SIDE.min(self.height - row));
-        let samples = row * self.stride + column..(row + rows - 1) * self.stride + column + columns;
-        let (nearness, ids) = (&mut self.nearness[samples.clone()], &mut self.ids[samples]);
-        store(cover, column, columns, self.stride, nearness, ids);
-        self.covers.tiles[tile] = STORED;
+        self.store(tile, [0..SIDE, 0..SIDE]);
+        if let Some(index) = self.covers.tiles.get_mut(tile) {
+            *index = STORED;
+        }
     }
 
-    /// Stores the samples of a tile of the picture and of those next to it.
+    /// Stores the samples of a tile of the picture, and those of the tiles next to it that lie within [`BORDER`] of it.
     pub fn settle_around(&mut self, tile: usize) {
-        let columns = self.covers.columns;
-        if columns == 0 || self.covers.tiles.is_empty() {
+        const SIDES: [(isize, Range<usize>); 3] = [(-1, SIDE - BORDER..SIDE), (0, 0..SIDE), (1, 0..BORDER)];
+        let columns = self.covers.columns as isize;
+        if self.covers.tiles.is_empty() {
             return;
         }
-        let (column, row) = (tile % columns, tile / columns);
-        for row in row.saturating_sub(1)..(row + 2).min(self.covers.tiles.len() / columns) {
-            (column.saturating_sub(1)..(column + 2).min(columns))
-                .for_each(|column| self.settle(row * columns + column));
+        self.settle(tile);
+        let (column, row) = (tile as isize % columns, tile as isize / columns);
+        for (down, rows) in &SIDES {
+            for (right, part) in SIDES.iter().filter(|(right, _)| (0..columns).contains(&(column + right))) {
+                if let Ok(beside) = usize::try_from((row + down) * columns + column + right) {
+                    self.store(beside, [part.clone(), rows.clone()]);
+                }
+            }
         }
+    }
+
+    /// Writes some columns and rows of a tile that are not stored.
+    fn store(&mut self, tile: usize, [columns, rows]: [Range<usize>; 2]) {
+        let Some(cover) = self.covers.of(tile) else { return };
+        let (column, row) = (tile % self.covers.columns * SIDE, tile / self.covers.columns * SIDE);
+        let rows = rows.start..rows.end.min(self.height - row);
+        let columns = columns.start..columns.end.min(self.width - column);
+        let first = (row + rows.start) * self.stride + column;
+        let (nearness, ids) = (&mut self.nearness[first..], &mut self.ids[first..]);
+        store(cover, column, [columns, rows], self.stride, nearness, ids);
     }
 
     /// Stores all samples.
@@ -210,18 +225,30 @@ impl Target {
     }
 }
 
-/// Writes the samples of a tile, so many columns from one of the target on.
+/// Writes some columns and rows of a tile, whose first column is one of the target; the lists begin in the first row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn store(cover: &Cover, first: usize, columns: usize, stride: usize, nearness: &mut [f32], ids: &mut [u32]) {
-    for (row, (nearness, ids)) in nearness.chunks_mut(stride).zip(ids.chunks_mut(stride)).enumerate() {
-        let line = cover.line::<SIDE, 1>(row, first);
-        if let (SIDE, Some(nearness), Some(ids)) =
-            (columns, nearness.first_chunk_mut::<SIDE>(), ids.first_chunk_mut::<SIDE>())
-        {
+fn store(
+    cover: &Cover,
+    column: usize,
+    [columns, rows]: [Range<usize>; 2],
+    stride: usize,
+    nearness: &mut [f32],
+    ids: &mut [u32],
+) {
+    for (step, row) in rows.enumerate() {
+        let samples = step * stride + columns.start..step * stride + columns.end;
+        let (nearness, ids) = (&mut nearness[samples.clone()], &mut ids[samples]);
+        if let ([near, after], [id, id_after]) = (&mut *nearness, &mut *ids) {
+            [*near, *after] = cover.line::<BORDER, 1>(row, column + columns.start);
+            (*id, *id_after) = (cover.id, cover.id);
+            continue;
+        }
+        let line = cover.line::<SIDE, 1>(row, column + columns.start);
+        if let (Some(nearness), Some(ids)) = (nearness.first_chunk_mut(), ids.first_chunk_mut()) {
             (*nearness, *ids) = (line, [cover.id; SIDE]);
         } else {
-            nearness[..columns].copy_from_slice(&line[..columns]);
-            ids[..columns].fill(cover.id);
+            nearness.iter_mut().zip(line).for_each(|(nearness, value)| *nearness = value);
+            ids.fill(cover.id);
         }
     }
 }
