@@ -103,7 +103,7 @@ struct Work {
     reading: Reading,
     /// Pixels that show level tops.
     tops: Bins,
-    /// Tiles whose pixels share estimates of the key light, and the pixels that do, in bits.
+    /// Tiles whose pixels share estimates of the key light, and the pixels that do, in bits; all of a level tile.
     coarse: Vec<(usize, u64)>,
     /// Tiles whose shares of the key light and of the ambient light follow from estimates.
     doubtful: Vec<usize>,
@@ -529,11 +529,11 @@ fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
 
 /// Reads a tile's row, whose values end where the picture does.
 #[inline(always)]
-fn line_of<T: Copy>(values: &[T], beyond: T) -> [T; TILE] {
+fn line_of<T: Copy, const SIDE: usize>(values: &[T], beyond: T) -> [T; SIDE] {
     if let Some(whole) = values.first_chunk() {
         return *whole;
     }
-    let mut line = [beyond; TILE];
+    let mut line = [beyond; SIDE];
     line.iter_mut().zip(values).for_each(|(line, value)| *line = *value);
     line
 }
@@ -544,16 +544,9 @@ impl Arrival {
         let (x, y) = (first_column / 2, first_row / 2);
         for row in 0..TILE.min(self.height - first_row) {
             let fine = (first_row + row) * self.width + first_column;
-            let (surfaces, depths) = (&self.surface[fine..], &self.depth[fine..]);
-            let count = TILE.min(self.width - first_column);
-            if let (Some(surfaces), Some(depths), TILE) = (surfaces.first_chunk(), depths.first_chunk(), count) {
-                (window.surface[row], window.depth[row]) = (surfaces.map(u32::from), *depths);
-                continue;
-            }
-            for column in 0..count {
-                window.surface[row][column] = u32::from(surfaces[column]);
-                window.depth[row][column] = depths[column];
-            }
+            let pixels = fine..fine + TILE.min(self.width - first_column);
+            window.surface[row] = line_of(&self.surface[pixels.clone()], 0).map(u32::from);
+            window.depth[row] = line_of(&self.depth[pixels], 0.0);
         }
         for row in 0..=HALF {
             let y = (y + row).min(self.half_height - 1);

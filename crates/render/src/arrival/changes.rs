@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Arrival, TileSummary};
+use super::{Arrival, TileSummary, line_of};
 use crate::layers::TILE;
 use crate::refine::HALF;
 
@@ -98,11 +98,7 @@ impl Arrival {
 fn square<const SIDE: usize>(values: &[f32], width: usize, [columns, rows]: [Range<usize>; 2]) -> Square<SIDE> {
     let mut out = [[0; SIDE]; SIDE];
     for (row, out) in rows.zip(&mut out) {
-        let line = &values[row * width..][columns.clone()];
-        match line.first_chunk::<SIDE>() {
-            Some(whole) => *out = whole.map(f32::to_bits),
-            None => out.iter_mut().zip(line).for_each(|(out, value)| *out = value.to_bits()),
-        }
+        *out = line_of(&values[row * width..][columns.clone()], 0.0).map(f32::to_bits);
     }
     out
 }

@@ -113,8 +113,10 @@ impl Arrival {
         // What lies beyond the picture is not estimated.
         let line = |row: usize| {
             let pixels = row * self.width + columns.start..row * self.width + columns.end;
-            let (surfaces, depths) = (&self.surface[pixels.clone()], &self.depth[pixels.clone()]);
-            (line_of(surfaces, 0), line_of(depths, 0.0), line_of(&self.raw_key[pixels], ON_TOP))
+            let surfaces: [u16; TILE] = line_of(&self.surface[pixels.clone()], 0);
+            let depths: [f32; TILE] = line_of(&self.depth[pixels.clone()], 0.0);
+            let keys: [f32; TILE] = line_of(&self.raw_key[pixels], ON_TOP);
+            (surfaces, depths, keys)
         };
         let (mut estimated, mut shared) = (0, 0);
         for row in rows.clone() {
@@ -141,7 +143,7 @@ impl Arrival {
         let [columns, rows] = self.pixels_of(tile);
         if self.tiles[tile].is_level {
             for row in rows {
-                let given = line_of(&self.raw_key[(row & !1) * self.width..][columns.clone()], 0.0);
+                let given: [f32; TILE] = line_of(&self.raw_key[(row & !1) * self.width..][columns.clone()], 0.0);
                 let shared = std::array::from_fn(|step| given[step & !1]);
                 put(&mut self.raw_key[row * self.width..][columns.clone()], &shared);
             }
