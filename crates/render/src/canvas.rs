@@ -9,12 +9,13 @@ use crate::assets::{Part, RenderAssets};
 use crate::edges::Edges;
 use crate::glass::Glass;
 use crate::job::{Channels, FrameBuffers, FrameState};
+use crate::lanes::CHUNK;
 use crate::layers::{Layers, TILE, marked_around};
 use crate::occluders::Occluders;
 use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
-use crate::shade::Shading;
+use crate::shade::{Appearance, Shading, TILES};
 use crate::texture::srgb8_from_linear;
 use crate::view::{Lens, View, surface_of};
 
@@ -212,18 +213,34 @@ impl Canvas {
         }
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
         let (arrival, colors, rgb) = (&self.arrival, &mut self.colors, &mut self.rgb);
-        let (colored, shaded) = (&mut self.colored, &mut self.shaded_pixels);
         let Work { pixels, shading } = &mut *self.work;
         let has_glass = scene.assets.parts.iter().any(Part::is_transparent);
-        self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
-            *shaded += pixels.count;
-            shading.take(pixels, arrival);
-            shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &self.view.parts[part], lens, scene);
-            let tile = arrival.tile_of(pixels.pixel[0]);
-            let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(tile);
-            colored[tile] &= !is_inner;
-            shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
-        });
+        let centers = arrival.centers();
+        for (part, tiles, places) in self.bins.parts() {
+            let appearance = Appearance::new(scene, &self.view, part);
+            self.shaded_pixels += tiles.len() * TILE * TILE + places.len();
+            let of_one_triangle = tiles.chunk_by(|&a, &b| centers.show_one(a, b));
+            for tiles in of_one_triangle.flat_map(|tiles| tiles.chunks(TILES)) {
+                for (index, &place) in tiles.iter().enumerate() {
+                    pixels.tile(place, centers);
+                    if index == 0 {
+                        shading.light_corners(tiles, pixels, &appearance, centers);
+                    }
+                    shading.take(pixels, arrival);
+                    shading.shade_tile(index, &appearance);
+                    let tile = arrival.tile_of(pixels.pixel[0]);
+                    let is_inner = !has_glass && arrival.shows_one(tile);
+                    self.colored[tile] &= !is_inner;
+                    shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
+                }
+            }
+            for places in places.chunks(CHUNK) {
+                pixels.list(places, centers);
+                shading.take(pixels, arrival);
+                shading.shade(&appearance);
+                shading.write(pixels, colors, rgb);
+            }
+        }
     }
 
     /// Marks the tiles where transparent things moved as unfinished.

@@ -16,7 +16,7 @@ use crate::layers::{TILE, each_place};
 use crate::panes::{Pane, bent, refracted, seen_through};
 use crate::raster::Target;
 use crate::scene::Scene;
-use crate::shade::{Shading, Spot};
+use crate::shade::{Appearance, Shading, Spot};
 use crate::texture::srgb8_from_linear;
 use crate::view::{View, far_nearness, surface_of};
 use front::{Front, Share};
@@ -131,13 +131,13 @@ impl Edges {
         let mut shading = Shading::default();
         let surface = |extra: &u32| surface_of(extras[*extra as usize].spot.id);
         for same in self.order.chunk_by(|a, b| surface(a) == surface(b)) {
-            let part = surface(&same[0]) as usize - 1;
+            let appearance = Appearance::new(scene, view, surface(&same[0]) as usize - 1);
             for chunk in same.chunks(crate::lanes::CHUNK) {
                 shading.clear();
                 for &extra in chunk {
                     shading.push(extras[extra as usize].spot);
                 }
-                shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &view.parts[part], &view.lens, scene);
+                shading.shade(&appearance);
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let Extra { mixed, share, .. } = extras[extra as usize];
                     self.mixed[mixed as usize].1 += shading.color_of(spot) * share;
@@ -209,7 +209,7 @@ impl Edges {
             }
             let index = surface as usize - 1;
             let (part, material) = (&scene.assets.parts[index], &scene.surfaces[index]);
-            shading.shade(part, material, &view.parts[index], &view.lens, scene);
+            shading.shade(&Appearance::new(scene, view, index));
             let ratio = 1.0 / material.index_of_refraction();
             for (spot, &pane) in chunk.iter().enumerate() {
                 let pane = &mut panes[pane as usize];

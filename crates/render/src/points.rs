@@ -42,6 +42,12 @@ impl Centers<'_> {
         self.only[row / TILE * self.columns + column / TILE]
     }
 
+    /// Whether two tiles, given by their first pixels, show one triangle.
+    pub fn show_one(&self, a: u32, b: u32) -> bool {
+        let only = self.only(a);
+        only.is_some() && only == self.only(b)
+    }
+
     fn first_id(&self, place: u32) -> u32 {
         let [column, row] = unpacked(place).map(|at| at as usize);
         self.ids[row * self.width + column]

@@ -6,23 +6,39 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use glam::{Vec3A, Vec4};
-use multiversion::multiversion;
+use glam::Vec3A;
 
 use crate::arrival::Arrival;
-use crate::assets::{Part, Surface, TRIANGLE_BITS};
+use crate::assets::{Surface, TRIANGLE_BITS};
 use crate::job::ROBOT;
-use crate::lanes::{CHUNK, Lane, REGISTER, ZERO};
+use crate::lanes::{CHUNK, REGISTER};
 use crate::layers::TILE;
 use crate::mesh::Face;
-use crate::points::Pixels;
+use crate::points::{Centers, Pixels};
 use crate::scene::Scene;
-use crate::texture::{Samples, find_codes, octave, srgb_table};
-use crate::view::{Lens, PartView};
+use crate::texture::{Samples, find_codes, srgb_table};
+use crate::view::{Lens, PartView, View};
 
+mod flat;
 mod reflect;
+mod spots;
 
+use flat::Corners;
+pub(crate) use flat::TILES;
 use reflect::{Light, Reflected, reflect, reflect_flat};
+use spots::{Spots, find_footprints, interpolate_one, locate, place_on_texture};
+
+/// A part as it is shaded: what it is made of, how it stands before a lens, and the light on it.
+#[derive(Debug)]
+pub(crate) struct Appearance<'a> {
+    faces: &'a [Face],
+    /// In the body's frame, where both sides of triangles can be seen.
+    eye: Option<Vec3A>,
+    surface: &'a Surface,
+    placed: &'a PartView,
+    lens: &'a Lens,
+    light: Light<'a>,
+}
 
 /// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
 /// spans less than 2.3 degrees, less than the width of the sharpest highlight.
@@ -48,8 +64,7 @@ pub(crate) struct Spot {
 #[derive(Debug)]
 pub(crate) struct Shading {
     spots: Spots,
-    /// Pixels at the corners of a tile on one plane.
-    corners: Spots,
+    corners: Corners,
     samples: Samples,
     reflected: Reflected,
     /// Places of the colours in the table of bytes.
@@ -60,53 +75,6 @@ impl Default for Shading {
     fn default() -> Self {
         let (spots, corners, samples, reflected) = Default::default();
         Self { spots, corners, samples, reflected, codes: [[0; CHUNK]; 3] }
-    }
-}
-
-/// Spots of one part, component by component.
-#[derive(Clone, Debug)]
-struct Spots {
-    count: usize,
-    /// Whether they are the pixels of a whole tile, row by row.
-    is_tile: bool,
-    /// Whether all show the same triangle.
-    is_one: bool,
-    x: Lane,
-    y: Lane,
-    depth: Lane,
-    key: Lane,
-    ambient: Lane,
-    triangle: [u32; CHUNK],
-    /// In the body's frame.
-    place: [Lane; 3],
-    /// Normal between the corners', not of unit length, and texture coordinates.
-    normal: [Lane; 3],
-    u: Lane,
-    v: Lane,
-    /// Square texture units per square metre, then texels per pixel.
-    texels: Lane,
-    base: [Lane; 3],
-}
-
-impl Default for Spots {
-    fn default() -> Self {
-        Self {
-            count: 0,
-            is_tile: false,
-            is_one: true,
-            x: ZERO,
-            y: ZERO,
-            depth: ZERO,
-            key: ZERO,
-            ambient: ZERO,
-            triangle: [0; CHUNK],
-            place: [ZERO; 3],
-            normal: [ZERO; 3],
-            u: ZERO,
-            v: ZERO,
-            texels: ZERO,
-            base: [ZERO; 3],
-        }
     }
 }
 
@@ -208,56 +176,65 @@ impl Shading {
         Vec3A::from_array(self.spots.base.each_ref().map(|channel| channel[spot]))
     }
 
-    /// Shades the spots, which show one part made of `surface`.
-    pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, scene: &Scene<'_>) {
+    /// Lights the corners of tiles that show a part, given by their first pixels, as far as they may be shaded by them;
+    /// several of them show one triangle. `pixels` are those of the first one.
+    pub fn light_corners(&mut self, tiles: &[u32], pixels: &Pixels, appearance: &Appearance<'_>, centers: Centers<'_>) {
+        match pixels.is_flat && appearance.is_smooth() {
+            true => self.corners.find(tiles, pixels.triangle[0], appearance, centers),
+            false => self.corners.forget(),
+        }
+    }
+
+    /// Shades the spots, which are the pixels of one of the tiles whose corners were lit.
+    pub fn shade_tile(&mut self, tile: usize, appearance: &Appearance<'_>) {
+        if !self.corners.fit(tile) {
+            self.shade(appearance);
+            return;
+        }
         let Self { spots, corners, samples, reflected, .. } = self;
-        let mesh = placed.mesh(part);
-        let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
-        let (first, is_one) = (spots.triangle[0], spots.is_one);
-        let is_dull = surface.metallic == 0.0 && surface.opacity >= 1.0 && surface.roughness >= SMOOTH;
-        let is_flat =
-            is_one && is_dull && spots.is_tile && lens.focal.min_element() >= NARROW_PX && corners.span(spots);
-        let texture = surface.texture.as_deref();
-        // Texels per pixel where they are much the same all over the tile.
-        let mut even_texels = None;
-        if is_flat {
-            let face = &mesh.faces[first as usize];
-            locate::<REGISTER>(corners, placed, lens);
-            interpolate_one::<REGISTER>(corners, face, eye);
-            if let Some(texture) = texture {
-                find_footprints::<REGISTER>(corners, placed, lens, texture.texels());
-                even_texels = corners.even_texels();
-                locate::<CHUNK>(spots, placed, lens);
-                if even_texels.is_some() {
-                    place_on_texture(spots, face);
-                } else {
-                    interpolate_one::<CHUNK>(spots, face, eye);
-                }
-            }
-        } else {
-            match spots.count <= REGISTER {
-                true => locate::<REGISTER>(spots, placed, lens),
-                false => locate::<CHUNK>(spots, placed, lens),
-            }
-            if is_one {
-                interpolate_one::<CHUNK>(spots, &mesh.faces[first as usize], eye);
+        let &Appearance { surface, placed, lens, .. } = appearance;
+        if let Some(texture) = &surface.texture {
+            let face = &appearance.faces[spots.triangle[0] as usize];
+            locate::<CHUNK>(spots, placed, lens);
+            let even_texels = corners.even_texels(tile);
+            if even_texels.is_some() {
+                place_on_texture(spots, face);
             } else {
-                spots.interpolate(&mesh.faces, eye, texture.is_some());
+                interpolate_one::<CHUNK>(spots, face, appearance.eye);
+                find_footprints::<CHUNK>(spots, placed, lens, texture.texels());
             }
-        }
-        let tint = surface.base;
-        if let Some(texture) = texture {
-            match even_texels {
-                Some(texels) => spots.texels = [texels; CHUNK],
-                None => find_footprints::<CHUNK>(spots, placed, lens, texture.texels()),
-            }
-            texture.sample(spots.count, [&spots.u, &spots.v], &spots.texels, samples, &mut spots.base);
-            for (channel, tint) in spots.base.iter_mut().zip(tint.to_array()) {
-                channel.iter_mut().for_each(|value| *value *= tint);
-            }
+            spots.paint(surface, even_texels, samples);
         } else {
-            spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
+            spots.paint(surface, None, samples);
         }
+        reflect_flat(spots, &corners.light, tile, appearance, reflected);
+    }
+
+    /// Shades the spots, which show a part.
+    pub fn shade(&mut self, appearance: &Appearance<'_>) {
+        let Self { spots, samples, reflected, .. } = self;
+        let &Appearance { faces, eye, surface, placed, lens, .. } = appearance;
+        match spots.count <= REGISTER {
+            true => locate::<REGISTER>(spots, placed, lens),
+            false => locate::<CHUNK>(spots, placed, lens),
+        }
+        match spots.is_one {
+            true => interpolate_one::<CHUNK>(spots, &faces[spots.triangle[0] as usize], eye),
+            false => spots.interpolate(faces, eye, surface.texture.is_some()),
+        }
+        if let Some(texture) = &surface.texture {
+            find_footprints::<CHUNK>(spots, placed, lens, texture.texels());
+        }
+        spots.paint(surface, None, samples);
+        reflect(spots, appearance, reflected);
+    }
+}
+
+impl<'a> Appearance<'a> {
+    /// Of a part in a view.
+    pub fn new(scene: &'a Scene<'_>, view: &'a View, index: usize) -> Self {
+        let (part, surface, placed) = (&scene.assets.parts[index], &scene.surfaces[index], &view.parts[index]);
+        let mesh = placed.mesh(part);
         let light = Light {
             lighting: scene.lighting,
             glossy: scene.lighting.sky.glossy(surface.roughness),
@@ -266,134 +243,14 @@ impl Shading {
             held: (part.instance == ROBOT && surface.metallic > 0.0).then(|| scene.occluders.held()).flatten(),
             bounce: part.body.map_or(1.0, |body| scene.occluders.bounce_of(body)),
         };
-        if is_flat {
-            reflect_flat([spots, corners], surface, placed, lens, &light, reflected);
-        } else {
-            reflect(spots, surface, placed, lens, &light, reflected);
-        }
-    }
-}
-
-impl Spots {
-    /// Becomes the corners of a tile on one plane, each pixel of which is `tile`'s; says whether all are before the eye.
-    fn span(&mut self, tile: &Self) -> bool {
-        const BEYOND: f32 = TILE as f32 / (TILE - 1) as f32;
-        // Nearness is linear on the image.
-        let [first, right, down] = [0, TILE - 1, TILE * (TILE - 1)].map(|pixel| 1.0 / tile.depth[pixel]);
-        let (right, down) = ((right - first) * BEYOND, (down - first) * BEYOND);
-        let nearness = [first, first + right, first + down, first + right + down];
-        for (corner, &nearness) in nearness.iter().enumerate() {
-            self.x[corner] = tile.x[0] + (corner % 2 * TILE) as f32;
-            self.y[corner] = tile.y[0] + (corner / 2 * TILE) as f32;
-            self.depth[corner] = 1.0 / nearness;
-        }
-        nearness.into_iter().fold(f32::INFINITY, f32::min) > 0.5 * first
+        let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
+        Self { faces: &mesh.faces, eye, surface, placed, lens: &view.lens, light }
     }
 
-    /// Texels per pixel at corners, if the same size of the texture fits all of them.
-    fn even_texels(&self) -> Option<f32> {
-        let octaves = [0, 1, 2, 3].map(|corner| octave(self.texels[corner]));
-        (octaves == [octaves[0]; 4]).then_some(self.texels[0])
-    }
-
-    /// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
-    fn interpolate(&mut self, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
-        let mut mixed = [Vec4::ZERO; CHUNK];
-        for i in 0..self.count {
-            let face = &faces[self.triangle[i] as usize];
-            let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
-            let [a, b, c, d] = face.columns;
-            let mut normal_u = a * x + b * y + c * z + d;
-            // The side that is seen is the one towards the eye.
-            if let Some(eye) = eye
-                && face.plane.x * (x - eye.x) + face.plane.y * (y - eye.y) + face.plane.z * (z - eye.z) > 0.0
-            {
-                normal_u = (-normal_u).with_w(normal_u.w);
-            }
-            mixed[i] = normal_u;
-            if is_textured {
-                self.v[i] = face.v.x * x + face.v.y * y + face.v.z * z + face.v.w;
-                self.texels[i] = face.plane.w;
-            }
-        }
-        take_apart(&mixed, self);
-    }
-}
-
-/// Normals and the first texture coordinate, component by component.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn take_apart(mixed: &[Vec4; CHUNK], spots: &mut Spots) {
-    for i in 0..CHUNK {
-        let [x, y, z, u] = mixed[i].to_array();
-        (spots.normal[0][i], spots.normal[1][i], spots.normal[2][i], spots.u[i]) = (x, y, z, u);
-    }
-}
-
-/// The same where all spots lie on one triangle, with the same bits.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
-    let columns = face.columns.map(|column| column.to_array());
-    let v = face.v.to_array();
-    let plane = face.plane.to_array();
-    let (eye, can_turn) = eye.map_or(([0.0; 3], false), |eye| (eye.to_array(), true));
-    for i in 0..LANES {
-        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        // In the order in which [`Spots::interpolate`] adds.
-        let mixed = |row: usize| columns[0][row] * x + columns[1][row] * y + columns[2][row] * z + columns[3][row];
-        let away = plane[0] * (x - eye[0]) + plane[1] * (y - eye[1]) + plane[2] * (z - eye[2]);
-        let side = if can_turn & (away > 0.0) { -1.0 } else { 1.0 };
-        spots.normal[0][i] = mixed(0) * side;
-        spots.normal[1][i] = mixed(1) * side;
-        spots.normal[2][i] = mixed(2) * side;
-        spots.u[i] = mixed(3);
-        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
-        spots.texels[i] = plane[3];
-    }
-}
-
-/// Texture coordinates where all spots lie on one triangle, with the bits of [`interpolate_one`].
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_on_texture(spots: &mut Spots, face: &Face) {
-    let columns = face.columns.map(|column| column.w);
-    let v = face.v.to_array();
-    for i in 0..CHUNK {
-        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        spots.u[i] = columns[0] * x + columns[1] * y + columns[2] * z + columns[3];
-        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
-    }
-}
-
-/// Places in the body's frame.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens) {
-    let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
-        .map(|column| column.to_array());
-    let eye = placed.eye_in_body.to_array();
-    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
-    for i in 0..LANES {
-        let depth = spots.depth[i];
-        let x = (spots.x[i] - lens.center.x) * inverse_x * depth;
-        let y = (spots.y[i] - lens.center.y) * inverse_y * depth;
-        for axis in 0..3 {
-            spots.place[axis][i] = turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
-        }
-    }
-}
-
-/// Texels per pixel; square texture units per square metre go in.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_footprints<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f32) {
-    let inverse_focal = 1.0 / lens.focal.x;
-    let eye = placed.eye_in_body.to_array();
-    for i in 0..LANES {
-        let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
-        let ray = [spots.place[0][i] - eye[0], spots.place[1][i] - eye[1], spots.place[2][i] - eye[2]];
-        let along = (normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]).abs();
-        let lengths = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
-            * (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
-        let facing = along / (lengths + 1e-20).sqrt();
-        // A grazing view stretches the pixel along one direction; the square root is the compromise.
-        let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
-        spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.depth[i] * inverse_focal / facing;
+    /// Whether light is linear over tiles on a plane of the part.
+    fn is_smooth(&self) -> bool {
+        let Surface { metallic, opacity, roughness, .. } = *self.surface;
+        let is_dull = metallic == 0.0 && opacity >= 1.0 && roughness >= SMOOTH;
+        is_dull && self.lens.focal.min_element() >= NARROW_PX
     }
 }

@@ -36,15 +36,20 @@ struct Level {
     first: u32,
 }
 
+/// How many texels a pixel covers about, along one side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Detail<'a> {
+    /// As many at all points.
+    Even(f32),
+    Each(&'a Lane),
+}
+
 /// Where a chunk of points reads a texture, and what it reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     /// Halvings of the texture's sides that fit a pixel.
     octave: [u32; CHUNK],
-    width: Lane,
-    height: Lane,
-    stride: [u32; CHUNK],
-    first: [u32; CHUNK],
+    levels: Levels,
     /// How far a point lies from the first of its four texels towards the others.
     x: Lane,
     y: Lane,
@@ -53,20 +58,20 @@ pub(crate) struct Samples {
     texels: [[u32; CHUNK]; 4],
 }
 
+/// The [`Level`]s of a chunk of points, component by component.
+#[derive(Clone, Debug)]
+struct Levels {
+    width: Lane,
+    height: Lane,
+    stride: [u32; CHUNK],
+    first: [u32; CHUNK],
+}
+
 impl Default for Samples {
     fn default() -> Self {
         let none = [0; CHUNK];
-        Self {
-            octave: none,
-            width: ZERO,
-            height: ZERO,
-            stride: none,
-            first: none,
-            x: ZERO,
-            y: ZERO,
-            index: none,
-            texels: [none; 4],
-        }
+        let levels = Levels { width: ZERO, height: ZERO, stride: none, first: none };
+        Self { octave: none, levels, x: ZERO, y: ZERO, index: none, texels: [none; 4] }
     }
 }
 
@@ -111,40 +116,67 @@ impl MipTexture {
         upper.lerp(texel(0, 1).lerp(texel(1, 1), share.x), share.y)
     }
 
-    /// Linear colours of `count` points at texture coordinates, whose pixels cover about so many texels along one side.
+    /// Linear colours of `count` points at texture coordinates, times a tint.
     pub fn sample(
         &self,
         count: usize,
-        [u, v]: [&Lane; 2],
-        texels_per_pixel: &Lane,
+        place: [&Lane; 2],
+        detail: Detail<'_>,
+        tint: [f32; 3],
         samples: &mut Samples,
         out: &mut [Lane; 3],
     ) {
         let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
-        let last = pyramid.levels.len() - 1;
-        find_octaves(count, texels_per_pixel, &mut samples.octave);
-        let first = samples.octave[0];
-        if samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first)) == 0 {
-            let level = pyramid.levels[(first as usize).min(last)];
-            (samples.width, samples.height) = ([level.width; CHUNK], [level.height; CHUNK]);
-            (samples.stride, samples.first) = ([level.stride; CHUNK], [level.first; CHUNK]);
+        let even = match detail {
+            Detail::Even(texels) => Some(octave(texels)),
+            Detail::Each(texels) => {
+                find_octaves(count, texels, &mut samples.octave);
+                let first = samples.octave[0];
+                let differ = samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first));
+                (differ == 0).then_some(first)
+            }
+        };
+        if let Some(octave) = even {
+            let level = pyramid.at(octave);
+            find_texels_at(level, count, place, samples);
+            samples.read(count, &pyramid.texels, |_, _| level.stride);
         } else {
-            for i in 0..count {
-                let level = pyramid.levels[(samples.octave[i] as usize).min(last)];
-                (samples.width[i], samples.height[i]) = (level.width, level.height);
-                (samples.stride[i], samples.first[i]) = (level.stride, level.first);
+            for i in 0..count.min(CHUNK) {
+                let Level { width, height, stride, first } = *pyramid.at(samples.octave[i]);
+                let levels = &mut samples.levels;
+                (levels.width[i], levels.height[i]) = (width, height);
+                (levels.stride[i], levels.first[i]) = (stride, first);
+            }
+            find_texels(count, place, samples);
+            samples.read(count, &pyramid.texels, |levels, i| levels.stride[i]);
+        }
+        mix_texels(count, tint, samples, out);
+    }
+}
+
+impl Samples {
+    /// Reads the four texels around each point; those of a row lie so far from those of the row above.
+    #[inline(always)]
+    fn read(&mut self, count: usize, texels: &[[u8; 4]], stride: impl Fn(&Levels, usize) -> u32) {
+        for i in 0..count.min(CHUNK) {
+            let (index, stride) = (self.index[i] as usize, stride(&self.levels, i) as usize);
+            if let ([a, b, ..], [c, d, ..]) = (&texels[index..], &texels[index + stride..]) {
+                let read = [a, b, c, d].map(|texel| u32::from_le_bytes(*texel));
+                self.texels.iter_mut().zip(read).for_each(|(lane, texel)| lane[i] = texel);
             }
         }
-        find_texels(count, u, v, samples);
-        for i in 0..count {
-            let index = samples.index[i] as usize;
-            let (upper, lower) = (&pyramid.texels[index..], &pyramid.texels[index + samples.stride[i] as usize..]);
-            if let ([a, b, ..], [c, d, ..]) = (upper, lower) {
-                let texels = [a, b, c, d].map(|texel| u32::from_le_bytes(*texel));
-                samples.texels.iter_mut().zip(texels).for_each(|(lane, texel)| lane[i] = texel);
-            }
-        }
-        mix_texels(count, samples, out);
+    }
+
+    /// Finds the first of the four texels around a point.
+    #[inline(always)]
+    fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
+        let column = (u - floor(u)) * level.width + 0.5;
+        let row = (v - floor(v)) * level.height + 0.5;
+        // Counted from the border; coordinates that are not finite end there too.
+        let (left, top) = (within(floor(column), 0.0, level.width), within(floor(row), 0.0, level.height));
+        self.x[i] = column - left;
+        self.y[i] = row - top;
+        self.index[i] = nearest_integer(top) * level.stride + nearest_integer(left) + level.first;
     }
 }
 
@@ -164,29 +196,34 @@ pub(crate) fn octave(texels_per_pixel: f32) -> u32 {
     ((texels * 1.19).to_bits() >> 23) - 127
 }
 
-/// The first of the four texels around each point.
+/// The first of the four texels around each point, of one size of the texture.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_texels(count: usize, u: &Lane, v: &Lane, samples: &mut Samples) {
+fn find_texels_at(level: &Level, count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
-        let column = (u[i] - floor(u[i])) * samples.width[i] + 0.5;
-        let row = (v[i] - floor(v[i])) * samples.height[i] + 0.5;
-        // Counted from the border; coordinates that are not finite end there too.
-        let (left, top) = (within(floor(column), 0.0, samples.width[i]), within(floor(row), 0.0, samples.height[i]));
-        samples.x[i] = column - left;
-        samples.y[i] = row - top;
-        samples.index[i] = nearest_integer(top) * samples.stride[i] + nearest_integer(left) + samples.first[i];
+        samples.find(i, [u[i], v[i]], *level);
     }
 }
 
-/// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion.
+/// The same where each point has its own.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn mix_texels(count: usize, samples: &Samples, out: &mut [Lane; 3]) {
+fn find_texels(count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
+    for i in 0..whole_registers(count) {
+        let Levels { width, height, stride, first } = &samples.levels;
+        let level = Level { width: width[i], height: height[i], stride: stride[i], first: first[i] };
+        samples.find(i, [u[i], v[i]], level);
+    }
+}
+
+/// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion; times a tint.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [Lane; 3]) {
     for channel in 0..3 {
         for i in 0..whole_registers(count) {
             let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
             let upper = code(0) + (code(1) - code(0)) * samples.x[i];
             let lower = code(2) + (code(3) - code(2)) * samples.x[i];
-            out[channel][i] = linear_of((upper + (lower - upper) * samples.y[i]) * (1.0 / 255.0));
+            let light = linear_of((upper + (lower - upper) * samples.y[i]) * (1.0 / 255.0));
+            out[channel][i] = light * tint[channel];
         }
     }
 }
@@ -210,6 +247,11 @@ impl Pyramid {
             pyramid.push(size, &texels);
         }
         pyramid
+    }
+
+    /// The size after so many halvings, or the smallest one.
+    fn at(&self, octave: u32) -> &Level {
+        &self.levels[(octave as usize).min(self.levels.len() - 1)]
     }
 
     fn push(&mut self, [width, height]: [usize; 2], texels: &[[u8; 3]]) {

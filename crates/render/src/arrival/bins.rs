@@ -68,14 +68,20 @@ impl Bins {
         tiles.iter().for_each(|&tile| self.push_tile(arrival, tile));
     }
 
+    /// The parts that are seen, the first pixels of tiles that show nothing else, and their other pixels.
+    pub fn parts(&self) -> impl Iterator<Item = (usize, &[u32], &[u32])> {
+        let is_seen = |(_, tiles, pixels): &(usize, &[u32], &[u32])| !tiles.is_empty() || !pixels.is_empty();
+        self.parts.iter().enumerate().map(|(part, bin)| (part, &*bin.tiles, &*bin.pixels)).filter(is_seen)
+    }
+
     /// Calls with each part that is seen and some of its pixels, until all had their turn.
     pub fn for_each(&self, pixels: &mut Pixels, centers: Centers<'_>, mut call: impl FnMut(usize, &Pixels)) {
-        for (part, bin) in self.parts.iter().enumerate() {
-            for &place in &bin.tiles {
+        for (part, tiles, places) in self.parts() {
+            for &place in tiles {
                 pixels.tile(place, centers);
                 call(part, pixels);
             }
-            for places in bin.pixels.chunks(CHUNK) {
+            for places in places.chunks(CHUNK) {
                 pixels.list(places, centers);
                 call(part, pixels);
             }

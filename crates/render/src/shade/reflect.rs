@@ -4,7 +4,9 @@
 
 use multiversion::multiversion;
 
-use super::Spots;
+use super::Appearance;
+use super::flat::CORNERS;
+use super::spots::Spots;
 use crate::assets::Surface;
 use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, within};
@@ -79,7 +81,8 @@ const CORNER_OPEN: f32 = 2.0;
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_TABLE: f32 = 0.091;
 
-/// The light on a chunk.
+/// The light on a part.
+#[derive(Debug)]
 pub(super) struct Light<'a> {
     pub lighting: &'a Lighting,
     /// The surroundings for surfaces of its roughness.
@@ -106,31 +109,18 @@ impl Light<'_> {
 
 /// Light reflected towards the viewer, developed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-pub(super) fn reflect(
-    spots: &Spots,
-    surface: &Surface,
-    placed: &PartView,
-    lens: &Lens,
-    light: &Light<'_>,
-    out: &mut Reflected,
-) {
+pub(super) fn reflect(spots: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
     if spots.count <= REGISTER {
-        reflect_chunk::<REGISTER>(spots, surface, placed, lens, light, out);
+        reflect_chunk::<REGISTER>(spots, appearance, out);
     } else {
-        reflect_chunk::<CHUNK>(spots, surface, placed, lens, light, out);
+        reflect_chunk::<CHUNK>(spots, appearance, out);
     }
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
 #[inline(always)]
-fn reflect_chunk<const LANES: usize>(
-    spots: &Spots,
-    surface: &Surface,
-    placed: &PartView,
-    lens: &Lens,
-    light: &Light<'_>,
-    out: &mut Reflected,
-) {
+fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
+    let &Appearance { surface, placed, lens, ref light, .. } = appearance;
     face_viewer::<LANES>(spots, placed, lens, out);
     look_around::<LANES>(&light.lighting.sky, &light.glossy, out);
     if let Some(held) = &light.held {
@@ -151,33 +141,39 @@ fn reflect_chunk<const LANES: usize>(
     develop::<LANES>(surface.opacity < 1.0, out);
 }
 
-/// The same for a tile of an opaque dielectric on one plane, whose light is that at its corners and linear between them:
-/// `corners` are the pixels at its first row and column and [`TILE`] beyond, in the first four lanes.
+/// What is reflected at the corners of tiles of an opaque dielectric, before the key light is held back.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-pub(super) fn reflect_flat(
-    [spots, corners]: [&Spots; 2],
-    surface: &Surface,
-    placed: &PartView,
-    lens: &Lens,
-    light: &Light<'_>,
-    out: &mut Reflected,
-) {
+pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
+    let &Appearance { surface, placed, lens, ref light, .. } = appearance;
     face_viewer::<REGISTER>(corners, placed, lens, out);
     look_around::<REGISTER>(&light.lighting.sky, &light.glossy, out);
     find_hollow::<REGISTER>(light.hollow, corners, out);
     if let Some(table_light) = light.table_light {
-        dim_table(table_light, 4, &corners.place, &mut out.around);
+        dim_table(table_light, corners.count, &corners.place, &mut out.around);
     }
     find_highlights::<REGISTER>(surface.roughness, light.lighting.to_light.to_array(), out);
     mirror::<REGISTER>(surface.reflectance, out);
-    for lane in out.around.iter_mut().chain(&mut out.mirrored) {
-        spread(lane);
+}
+
+/// [`reflect`] for one of the tiles at whose corners [`reflect_corners`] found the light, which is linear between them.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(super) fn reflect_flat(
+    spots: &Spots,
+    corners: &Reflected,
+    tile: usize,
+    appearance: &Appearance<'_>,
+    out: &mut Reflected,
+) {
+    let light = &appearance.light;
+    for channel in 0..3 {
+        spread(&corners.around[channel], tile, &mut out.around[channel]);
+        spread(&corners.mirrored[channel], tile, &mut out.mirrored[channel]);
     }
-    spread(&mut out.lit);
+    spread(&corners.lit, tile, &mut out.lit);
     if light.hollow.is_some() {
-        spread(&mut out.hollow);
+        spread(&corners.hollow, tile, &mut out.hollow);
     }
-    spread(&mut out.lobe);
+    spread(&corners.lobe, tile, &mut out.lobe);
     hold_back_key::<CHUNK>(&spots.key, light.with_key(), out);
     add_up_dielectric::<CHUNK>(spots, 1.0, light, out);
     develop::<CHUNK>(false, out);
@@ -197,13 +193,13 @@ const fn steps(stride: usize) -> Lane {
     steps
 }
 
-/// Fills a tile from its corners, in the first four lanes.
+/// Fills a tile from its corners.
 #[inline(always)]
-fn spread(lane: &mut Lane) {
-    let [first, right, down, across] = [lane[0], lane[1], lane[2], lane[3]];
+fn spread(corners: &Lane, tile: usize, out: &mut Lane) {
+    let [first, right, down, across] = corners.as_chunks::<CORNERS>().0[tile];
     let (right, down, twist) = (right - first, down - first, across - right - down + first);
     for i in 0..CHUNK {
-        lane[i] = first + ACROSS[i] * right + (down + ACROSS[i] * twist) * DOWN[i];
+        out[i] = first + ACROSS[i] * right + (down + ACROSS[i] * twist) * DOWN[i];
     }
 }
 
@@ -280,10 +276,7 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
 /// How much of the key light that enters a hollow reaches places in it.
 #[inline(always)]
 fn find_hollow<const LANES: usize>(hollow: Option<Hollow>, spots: &Spots, out: &mut Reflected) {
-    let Some(hollow) = hollow else {
-        out.hollow = ZERO;
-        return;
-    };
+    let Some(hollow) = hollow else { return };
     let middle = hollow.middle.to_array();
     for i in 0..LANES {
         let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
@@ -402,7 +395,11 @@ fn add_up_dielectric<const LANES: usize>(spots: &Spots, side: f32, light: &Light
     let (mut is_open, mut has_hollow) = (true, false);
     for i in 0..LANES {
         is_open &= spots.ambient[i] == 1.0;
-        has_hollow |= out.hollow[i] > 0.0;
+    }
+    if light.hollow.is_some() {
+        for i in 0..LANES {
+            has_hollow |= out.hollow[i] > 0.0;
+        }
     }
     // What is zero is not computed; the sums have the same bits.
     match [is_open, has_hollow] {
@@ -518,16 +515,17 @@ mod tests {
             let held = [None, Some(held(true)), Some(held(false))][(draw(0.0, 3.0) as usize).min(2)];
             let bounce = draw(0.0, 1.0);
             let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None, held, bounce };
-            let placed = PartView::default();
+            let (surface, placed, lens) = (&surface, &PartView::default(), &lens);
+            let appearance = Appearance { faces: &[], eye: None, surface, placed, lens, light };
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             shading.count = CHUNK;
-            reflect_chunk::<CHUNK>(&shading, &surface, &placed, &lens, &light, &mut plain);
-            reflect(&shading, &surface, &placed, &lens, &light, &mut wide);
+            reflect_chunk::<CHUNK>(&shading, &appearance, &mut plain);
+            reflect(&shading, &appearance, &mut wide);
             assert_eq!(bits(&wide.color), bits(&plain.color));
             shading.count = REGISTER;
             let mut few = Reflected::default();
-            reflect(&shading, &surface, &placed, &lens, &light, &mut few);
+            reflect(&shading, &appearance, &mut few);
             let first = |lanes: &[Lane; 3]| bits(lanes).map(|channel| channel[..REGISTER].to_vec());
             assert_eq!(first(&few.color), first(&plain.color));
         }
