@@ -497,7 +497,7 @@ fn put_half(points: &Points, share: &Lane, half: &mut [f32], width: usize) {
 }
 
 /// Smallest and largest value of a rectangle of at most a tile, without those that are unknown.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn range_of(values: &[f32], width: usize, columns: Range<usize>, rows: Range<usize>) -> [f32; 2] {
     // One pair of extremes per column: columns are independent, so this runs in vectors.
     let (mut low, mut high) = ([f32::INFINITY; TILE], [f32::NEG_INFINITY; TILE]);

@@ -1,5 +1,7 @@
 //! From light to what a display shows.
 
+use crate::lanes::lerp;
+
 /// Brightest channel, after the dark tones were taken off, from which colours are compressed.
 const START: f32 = 0.8 - 0.04;
 
@@ -12,12 +14,12 @@ pub(crate) fn tone_map(color: [f32; 3]) -> [f32; 3] {
     let peak = largest(color);
     let bright = if peak > START { peak } else { START };
     let new_peak = 1.0 - D * D / (bright + (D - START));
-    let weight = 1.0 - 1.0 / ((bright - new_peak) * DESATURATION + 1.0);
+    let weight = 1.0 - 1.0 / (bright - new_peak).mul_add(DESATURATION, 1.0);
     let scale = new_peak / bright;
     let mut out = [0.0; 3];
     for channel in 0..3 {
         let scaled = color[channel] * scale;
-        let compressed = scaled + (new_peak - scaled) * weight;
+        let compressed = lerp(scaled, new_peak, weight);
         out[channel] = if peak >= START { compressed } else { color[channel] };
     }
     out
@@ -34,7 +36,7 @@ pub(crate) fn is_compressed(color: [f32; 3]) -> bool {
 pub(crate) fn tone_map_dark([r, g, b]: [f32; 3]) -> [f32; 3] {
     let low = if r < g { r } else { g };
     let low = if b < low { b } else { low };
-    let offset = if low < 0.08 { low - low * low * 6.25 } else { 0.04 };
+    let offset = if low < 0.08 { (low * low).mul_add(-6.25, low) } else { 0.04 };
     [r - offset, g - offset, b - offset]
 }
 

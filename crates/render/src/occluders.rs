@@ -11,10 +11,9 @@ use multiversion::multiversion;
 
 use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
-use crate::lanes::{Lane, smooth_step, whole_registers, within};
+use crate::lanes::{Lane, dot, smooth_step, whole_registers, within};
 use crate::points::Points;
 use crate::shape::Shape;
-use crate::sky::dot;
 use crate::view::rotation;
 use hollow::enclose;
 
@@ -199,13 +198,13 @@ pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Surface]) -> Vec<Vec3
 }
 
 /// What ellipsoids let pass to points.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
     let center = occluder.center;
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        share[i] *= 1.0 - STRENGTH * covered(occluder, toward, normal);
+        share[i] *= covered(occluder, toward, normal).mul_add(-STRENGTH, 1.0);
     }
 }
 
@@ -215,30 +214,27 @@ fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
 pub(crate) fn veiled(occluder: &Occluder, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
     let along = occluder.axes.map(|axis| dot(axis, toward));
     let (square, nearest) = (dot(along, along), dot(along, lamp));
-    let beside = square - nearest * nearest;
+    let beside = nearest.mul_add(-nearest, square);
     let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
-    let spread = LAMP_WIDTH * (if nearest > 0.0 { nearest } else { 0.0 }) + LAMP_EDGE;
+    let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(LAMP_WIDTH, LAMP_EDGE);
     // Far away the lamp is wider than the ellipsoid.
-    let full = 1.0 / (1.0 + spread * spread * LAMP_BEYOND);
-    smooth_step((1.0 - beside) / spread * 0.5 + 0.5) * full * within(nearest + 0.5, 0.0, 1.0)
+    let full = 1.0 / (spread * spread).mul_add(LAMP_BEYOND, 1.0);
+    smooth_step(((1.0 - beside) / spread).mul_add(0.5, 0.5)) * full * within(nearest + 0.5, 0.0, 1.0)
 }
 
 /// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:
 /// exact for small and distant ones above the horizon, and nearly all of it where one touches the point from above.
 #[inline(always)]
 pub(crate) fn covered(occluder: &Occluder, toward: [f32; 3], normal: [f32; 3]) -> f32 {
-    let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
+    let square = dot(toward, toward) + 1e-12;
     let inverse = 1.0 / square.sqrt();
-    let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) * inverse;
+    let cosine = dot(normal, toward) * inverse;
     // Where the ellipsoid is the unit sphere.
-    let mut stretched = 0.0;
-    for axis in occluder.axes {
-        let along = axis[0] * toward[0] + axis[1] * toward[1] + axis[2] * toward[2];
-        stretched += along * along;
-    }
+    let along = occluder.axes.map(|axis| dot(axis, toward));
+    let stretched = dot(along, along);
     let away = stretched.sqrt();
     // Partly below the horizon: a smooth step between none and all of it.
-    let rise = within(cosine * away * 0.5 + 0.5, 0.0, 1.0);
+    let rise = within((cosine * away).mul_add(0.5, 0.5), 0.0, 1.0);
     let around = away + 1.0;
     let (above, edge) = (cosine * around, rise * rise);
     let facing = if above > edge { above } else { edge };
@@ -248,7 +244,7 @@ pub(crate) fn covered(occluder: &Occluder, toward: [f32; 3], normal: [f32; 3]) -
     let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
     let cover = facing * section / ((beyond + section) * around);
     // Boxes are fuller than ellipsoids, and hollow: inside one nothing is known.
-    let outside = within(stretched * 2.0 - 1.0, 0.0, 1.0);
+    let outside = within(stretched.mul_add(2.0, -1.0), 0.0, 1.0);
     within(cover * outside, 0.0, 0.95)
 }
 

@@ -6,7 +6,7 @@
 use glam::Vec2;
 use multiversion::multiversion;
 
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, whole_registers, within};
+use crate::lanes::{CHUNK, Lane, ZERO, dot, nearest_integer, whole_registers, within};
 use crate::points::Points;
 use crate::taps::turn_of;
 use crate::variation::RenderVariation;
@@ -88,15 +88,16 @@ impl Taps {
 /// Order of the turns within a block of estimates.
 const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
     let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
     let (cosines, sines) = (&taps.cosine, &taps.sine);
     let places = taps.dx.iter_mut().zip(&mut taps.dy).zip(&mut taps.index);
     for (offset, ((dx, dy), index)) in spiral().iter().zip(places) {
         for i in 0..whole_registers(points.count) {
-            let column = within(points.column[i] + offset[0] * cosines[i] - offset[1] * sines[i], 0.0, last_column);
-            let row = within(points.row[i] + offset[0] * sines[i] + offset[1] * cosines[i], 0.0, last_row);
+            let column = offset[0].mul_add(cosines[i], offset[1].mul_add(-sines[i], points.column[i]));
+            let row = offset[0].mul_add(sines[i], offset[1].mul_add(cosines[i], points.row[i]));
+            let (column, row) = (within(column, 0.0, last_column), within(row, 0.0, last_row));
             let (column, row) = (nearest_integer(column), nearest_integer(row));
             dx[i] = column as i32 as f32 - points.column[i];
             dy[i] = row as i32 as f32 - points.row[i];
@@ -105,26 +106,25 @@ fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
     let inverse_focal = 1.0 / focal;
     let square_radius = radius * radius;
     for i in 0..whole_registers(points.count) {
         let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
-        let bias = 0.001 + 0.002 * z;
+        let normal = [points.normal_in_camera[0][i], points.normal_in_camera[1][i], points.normal_in_camera[2][i]];
+        let bias = z.mul_add(0.002, 0.001);
         let mut darkening = 0.0;
         for tap in 0..TAPS {
             let depth = taps.depth[tap][i];
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
             let stretch = depth / z - 1.0;
             let step = depth * inverse_focal;
-            let toward = [stretch * x + taps.dx[tap][i] * step, stretch * y + taps.dy[tap][i] * step, depth - z];
-            let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
+            let beside = |shift: f32, place: f32| stretch.mul_add(place, shift * step);
+            let toward = [beside(taps.dx[tap][i], x), beside(taps.dy[tap][i], y), depth - z];
+            let square = dot(toward, toward);
             let near = if square_radius > square { square_radius - square } else { 0.0 };
-            let above = toward[0] * points.normal_in_camera[0][i]
-                + toward[1] * points.normal_in_camera[1][i]
-                + toward[2] * points.normal_in_camera[2][i]
-                - bias;
+            let above = dot(toward, normal) - bias;
             let above = if above > 0.0 { above } else { 0.0 };
             darkening += near * near * near * above / (square + 1e-5);
         }

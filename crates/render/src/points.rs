@@ -6,7 +6,7 @@
 use multiversion::multiversion;
 
 use crate::assets::{Part, TRIANGLE_BITS};
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, whole_registers};
+use crate::lanes::{CHUNK, Lane, ZERO, dot, nearest_integer, turned, whole_registers};
 use crate::layers::TILE;
 use crate::view::{Lens, PartView};
 
@@ -112,7 +112,7 @@ impl Pixels {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     for (i, &place) in places.iter().enumerate().take(CHUNK) {
         let [column, row] = unpacked(place);
@@ -121,7 +121,7 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Centers<'_>, first_id: u32) {
     let [column, row] = unpacked(place).map(|at| at as usize);
     let mut differ = 0;
@@ -209,7 +209,7 @@ impl Points {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn locate(points: &mut Points, depths: &Lane, placed: &PartView, lens: &Lens) {
     let camera_from_body = placed.body_from_camera.transpose();
     let columns = [camera_from_body.x_axis, camera_from_body.y_axis, camera_from_body.z_axis].map(|c| c.to_array());
@@ -220,18 +220,15 @@ fn locate(points: &mut Points, depths: &Lane, placed: &PartView, lens: &Lens) {
         let depth = depths[i];
         let ray = [(points.column[i] - lens.center.x) * inverse_x, (points.row[i] - lens.center.y) * inverse_y, 1.0];
         let plane = [points.plane[0][i], points.plane[1][i], points.plane[2][i]];
-        let turned = |row: usize| columns[0][row] * plane[0] + columns[1][row] * plane[1] + columns[2][row] * plane[2];
-        let normal = [turned(0), turned(1), turned(2)];
-        let along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2];
-        let side = if along > 0.0 { -1.0 } else { 1.0 };
+        let normal = [turned(&columns, 0, plane), turned(&columns, 1, plane), turned(&columns, 2, plane)];
+        let side = if dot(normal, ray) > 0.0 { -1.0 } else { 1.0 };
         let normal = [normal[0] * side, normal[1] * side, normal[2] * side];
         let place = [ray[0] * depth, ray[1] * depth, depth];
         for axis in 0..3 {
             points.place_in_camera[axis][i] = place[axis];
             points.normal_in_camera[axis][i] = normal[axis];
-            points.place[axis][i] =
-                turn[0][axis] * place[0] + turn[1][axis] * place[1] + turn[2][axis] * place[2] + eye[axis];
-            points.normal[axis][i] = turn[0][axis] * normal[0] + turn[1][axis] * normal[1] + turn[2][axis] * normal[2];
+            points.place[axis][i] = turned(&turn, axis, place) + eye[axis];
+            points.normal[axis][i] = turned(&turn, axis, normal);
         }
     }
 }

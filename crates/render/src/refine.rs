@@ -35,7 +35,7 @@ impl Default for RefineWindow {
 }
 
 /// At every pixel the mean of the coarse estimates around it that belong to the same surface.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];
     for row in 0..TILE {

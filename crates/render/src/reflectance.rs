@@ -1,15 +1,15 @@
 //! How much light surfaces throw back: Fresnel terms, and light between the sides of a corner.
 
-use crate::lanes::within;
+use crate::lanes::{polynomial, within};
 
 /// Share of the ambient light in a corner that is open to a share of it, with the light that its sides of an albedo throw
 /// on each other (Jimenez, Wu, Pesce and Jarabo, "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016).
 #[inline(always)]
 pub(crate) fn between(open: f32, albedo: f32) -> f32 {
-    let cubic = 2.0404 * albedo - 0.3324;
-    let square = 0.6417 - 4.7951 * albedo;
-    let linear = 2.7552 * albedo + 0.6903;
-    let share = ((open * cubic + square) * open + linear) * open;
+    let cubic = albedo.mul_add(2.0404, -0.3324);
+    let square = albedo.mul_add(-4.7951, 0.6417);
+    let linear = albedo.mul_add(2.7552, 0.6903);
+    let share = polynomial([cubic, square, linear, 0.0], open);
     if share > open { share } else { open }
 }
 
@@ -17,7 +17,7 @@ pub(crate) fn between(open: f32, albedo: f32) -> f32 {
 /// what its walls see. Light goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
 #[inline(always)]
 pub(crate) fn thrown_back(albedo: f32, open: f32) -> f32 {
-    albedo * albedo * open / (1.0 - albedo * (1.0 - open))
+    albedo * albedo * open / albedo.mul_add(open - 1.0, 1.0)
 }
 
 /// What Schlick's approximation adds to the reflectance head-on, as a share of what is missing to all.
@@ -34,8 +34,8 @@ pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
     let smoothness = 1.0 - roughness;
     let limit = smoothness * smoothness;
     let power = exp2_of_negative(facing);
-    let edge = (if limit < power { limit } else { power }) * smoothness + (0.0425 - 0.0275 * roughness);
-    (edge * -1.04 + (1.04 - 0.572 * roughness), edge * 1.04 + (0.022 * roughness - 0.04))
+    let edge = (if limit < power { limit } else { power }).mul_add(smoothness, 0.0425 - 0.0275 * roughness);
+    (edge.mul_add(-1.04, 1.04 - 0.572 * roughness), edge.mul_add(1.04, 0.022 * roughness - 0.04))
 }
 
 /// 2 to the power of `-9.28 x` for `x` 0-1, to a thousandth of its value: the series of an eighth of it, squared thrice.
@@ -43,7 +43,7 @@ pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
 fn exp2_of_negative(x: f32) -> f32 {
     const RATE: f32 = -9.28 / 8.0 * std::f32::consts::LN_2;
     let u = x * RATE;
-    let series = ((((u * (1.0 / 720.0) + 1.0 / 120.0) * u + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u * u + u + 1.0;
+    let series = polynomial([1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0], u);
     let square = series * series;
     let fourth = square * square;
     fourth * fourth

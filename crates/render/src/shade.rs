@@ -26,7 +26,7 @@ mod spots;
 use flat::Corners;
 pub(crate) use flat::TILES;
 use reflect::{Light, Reflected, reflect, reflect_flat};
-use spots::{Spots, find_footprints, interpolate_one, locate, place_on_texture};
+use spots::{Spots, find_footprints, interpolate, interpolate_one, locate, place_on_texture};
 
 /// A part as it is shaded: what it is made of, how it stands before a lens, and the light on it.
 #[derive(Debug)]
@@ -220,7 +220,7 @@ impl Shading {
         }
         match spots.is_one {
             true => interpolate_one::<CHUNK>(spots, &faces[spots.triangle[0] as usize], eye),
-            false => spots.interpolate(faces, eye, surface.texture.is_some()),
+            false => interpolate(spots, faces, eye, surface.texture.is_some()),
         }
         if let Some(texture) = &surface.texture {
             find_footprints::<CHUNK>(spots, placed, lens, texture.texels());

@@ -349,7 +349,7 @@ impl Caster {
 }
 
 /// Draws the sides that face the light, or both of a mesh that is not closed.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut Target) {
     if caster.corners.is_empty() {
         return;
@@ -421,7 +421,7 @@ impl Default for Places {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_points(light: &KeyLight, points: &Points, places: &mut Places) {
     let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
         .map(|axis| axis.to_array());
@@ -452,7 +452,7 @@ fn place_points(light: &KeyLight, points: &Points, places: &mut Places) {
 }
 
 /// Extremes of the tiles that changed.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn summarise_tiles(target: &Target, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {

@@ -7,7 +7,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::lanes::{smooth_step, within};
+use crate::lanes::{dot, lerp, polynomial, smooth_step, within};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
@@ -64,9 +64,9 @@ impl Sky {
         let basis = harmonics_of(x, y, z);
         let mut out = [0.0; 3];
         for channel in 0..3 {
-            let mut sum = 0.0;
-            for index in 0..9 {
-                sum += self.harmonics[index][channel] * basis[index];
+            let mut sum = self.harmonics[0][channel] * basis[0];
+            for index in 1..9 {
+                sum = self.harmonics[index][channel].mul_add(basis[index], sum);
             }
             out[channel] = if sum > 0.0 { sum } else { 0.0 };
         }
@@ -103,16 +103,16 @@ impl Glossy {
     #[inline(always)]
     pub fn at(&self, direction: [f32; 3]) -> [f32; 3] {
         let z = direction[2];
-        let above = smooth_step(z * self.sharpness + 0.5);
-        let overhead = HORIZON + (ZENITH - HORIZON) * (if z > 0.0 { z } else { 0.0 });
+        let above = smooth_step(z.mul_add(self.sharpness, 0.5));
+        let overhead = (if z > 0.0 { z } else { 0.0 }).mul_add(ZENITH - HORIZON, HORIZON);
         let mut lamps = 0.0;
         for (axis, sharpness, brightness) in self.lamps {
-            lamps += brightness * exp(sharpness * (dot(direction, axis) - 1.0));
+            lamps = exp(sharpness * (dot(direction, axis) - 1.0)).mul_add(brightness, lamps);
         }
         let mut out = [0.0; 3];
         for channel in 0..3 {
             let (sky, ground) = (self.sky[channel], self.ground[channel]);
-            out[channel] = ground + (sky * overhead - ground) * above + sky * lamps;
+            out[channel] = sky.mul_add(lamps, lerp(ground, sky * overhead, above));
         }
         out
     }
@@ -126,8 +126,8 @@ fn exp(x: f32) -> f32 {
     let shifted = scaled + 12_582_912.0;
     let whole = shifted - 12_582_912.0;
     let u = (scaled - whole) * std::f32::consts::LN_2;
-    let series = ((((u * (1.0 / 120.0) + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u + 1.0) * u + 1.0;
-    series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23)
+    polynomial([1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0], u)
+        * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23)
 }
 
 #[derive(Debug)]
@@ -209,9 +209,4 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
 /// Brightness of a linear colour.
 pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
-}
-
-#[inline(always)]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -266,7 +266,7 @@ fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], str
     std::array::from_fn(|i| Vec4::new(share[i] + back[0][i], share[i] + back[1][i], share[i] + back[2][i], 0.0))
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn add_body(
     body: &Body,
     [x, y, z, step]: [f32; 4],
@@ -280,16 +280,18 @@ fn add_body(
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         let cover = body.weight * covered(&body.occluder, toward, [0.0, 0.0, 1.0]);
         // How far the light comes from the side on which the point lies: the sides of most things are upright.
-        let flat = 1.0 / (toward[0] * toward[0] + toward[1] * toward[1] + 1e-12).sqrt();
-        let lit = KEY_BESIDE - KEY_SIDE * (to_light[0] * toward[0] + to_light[1] * toward[1]) * flat;
+        let flat = 1.0 / toward[0].mul_add(toward[0], toward[1].mul_add(toward[1], 1e-12)).sqrt();
+        let across = to_light[0].mul_add(toward[0], to_light[1] * toward[1]);
+        let lit = (across * flat).mul_add(-KEY_SIDE, KEY_BESIDE);
         let lit = if lit > 0.0 { lit } else { 0.0 };
         // Where it touches the table it lies in its own shade.
-        let lit = lit * (1.0 - KEY_SHADED * cover);
+        let lit = lit * cover.mul_add(-KEY_SHADED, 1.0);
         let arriving = share[i] * cover;
         for channel in 0..3 {
-            back[channel][i] += arriving * (body.ambient[channel] + body.key[channel] * lit);
+            let light = body.key[channel].mul_add(lit, body.ambient[channel]);
+            back[channel][i] = arriving.mul_add(light, back[channel][i]);
         }
-        let left = 1.0 - strength * cover;
+        let left = cover.mul_add(-strength, 1.0);
         share[i] *= if left > 0.0 { left } else { 0.0 };
     }
     // Apart, since the compiler makes scalars of a longer loop.

@@ -92,24 +92,24 @@ impl Default for Taps {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_taps(queue: &Queue, [width, stride]: [usize; 2], taps: &mut Taps) {
     let limit = (width - 1) as i32 as f32;
     let stride = stride as u32;
     for ((offset, index), plane) in spiral().iter().zip(&mut taps.index).zip(&mut taps.plane) {
         for i in 0..whole_registers(queue.count) {
             let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
-            let dx = (offset[0] * cosine - offset[1] * sine) * radius;
-            let dy = (offset[0] * sine + offset[1] * cosine) * radius;
+            let dx = offset[0].mul_add(cosine, -offset[1] * sine) * radius;
+            let dy = offset[0].mul_add(sine, offset[1] * cosine) * radius;
             let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
             let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
             index[i] = row * stride + column;
-            plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
+            plane[i] = dx.mul_add(queue.tilt_x[i], dy.mul_add(queue.tilt_y[i], queue.nearness[i]));
         }
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn add_taps(taps: &mut Taps, count: usize) {
     for i in 0..whole_registers(count) {
         let (mut blockers, mut distance) = (0.0, 0.0);
@@ -117,7 +117,7 @@ fn add_taps(taps: &mut Taps, count: usize) {
             let ahead = stored[i] - plane[i];
             let weight = if stored[i].to_bits() & 1 == 1 { GLASS_SHADE } else { 1.0 };
             blockers += if ahead > 0.0 { weight } else { 0.0 };
-            distance += if ahead > 0.0 { ahead * weight } else { 0.0 };
+            distance = (if ahead > 0.0 { ahead } else { 0.0 }).mul_add(weight, distance);
         }
         (taps.blockers[i], taps.distance[i]) = (blockers, distance);
     }

@@ -9,7 +9,7 @@ use genmanip_core::Texture;
 use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
-use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, whole_registers, within};
+use crate::lanes::{CHUNK, Lane, ZERO, floor, lerp, nearest_integer, polynomial, whole_registers, within};
 
 /// A texture and its smaller copies; they are made when the first pixel asks for them.
 #[derive(Debug)]
@@ -170,8 +170,8 @@ impl Samples {
     /// Finds the first of the four texels around a point.
     #[inline(always)]
     fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
-        let column = (u - floor(u)) * level.width + 0.5;
-        let row = (v - floor(v)) * level.height + 0.5;
+        let column = (u - floor(u)).mul_add(level.width, 0.5);
+        let row = (v - floor(v)).mul_add(level.height, 0.5);
         // Counted from the border; coordinates that are not finite end there too.
         let (left, top) = (within(floor(column), 0.0, level.width), within(floor(row), 0.0, level.height));
         self.x[i] = column - left;
@@ -181,7 +181,7 @@ impl Samples {
 }
 
 /// Halvings of a texture's sides after which a pixel covers about one texel.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_octaves(count: usize, texels_per_pixel: &Lane, octaves: &mut [u32; CHUNK]) {
     for i in 0..whole_registers(count) {
         octaves[i] = octave(texels_per_pixel[i]);
@@ -197,7 +197,7 @@ pub(crate) fn octave(texels_per_pixel: f32) -> u32 {
 }
 
 /// The first of the four texels around each point, of one size of the texture.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_texels_at(level: &Level, count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
         samples.find(i, [u[i], v[i]], *level);
@@ -205,7 +205,7 @@ fn find_texels_at(level: &Level, count: usize, [u, v]: [&Lane; 2], samples: &mut
 }
 
 /// The same where each point has its own.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_texels(count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
         let Levels { width, height, stride, first } = &samples.levels;
@@ -215,14 +215,13 @@ fn find_texels(count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
 }
 
 /// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion; times a tint.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [Lane; 3]) {
     for channel in 0..3 {
         for i in 0..whole_registers(count) {
             let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
-            let upper = code(0) + (code(1) - code(0)) * samples.x[i];
-            let lower = code(2) + (code(3) - code(2)) * samples.x[i];
-            let light = linear_of((upper + (lower - upper) * samples.y[i]) * (1.0 / 255.0));
+            let (upper, lower) = (lerp(code(0), code(1), samples.x[i]), lerp(code(2), code(3), samples.x[i]));
+            let light = linear_of(lerp(upper, lower, samples.y[i]) * (1.0 / 255.0));
             out[channel][i] = light * tint[channel];
         }
     }
@@ -231,8 +230,8 @@ fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [Lane; 
 /// Linear light of an sRGB value, 0-1, to 0.4 % of it: a fit of the power 0.4.
 #[inline(always)]
 fn linear_of(value: f32) -> f32 {
-    let t = (value + 0.055) * (1.0 / 1.055);
-    let power = (((-1.213_869 * t + 3.181_99) * t - 3.232_639) * t + 2.037_177) * t + 0.223_733;
+    let t = value.mul_add(1.0 / 1.055, 0.055 / 1.055);
+    let power = polynomial([-1.213_869, 3.181_99, -3.232_639, 2.037_177, 0.223_733], t);
     if value > 0.040_45 { t * t * power } else { value * (1.0 / 12.92) }
 }
 
@@ -296,7 +295,7 @@ pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
 }
 
 /// Places of linear colours in [`srgb_table`].
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(crate) fn find_codes(colors: &[Lane; 3], codes: &mut [[u32; CHUNK]; 3]) {
     for channel in 0..3 {
         for i in 0..CHUNK {

@@ -12,7 +12,7 @@ use multiversion::multiversion;
 
 use crate::assets::{Part, RenderAssets};
 use crate::key_light::KeyLight;
-use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, floor, lerp, nearest_integer, turned, within};
 use crate::layers::{MarkCount, TILE};
 use crate::points::Pixels;
 use crate::raster::Target;
@@ -290,7 +290,7 @@ impl Default for Reading {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_cells(
     cell_from_world: &[[f32; 3]; 2],
     [columns, rows]: [usize; 2],
@@ -308,9 +308,10 @@ fn find_cells(
         let depth = pixels.depth[i];
         let (x, y) =
             ((pixels.column[i] - center_x) * inverse_x * depth, (pixels.row[i] - center_y) * inverse_y * depth);
-        let place = |axis: usize| turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
+        let place = |axis: usize| turned(&turn, axis, [x, y, depth]) + eye[axis];
         let place = [place(0), place(1)];
-        let cell = |row: &[f32; 3], limit: f32| within(row[0] * place[0] + row[1] * place[1] + row[2], 0.0, limit);
+        let on_map = |row: &[f32; 3]| row[0].mul_add(place[0], row[1].mul_add(place[1], row[2]));
+        let cell = |row: &[f32; 3], limit: f32| within(on_map(row), 0.0, limit);
         let (column, row) = (cell(by_column, limit[0]), cell(by_row, limit[1]));
         let (left, top) = (within(floor(column), 0.0, limit[0] - 1.0), within(floor(row), 0.0, limit[1] - 1.0));
         (reading.x[i], reading.y[i]) = (column - left, row - top);
@@ -318,12 +319,11 @@ fn find_cells(
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn mix(reading: &mut Reading) {
     let [a, b, c, d] = &reading.corners;
     for i in 0..CHUNK {
-        let upper = a[i] + (b[i] - a[i]) * reading.x[i];
-        let lower = c[i] + (d[i] - c[i]) * reading.x[i];
-        reading.share[i] = upper + (lower - upper) * reading.y[i];
+        let (upper, lower) = (lerp(a[i], b[i], reading.x[i]), lerp(c[i], d[i], reading.x[i]));
+        reading.share[i] = lerp(upper, lower, reading.y[i]);
     }
 }

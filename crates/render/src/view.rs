@@ -325,14 +325,14 @@ pub(crate) fn far_nearness(nearness: f32) -> f32 {
 }
 
 /// Draws a mesh that lies beyond the near plane.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut Target) {
     let eye = Eye::At(placed.eye_in_body.to_array());
     draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, eye, sides, first_id, target);
 }
 
 /// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, target: &mut Target, cut: &mut Vec<u32>) {
     let scale = target.scale as f32;
     let is_beyond = |corner: &Corner| corner.nearness > 0.0 && corner.nearness <= 1.0 / NEAR_M;
@@ -347,7 +347,7 @@ fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, tar
 }
 
 /// Draws the sides that are wanted of triangles around the first of some corners.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut Target) {
     for pair in polygon.get(1..).unwrap_or_default().windows(2) {
         draw_facing([polygon[0], pair[0], pair[1]], sides, id, target);

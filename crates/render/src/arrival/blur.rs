@@ -210,13 +210,13 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     }
 }
 
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn blur_tile(window: &mut Window<WINDOW, 1>, arrival: &Arrival, key: &[f32], at: [usize; 2]) -> [[f32; TILE]; TILE] {
     window.load::<1>(arrival, key, at);
     window.blurred()
 }
 
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn blur_coarse_tile(
     window: &mut Window<COARSE_WINDOW, 2>,
     arrival: &Arrival,
@@ -227,7 +227,7 @@ fn blur_coarse_tile(
     window.blurred()
 }
 
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx2+fma"))]
 fn blur_half_tile(
     window: &mut Window<HALF_WINDOW, 1>,
     arrival: &Arrival,

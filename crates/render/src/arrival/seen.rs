@@ -137,7 +137,7 @@ fn differ_from(
 
 /// Takes over what the centres of a tile's pixels see; returns the smallest and largest nearness of what is there, and
 /// the bits in which ids of centres, and of all samples, differ from a first one.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn see_tile(
     opaque: &Target,
     cover: Option<&Cover>,

@@ -75,7 +75,7 @@ impl Front {
 }
 
 /// In which samples of a row a layer is before what is opaque, in bits.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn compare(layer: &[f32], opaque: &[f32], is_far: bool) -> u64 {
     if layer.iter().fold(0, |any, stored| any | stored.to_bits()) == 0 {
         return 0;

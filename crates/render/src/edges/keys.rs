@@ -165,7 +165,7 @@ impl TileKeys {
 }
 
 /// [`TileKeys::load`] within the image, for two samples per pixel along each axis, from the first id on.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn load_of_two(ids: &[u32], stride: usize, directions: &Directions, keys: &mut [u32; SIDE * SIDE]) -> bool {
     let first = ids[0];
     let line = |row: usize| ids[row * stride..].first_chunk::<SIDE>().expect("the tile lies within the image");
@@ -224,7 +224,7 @@ impl Kinds {
 }
 
 /// [`TileKeys::compare`] for two samples per pixel along each axis.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn compare_of_two(keys: &[u32; SIDE * SIDE], kinds: &mut Kinds) -> u64 {
     /// Even and odd columns apart, padded to whole registers.
     const COLUMNS: usize = 16;

@@ -182,7 +182,7 @@ fn places(columns: &Range<usize>, rows: &Range<usize>, of_columns: Range<usize>,
 
 /// Sums the colours of the samples that show what the pixel shows that they lean to, for some pixels of a tile that do
 /// not lie at the border.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn sum_leaning(kinds: &Kinds, mixed: u64, colors: &[Vec3A], first: usize, width: usize, sums: &mut Sums) {
     for place in each_place(mixed) {
         let shares = kinds.leaning(place);

@@ -2,8 +2,7 @@
 //! throws no light on it.
 
 use super::{FULLNESS, Occluder, Occluders, covered};
-use crate::lanes::within;
-use crate::sky::dot;
+use crate::lanes::{dot, within};
 
 /// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
 /// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
@@ -83,7 +82,7 @@ impl Held {
         let share = share * self.share;
         let (around, lit) = (around(normal), dot(normal, to_light));
         let lit = if lit > 0.0 { lit * KEY } else { 0.0 };
-        let light = |channel: usize| share * self.color[channel] * (around[channel] * AROUND + key[channel] * lit);
+        let light = |channel: usize| share * self.color[channel] * around[channel].mul_add(AROUND, key[channel] * lit);
         (1.0 - share, [light(0), light(1), light(2)])
     }
 
@@ -111,20 +110,20 @@ impl Held {
     fn meet_ellipsoid(&self, start: [f32; 3], step: [f32; 3]) -> (f32, [f32; 3]) {
         // Where the ellipsoid is the unit sphere.
         let (along, square) = (dot(start, step), dot(step, step) + 1e-12);
-        let beside = dot(start, start) - along * along / square;
+        let beside = (along / square).mul_add(-along, dot(start, start));
         let beside = if beside > 0.0 { beside } else { 0.0 };
         let length = square.sqrt();
         let nearest = -along / length;
-        let spread = BLUR * (if nearest > 0.0 { nearest } else { 0.0 }) + EDGE;
+        let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(BLUR, EDGE);
         let share = within((1.0 - beside.sqrt()) / spread * 0.5 + 0.5, 0.0, 1.0) * within(nearest + 0.5, 0.0, 1.0);
         let inside = if beside < 1.0 { (1.0 - beside).sqrt() } else { 0.0 };
         let distance = nearest - inside;
         let distance = (if distance > 0.0 { distance } else { 0.0 }) / length;
         let mut normal = [0.0; 3];
         for axis in 0..3 {
-            let at = start[axis] + distance * step[axis];
+            let at = distance.mul_add(step[axis], start[axis]);
             for component in 0..3 {
-                normal[component] += self.axes[axis][component] * at;
+                normal[component] = self.axes[axis][component].mul_add(at, normal[component]);
             }
         }
         (share, unit(normal))

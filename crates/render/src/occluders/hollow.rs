@@ -6,7 +6,7 @@ use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
 use super::{Occluder, Occluders, covered};
-use crate::lanes::{Lane, smooth_step, whole_registers};
+use crate::lanes::{Lane, dot, smooth_step, whole_registers};
 use crate::points::Points;
 
 /// Share of the ambient light in their part of the sky that the walls of a hollow hold back. Fitted to traced pictures.
@@ -72,7 +72,7 @@ pub(crate) fn facing_middle(cosine: f32) -> f32 {
 
 /// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
 /// on that side; no point of a convex body does.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
     let (center, axes, volume) = (own.center, own.axes, own.volume);
     let end = whole_registers(points.count);
@@ -87,14 +87,9 @@ pub(super) fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
     for i in 0..end {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
-        let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) / square.sqrt();
-        let mut stretched = 0.0;
-        for axis in axes {
-            let along = axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];
-            stretched += along * along;
-        }
-        let open = open_share(volume, 1.0 / (stretched.sqrt() + 1e-6));
+        let cosine = dot(normal, toward) / (dot(toward, toward) + 1e-12).sqrt();
+        let along = axes.map(|axis| dot(axis, normal));
+        let open = open_share(volume, 1.0 / (dot(along, along).sqrt() + 1e-6));
         let passes = 1.0 - (1.0 - open) * facing_middle(cosine) * WALLS;
         share[i] = if share[i] < passes { share[i] } else { passes };
     }

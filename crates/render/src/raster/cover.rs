@@ -62,7 +62,7 @@ impl Cover {
         let (first, value) = (column as i32 as f32 - self.from[row], self.value[row]);
         let mut line = [0.0; N];
         for i in 0..N {
-            line[i] = within(value + (first + (i * STEP) as i32 as f32) * dx, low, high);
+            line[i] = within((first + (i * STEP) as i32 as f32).mul_add(dx, value), low, high);
         }
         line
     }
@@ -226,7 +226,7 @@ impl Target {
 }
 
 /// Writes some columns and rows of a tile, whose first column is one of the target; the lists begin in the first row.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn store(
     cover: &Cover,
     column: usize,
@@ -282,7 +282,7 @@ pub(super) fn draw_covered(triangle: &Triangle, id: u32, target: &mut Target) ->
 }
 
 /// Draws a triangle tile by tile: where it hides all that was there, or is hidden, no sample is touched.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn draw_by_tiles(triangle: &Triangle, id: u32, target: &mut Target) {
     let [first, _, end] = triangle.rows.map(|row| row as usize);
     for tile_row in first / SIDE..end.div_ceil(SIDE) {

@@ -96,7 +96,8 @@ impl<const N: usize> Corners<N> {
             (out.low[i], out.high[i]) = extremes(a.nearness, b.nearness, c.nearness);
             let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
             let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
-            out.constant[i] = f64::from(a.nearness) - f64::from(a.x) * f64::from(dx) - f64::from(a.y) * f64::from(dy);
+            let [x, y] = [a.x, a.y].map(f64::from);
+            out.constant[i] = (-x).mul_add(f64::from(dx), (-y).mul_add(f64::from(dy), f64::from(a.nearness)));
             (out.dx[i], out.dy[i]) = (dx, dy);
         }
         out
@@ -170,9 +171,9 @@ impl Triangle {
         for i in 0..ROWS {
             let row = first + i as u32;
             let y = row as i32 as f32;
-            let long_x = top_x + (y - top_y) * long_slope;
-            let upper_x = top_x + (y - top_y) * upper_slope;
-            let lower_x = middle_x + (y - middle_y) * lower_slope;
+            let long_x = (y - top_y).mul_add(long_slope, top_x);
+            let upper_x = (y - top_y).mul_add(upper_slope, top_x);
+            let lower_x = (y - middle_y).mul_add(lower_slope, middle_x);
             let short_x = if row < self.rows[1] { upper_x } else { lower_x };
             // Exchanged bit by bit: a branch would be taken for every other triangle.
             let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & self.long_is_left;
@@ -184,7 +185,8 @@ impl Triangle {
             // Counted from the same pixel whatever the number of samples.
             let pixel = (start + scale - 1) & !(scale - 1);
             rows.offsets[i] = (start as i32 - pixel as i32) as f32;
-            rows.values[i] = (self.slant.constant + f64::from(pixel as i32) * dx + f64::from(row as i32) * dy) as f32;
+            let begin = f64::from(row as i32).mul_add(dy, self.slant.constant);
+            rows.values[i] = f64::from(pixel as i32).mul_add(dx, begin) as f32;
         }
         rows
     }

@@ -82,7 +82,7 @@ impl Row {
         let (left, offset) = ((self.count - from) as i32 as f32, self.offset + (from as i32 - 1) as f32);
         let mut values = [0.0; SAMPLES];
         for i in 0..SAMPLES {
-            let value = within(self.value + (STEPS[i] + offset) * slant.dx, slant.low, slant.high);
+            let value = within((STEPS[i] + offset).mul_add(slant.dx, self.value), slant.low, slant.high);
             values[i] = if STEPS[i] <= left { value } else { 0.0 };
         }
         values

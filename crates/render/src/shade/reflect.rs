@@ -9,12 +9,12 @@ use super::flat::CORNERS;
 use super::spots::Spots;
 use crate::assets::Surface;
 use crate::develop::{is_compressed, tone_map, tone_map_dark};
-use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, within};
+use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, dot, lerp, turned, within};
 use crate::layers::TILE;
 use crate::lighting::Lighting;
 use crate::occluders::{Held, Hollow, facing_middle};
 use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
-use crate::sky::{Glossy, Sky, dot};
+use crate::sky::{Glossy, Sky};
 use crate::table_light::TableLight;
 use crate::view::{Lens, PartView};
 
@@ -108,7 +108,7 @@ impl Light<'_> {
 }
 
 /// Light reflected towards the viewer, developed.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect(spots: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
     if spots.count <= REGISTER {
         reflect_chunk::<REGISTER>(spots, appearance, out);
@@ -142,7 +142,7 @@ fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>,
 }
 
 /// What is reflected at the corners of tiles of an opaque dielectric, before the key light is held back.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
     let &Appearance { surface, placed, lens, ref light, .. } = appearance;
     face_viewer::<REGISTER>(corners, placed, lens, out);
@@ -156,7 +156,7 @@ pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out:
 }
 
 /// [`reflect`] for one of the tiles at whose corners [`reflect_corners`] found the light, which is linear between them.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect_flat(
     spots: &Spots,
     corners: &Reflected,
@@ -199,7 +199,7 @@ fn spread(corners: &Lane, tile: usize, out: &mut Lane) {
     let [first, right, down, across] = corners.as_chunks::<CORNERS>().0[tile];
     let (right, down, twist) = (right - first, down - first, across - right - down + first);
     for i in 0..CHUNK {
-        out[i] = first + ACROSS[i] * right + (down + ACROSS[i] * twist) * DOWN[i];
+        out[i] = ACROSS[i].mul_add(twist, down).mul_add(DOWN[i], ACROSS[i].mul_add(right, first));
     }
 }
 
@@ -213,20 +213,18 @@ fn face_viewer<const LANES: usize>(spots: &Spots, placed: &PartView, lens: &Lens
     let (center_x, center_y) = (lens.center.x, lens.center.y);
     for i in 0..LANES {
         let (ray_x, ray_y) = ((spots.x[i] - center_x) * inverse_x, (spots.y[i] - center_y) * inverse_y);
-        let inverse = -1.0 / (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
+        let inverse = -1.0 / ray_x.mul_add(ray_x, ray_y.mul_add(ray_y, 1.0)).sqrt();
         for axis in 0..3 {
-            out.viewer[axis][i] = (camera[0][axis] * ray_x + camera[1][axis] * ray_y + camera[2][axis]) * inverse;
+            out.viewer[axis][i] = turned(&camera, axis, [ray_x, ray_y, 1.0]) * inverse;
         }
     }
     for i in 0..LANES {
         let mixed = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
-        let x = turn[0][0] * mixed[0] + turn[1][0] * mixed[1] + turn[2][0] * mixed[2];
-        let y = turn[0][1] * mixed[0] + turn[1][1] * mixed[1] + turn[2][1] * mixed[2];
-        let z = turn[0][2] * mixed[0] + turn[1][2] * mixed[1] + turn[2][2] * mixed[2];
-        let inverse = 1.0 / (x * x + y * y + z * z + 1e-20).sqrt();
-        out.normal[0][i] = x * inverse;
-        out.normal[1][i] = y * inverse;
-        out.normal[2][i] = z * inverse;
+        let normal = [turned(&turn, 0, mixed), turned(&turn, 1, mixed), turned(&turn, 2, mixed)];
+        let inverse = 1.0 / (dot(normal, normal) + 1e-20).sqrt();
+        for axis in 0..3 {
+            out.normal[axis][i] = normal[axis] * inverse;
+        }
     }
 }
 
@@ -246,12 +244,19 @@ fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflect
         let cosine = dot(normal, viewer);
         out.facing[i] = within(cosine, 1e-3, 1.0);
         let twice = cosine + cosine;
-        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let mirrored = mirrored(normal, viewer, twice);
         let light = glossy.at(mirrored);
         out.mirrored[0][i] = light[0];
         out.mirrored[1][i] = light[1];
         out.mirrored[2][i] = light[2];
     }
+}
+
+/// The unit direction that is seen in a mirror, from twice the cosine between its normal and the direction to the viewer.
+#[inline(always)]
+fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
+    let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);
+    [along(0), along(1), along(2)]
 }
 
 /// What metal mirrors of the thing in the hand instead of the surroundings.
@@ -263,12 +268,13 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
         let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
         let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
         let distance = spots.depth[i] / dot(viewer, axis);
-        let place = [eye[0] + viewer[0] * distance, eye[1] + viewer[1] * distance, eye[2] + viewer[2] * distance];
+        let along = |axis: usize| viewer[axis].mul_add(distance, eye[axis]);
+        let place = [along(0), along(1), along(2)];
         let twice = 2.0 * dot(normal, viewer);
-        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let mirrored = mirrored(normal, viewer, twice);
         let (left, light) = held.seen(place, mirrored, |normal| lighting.sky.diffuse(normal), lamp);
         for channel in 0..3 {
-            out.mirrored[channel][i] = out.mirrored[channel][i] * left + light[channel];
+            out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(left, light[channel]);
         }
     }
 }
@@ -313,8 +319,8 @@ fn find_highlights<const LANES: usize>(roughness: f32, to_light: [f32; 3], out: 
         let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
         let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
         let n_h = within(dot(normal, half), 0.0, 1.0);
-        let denominator = n_h * n_h * (square_alpha - 1.0) + 1.0;
-        let smith = lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha;
+        let denominator = (n_h * n_h).mul_add(square_alpha - 1.0, 1.0);
+        let smith = (lit * facing).mul_add(2.0 * (1.0 - alpha), (lit + facing) * alpha);
         let smith = if smith > 1e-4 { smith } else { 1e-4 };
         // The lamp's strength is its irradiance over π, hence without the π of the distribution.
         out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
@@ -332,7 +338,7 @@ fn hold_back_key<const LANES: usize>(key: &Lane, with_key: f32, out: &mut Reflec
         let lit = out.lit[i];
         out.strength[i] = lit * key[i];
         out.veiled[i] = (lit - out.strength[i]) * with_key;
-        out.corner[i] = 1.0 - within((lit - out.strength[i]) * 4.0, 0.0, 1.0) * CORNER_SHADE;
+        out.corner[i] = within((lit - out.strength[i]) * 4.0, 0.0, 1.0).mul_add(-CORNER_SHADE, 1.0);
     }
 }
 
@@ -348,13 +354,13 @@ fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, light: &Light<'_
         for i in 0..LANES {
             let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
-            let f0 = reflectance + (base - reflectance) * metallic;
+            let f0 = lerp(reflectance, base, metallic);
             let albedo = base * (1.0 - metallic);
             let arriving = lamp * out.strength[i];
             let [ambient, direct] = mirrored_shares(f0, out, i);
             let diffuse = scattered([albedo, bounce], ambient_share, around, arriving, [out.corner[i], lamp]);
-            let specular = out.mirrored[channel][i] * ambient * ambient_share + arriving * direct;
-            out.color[channel][i] = (diffuse * side + specular) * exposure;
+            let specular = arriving.mul_add(direct, out.mirrored[channel][i] * ambient * ambient_share);
+            out.color[channel][i] = diffuse.mul_add(side, specular) * exposure;
         }
     }
 }
@@ -363,8 +369,8 @@ fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, light: &Light<'_
 /// arrives from there.
 #[inline(always)]
 fn mirrored_shares(f0: f32, out: &Reflected, i: usize) -> [f32; 2] {
-    let ambient = f0 * out.scale[i] + out.bias[i];
-    let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
+    let ambient = f0.mul_add(out.scale[i], out.bias[i]);
+    let direct = lerp(f0, 1.0, out.weight[i]) * out.lobe[i];
     [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
 }
 
@@ -374,7 +380,7 @@ fn mirrored_shares(f0: f32, out: &Reflected, i: usize) -> [f32; 2] {
 fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
     let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
     let corner = enclosed * corner * albedo * albedo * albedo * lamp * CORNER_KEY;
-    albedo * (around * between(open, albedo * bounce) + corner + arriving)
+    albedo * around.mul_add(between(open, albedo * bounce), corner + arriving)
 }
 
 /// What a dielectric mirrors, over `mirrored` and, of the lamp, over `lobe`: it does not depend on the colour.
@@ -427,16 +433,16 @@ fn add_up_some<const LANES: usize, const IS_OPEN: bool, const HAS_HOLLOW: bool>(
             let albedo = spots.base[channel][i];
             let mirrored = out.mirrored[channel][i];
             let (mut diffuse, ambient) = if IS_OPEN {
-                (albedo * (around * between(1.0, albedo * bounce) + arriving), mirrored)
+                (albedo * around.mul_add(between(1.0, albedo * bounce), arriving), mirrored)
             } else {
                 let share = spots.ambient[i];
                 (scattered([albedo, bounce], share, around, arriving, [out.corner[i], lamp]), mirrored * share)
             };
             if HAS_HOLLOW {
-                diffuse += thrown_back(albedo, open) * out.hollow[i] * lamp;
+                diffuse = (thrown_back(albedo, open) * out.hollow[i]).mul_add(lamp, diffuse);
             }
-            let specular = ambient + arriving * out.lobe[i];
-            out.color[channel][i] = (diffuse * side + specular) * exposure;
+            let specular = arriving.mul_add(out.lobe[i], ambient);
+            out.color[channel][i] = diffuse.mul_add(side, specular) * exposure;
         }
     }
 }

@@ -2,11 +2,11 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use glam::{Vec3A, Vec4};
+use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::Surface;
-use crate::lanes::{CHUNK, Lane, ZERO};
+use crate::lanes::{CHUNK, Lane, ZERO, dot, turned};
 use crate::mesh::Face;
 use crate::texture::{Detail, Samples};
 use crate::view::{Lens, PartView};
@@ -71,76 +71,78 @@ impl Spots {
             None => self.base = tint.map(|tint| [tint; CHUNK]),
         }
     }
-
-    /// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
-    pub fn interpolate(&mut self, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
-        let mut mixed = [Vec4::ZERO; CHUNK];
-        for i in 0..self.count {
-            let face = &faces[self.triangle[i] as usize];
-            let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
-            let [a, b, c, d] = face.columns;
-            let mut normal_u = a * x + b * y + c * z + d;
-            // The side that is seen is the one towards the eye.
-            if let Some(eye) = eye
-                && face.plane.x * (x - eye.x) + face.plane.y * (y - eye.y) + face.plane.z * (z - eye.z) > 0.0
-            {
-                normal_u = (-normal_u).with_w(normal_u.w);
-            }
-            mixed[i] = normal_u;
-            if is_textured {
-                self.v[i] = face.v.x * x + face.v.y * y + face.v.z * z + face.v.w;
-                self.texels[i] = face.plane.w;
-            }
-        }
-        take_apart(&mixed, self);
-    }
 }
 
-/// Normals and the first texture coordinate, component by component.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn take_apart(mixed: &[Vec4; CHUNK], spots: &mut Spots) {
+/// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn interpolate(spots: &mut Spots, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
+    let eye = eye.map(|eye| eye.to_array());
+    let mut mixed = [[0.0; 4]; CHUNK];
+    for i in 0..spots.count.min(CHUNK) {
+        let face = &faces[spots.triangle[i] as usize];
+        let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        let columns = face.columns.map(|column| column.to_array());
+        for row in 0..4 {
+            mixed[i][row] = dot([columns[0][row], columns[1][row], columns[2][row]], place) + columns[3][row];
+        }
+        // The side that is seen is the one towards the eye.
+        if let Some(eye) = eye
+            && is_away(face, place, eye)
+        {
+            (0..3).for_each(|axis| mixed[i][axis] = -mixed[i][axis]);
+        }
+        if is_textured {
+            let [x, y, z, first] = face.v.to_array();
+            spots.v[i] = dot([x, y, z], place) + first;
+            spots.texels[i] = face.plane.w;
+        }
+    }
     for i in 0..CHUNK {
-        let [x, y, z, u] = mixed[i].to_array();
+        let [x, y, z, u] = mixed[i];
         (spots.normal[0][i], spots.normal[1][i], spots.normal[2][i], spots.u[i]) = (x, y, z, u);
     }
 }
 
+/// Whether a triangle shows its back at a place.
+#[inline(always)]
+fn is_away(face: &Face, place: [f32; 3], eye: [f32; 3]) -> bool {
+    let [x, y, z, _] = face.plane.to_array();
+    dot([x, y, z], [place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]]) > 0.0
+}
+
 /// The same where all spots lie on one triangle, with the same bits.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
     let columns = face.columns.map(|column| column.to_array());
     let v = face.v.to_array();
-    let plane = face.plane.to_array();
     let (eye, can_turn) = eye.map_or(([0.0; 3], false), |eye| (eye.to_array(), true));
     for i in 0..LANES {
-        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        // In the order in which [`Spots::interpolate`] adds.
-        let mixed = |row: usize| columns[0][row] * x + columns[1][row] * y + columns[2][row] * z + columns[3][row];
-        let away = plane[0] * (x - eye[0]) + plane[1] * (y - eye[1]) + plane[2] * (z - eye[2]);
-        let side = if can_turn & (away > 0.0) { -1.0 } else { 1.0 };
+        let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        let mixed = |row: usize| dot([columns[0][row], columns[1][row], columns[2][row]], place) + columns[3][row];
+        let side = if can_turn & is_away(face, place, eye) { -1.0 } else { 1.0 };
         spots.normal[0][i] = mixed(0) * side;
         spots.normal[1][i] = mixed(1) * side;
         spots.normal[2][i] = mixed(2) * side;
         spots.u[i] = mixed(3);
-        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
-        spots.texels[i] = plane[3];
+        spots.v[i] = dot([v[0], v[1], v[2]], place) + v[3];
+        spots.texels[i] = face.plane.w;
     }
 }
 
 /// Texture coordinates where all spots lie on one triangle, with the bits of [`interpolate_one`].
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn place_on_texture(spots: &mut Spots, face: &Face) {
     let columns = face.columns.map(|column| column.w);
     let v = face.v.to_array();
     for i in 0..CHUNK {
-        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        spots.u[i] = columns[0] * x + columns[1] * y + columns[2] * z + columns[3];
-        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
+        let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        spots.u[i] = dot([columns[0], columns[1], columns[2]], place) + columns[3];
+        spots.v[i] = dot([v[0], v[1], v[2]], place) + v[3];
     }
 }
 
 /// Places in the body's frame.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens) {
     let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
         .map(|column| column.to_array());
@@ -151,23 +153,21 @@ pub(super) fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, l
         let x = (spots.x[i] - lens.center.x) * inverse_x * depth;
         let y = (spots.y[i] - lens.center.y) * inverse_y * depth;
         for axis in 0..3 {
-            spots.place[axis][i] = turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
+            spots.place[axis][i] = turned(&turn, axis, [x, y, depth]) + eye[axis];
         }
     }
 }
 
 /// Texels per pixel; square texture units per square metre go in.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn find_footprints<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f32) {
     let inverse_focal = 1.0 / lens.focal.x;
     let eye = placed.eye_in_body.to_array();
     for i in 0..LANES {
         let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
         let ray = [spots.place[0][i] - eye[0], spots.place[1][i] - eye[1], spots.place[2][i] - eye[2]];
-        let along = (normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]).abs();
-        let lengths = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
-            * (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
-        let facing = along / (lengths + 1e-20).sqrt();
+        let along = dot(normal, ray).abs();
+        let facing = along / dot(ray, ray).mul_add(dot(normal, normal), 1e-20).sqrt();
         // A grazing view stretches the pixel along one direction; the square root is the compromise.
         let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
         spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.depth[i] * inverse_focal / facing;

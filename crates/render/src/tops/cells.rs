@@ -188,7 +188,7 @@ struct Found {
 }
 
 /// After the mean distance of what was found, from the radius of a soft edge per metre, texels.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_half_widths(found: &mut Found, radius_per_m: f32, step: usize) {
     let step = step as i32 as f32;
     for row in 0..TILE {
@@ -203,7 +203,7 @@ fn find_half_widths(found: &mut Found, radius_per_m: f32, step: usize) {
 }
 
 /// What squares of so many cells around those of a block hold; `sums` start at the first square's corner.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn search_block(sums: &[u64], width: usize, side: usize) -> Found {
     let mut found = Found { sums: [[0; TILE]; TILE], half_widths: [[0.0; TILE]; TILE] };
     for (row, line) in found.sums.iter_mut().enumerate() {
@@ -227,7 +227,7 @@ fn unpack(sum: u64) -> (u32, u32) {
 
 /// Covered texels, [`FULL`] for each opaque one, in the lowest [`CELL_BITS`] of the cells of a tile of the map, row by row;
 /// above them their distances in [`STEPS_PER_M`], each as many times as its texel counts.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn cover_tile(map: &[f32], stride: usize, [at, per_column, per_row]: [f32; 3], step: usize) -> [u32; TILE * TILE] {
     const GLASS: u32 = (GLASS_SHADE * FULL as f32) as u32;
     let mut texels = [[0_u32; TILE]; TILE];
