@@ -1,15 +1,13 @@
 //! Tiles on one plane: light varies so little over them that it is found at their corners and is linear in between.
 
 use super::Appearance;
-use super::reflect::{Reflected, reflect_corners};
+use super::reflect::{CORNERS, Reflected, reflect_corners};
 use super::spots::{Spots, find_footprints, interpolate_one, locate};
 use crate::lanes::REGISTER;
 use crate::layers::TILE;
 use crate::points::{Centers, unpacked};
 use crate::texture::octave;
 
-/// Corners of a tile: the pixels at its first row and column, and [`TILE`] beyond.
-pub(super) const CORNERS: usize = 4;
 /// Tiles whose corners are lit at once: they fill a register.
 pub(crate) const TILES: usize = REGISTER / CORNERS;
 

@@ -5,7 +5,6 @@
 use multiversion::multiversion;
 
 use super::Appearance;
-use super::flat::CORNERS;
 use super::spots::Spots;
 use crate::assets::Surface;
 use crate::develop::{is_compressed, tone_map, tone_map_dark};
@@ -178,6 +177,9 @@ pub(super) fn reflect_flat(
     add_up_dielectric::<CHUNK>(spots, 1.0, light, out);
     develop::<CHUNK>(false, out);
 }
+
+/// Corners of a tile: the pixels at its first row and column, and [`TILE`] beyond.
+pub(super) const CORNERS: usize = 4;
 
 /// How far the pixels of a tile lie from its first column and from its first row, in tiles.
 static ACROSS: Lane = steps(1);
