@@ -45,7 +45,13 @@ impl Arrival {
                 false => [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
                     .map(|(x, y)| seen_at(x, y)),
             };
-            let span = if !shadow.is_on() || high == 0.0 {
+            let surface = if is_mixed { SEVERAL } else { first_surface };
+            let top = shadow.tops().of(surface).and_then(|top| {
+                let is_whole = corners.iter().all(|place| top.holds(place.z));
+                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
+            });
+            // The light on a level top is read from the top.
+            let span = if top.is_some() || !shadow.is_on() || high == 0.0 {
                 Span::default()
             } else if differ == 0
                 && let Some(normal) = view.normal_of(assets, first)
@@ -58,11 +64,6 @@ impl Arrival {
                 });
                 shadow.span_of(corners)
             };
-            let surface = if is_mixed { SEVERAL } else { first_surface };
-            let top = shadow.tops().of(surface).and_then(|top| {
-                let is_whole = corners.iter().all(|place| top.holds(place.z));
-                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
-            });
             let is_top = |surface| shadow.tops().of(surface).is_some();
             let has_top = top.is_none() && self.shows(is_top, surface, columns.clone(), rows.clone());
             let has_fixed = self.shows(|surface| table_light.is_fixed(surface), surface, columns, rows);
