@@ -68,7 +68,7 @@ pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn smooth_step(share: f32) -> f32 {
     let t = within(share, 0.0, 1.0);
-    t * t * t.mul_add(-2.0, 3.0)
+    t * t * (3.0 - 2.0 * t)
 }
 
 /// Largest integer that is not above a number of less than 2²², without a call to the mathematics library.

@@ -208,6 +208,19 @@ fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
     }
 }
 
+/// What is left of the sky above a point beside all bodies but one, as if each covered its share of what the others leave.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn sky_left(bodies: &[Occluder], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
+    let mut left = 1.0;
+    for other in bodies {
+        let [x, y, z] = other.center;
+        if other.body != but {
+            left *= 1.0 - covered(other, [x - place[0], y - place[1], z - place[2]], normal);
+        }
+    }
+    left
+}
+
 /// Share of a broad lamp that an ellipsoid in a direction covers: `lamp` is the lamp's direction where the ellipsoid is the
 /// unit sphere.
 #[inline(always)]

@@ -21,12 +21,15 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
     };
     let mut list = printer.list();
     let (mut verdicts, mut flaws): (BTreeMap<&str, usize>, BTreeMap<String, usize>) = Default::default();
-    let mut lines = Vec::new();
+    let (mut lines, mut ids) = (Vec::new(), BTreeMap::<String, usize>::new());
     checks::check_each(&arguments.files, (!bare.objects.is_empty()).then_some(bare), &mut |checked| {
         *verdicts.entry(checked.verdict).or_default() += 1;
         let own: BTreeSet<&String> = checked.flaws.iter().collect();
         own.into_iter().for_each(|flaw| *flaws.entry(flaw.clone()).or_default() += 1);
         lines.push((checked.verdict == Verdict::Valid.name(), describe(&checked)));
+        if let Some(id) = checked.task.as_ref().and_then(|task| task["id"].as_str()) {
+            *ids.entry(id.to_owned()).or_default() += 1;
+        }
         list.add(&checked);
     })?;
     let count = lines.len();
@@ -46,6 +49,7 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
             let named = counts(&mut flaws.iter().map(|(name, &count)| (name.as_str(), count)));
             text += &format!("with each flaw: {named}\n");
         }
+        text += &shared_ids(&ids);
     }
     list.end(&text);
     let rejected = verdicts.get(Verdict::Rejected.name()).copied().unwrap_or_default();
@@ -54,6 +58,20 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)
+}
+
+/// A note on ids that several tasks have, which other verbs refuse; empty without any.
+fn shared_ids(ids: &BTreeMap<String, usize>) -> String {
+    /// As many are named; a folder that was copied shares all of them.
+    const NAMED: usize = 3;
+    let shared: Vec<&str> = ids.iter().filter(|(_, count)| **count > 1).map(|(id, _)| &**id).collect();
+    if shared.is_empty() {
+        return String::new();
+    }
+    let more = shared.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let named = shared[..shared.len().min(NAMED)].join("`, `");
+    format!("note: several tasks are called `{named}`{more}: `collect` and `layout` refuse them together\n")
 }
 
 fn describe(checked: &Checked) -> String {

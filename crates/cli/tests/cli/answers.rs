@@ -107,6 +107,13 @@ fn a_folder_of_documents_and_answers_is_checked_whole() {
     fs::write(path.join("empty.jsonl"), "\n").unwrap();
     genmanip(path, &["task", "check", "empty.jsonl"]).assert_refused(&["empty.jsonl has no task", "per line"]);
     genmanip(path, &["task", "check", "none.jsonl"]).assert_refused(&["none.jsonl", "check the path"]);
+    // A document that is there twice is sound, but its id is not one task's.
+    let (first, id) = (sound[0]["file"].as_str().unwrap(), sound[0]["task"]["id"].as_str().unwrap());
+    fs::copy(path.join(first), path.join("copy.json")).unwrap();
+    let twice = genmanip(path, &["task", "check", first, "copy.json"]);
+    assert_eq!(twice.code, Some(0));
+    assert!(twice.stdout.contains(&format!("note: several tasks are called `{id}`: ")), "{twice:?}");
+    assert!(!words.stdout.contains("note:"), "{words:?}");
     // Every other verb names the first fault, and says that there are more.
     genmanip(path, &["task", "show", file.to_str().unwrap()])
         .assert_refused(&["at $.id: `../elsewhere` cannot name a folder (and 2 more"]);

@@ -1,7 +1,7 @@
 //! The thing in the hand, for the hand's own camera: the fingers, which are of metal, mirror it, and what is dark around it
 //! throws no light on it.
 
-use super::{FULLNESS, Occluder, Occluders, covered};
+use super::{FULLNESS, Occluder, Occluders, sky_left};
 use crate::lanes::{dot, within};
 
 /// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
@@ -57,9 +57,8 @@ impl Occluders {
         if !self.count || own.body < robot_bodies {
             return 0.0;
         }
-        let robot = self.bodies.iter().take_while(|other| other.body < robot_bodies);
-        let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - own.center()).to_array(), [0.0, 0.0, 1.0]);
-        let above = 1.0 - robot.map(pass).product::<f32>();
+        let robot = &self.bodies[..self.bodies.partition_point(|other| other.body < robot_bodies)];
+        let above = 1.0 - sky_left(robot, own.body, own.center, [0.0, 0.0, 1.0]);
         ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
     }
 }

@@ -5,7 +5,7 @@
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use super::{Occluder, Occluders, covered};
+use super::{Occluder, Occluders, sky_left};
 use crate::lanes::{Lane, dot, smooth_step, whole_registers};
 use crate::points::Points;
 
@@ -49,9 +49,8 @@ impl Occluders {
             return 0.0;
         }
         let place = own.center() + up * half;
-        let others = self.bodies.iter().filter(|other| self.count && other.body != own.body);
-        let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - place).to_array(), up.to_array());
-        let share = others.map(pass).product::<f32>();
+        let counting = if self.count { &*self.bodies } else { &[] };
+        let share = sky_left(counting, own.body, place.to_array(), up.to_array());
         ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
     }
 }
