@@ -81,7 +81,7 @@ impl Default for Shading {
 impl Shading {
     /// Starts a new chunk.
     pub fn clear(&mut self) {
-        (self.spots.count, self.spots.is_tile, self.spots.is_one) = (0, false, true);
+        (self.spots.count, self.spots.is_one) = (0, true);
     }
 
     /// Adds a spot.
@@ -99,7 +99,7 @@ impl Shading {
     pub fn take(&mut self, pixels: &Pixels, arrival: &Arrival) {
         let (key, ambient) = (&arrival.key, &arrival.ambient);
         let spots = &mut self.spots;
-        (spots.count, spots.is_tile, spots.is_one) = (pixels.count, pixels.is_tile, pixels.is_flat);
+        (spots.count, spots.is_one) = (pixels.count, pixels.is_flat);
         match pixels.is_flat {
             true => spots.triangle[0] = pixels.triangle[0],
             false => spots.triangle = pixels.triangle,

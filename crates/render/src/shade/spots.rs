@@ -15,8 +15,6 @@ use crate::view::{Lens, PartView};
 #[derive(Clone, Debug)]
 pub(super) struct Spots {
     pub count: usize,
-    /// Whether they are the pixels of a whole tile, row by row.
-    pub is_tile: bool,
     /// Whether all show the same triangle.
     pub is_one: bool,
     pub x: Lane,
@@ -40,7 +38,6 @@ impl Default for Spots {
     fn default() -> Self {
         Self {
             count: 0,
-            is_tile: false,
             is_one: true,
             x: ZERO,
             y: ZERO,
