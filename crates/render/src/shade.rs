@@ -193,20 +193,19 @@ impl Shading {
         }
         let Self { spots, corners, samples, reflected, .. } = self;
         let &Appearance { surface, placed, lens, .. } = appearance;
+        let mut even_texels = None;
         if let Some(texture) = &surface.texture {
             let face = &appearance.faces[spots.triangle[0] as usize];
             locate::<CHUNK>(spots, placed, lens);
-            let even_texels = corners.even_texels(tile);
+            even_texels = corners.even_texels(tile);
             if even_texels.is_some() {
                 place_on_texture(spots, face);
             } else {
                 interpolate_one::<CHUNK>(spots, face, appearance.eye);
                 find_footprints::<CHUNK>(spots, placed, lens, texture.texels());
             }
-            spots.paint(surface, even_texels, samples);
-        } else {
-            spots.paint(surface, None, samples);
         }
+        spots.paint(surface, even_texels, samples);
         reflect_flat(spots, &corners.light, tile, appearance, reflected);
     }
 

@@ -472,7 +472,7 @@ fn differs<T: PartialEq + Serialize>(place: &str, known: &T, asked: &T) -> Optio
 }
 
 /// Names, the first few of many.
-fn listed(names: &[String]) -> String {
+pub fn listed(names: &[String]) -> String {
     let more = names.len().saturating_sub(3);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("{}{more}", names.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", "))

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_bench::MOST_ROWS;
 use genmanip_core::{Document, Task};
 use genmanip_run::checks::{self, BareAnswers, Checked};
+use genmanip_run::folder::listed;
 use genmanip_run::inputs;
 use genmanip_scene::answer::Verdict;
 
@@ -62,16 +63,12 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
 
 /// A note on ids that several tasks have, which other verbs refuse; empty without any.
 fn shared_ids(ids: &BTreeMap<String, usize>) -> String {
-    /// As many are named; a folder that was copied shares all of them.
-    const NAMED: usize = 3;
-    let shared: Vec<&str> = ids.iter().filter(|(_, count)| **count > 1).map(|(id, _)| &**id).collect();
+    let shared = ids.iter().filter(|(_, count)| **count > 1);
+    let shared: Vec<String> = shared.map(|(id, _)| format!("`{id}`")).collect();
     if shared.is_empty() {
         return String::new();
     }
-    let more = shared.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    let named = shared[..shared.len().min(NAMED)].join("`, `");
-    format!("note: several tasks are called `{named}`{more}: `collect` and `layout` refuse them together\n")
+    format!("note: several tasks are called {}: `collect` and `layout` refuse them together\n", listed(&shared))
 }
 
 fn describe(checked: &Checked) -> String {

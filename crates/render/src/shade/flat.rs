@@ -45,7 +45,7 @@ impl Corners {
 
     /// Whether the light of a tile is that at its corners.
     pub fn fit(&self, tile: usize) -> bool {
-        self.are_before_eye[tile % TILES]
+        self.are_before_eye[tile]
     }
 
     /// Texels per pixel over a tile, if the same size of the texture fits all of its corners.

@@ -80,7 +80,7 @@ pub(super) fn interpolate(spots: &mut Spots, faces: &[Face], eye: Option<Vec3A>,
         let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
         let columns = face.columns.map(|column| column.to_array());
         for row in 0..4 {
-            mixed[i][row] = dot([columns[0][row], columns[1][row], columns[2][row]], place) + columns[3][row];
+            mixed[i][row] = at(columns.map(|column| column[row]), place);
         }
         // The side that is seen is the one towards the eye.
         if let Some(eye) = eye
@@ -89,8 +89,7 @@ pub(super) fn interpolate(spots: &mut Spots, faces: &[Face], eye: Option<Vec3A>,
             (0..3).for_each(|axis| mixed[i][axis] = -mixed[i][axis]);
         }
         if is_textured {
-            let [x, y, z, first] = face.v.to_array();
-            spots.v[i] = dot([x, y, z], place) + first;
+            spots.v[i] = at(face.v.to_array(), place);
             spots.texels[i] = face.plane.w;
         }
     }
@@ -100,6 +99,12 @@ pub(super) fn interpolate(spots: &mut Spots, faces: &[Face], eye: Option<Vec3A>,
     }
 }
 
+/// A linear function, given by its slopes and its value at the origin, at a place.
+#[inline(always)]
+fn at([x, y, z, first]: [f32; 4], place: [f32; 3]) -> f32 {
+    dot([x, y, z], place) + first
+}
+
 /// Whether a triangle shows its back at a place.
 #[inline(always)]
 fn is_away(face: &Face, place: [f32; 3], eye: [f32; 3]) -> bool {
@@ -107,7 +112,7 @@ fn is_away(face: &Face, place: [f32; 3], eye: [f32; 3]) -> bool {
     dot([x, y, z], [place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]]) > 0.0
 }
 
-/// The same where all spots lie on one triangle, with the same bits.
+/// [`interpolate`] where all spots lie on one triangle, with the same bits.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
     let columns = face.columns.map(|column| column.to_array());
@@ -115,13 +120,13 @@ pub(super) fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face
     let (eye, can_turn) = eye.map_or(([0.0; 3], false), |eye| (eye.to_array(), true));
     for i in 0..LANES {
         let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        let mixed = |row: usize| dot([columns[0][row], columns[1][row], columns[2][row]], place) + columns[3][row];
+        let mixed = |row: usize| at(columns.map(|column| column[row]), place);
         let side = if can_turn & is_away(face, place, eye) { -1.0 } else { 1.0 };
         spots.normal[0][i] = mixed(0) * side;
         spots.normal[1][i] = mixed(1) * side;
         spots.normal[2][i] = mixed(2) * side;
         spots.u[i] = mixed(3);
-        spots.v[i] = dot([v[0], v[1], v[2]], place) + v[3];
+        spots.v[i] = at(v, place);
         spots.texels[i] = face.plane.w;
     }
 }
@@ -129,12 +134,11 @@ pub(super) fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face
 /// Texture coordinates where all spots lie on one triangle, with the bits of [`interpolate_one`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn place_on_texture(spots: &mut Spots, face: &Face) {
-    let columns = face.columns.map(|column| column.w);
-    let v = face.v.to_array();
+    let (u, v) = (face.columns.map(|column| column.w), face.v.to_array());
     for i in 0..CHUNK {
         let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        spots.u[i] = dot([columns[0], columns[1], columns[2]], place) + columns[3];
-        spots.v[i] = dot([v[0], v[1], v[2]], place) + v[3];
+        spots.u[i] = at(u, place);
+        spots.v[i] = at(v, place);
     }
 }
 
