@@ -226,12 +226,6 @@ impl Arrival {
         pixel as usize / self.width / TILE * self.columns + pixel as usize % self.width / TILE
     }
 
-    /// Where a pixel comes when tiles are gone through one after the other.
-    pub fn order_of(&self, pixel: usize) -> usize {
-        let (column, row) = (pixel % self.width, pixel / self.width);
-        ((row / TILE * self.columns + column / TILE) * TILE + row % TILE) * TILE + column % TILE
-    }
-
     /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one unless they
     /// are plain as before, and those on which the shadows may have changed since a version of the shadow map.
     pub fn mark_stale(&mut self, changed: &[bool], shadow: &ShadowMap, version: u64, stale: &mut Vec<bool>) {

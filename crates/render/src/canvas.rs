@@ -1,16 +1,14 @@
 //! One camera's colour picture, kept from frame to frame: only what may have changed is drawn again.
 
-use std::ops::Range;
-
 use glam::{Vec2, Vec3A};
 
 use crate::arrival::{Arrival, Bins};
-use crate::assets::{Part, RenderAssets};
+use crate::assets::RenderAssets;
 use crate::edges::Edges;
 use crate::glass::Glass;
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::lanes::CHUNK;
-use crate::layers::{Layers, TILE, marked_around};
+use crate::layers::{Layers, Rectangle, TILE, marked_around};
 use crate::occluders::Occluders;
 use crate::points::Pixels;
 use crate::raster::Target;
@@ -177,8 +175,8 @@ impl Canvas {
                 }
                 let tiles: Vec<usize> = strip.filter(|&tile| self.finished[tile]).collect();
                 self.encode(&tiles);
-                let glass = self.view.has_transparent.then_some(&self.glass);
-                self.edges.find(&self.view, &mut self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
+                let glass = self.view.has_transparent.then_some(&mut self.glass);
+                self.edges.find(&mut self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
             }
         }
         self.edges.finish(scene, &self.view, &self.arrival, &self.colors, &mut self.rgb);
@@ -186,8 +184,13 @@ impl Canvas {
 
     /// Whether a tile must be shaded: its light is new, or edges may read colours that were not kept.
     fn is_shaded(&mut self, tile: usize) -> bool {
-        self.shaded[tile] |= self.arrival.is_lit_anew(tile) || !self.colored[tile] && !self.arrival.shows_one(tile);
+        self.shaded[tile] |= self.arrival.is_lit_anew(tile) || !self.colored[tile] && self.is_read(tile);
         self.shaded[tile]
+    }
+
+    /// Whether edges or what is transparent may read the colours of a tile.
+    fn is_read(&self, tile: usize) -> bool {
+        !self.arrival.shows_one(tile) || self.glass.shows(tile)
     }
 
     /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.
@@ -212,9 +215,8 @@ impl Canvas {
             }
         }
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
-        let (arrival, colors, rgb) = (&self.arrival, &mut self.colors, &mut self.rgb);
+        let (arrival, glass, colors, rgb) = (&self.arrival, &self.glass, &mut self.colors, &mut self.rgb);
         let Work { pixels, shading } = &mut *self.work;
-        let has_glass = scene.assets.parts.iter().any(Part::is_transparent);
         let centers = arrival.centers();
         for (part, tiles, places) in self.bins.parts() {
             let appearance = Appearance::new(scene, &self.view, part);
@@ -229,7 +231,7 @@ impl Canvas {
                     shading.take(pixels, arrival);
                     shading.shade_tile(index, &appearance);
                     let tile = arrival.tile_of(pixels.pixel[0]);
-                    let is_inner = !has_glass && arrival.shows_one(tile);
+                    let is_inner = arrival.shows_one(tile) && !glass.shows(tile);
                     self.colored[tile] &= !is_inner;
                     shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
                 }
@@ -271,7 +273,8 @@ impl Canvas {
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
         out.rgb.clone_from(&self.rgb);
         if channels.normal || channels.parts {
-            self.see(assets, 0..self.view.lens.height);
+            let Lens { width, height, .. } = self.view.lens;
+            self.see(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
             write_geometry(assets, &self.view, &self.seen, channels, out);
             return;
         }
@@ -282,43 +285,52 @@ impl Canvas {
             out.instance.clone_from(&self.instance);
         }
         if self.view.has_transparent && (channels.depth || channels.instance) {
-            let rows = self.glass.rows_of_pixels();
-            self.see(assets, rows.clone());
-            let (width, instances) = (self.view.lens.width, instances_of(assets));
-            for (row, (nearness, ids)) in self.seen.rows().enumerate().take(rows.end).skip(rows.start) {
-                let pixels = row * width..(row + 1) * width;
+            let areas = std::mem::take(&mut self.glass.areas);
+            self.see(assets, &areas);
+            let (width, stride, instances) = (self.view.lens.width, self.seen.stride, instances_of(assets));
+            for (row, columns) in areas.iter().flat_map(|area| area.rows.clone().map(|row| (row, area.columns.clone())))
+            {
+                let pixels = row * width + columns.start..row * width + columns.end;
+                let samples = row * stride + columns.start..row * stride + columns.end;
                 if channels.depth {
+                    let nearness = &self.seen.nearness[samples.clone()];
                     out.depth_m[pixels.clone()]
                         .iter_mut()
                         .zip(nearness)
                         .for_each(|(out, value)| *out = depth_of(value));
                 }
                 if channels.instance {
-                    let instances = ids.iter().map(|&id| instances[surface_of(id) as usize]);
+                    let instances = self.seen.ids[samples].iter().map(|&id| instances[surface_of(id) as usize]);
                     out.instance[pixels].iter_mut().zip(instances).for_each(|(out, instance)| *out = instance);
                 }
             }
+            self.glass.areas = areas;
         }
     }
 
-    /// What the centres of some rows of pixels see, transparent things included, which must not reach beyond them.
-    fn see(&mut self, assets: &RenderAssets, rows: Range<usize>) {
-        let columns = self.opaque.tile_columns;
-        (rows.start / TILE * columns..rows.end.div_ceil(TILE) * columns)
-            .for_each(|tile| self.opaque.target.settle(tile));
-        let (lens, opaque) = (&self.view.lens, &self.opaque.target);
+    /// What the centres of pixels see, transparent things included, in areas beyond which these must not reach.
+    fn see(&mut self, assets: &RenderAssets, areas: &[Rectangle]) {
+        let (lens, opaque, tile_columns) = (&self.view.lens, &mut self.opaque.target, self.opaque.tile_columns);
         let scale = opaque.scale;
         if (self.seen.width, self.seen.height) != (lens.width, lens.height) {
             self.seen.reset::<true>(lens.width, lens.height, 1);
         }
-        let (stride, first) = (self.seen.stride, rows.start * self.seen.stride);
-        let pixels = self.seen.nearness[first..].chunks_mut(stride).zip(self.seen.ids[first..].chunks_mut(stride));
-        for (row, (nearness, ids)) in rows.zip(pixels) {
-            let first = row * scale * opaque.stride;
-            let samples = first..first + opaque.width;
-            let values = opaque.nearness[samples.clone()].iter().step_by(scale);
-            nearness.iter_mut().zip(values).for_each(|(nearness, &value)| *nearness = value);
-            ids.iter_mut().zip(opaque.ids[samples].iter().step_by(scale)).for_each(|(id, &value)| *id = value);
+        for area in areas {
+            for row in area.tile_rows() {
+                area.tile_columns().for_each(|column| opaque.settle(row * tile_columns + column));
+            }
+            for row in area.rows.clone() {
+                let pixels = row * self.seen.stride + area.columns.start..row * self.seen.stride + area.columns.end;
+                let first = row * scale * opaque.stride + area.columns.start * scale;
+                let samples = first..first + area.columns.len() * scale;
+                let values = opaque.nearness[samples.clone()].iter().step_by(scale);
+                self.seen.nearness[pixels.clone()]
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(nearness, &value)| *nearness = value);
+                let ids = opaque.ids[samples].iter().step_by(scale);
+                self.seen.ids[pixels].iter_mut().zip(ids).for_each(|(id, &value)| *id = value);
+            }
         }
         self.view.draw_transparent(assets, [true, true], &mut self.seen);
     }

@@ -68,25 +68,32 @@ impl Edges {
     /// Finds the pixels of tiles that show several surfaces or something transparent; tiles are given in their order.
     pub fn find(
         &mut self,
-        view: &View,
         opaque: &mut Target,
-        glass: Option<&Glass>,
+        mut glass: Option<&mut Glass>,
         arrival: &Arrival,
         tiles: &[usize],
         colors: &[Vec3A],
     ) {
         let n = opaque.scale as isize;
-        let is_read = |tile: usize| !arrival.shows_one(tile) || glass.is_some_and(|glass| glass.reaches(tile));
-        tiles.iter().filter(|&&tile| is_read(tile)).for_each(|&tile| opaque.settle_around(tile));
+        for &tile in tiles {
+            let glass = glass.as_deref_mut().filter(|glass| glass.reaches(tile));
+            if glass.is_some() || !arrival.shows_one(tile) {
+                opaque.settle_around(tile);
+            }
+            if let Some(glass) = glass {
+                glass.layers.iter_mut().for_each(|layer| layer.settle_around(tile));
+            }
+        }
         let opaque = &*opaque;
         let (mut keys, directions) = (std::mem::take(&mut self.keys), std::mem::take(&mut self.directions));
         let around = Around { opaque, directions: &directions, arrival, n };
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
+            let first_mixed = self.mixed.len();
             let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
             let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
-            if let Some(glass) = glass.filter(|glass| glass.reaches(tile)) {
-                rewritten |= self.find_panes(&around, &glass.layers, [&columns, &rows], view.lens.width);
+            if let Some(glass) = glass.as_deref().filter(|glass| glass.reaches(tile)) {
+                rewritten |= self.find_panes(&around, glass, tile, [&columns, &rows], first_mixed);
             }
             self.rewritten[tile] = rewritten;
         }
@@ -105,14 +112,9 @@ impl Edges {
         for &(pixel, color) in &self.mixed {
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
-        // Both lists go through the pixels in the same order.
-        let mut mixed = self.mixed.iter().peekable();
         for panes in self.panes.chunk_by(|a, b| a.pixel == b.pixel) {
             let pixel = panes[0].pixel;
-            let order = |other: u32| arrival.order_of(other as usize);
-            while mixed.next_if(|(other, _)| order(*other) < order(pixel)).is_some() {}
-            let own = mixed.next_if(|(other, _)| *other == pixel).map(|(_, color)| *color);
-            let straight = own.unwrap_or(colors[pixel as usize]);
+            let straight = panes[0].mixed.map_or(colors[pixel as usize], |mixed| self.mixed[mixed as usize].1);
             let behind = bent(panes, view, arrival, scene).map_or(straight, |bent| bent.seen(colors));
             let color = seen_through(panes, behind);
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
@@ -146,27 +148,37 @@ impl Edges {
         }
     }
 
-    /// Lists the sides of transparent surfaces before the pixels of a tile; returns the places of these pixels, in bits.
+    /// Lists the sides of transparent surfaces before the pixels of a tile, whose mixed pixels are those from an index on;
+    /// returns the places of the pixels with such sides, in bits.
     fn find_panes(
         &mut self,
         around: &Around<'_>,
-        glass: &[Target; 2],
+        glass: &Glass,
+        tile: usize,
         [columns, rows]: [&Range<usize>; 2],
-        width: usize,
+        first_mixed: usize,
     ) -> u64 {
         let n = around.n;
-        let fronts: [Front; 2] =
-            std::array::from_fn(|index| Front::of(&glass[index], index == 0, around, [columns.start, rows.start]));
-        if fronts.iter().all(Front::is_empty) {
-            return 0;
-        }
+        let fronts: [Option<Front>; 2] = std::array::from_fn(|index| {
+            let layer = &glass.layers[index];
+            layer.may_show_around(tile).then(|| Front::of(layer, index == 0, around, [columns.start, rows.start]))
+        });
+        let width = around.opaque.width / around.opaque.scale;
+        let mut mixed = (first_mixed as u32..).zip(&self.mixed[first_mixed..]).peekable();
         let mut found = 0;
         for (y, row) in rows.clone().enumerate() {
             for (x, column) in columns.clone().enumerate() {
-                let (first, pixel) = (self.panes.len(), row * width + column);
-                for (index, front) in fronts.iter().enumerate() {
-                    let Some(Share { coverage, step: [dx, dy] }) = front.share([x, y]) else { continue };
-                    let layer = &glass[index];
+                let shares = fronts.each_ref().map(|front| front.as_ref().and_then(|front| front.share([x, y])));
+                if shares == [None; 2] {
+                    continue;
+                }
+                let (first, pixel) = (self.panes.len(), (row * width + column) as u32);
+                // In a tile both lists go through the pixels in the same order.
+                while mixed.next_if(|(_, (other, _))| *other < pixel).is_some() {}
+                let mixed = mixed.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
+                for (index, share) in shares.into_iter().enumerate() {
+                    let Some(Share { coverage, step: [dx, dy] }) = share else { continue };
+                    let layer = &glass.layers[index];
                     let (column, row) = around.cut(column as isize * n + dx, row as isize * n + dy);
                     let sample = row as usize * layer.stride + column as usize;
                     let stored = layer.nearness[sample];
@@ -175,19 +187,17 @@ impl Edges {
                         x: column as f32 / n as f32,
                         y: row as f32 / n as f32,
                         depth: 1.0 / if index == 0 { far_nearness(stored) } else { stored },
-                        key: around.arrival.key[pixel].max(0.0),
+                        key: around.arrival.key[pixel as usize].max(0.0),
                         ambient: 1.0,
                     };
-                    let [color, passes, normal, inside] = [Vec3A::ZERO; 4];
-                    let pixel = pixel as u32;
-                    self.panes.push(Pane { pixel, spot, coverage, color, passes, normal, inside, is_solid: false });
+                    self.panes.push(Pane { pixel, mixed, spot, coverage, ..Pane::default() });
                 }
                 if let [a, b] = &mut self.panes[first..]
                     && a.spot.depth < b.spot.depth
                 {
                     std::mem::swap(a, b);
                 }
-                found |= u64::from(self.panes.len() > first) << (y * TILE + x);
+                found |= 1 << (y * TILE + x);
             }
         }
         found
@@ -217,8 +227,11 @@ impl Edges {
                 pane.is_solid = part.mesh.closed;
                 pane.color = shading.color_of(spot);
                 pane.passes = material.passes(shading.base_of(spot), facing, !pane.is_solid);
-                let sight = (view.lens.point_at(pane.place(), pane.spot.depth) - view.lens.eye).normalize_or(Vec3A::Z);
-                (pane.normal, pane.inside) = (normal, refracted(sight, normal, ratio));
+                if pane.is_solid {
+                    let place = view.lens.point_at(pane.place(), pane.spot.depth);
+                    let sight = (place - view.lens.eye).normalize_or(Vec3A::Z);
+                    (pane.normal, pane.inside) = (normal, refracted(sight, normal, ratio));
+                }
             }
             from += count;
         }

@@ -1,9 +1,7 @@
 //! What is transparent, drawn apart from what is opaque.
 
-use std::ops::Range;
-
 use crate::assets::RenderAssets;
-use crate::layers::TILE;
+use crate::layers::{Rectangle, TILE, clear, marked_around};
 use crate::raster::Target;
 use crate::view::View;
 
@@ -12,50 +10,53 @@ use crate::view::View;
 pub(crate) struct Glass {
     /// The farthest sides that face away, with their nearness turned, and the nearest that face the viewer.
     pub layers: [Target; 2],
-    /// Rows of samples that may hold anything.
-    rows: Range<usize>,
-    /// Tiles that transparent things may reach.
+    /// The pixels that each transparent part may cover.
+    pub areas: Vec<Rectangle>,
+    /// By tile: whether a transparent side covers samples of it or of those next to it, and whether one may be seen through
+    /// that is bent to look at it. Empty before the first drawing.
     reached: Vec<bool>,
+    seen_through: Vec<bool>,
 }
 
 impl Glass {
     /// Draws all that is transparent, with `scale`² samples per pixel.
     pub fn draw(&mut self, assets: &RenderAssets, view: &View, scale: usize) {
         let (width, height) = (view.lens.width, view.lens.height);
-        for layer in &mut self.layers {
-            if (layer.width, layer.height, layer.scale) == (width * scale, height * scale, scale) {
-                layer.clear_rows(self.rows.clone());
-            } else {
-                layer.reset::<true>(width, height, scale);
-            }
-        }
-        let columns = width.div_ceil(TILE);
-        self.rows = height * scale..0;
-        self.reached.clear();
-        self.reached.resize(columns * height.div_ceil(TILE), false);
-        for (_, motion) in assets.parts.iter().zip(&view.motions).filter(|(part, _)| part.is_transparent()) {
-            for row in motion.now.tile_rows() {
-                self.reached[row * columns..][motion.now.tile_columns()].fill(true);
-            }
-            if !motion.now.is_empty() {
-                let rows = motion.now.rows.start * scale..motion.now.rows.end * scale;
-                self.rows = self.rows.start.min(rows.start)..self.rows.end.max(rows.end);
-            }
-        }
-        self.rows.start = self.rows.start.min(self.rows.end);
+        let transparent = assets.parts.iter().zip(&view.motions).filter(|(part, _)| part.is_transparent());
+        self.areas.clear();
+        self.areas.extend(transparent.map(|(_, motion)| motion.now.clone()).filter(|area| !area.is_empty()));
+        self.layers.iter_mut().for_each(|layer| clear::<true>(layer, [width, height], scale));
         let [far, near] = &mut self.layers;
         view.draw_far_sides(assets, far);
         view.draw_transparent(assets, [true, false], near);
+        self.mark(width.div_ceil(TILE), height.div_ceil(TILE));
     }
 
-    /// Rows of pixels that may show anything transparent.
-    pub fn rows_of_pixels(&self) -> Range<usize> {
-        let scale = self.layers[0].scale.max(1);
-        self.rows.start / scale..self.rows.end.div_ceil(scale)
+    /// Marks the tiles that show what was drawn.
+    fn mark(&mut self, columns: usize, rows: usize) {
+        self.reached.clear();
+        self.reached.resize(columns * rows, false);
+        for area in &self.areas {
+            for row in area.tile_rows() {
+                for tile in area.tile_columns().map(|column| row * columns + column) {
+                    self.reached[tile] |= self.layers.iter().any(|layer| layer.may_show_around(tile));
+                }
+            }
+        }
+        self.seen_through.clear();
+        self.seen_through.resize(columns * rows, false);
+        for tile in marked_around(&self.reached, columns, 0..columns * rows) {
+            self.seen_through[tile] = true;
+        }
     }
 
     /// Whether anything transparent may cover samples of a tile or next to it.
     pub fn reaches(&self, tile: usize) -> bool {
-        self.reached[tile]
+        self.reached.get(tile) == Some(&true)
+    }
+
+    /// Whether a tile may be seen through something transparent.
+    pub fn shows(&self, tile: usize) -> bool {
+        self.seen_through.get(tile) == Some(&true)
     }
 }

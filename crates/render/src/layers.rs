@@ -85,7 +85,7 @@ impl Layers {
         parts: usize,
         mut draw: impl FnMut(usize, &mut Target),
     ) {
-        reset::<IDS>(&mut self.target, [width, height], scale);
+        clear::<IDS>(&mut self.target, [width, height], scale);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
@@ -108,7 +108,7 @@ impl Layers {
         if is_new {
             self.in_layer.clear();
             self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
-            reset::<IDS>(&mut self.layer, [width, height], scale);
+            clear::<IDS>(&mut self.layer, [width, height], scale);
             self.is_layered = true;
             for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
                 draw(part, &mut self.layer);
@@ -179,7 +179,7 @@ impl Layers {
 const SMALL_PX: usize = 128;
 
 /// Clears a target to nothing; one whose tiles are those of covers holds these.
-fn reset<const IDS: bool>(target: &mut Target, [width, height]: [usize; 2], scale: usize) {
+pub(crate) fn clear<const IDS: bool>(target: &mut Target, [width, height]: [usize; 2], scale: usize) {
     if IDS && scale * TILE == SIDE && width.max(height) > SMALL_PX {
         target.reset_covered(width, height);
     } else {

@@ -9,21 +9,23 @@ use crate::shade::Spot;
 use crate::view::{View, surface_of};
 
 /// A transparent surface in front of a pixel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pane {
     pub pixel: u32,
+    /// Index of the pixel among those that show several opaque surfaces.
+    pub mixed: Option<u32>,
     pub spot: Spot,
     /// Share of the pixel that it is in front of.
     pub coverage: f32,
     /// What leaves it towards the viewer, and the share of what is behind that passes.
     pub color: Vec3A,
     pub passes: Vec3A,
-    /// Unit normal in the world, towards the viewer.
-    pub normal: Vec3A,
-    /// Unit direction in the world in which the sight goes on behind it.
-    pub inside: Vec3A,
     /// Whether its mesh encloses a solid.
     pub is_solid: bool,
+    /// Of a solid, the unit normal in the world, towards the viewer, and the unit direction in the world in which the sight
+    /// goes on behind it.
+    pub normal: Vec3A,
+    pub inside: Vec3A,
 }
 
 impl Pane {

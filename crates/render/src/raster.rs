@@ -80,9 +80,9 @@ impl Planes {
         own
     }
 
-    /// Which triangles of a block may show their front, in bits.
+    /// Which triangles of a block may show a wanted side, in bits.
     #[inline(always)]
-    fn facing(&self, block: usize, eye: Eye) -> u32 {
+    fn showing(&self, block: usize, eye: Eye, [front, back]: Sides) -> u32 {
         /// Distance of the eye behind a plane beyond which rounding cannot be the cause, metres: single precision at
         /// some metres; for a direction, the same in radians.
         const SURELY: f32 = 1e-5;
@@ -96,7 +96,7 @@ impl Planes {
         let mut seen = [0_u32; BLOCK];
         for i in 0..BLOCK {
             let before = nx[i] * x + ny[i] * y + nz[i] * z - distance[i] * near;
-            seen[i] = u32::from(before > -SURELY);
+            seen[i] = u32::from(front & (before > -SURELY) | back & (before < SURELY));
         }
         (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i)
     }
@@ -117,10 +117,10 @@ pub(crate) fn draw_mesh<const IDS: bool>(
     let mut block = Block::default();
     for (index, triangles_of_block) in triangles.chunks(BLOCK).enumerate() {
         let wanted = (1_u32 << triangles_of_block.len()) - 1;
-        let mut facing = if sides[1] { wanted } else { planes.facing(index, eye) & wanted };
-        while facing != 0 {
-            let i = facing.trailing_zeros() as usize;
-            facing &= facing - 1;
+        let mut showing = planes.showing(index, eye, sides) & wanted;
+        while showing != 0 {
+            let i = showing.trailing_zeros() as usize;
+            showing &= showing - 1;
             let id = first_id + (index * BLOCK + i) as u32;
             block.put(id, triangles_of_block[i].map(|corner| &corners[corner as usize]));
             if block.count == BLOCK {
@@ -242,13 +242,6 @@ impl Target {
     fn resize(&mut self, width: usize, height: usize, scale: usize) {
         (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
         self.stride = stride_of(self.width);
-    }
-
-    /// Clears rows of samples to nothing.
-    pub fn clear_rows(&mut self, rows: std::ops::Range<usize>) {
-        let samples = rows.start * self.stride..rows.end * self.stride;
-        self.nearness[samples.clone()].fill(0.0);
-        self.ids[samples].fill(0);
     }
 
     /// Takes a rectangle of samples, ends excluded, from a target of the same size.

@@ -43,22 +43,24 @@ impl Front {
         let (left, right) = (around.cut(first[0], 0).0, around.cut(first[0] + side - 1, 0).0);
         let (before, after) = ((left - first[0]) as u32, (first[0] + side - 1 - right) as u32);
         let count = (right + 1 - left) as usize;
-        for (step, bits) in own.rows.iter_mut().take(side as usize).enumerate() {
-            let (_, row) = around.cut(0, first[1] + step as isize);
-            let line = |target: &Target| row as usize * target.stride + left as usize;
-            let layer = &layer.nearness[line(layer)..][..count];
-            let opaque = &around.opaque.nearness[line(around.opaque)..][..count];
-            let inside = compare(layer, opaque, is_far);
-            // Samples beyond the image's border are those next to it.
+        let (top, bottom) = (around.cut(0, first[1]).1, around.cut(0, first[1] + side - 1).1);
+        let (above, height) = ((top - first[1]) as usize, (bottom + 1 - top) as usize);
+        let first = |target: &Target| top as usize * target.stride + left as usize;
+        let opaque = around.opaque;
+        let lines =
+            [(&layer.nearness[first(layer)..], layer.stride), (&opaque.nearness[first(opaque)..], opaque.stride)];
+        let rows = &mut own.rows[..side as usize];
+        compare(lines, is_far, count, &mut rows[above..above + height]);
+        // Samples beyond the image's border are those next to it.
+        for bits in &mut rows[above..above + height] {
             let spread = |bit: u64, count: u32| if bit != 0 { (1 << count) - 1 } else { 0 };
-            let last = inside >> (count - 1) & 1;
+            let (inside, last) = (*bits, *bits >> (count - 1) & 1);
             *bits = spread(inside & 1, before) | inside << before | spread(last, after) << (before + count as u32);
         }
+        let (first, last) = (rows[above], rows[above + height - 1]);
+        rows[..above].fill(first);
+        rows[above + height..].fill(last);
         own
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.rows.iter().fold(0, |any, bits| any | bits) == 0
     }
 
     /// What is in front of a pixel of the tile.
@@ -74,12 +76,23 @@ impl Front {
     }
 }
 
-/// In which samples of a row a layer is before what is opaque, in bits.
+/// In which samples of some rows, so many wide, a layer is before what is opaque, in bits; both begin with the first sample,
+/// and have so many from one row to the next.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn compare(layer: &[f32], opaque: &[f32], is_far: bool) -> u64 {
-    if layer.iter().fold(0, |any, stored| any | stored.to_bits()) == 0 {
-        return 0;
+fn compare([layer, opaque]: [(&[f32], usize); 2], is_far: bool, width: usize, rows: &mut [u64]) {
+    /// Samples of a tile with two per pixel along each axis.
+    const USUAL: usize = 2 * TILE + 1;
+    for (row, bits) in rows.iter_mut().enumerate() {
+        let (layer, opaque) = (&layer.0[row * layer.1..][..width], &opaque.0[row * opaque.1..][..width]);
+        *bits = match (layer.first_chunk::<USUAL>(), opaque.first_chunk::<USUAL>(), width) {
+            (Some(layer), Some(opaque), USUAL) => compare_line(layer, opaque, is_far),
+            _ => compare_line(layer, opaque, is_far),
+        };
     }
+}
+
+#[inline(always)]
+fn compare_line(layer: &[f32], opaque: &[f32], is_far: bool) -> u64 {
     let mut bits = 0;
     for (column, (&stored, &opaque)) in layer.iter().zip(opaque).enumerate() {
         let nearness = if is_far && stored > 0.0 { far_nearness(stored) } else { stored };

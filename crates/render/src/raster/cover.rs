@@ -151,6 +151,21 @@ impl Target {
         self.covers.of(tile)
     }
 
+    /// Whether a tile of the picture or one next to it may show anything.
+    pub fn may_show_around(&self, tile: usize) -> bool {
+        let Covers { columns, tiles, .. } = &self.covers;
+        if tiles.is_empty() {
+            return true;
+        }
+        let (column, row) = (tile % columns, tile / columns);
+        let columns_around = column.saturating_sub(1)..(column + 2).min(*columns);
+        tiles
+            .chunks(*columns)
+            .take(row + 2)
+            .skip(row.saturating_sub(1))
+            .any(|row| row[columns_around.clone()].iter().any(|&index| index != NOTHING))
+    }
+
     /// Stores the samples of a tile of the picture.
     pub fn settle(&mut self, tile: usize) {
         self.store(tile, [0..SIDE, 0..SIDE]);
