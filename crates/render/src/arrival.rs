@@ -215,6 +215,12 @@ impl Arrival {
             .flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
+    /// Whether no tile is next to a tile on some side, or only part of one.
+    pub fn is_at_border(&self, tile: usize) -> bool {
+        let (column, row) = (tile % self.columns, tile / self.columns);
+        column == 0 || row == 0 || (column + 1) * TILE >= self.width || (row + 1) * TILE >= self.height
+    }
+
     /// Pixels of a tile: columns and rows.
     pub fn pixels_of(&self, tile: usize) -> [Range<usize>; 2] {
         let (column, row) = (tile % self.columns * TILE, tile / self.columns * TILE);

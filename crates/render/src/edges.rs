@@ -77,7 +77,7 @@ impl Edges {
         let n = opaque.scale as isize;
         for &tile in tiles {
             let glass = glass.as_deref_mut().filter(|glass| glass.reaches(tile));
-            if glass.is_some() || !arrival.shows_one(tile) {
+            if glass.is_some() || !arrival.shows_one(tile) && arrival.is_at_border(tile) {
                 opaque.settle_around(tile);
             }
             if let Some(glass) = glass {
@@ -90,7 +90,7 @@ impl Edges {
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
             let first_mixed = self.mixed.len();
-            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
+            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, tile, [columns.start, rows.start]);
             let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
             if let Some(glass) = glass.as_deref().filter(|glass| glass.reaches(tile)) {
                 rewritten |= self.find_panes(&around, glass, tile, [&columns, &rows], first_mixed);

@@ -87,8 +87,8 @@ pub(crate) fn bent(panes: &[Pane], view: &View, arrival: &Arrival, scene: &Scene
     let depth = arrival.depth[index];
     let material = &scene.surfaces[surface_of(near.spot.id) as usize - 1];
     let leaving = refracted(near.inside, far.normal, material.index_of_refraction());
-    let around = scene.lighting.surroundings(leaving);
     let share = ((near.inside.dot(leaving) - 0.97) / (0.85 - 0.97)).clamp(0.0, 1.0);
+    let around = if share > 0.0 { scene.lighting.surroundings(leaving) } else { Vec3A::ZERO };
     (depth <= 0.0 || depth > near.spot.depth).then_some(Bent { pixel: index, around, share })
 }
 

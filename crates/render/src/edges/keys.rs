@@ -85,8 +85,9 @@ pub(super) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Reads a tile; says whether its samples differ at all.
-    pub fn load(&mut self, around: &Around<'_>, column: usize, row: usize) -> bool {
+    /// Reads a tile, given its first pixel, which must be settled at the picture's border; says whether its samples differ
+    /// at all.
+    pub fn load(&mut self, around: &Around<'_>, tile: usize, [column, row]: [usize; 2]) -> bool {
         let n = around.n;
         (self.n, self.side) = (n as usize, (TILE + 1) * n as usize + 1);
         self.keys.resize(self.side * self.side, 0);
@@ -99,7 +100,11 @@ impl TileKeys {
             (n, [from, top, to, bottom] == [first_column, first_row, last[0], last[1]], self.keys.first_chunk_mut())
         {
             let ids = &ids[top as usize * around.opaque.stride + from as usize..];
-            return load_of_two(ids, around.opaque.stride, around.directions, keys);
+            let covers = around.opaque.covers_around(tile);
+            return match covers == [None; 9] {
+                true => load_of_two(ids, around.opaque.stride, around.directions, keys),
+                false => load_covers(ids, around.opaque.stride, &covers, around.directions, keys),
+            };
         }
         let line = |row: isize| &ids[row as usize * around.opaque.stride..][from as usize..=to as usize];
         let first = line(top)[0];
@@ -181,6 +186,51 @@ fn load_of_two(ids: &[u32], stride: usize, directions: &Directions, keys: &mut [
     }
     let first = keys[0];
     keys.iter().fold(0, |differ, key| differ | (key ^ first)) != 0
+}
+
+/// [`load_of_two`] where something covers the tile or some of those next to it, given row by row.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn load_covers(
+    ids: &[u32],
+    stride: usize,
+    covers: &[Option<u32>; 9],
+    directions: &Directions,
+    keys: &mut [u32; SIDE * SIDE],
+) -> bool {
+    /// Rows of the tiles above, of the tile and of those below.
+    const BANDS: [[usize; 2]; 3] = [[0, 2], [2, SIDE - 1], [SIDE - 1, SIDE]];
+    let (begins, codes) = (&*directions.first, &*directions.codes);
+    for (covers, [top, bottom]) in covers.as_chunks::<3>().0.iter().zip(BANDS) {
+        let covered = covers.map(|cover| cover.map(|id| key(begins, codes, id)));
+        for row in top..bottom {
+            let line = ids[row * stride..].first_chunk::<SIDE>().expect("the tile lies within the image");
+            let out = keys[row * SIDE..].first_chunk_mut::<SIDE>().expect("a row of the tile's");
+            read_line::<0, 2>(line, covered[0], out, begins, codes);
+            read_line::<2, { SIDE - 1 }>(line, covered[1], out, begins, codes);
+            read_line::<{ SIDE - 1 }, SIDE>(line, covered[2], out, begins, codes);
+        }
+    }
+    let first = keys[0];
+    keys.iter().fold(0, |differ, key| differ | (key ^ first)) != 0
+}
+
+/// Keys of part of a row of samples: that of what covers it, or those of the ids.
+#[inline(always)]
+fn read_line<const FROM: usize, const TO: usize>(
+    ids: &[u32; SIDE],
+    covered: Option<u32>,
+    out: &mut [u32; SIDE],
+    begins: &[u32],
+    codes: &[u8],
+) {
+    match covered {
+        Some(key) => out[FROM..TO].fill(key),
+        None => {
+            for (out, &id) in out[FROM..TO].iter_mut().zip(&ids[FROM..TO]) {
+                *out = key(begins, codes, id);
+            }
+        }
+    }
 }
 
 /// What the samples beside the centres of a tile's pixels show, in bits in the order of [`BESIDE`].

@@ -159,12 +159,12 @@ impl Edges {
             extra.share += weight;
             return;
         }
-        let sample = row as usize * around.opaque.stride + column as usize;
+        let (id, nearness) = around.opaque.sample(column as usize, row as usize);
         let spot = Spot {
-            id: around.opaque.ids[sample],
+            id,
             x: column as f32 / around.n as f32,
             y: row as f32 / around.n as f32,
-            depth: 1.0 / around.opaque.nearness[sample],
+            depth: 1.0 / nearness,
             key: around.arrival.key[pixel].max(0.0),
             ambient: around.arrival.ambient[pixel].max(0.0),
         };

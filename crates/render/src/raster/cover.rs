@@ -151,6 +151,26 @@ impl Target {
         self.covers.of(tile)
     }
 
+    /// The ids of what covers a tile that is not at the border and those next to it, row by row, where samples are not stored.
+    pub fn covers_around(&self, tile: usize) -> [Option<u32>; 9] {
+        if self.covers.tiles.is_empty() {
+            return [None; 9];
+        }
+        let first = tile - self.covers.columns - 1;
+        std::array::from_fn(|step| Some(self.cover(first + step / 3 * self.covers.columns + step % 3)?.id))
+    }
+
+    /// Id and nearness of a sample.
+    pub fn sample(&self, column: usize, row: usize) -> (u32, f32) {
+        match self.cover(row / SIDE * self.covers.columns + column / SIDE) {
+            Some(cover) => (cover.id, cover.line::<1, 1>(row % SIDE, column)[0]),
+            None => {
+                let sample = row * self.stride + column;
+                (self.ids[sample], self.nearness[sample])
+            }
+        }
+    }
+
     /// Whether a tile of the picture or one next to it may show anything.
     pub fn may_show_around(&self, tile: usize) -> bool {
         let Covers { columns, tiles, .. } = &self.covers;
