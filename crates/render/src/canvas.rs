@@ -10,7 +10,6 @@ use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::lanes::CHUNK;
 use crate::layers::{Layers, Rectangle, TILE, marked_around};
 use crate::occluders::Occluders;
-use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Appearance, Shading, TILES};
@@ -45,18 +44,11 @@ pub(crate) struct Canvas {
     colored: Vec<bool>,
     bins: Bins,
     edges: Edges,
-    work: Box<Work>,
+    shading: Box<Shading>,
     /// What the pixels' centres see, transparent things included.
     seen: Target,
     /// Pixels whose surface was shaded at the last drawing.
     pub shaded_pixels: usize,
-}
-
-/// Memory of the shading.
-#[derive(Debug, Default)]
-struct Work {
-    pixels: Pixels,
-    shading: Shading,
 }
 
 impl Canvas {
@@ -216,7 +208,7 @@ impl Canvas {
         }
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
         let (arrival, glass, colors, rgb) = (&self.arrival, &self.glass, &mut self.colors, &mut self.rgb);
-        let Work { pixels, shading } = &mut *self.work;
+        let shading = &mut *self.shading;
         let centers = arrival.centers();
         for (part, tiles, places) in self.bins.parts() {
             let appearance = Appearance::new(scene, &self.view, part);
@@ -224,23 +216,20 @@ impl Canvas {
             let of_one_triangle = tiles.chunk_by(|&a, &b| centers.show_one(a, b));
             for tiles in of_one_triangle.flat_map(|tiles| tiles.chunks(TILES)) {
                 for (index, &place) in tiles.iter().enumerate() {
-                    pixels.tile(place, centers);
+                    let tile = shading.tile(place, arrival);
                     if index == 0 {
-                        shading.light_corners(tiles, pixels, &appearance, centers);
+                        shading.light_corners(tiles, &appearance, centers);
                     }
-                    shading.take(pixels, arrival);
                     shading.shade_tile(index, &appearance);
-                    let tile = arrival.tile_of(pixels.pixel[0]);
                     let is_inner = arrival.shows_one(tile) && !glass.shows(tile);
                     self.colored[tile] &= !is_inner;
-                    shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
+                    shading.write(if is_inner { &mut [] } else { colors }, rgb);
                 }
             }
             for places in places.chunks(CHUNK) {
-                pixels.list(places, centers);
-                shading.take(pixels, arrival);
+                shading.list(places, arrival);
                 shading.shade(&appearance);
-                shading.write(pixels, colors, rgb);
+                shading.write(colors, rgb);
             }
         }
     }

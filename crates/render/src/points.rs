@@ -55,7 +55,7 @@ impl Centers<'_> {
 }
 
 /// Pixels whose centres show one part: a whole tile, or listed ones.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pixels {
     pub count: usize,
     /// Whether they are a whole tile, row by row.

@@ -11,10 +11,10 @@ use glam::Vec3A;
 use crate::arrival::Arrival;
 use crate::assets::{Surface, TRIANGLE_BITS};
 use crate::job::ROBOT;
-use crate::lanes::{CHUNK, REGISTER};
+use crate::lanes::{CHUNK, Lane, REGISTER};
 use crate::layers::TILE;
 use crate::mesh::Face;
-use crate::points::{Centers, Pixels};
+use crate::points::Centers;
 use crate::scene::Scene;
 use crate::texture::{Samples, find_codes, srgb_table};
 use crate::view::{Lens, PartView, View};
@@ -81,55 +81,54 @@ impl Default for Shading {
 impl Shading {
     /// Starts a new chunk.
     pub fn clear(&mut self) {
-        (self.spots.count, self.spots.is_one) = (0, true);
+        let pixels = &mut self.spots.pixels;
+        (pixels.count, pixels.is_tile, pixels.is_flat) = (0, false, true);
     }
 
     /// Adds a spot.
     pub fn push(&mut self, spot: Spot) {
-        let spots = &mut self.spots;
-        let i = spots.count;
-        (spots.x[i], spots.y[i], spots.depth[i]) = (spot.x, spot.y, spot.depth);
-        (spots.key[i], spots.ambient[i]) = (spot.key, spot.ambient);
-        spots.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
-        spots.is_one &= spots.triangle[i] == spots.triangle[0];
-        spots.count += 1;
+        let Spots { pixels, key, ambient, .. } = &mut self.spots;
+        let i = pixels.count;
+        (pixels.column[i], pixels.row[i], pixels.depth[i]) = (spot.x, spot.y, spot.depth);
+        (key[i], ambient[i]) = (spot.key, spot.ambient);
+        pixels.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
+        pixels.is_flat &= pixels.triangle[i] == pixels.triangle[0];
+        pixels.count += 1;
     }
 
-    /// The centres of pixels, with the shares of the key light and of the ambient light that arrive.
-    pub fn take(&mut self, pixels: &Pixels, arrival: &Arrival) {
-        let (key, ambient) = (&arrival.key, &arrival.ambient);
-        let spots = &mut self.spots;
-        (spots.count, spots.is_one) = (pixels.count, pixels.is_flat);
-        match pixels.is_flat {
-            true => spots.triangle[0] = pixels.triangle[0],
-            false => spots.triangle = pixels.triangle,
+    /// Takes the centres of listed pixels, which are packed, and the light that arrives there.
+    pub fn list(&mut self, places: &[u32], arrival: &Arrival) {
+        let Spots { pixels, key, ambient, .. } = &mut self.spots;
+        pixels.list(places, arrival.centers());
+        for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+            (key[i], ambient[i]) = (arrival.key[pixel as usize], arrival.ambient[pixel as usize]);
         }
-        (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
-        if pixels.is_tile {
-            let tile = arrival.tile_of(pixels.pixel[0]);
-            for (lane, field) in [(&mut spots.key, key), (&mut spots.ambient, ambient)] {
-                if let Some(value) = field.even(tile) {
-                    *lane = [value; CHUNK];
-                    continue;
-                }
-                for (lane, &first) in lane.chunks_exact_mut(TILE).zip(pixels.pixel.iter().step_by(TILE)) {
-                    lane.copy_from_slice(&field[first as usize..][..TILE]);
-                }
-            }
-        } else {
-            for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
-                (spots.key[i], spots.ambient[i]) = (key[pixel as usize], ambient[pixel as usize]);
-            }
-        }
-        for key in &mut spots.key {
-            *key = if *key > 0.0 { *key } else { 0.0 };
-        }
+        limit(key);
     }
 
-    /// Writes the spots, which are those pixels, into an image: linear display colours, unless they are an empty list, which
-    /// only the pixels of a tile may get, and bytes.
-    pub fn write(&mut self, pixels: &Pixels, colors: &mut [Vec3A], rgb: &mut [u8]) {
+    /// The same of a tile, given by its first pixel, which is packed; returns its index.
+    pub fn tile(&mut self, place: u32, arrival: &Arrival) -> usize {
+        let Spots { pixels, key, ambient, .. } = &mut self.spots;
+        pixels.tile(place, arrival.centers());
+        let tile = arrival.tile_of(pixels.pixel[0]);
+        for (lane, field) in [(&mut *key, &arrival.key), (ambient, &arrival.ambient)] {
+            if let Some(value) = field.even(tile) {
+                *lane = [value; CHUNK];
+                continue;
+            }
+            for (lane, &first) in lane.chunks_exact_mut(TILE).zip(pixels.pixel.iter().step_by(TILE)) {
+                lane.copy_from_slice(&field[first as usize..][..TILE]);
+            }
+        }
+        limit(key);
+        tile
+    }
+
+    /// Writes the spots, which are the centres of pixels, into an image: linear display colours, unless they are an empty list,
+    /// which only the pixels of a tile may get, and bytes.
+    pub fn write(&mut self, colors: &mut [Vec3A], rgb: &mut [u8]) {
         find_codes(&self.reflected.color, &mut self.codes);
+        let pixels = &self.spots.pixels;
         let table = srgb_table();
         let code = |channel: usize, spot: usize| table[self.codes[channel][spot] as usize & 4095];
         if pixels.is_tile {
@@ -177,8 +176,9 @@ impl Shading {
     }
 
     /// Lights the corners of tiles that show a part, given by their first pixels, as far as they may be shaded by them;
-    /// several of them show one triangle. `pixels` are those of the first one.
-    pub fn light_corners(&mut self, tiles: &[u32], pixels: &Pixels, appearance: &Appearance<'_>, centers: Centers<'_>) {
+    /// several of them show one triangle. The spots are those of the first one.
+    pub fn light_corners(&mut self, tiles: &[u32], appearance: &Appearance<'_>, centers: Centers<'_>) {
+        let pixels = &self.spots.pixels;
         match pixels.is_flat && appearance.is_smooth() {
             true => self.corners.find(tiles, pixels.triangle[0], appearance, centers),
             false => self.corners.forget(),
@@ -195,7 +195,7 @@ impl Shading {
         let &Appearance { surface, placed, lens, .. } = appearance;
         let mut even_texels = None;
         if let Some(texture) = &surface.texture {
-            let face = &appearance.faces[spots.triangle[0] as usize];
+            let face = &appearance.faces[spots.pixels.triangle[0] as usize];
             locate::<CHUNK>(spots, placed, lens);
             even_texels = corners.even_texels(tile);
             if even_texels.is_some() {
@@ -213,12 +213,12 @@ impl Shading {
     pub fn shade(&mut self, appearance: &Appearance<'_>) {
         let Self { spots, samples, reflected, .. } = self;
         let &Appearance { faces, eye, surface, placed, lens, .. } = appearance;
-        match spots.count <= REGISTER {
+        match spots.pixels.count <= REGISTER {
             true => locate::<REGISTER>(spots, placed, lens),
             false => locate::<CHUNK>(spots, placed, lens),
         }
-        match spots.is_one {
-            true => interpolate_one::<CHUNK>(spots, &faces[spots.triangle[0] as usize], eye),
+        match spots.pixels.is_flat {
+            true => interpolate_one::<CHUNK>(spots, &faces[spots.pixels.triangle[0] as usize], eye),
             false => interpolate(spots, faces, eye, surface.texture.is_some()),
         }
         if let Some(texture) = &surface.texture {
@@ -226,6 +226,14 @@ impl Shading {
         }
         spots.paint(surface, None, samples);
         reflect(spots, appearance, reflected);
+    }
+}
+
+/// Moves estimates of the key light that are less than nothing.
+#[inline(always)]
+fn limit(key: &mut Lane) {
+    for key in key {
+        *key = if *key > 0.0 { *key } else { 0.0 };
     }
 }
 

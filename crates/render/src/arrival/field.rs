@@ -2,7 +2,6 @@
 
 use std::ops::{Deref, DerefMut, Range};
 
-use super::put;
 use crate::layers::TILE;
 
 /// One value per pixel, row by row.
@@ -33,7 +32,11 @@ impl Field {
         }
         *known = Some(value.to_bits());
         for row in rows {
-            put(&mut self.values[row * self.width..][columns.clone()], &[value; TILE]);
+            let line = &mut self.values[row * self.width..][columns.clone()];
+            match line.first_chunk_mut::<TILE>() {
+                Some(whole) => *whole = [value; TILE],
+                None => line.fill(value),
+            }
         }
     }
 

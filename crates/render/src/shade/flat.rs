@@ -28,7 +28,7 @@ impl Corners {
         for (tile, &place) in tiles.iter().enumerate().take(TILES) {
             self.are_before_eye[tile] = self.spots.span(tile * CORNERS, place, centers);
         }
-        self.spots.count = tiles.len().min(TILES) * CORNERS;
+        self.spots.pixels.count = tiles.len().min(TILES) * CORNERS;
         let Appearance { surface, placed, lens, .. } = appearance;
         locate::<REGISTER>(&mut self.spots, placed, lens);
         interpolate_one::<REGISTER>(&mut self.spots, &appearance.faces[triangle as usize], appearance.eye);
@@ -68,9 +68,10 @@ impl Spots {
         let (right, down) = ((right - first) * BEYOND, (down - first) * BEYOND);
         let nearness = [first, first + right, first + down, first + right + down];
         for (corner, &nearness) in nearness.iter().enumerate() {
-            self.x[at + corner] = column as f32 + (corner % 2 * TILE) as f32;
-            self.y[at + corner] = row as f32 + (corner / 2 * TILE) as f32;
-            self.depth[at + corner] = 1.0 / nearness;
+            let pixels = &mut self.pixels;
+            pixels.column[at + corner] = column as f32 + (corner % 2 * TILE) as f32;
+            pixels.row[at + corner] = row as f32 + (corner / 2 * TILE) as f32;
+            pixels.depth[at + corner] = 1.0 / nearness;
         }
         nearness.into_iter().fold(f32::INFINITY, f32::min) > 0.5 * first
     }

@@ -109,7 +109,7 @@ impl Light<'_> {
 /// Light reflected towards the viewer, developed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect(spots: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
-    if spots.count <= REGISTER {
+    if spots.pixels.count <= REGISTER {
         reflect_chunk::<REGISTER>(spots, appearance, out);
     } else {
         reflect_chunk::<CHUNK>(spots, appearance, out);
@@ -126,7 +126,7 @@ fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>,
         mirror_held::<LANES>(held, spots, lens, light.lighting, out);
     }
     if let Some(table_light) = light.table_light {
-        dim_table(table_light, spots.count, &spots.place, &mut out.around);
+        dim_table(table_light, spots.pixels.count, &spots.place, &mut out.around);
     }
     find_highlights::<LANES>(surface.roughness, light.lighting.to_light.to_array(), out);
     hold_back_key::<LANES>(&spots.key, light.with_key(), out);
@@ -148,7 +148,7 @@ pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out:
     look_around::<REGISTER>(&light.lighting.sky, &light.glossy, out);
     find_hollow::<REGISTER>(light.hollow, corners, out);
     if let Some(table_light) = light.table_light {
-        dim_table(table_light, corners.count, &corners.place, &mut out.around);
+        dim_table(table_light, corners.pixels.count, &corners.place, &mut out.around);
     }
     find_highlights::<REGISTER>(surface.roughness, light.lighting.to_light.to_array(), out);
     mirror::<REGISTER>(surface.reflectance, out);
@@ -214,7 +214,8 @@ fn face_viewer<const LANES: usize>(spots: &Spots, placed: &PartView, lens: &Lens
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
     let (center_x, center_y) = (lens.center.x, lens.center.y);
     for i in 0..LANES {
-        let (ray_x, ray_y) = ((spots.x[i] - center_x) * inverse_x, (spots.y[i] - center_y) * inverse_y);
+        let (ray_x, ray_y) =
+            ((spots.pixels.column[i] - center_x) * inverse_x, (spots.pixels.row[i] - center_y) * inverse_y);
         let inverse = -1.0 / ray_x.mul_add(ray_x, ray_y.mul_add(ray_y, 1.0)).sqrt();
         for axis in 0..3 {
             out.viewer[axis][i] = turned(&camera, axis, [ray_x, ray_y, 1.0]) * inverse;
@@ -269,7 +270,7 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
     for i in 0..LANES {
         let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
         let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
-        let distance = spots.depth[i] / dot(viewer, axis);
+        let distance = spots.pixels.depth[i] / dot(viewer, axis);
         let along = |axis: usize| viewer[axis].mul_add(distance, eye[axis]);
         let place = [along(0), along(1), along(2)];
         let twice = 2.0 * dot(normal, viewer);
@@ -505,7 +506,9 @@ mod tests {
         for _ in 0..50 {
             let mut shading = Spots::default();
             for i in 0..CHUNK {
-                (shading.x[i], shading.y[i], shading.depth[i]) = (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
+                let pixels = &mut shading.pixels;
+                (pixels.column[i], pixels.row[i], pixels.depth[i]) =
+                    (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
                 (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
                 shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
                 shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
@@ -527,11 +530,11 @@ mod tests {
             let appearance = Appearance { faces: &[], eye: None, surface, placed, lens, light };
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
-            shading.count = CHUNK;
+            shading.pixels.count = CHUNK;
             reflect_chunk::<CHUNK>(&shading, &appearance, &mut plain);
             reflect(&shading, &appearance, &mut wide);
             assert_eq!(bits(&wide.color), bits(&plain.color));
-            shading.count = REGISTER;
+            shading.pixels.count = REGISTER;
             let mut few = Reflected::default();
             reflect(&shading, &appearance, &mut few);
             let first = |lanes: &[Lane; 3]| bits(lanes).map(|channel| channel[..REGISTER].to_vec());

@@ -8,21 +8,18 @@ use multiversion::multiversion;
 use crate::assets::Surface;
 use crate::lanes::{CHUNK, Lane, ZERO, dot, turned};
 use crate::mesh::Face;
+use crate::points::Pixels;
 use crate::texture::{Detail, Samples};
 use crate::view::{Lens, PartView};
 
 /// Spots of one part, component by component.
 #[derive(Clone, Debug)]
 pub(super) struct Spots {
-    pub count: usize,
-    /// Whether all show the same triangle.
-    pub is_one: bool,
-    pub x: Lane,
-    pub y: Lane,
-    pub depth: Lane,
+    /// Where they are on the image, not always at the centres of pixels, and what is seen there.
+    pub pixels: Pixels,
+    /// Shares of the key light and of the ambient light that arrive.
     pub key: Lane,
     pub ambient: Lane,
-    pub triangle: [u32; CHUNK],
     /// In the body's frame.
     pub place: [Lane; 3],
     /// Normal between the corners', not of unit length, and texture coordinates.
@@ -37,14 +34,9 @@ pub(super) struct Spots {
 impl Default for Spots {
     fn default() -> Self {
         Self {
-            count: 0,
-            is_one: true,
-            x: ZERO,
-            y: ZERO,
-            depth: ZERO,
+            pixels: Pixels::default(),
             key: ZERO,
             ambient: ZERO,
-            triangle: [0; CHUNK],
             place: [ZERO; 3],
             normal: [ZERO; 3],
             u: ZERO,
@@ -63,7 +55,7 @@ impl Spots {
         match &surface.texture {
             Some(texture) => {
                 let detail = even_texels.map_or(Detail::Each(&self.texels), Detail::Even);
-                texture.sample(self.count, [&self.u, &self.v], detail, tint, samples, &mut self.base);
+                texture.sample(self.pixels.count, [&self.u, &self.v], detail, tint, samples, &mut self.base);
             }
             None => self.base = tint.map(|tint| [tint; CHUNK]),
         }
@@ -75,8 +67,8 @@ impl Spots {
 pub(super) fn interpolate(spots: &mut Spots, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
     let eye = eye.map(|eye| eye.to_array());
     let mut mixed = [[0.0; 4]; CHUNK];
-    for i in 0..spots.count.min(CHUNK) {
-        let face = &faces[spots.triangle[i] as usize];
+    for i in 0..spots.pixels.count.min(CHUNK) {
+        let face = &faces[spots.pixels.triangle[i] as usize];
         let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
         let columns = face.columns.map(|column| column.to_array());
         for row in 0..4 {
@@ -150,9 +142,9 @@ pub(super) fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, l
     let eye = placed.eye_in_body.to_array();
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
     for i in 0..LANES {
-        let depth = spots.depth[i];
-        let x = (spots.x[i] - lens.center.x) * inverse_x * depth;
-        let y = (spots.y[i] - lens.center.y) * inverse_y * depth;
+        let depth = spots.pixels.depth[i];
+        let x = (spots.pixels.column[i] - lens.center.x) * inverse_x * depth;
+        let y = (spots.pixels.row[i] - lens.center.y) * inverse_y * depth;
         for axis in 0..3 {
             spots.place[axis][i] = turned(&turn, axis, [x, y, depth]) + eye[axis];
         }
@@ -171,6 +163,6 @@ pub(super) fn find_footprints<const LANES: usize>(spots: &mut Spots, placed: &Pa
         let facing = along / dot(ray, ray).mul_add(dot(normal, normal), 1e-20).sqrt();
         // A grazing view stretches the pixel along one direction; the square root is the compromise.
         let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
-        spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.depth[i] * inverse_focal / facing;
+        spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.pixels.depth[i] * inverse_focal / facing;
     }
 }
