@@ -64,25 +64,24 @@ impl Occluders {
 }
 
 impl Held {
-    /// What of the surroundings, as they are mirrored, is left beside the thing, and what is mirrored of the thing, seen from a place in a
-    /// unit direction; `around` is the light of the surroundings on a white surface with a normal.
+    /// How much of a bundle of rays from a place in a unit direction meets the thing, 0-1, and its unit normal there.
     #[inline(always)]
-    pub fn seen(
-        &self,
-        place: [f32; 3],
-        direction: [f32; 3],
-        around: impl Fn([f32; 3]) -> [f32; 3],
-        [to_light, key]: [[f32; 3]; 2],
-    ) -> (f32, [f32; 3]) {
+    pub fn meet(&self, place: [f32; 3], direction: [f32; 3]) -> (f32, [f32; 3]) {
         let from = [place[0] - self.center[0], place[1] - self.center[1], place[2] - self.center[2]];
         let start = self.axes.map(|axis| dot(axis, from));
         let step = self.axes.map(|axis| dot(axis, direction));
         let (share, normal) = if self.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
-        let share = share * self.share;
-        let (around, lit) = (around(normal), dot(normal, to_light));
+        (share * self.share, normal)
+    }
+
+    /// The light of such a share of the thing where it has a normal; `around` is the light of the surroundings on a white
+    /// surface with that normal, and the lamp has a direction and a light.
+    #[inline(always)]
+    pub fn light(&self, share: f32, normal: [f32; 3], around: [f32; 3], [to_light, key]: [[f32; 3]; 2]) -> [f32; 3] {
+        let lit = dot(normal, to_light);
         let lit = if lit > 0.0 { lit * KEY } else { 0.0 };
         let light = |channel: usize| share * self.color[channel] * around[channel].mul_add(AROUND, key[channel] * lit);
-        (1.0 - share, [light(0), light(1), light(2)])
+        [light(0), light(1), light(2)]
     }
 
     /// How much of a bundle of rays meets the box, 0-1, and the normal of the side where it does.
@@ -168,14 +167,14 @@ mod tests {
             (true, [-0.2, 0.0, -0.2], diagonal, 1.0, None),
         ] {
             let held = held_cube(is_box);
-            let white = |normal: [f32; 3]| [normal[0].abs(), normal[1].abs(), normal[2].abs()];
-            let (left_over, light) = held.seen(from, direction, white, [[0.0, 0.0, 1.0], [0.0; 3]]);
-            assert!((1.0 - left_over - expected).abs() < 1e-3, "{left_over} is left, {is_box} {from:?} {direction:?}");
+            let (share, met) = held.meet(from, direction);
+            assert!((share - expected).abs() < 1e-3, "{share} is met, {is_box} {from:?} {direction:?}");
             if let Some(normal) = normal {
-                let red = held.seen(from, direction, |normal| [normal[0]; 3], [[0.0; 3]; 2]).1[0];
-                let along = red / (0.8 * AROUND);
-                assert!((along - normal[0]).abs() < 1e-3, "{along}, expected {normal:?}");
+                let apart: f32 = (0..3).map(|axis| (met[axis] - normal[axis]).abs()).sum();
+                assert!(apart < 1e-3, "{met:?}, expected {normal:?}");
             }
+            let light = held.light(share, met, [0.5; 3], [[0.0, 0.0, 1.0], [0.0; 3]]);
+            assert!((light[0] - share * 0.8 * 0.5 * AROUND).abs() < 1e-6, "{light:?}");
             assert_eq!([light[1], light[2]], [0.0; 2], "it is red");
         }
     }

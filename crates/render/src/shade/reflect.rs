@@ -265,8 +265,8 @@ fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
 /// What metal mirrors of the thing in the hand instead of the surroundings.
 #[inline(always)]
 fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, lighting: &Lighting, out: &mut Reflected) {
-    let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
     let (eye, axis) = (lens.eye.to_array(), lens.turn.z_axis.to_array());
+    let (mut shares, mut normals) = ([0.0; LANES], [[0.0; LANES]; 3]);
     for i in 0..LANES {
         let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
         let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
@@ -274,10 +274,20 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
         let along = |axis: usize| viewer[axis].mul_add(distance, eye[axis]);
         let place = [along(0), along(1), along(2)];
         let twice = 2.0 * dot(normal, viewer);
-        let mirrored = mirrored(normal, viewer, twice);
-        let (left, light) = held.seen(place, mirrored, |normal| lighting.sky.diffuse(normal), lamp);
+        let (share, [x, y, z]) = held.meet(place, mirrored(normal, viewer, twice));
+        shares[i] = share;
+        (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
+    }
+    // Most of the hand mirrors nothing of it.
+    if shares.iter().fold(true, |none, &share| none & (share <= 0.0)) {
+        return;
+    }
+    let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
+    for i in 0..LANES {
+        let (share, normal) = (shares[i], [normals[0][i], normals[1][i], normals[2][i]]);
+        let light = held.light(share, normal, lighting.sky.diffuse(normal), lamp);
         for channel in 0..3 {
-            out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(left, light[channel]);
+            out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(1.0 - share, light[channel]);
         }
     }
 }
