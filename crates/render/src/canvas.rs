@@ -176,13 +176,9 @@ impl Canvas {
 
     /// Whether a tile must be shaded: its light is new, or edges may read colours that were not kept.
     fn is_shaded(&mut self, tile: usize) -> bool {
-        self.shaded[tile] |= self.arrival.is_lit_anew(tile) || !self.colored[tile] && self.is_read(tile);
+        self.shaded[tile] |=
+            self.arrival.is_lit_anew(tile) || !self.colored[tile] && is_read(&self.arrival, &self.glass, tile);
         self.shaded[tile]
-    }
-
-    /// Whether edges or what is transparent may read the colours of a tile.
-    fn is_read(&self, tile: usize) -> bool {
-        !self.arrival.shows_one(tile) || self.glass.shows(tile)
     }
 
     /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.
@@ -221,9 +217,9 @@ impl Canvas {
                         shading.light_corners(tiles, &appearance, centers);
                     }
                     shading.shade_tile(index, &appearance);
-                    let is_inner = arrival.shows_one(tile) && !glass.shows(tile);
-                    self.colored[tile] &= !is_inner;
-                    shading.write(if is_inner { &mut [] } else { colors }, rgb);
+                    let is_read = is_read(arrival, glass, tile);
+                    self.colored[tile] &= is_read;
+                    shading.write(if is_read { colors } else { &mut [] }, rgb);
                 }
             }
             for places in places.chunks(CHUNK) {
@@ -323,6 +319,11 @@ impl Canvas {
         }
         self.view.draw_transparent(assets, [true, true], &mut self.seen);
     }
+}
+
+/// Whether edges or what is transparent may read the colours of a tile.
+fn is_read(arrival: &Arrival, glass: &Glass, tile: usize) -> bool {
+    !arrival.shows_one(tile) || glass.shows(tile)
 }
 
 /// The instance of each surface; nothing comes first.

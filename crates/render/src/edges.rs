@@ -90,10 +90,10 @@ impl Edges {
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
             let first_mixed = self.mixed.len();
-            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, tile, [columns.start, rows.start]);
+            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, tile);
             let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
             if let Some(glass) = glass.as_deref().filter(|glass| glass.reaches(tile)) {
-                rewritten |= self.find_panes(&around, glass, tile, [&columns, &rows], first_mixed);
+                rewritten |= self.find_panes(&around, &glass.layers, [&columns, &rows], first_mixed);
             }
             self.rewritten[tile] = rewritten;
         }
@@ -153,22 +153,19 @@ impl Edges {
     fn find_panes(
         &mut self,
         around: &Around<'_>,
-        glass: &Glass,
-        tile: usize,
+        layers: &[Target; 2],
         [columns, rows]: [&Range<usize>; 2],
         first_mixed: usize,
     ) -> u64 {
         let n = around.n;
-        let fronts: [Option<Front>; 2] = std::array::from_fn(|index| {
-            let layer = &glass.layers[index];
-            layer.may_show_around(tile).then(|| Front::of(layer, index == 0, around, [columns.start, rows.start]))
-        });
+        let fronts: [Front; 2] =
+            std::array::from_fn(|index| Front::of(&layers[index], index == 0, around, [columns.start, rows.start]));
         let width = around.opaque.width / around.opaque.scale;
         let mut mixed = (first_mixed as u32..).zip(&self.mixed[first_mixed..]).peekable();
         let mut found = 0;
         for (y, row) in rows.clone().enumerate() {
             for (x, column) in columns.clone().enumerate() {
-                let shares = fronts.each_ref().map(|front| front.as_ref().and_then(|front| front.share([x, y])));
+                let shares = fronts.each_ref().map(|front| front.share([x, y]));
                 if shares == [None; 2] {
                     continue;
                 }
@@ -178,7 +175,7 @@ impl Edges {
                 let mixed = mixed.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
                 for (index, share) in shares.into_iter().enumerate() {
                     let Some(Share { coverage, step: [dx, dy] }) = share else { continue };
-                    let layer = &glass.layers[index];
+                    let layer = &layers[index];
                     let (column, row) = around.cut(column as isize * n + dx, row as isize * n + dy);
                     let sample = row as usize * layer.stride + column as usize;
                     let stored = layer.nearness[sample];

@@ -85,9 +85,9 @@ pub(super) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Reads a tile, given its first pixel, which must be settled at the picture's border; says whether its samples differ
-    /// at all.
-    pub fn load(&mut self, around: &Around<'_>, tile: usize, [column, row]: [usize; 2]) -> bool {
+    /// Reads a tile, which must be settled at the picture's border; says whether its samples differ at all.
+    pub fn load(&mut self, around: &Around<'_>, tile: usize) -> bool {
+        let [column, row] = around.arrival.pixels_of(tile).map(|range| range.start);
         let n = around.n;
         (self.n, self.side) = (n as usize, (TILE + 1) * n as usize + 1);
         self.keys.resize(self.side * self.side, 0);
@@ -96,9 +96,7 @@ impl TileKeys {
         let last = [first_column, first_row].map(|first| first + self.side as isize - 1);
         let (to, bottom) = around.cut(last[0], last[1]);
         let ids = &around.opaque.ids;
-        if let (2, true, Some(keys)) =
-            (n, [from, top, to, bottom] == [first_column, first_row, last[0], last[1]], self.keys.first_chunk_mut())
-        {
+        if let (2, true, Some(keys)) = (n, !around.arrival.is_at_border(tile), self.keys.first_chunk_mut()) {
             let ids = &ids[top as usize * around.opaque.stride + from as usize..];
             let covers = around.opaque.covers_around(tile);
             return match covers == [None; 9] {
