@@ -30,6 +30,7 @@ pub struct Catalogue {
     models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
     generated: Mutex<HashMap<AssetRef, Arc<ObjectModel>>>,
     hashes: Mutex<HashMap<AssetRef, AssetHashes>>,
+    measured: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, String)>>,
 }
 
 impl Catalogue {
@@ -132,7 +133,14 @@ impl Catalogue {
             }
             cards.push(card);
         }
-        Ok(Self { cards, recipes, models: Mutex::default(), generated: Mutex::default(), hashes: Mutex::default() })
+        Ok(Self {
+            cards,
+            recipes,
+            models: Mutex::default(),
+            generated: Mutex::default(),
+            hashes: Mutex::default(),
+            measured: Mutex::default(),
+        })
     }
 
     /// All cards, by uid.
@@ -271,6 +279,18 @@ impl AssetSource for Catalogue {
         let hashes = self.model(asset)?.hashes();
         self.hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(asset.clone(), hashes.clone());
         Ok(hashes)
+    }
+
+    fn measured_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
+        let mut measured = self.measured.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = measured.get(asset) {
+            return Ok(known.clone());
+        }
+        let model = self.model(asset)?.drawn_as_measured();
+        let looks = model.looks_hash();
+        let made = (Arc::new(model), looks);
+        measured.insert(asset.clone(), made.clone());
+        Ok(made)
     }
 }
 

@@ -41,9 +41,14 @@ pub struct Finish {
 const HOUSEHOLD_METAL: f32 = 0.7;
 
 impl Finish {
+    /// Whether it has a texture.
+    pub fn is_painted(&self) -> bool {
+        !self.paint.is_empty()
+    }
+
     /// The material, its texture painted with chance from `seed`.
     pub fn material(&self, seed: Seed) -> Material {
-        let texture = (!self.paint.is_empty()).then(|| {
+        let texture = self.is_painted().then(|| {
             let mut canvas = Canvas::new(self.pixels, self.aspect, self.color);
             for (index, paint) in self.paint.iter().enumerate() {
                 canvas.apply(paint, seed.fork_index(index as u64));

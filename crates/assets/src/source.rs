@@ -45,8 +45,33 @@ pub trait AssetSource: Send + Sync {
         }
         match &placed.judging_hash {
             Some(expected) if *expected != hashes.judging => differs("judging hash", expected, hashes.judging),
-            _ => Ok(model),
+            _ => Ok(self.drawn_as_measured(placed, &hashes)?.unwrap_or(model)),
         }
+    }
+
+    /// The model of an instance drawn by all triangles that judges measure, where its scenario was made so, as all once
+    /// were; `hashes` are those of its asset.
+    ///
+    /// # Errors
+    /// As [`AssetSource::model`].
+    fn drawn_as_measured(
+        &self,
+        placed: &PlacedObject,
+        hashes: &AssetHashes,
+    ) -> Result<Option<Arc<ObjectModel>>, AssetError> {
+        let Some(known) = placed.looks_hash.as_ref().filter(|known| **known != hashes.looks) else { return Ok(None) };
+        let (model, looks) = self.measured_model(&placed.asset)?;
+        Ok((looks == *known).then_some(model))
+    }
+
+    /// [`AssetSource::model`] drawn by all triangles that judges measure, and the hash of its looks.
+    ///
+    /// # Errors
+    /// As [`AssetSource::model`].
+    fn measured_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
+        let model = self.model(asset)?.drawn_as_measured();
+        let looks = model.looks_hash();
+        Ok((Arc::new(model), looks))
     }
 
     /// Ids of the instances that look otherwise than when their scenario was made, which refuses nothing.
@@ -56,9 +81,9 @@ pub trait AssetSource: Send + Sync {
     fn changed_looks(&self, objects: &[PlacedObject]) -> Result<Vec<String>, AssetError> {
         let mut changed = Vec::new();
         for placed in objects {
-            if let Some(known) = &placed.looks_hash
-                && *known != self.hashes(&placed.asset)?.looks
-            {
+            let hashes = self.hashes(&placed.asset)?;
+            let is_known = placed.looks_hash.as_ref().is_none_or(|known| *known == hashes.looks);
+            if !is_known && self.drawn_as_measured(placed, &hashes)?.is_none() {
                 changed.push(placed.id.clone());
             }
         }

@@ -9,28 +9,107 @@ use glam::{DQuat, DVec2, DVec3};
 /// Faces that meet at a smaller angle are shaded as one smooth surface.
 const CREASE_COSINE: f64 = 0.77; // 40 degrees
 
+/// How far a drawn surface may lie from the measured one, m; chosen: less than a sub-sample of a picture of 1280x720
+/// from 0.2 m.
+const FLAT_M: f64 = 1e-4;
+
+/// Longest patch of a painted surface, m; chosen by looking.
+const PATCH_M: f64 = 0.012;
+
+/// What a surface is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// Judges and planners, which measure it; what they find does not depend on how it is drawn.
+    Measured,
+    /// Pictures: no more triangles than stay within 0.1 mm of its shape.
+    Drawn,
+}
+
+impl Detail {
+    /// In how many chords to draw an arc of a radius (m) and an angle (rad) for which `most` are enough.
+    pub fn chords(self, most: usize, radius: f64, angle: f64) -> usize {
+        let widest = 2.0 * (1.0 - FLAT_M / radius.max(FLAT_M)).acos();
+        match self {
+            Self::Measured => most,
+            Self::Drawn => most.min((angle / widest).ceil() as usize).max(1),
+        }
+    }
+}
+
 /// The surface through rings of equally many points, each counter-clockwise seen from the last ring.
 ///
 /// Texture: u runs once around along the widest ring, v from 1 at the first ring to 0 at the last one, along the mean distance of the rings.
-/// A ring of equal points closes the surface.
-pub fn from_rings(rings: &[Vec<DVec3>]) -> TriMesh {
+/// A ring of equal points closes the surface. Normals and texture coordinates are those of all rings, whichever of them
+/// the triangles of a drawn surface stand between.
+pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
+    let mut rings = rings.to_vec();
+    rings.dedup();
     let count = rings.first().map_or(0, Vec::len);
-    let along = ring_distances(rings);
-    let around = around_fractions(rings);
+    let along = ring_distances(&rings);
+    let around = around_fractions(&rings);
     let total = along.last().copied().unwrap_or(1.0).max(1e-9);
-    let mut corners = Vec::with_capacity(rings.len() * count * 6);
-    for (row, pair) in rings.windows(2).enumerate() {
-        for i in 0..count {
-            let at = |ring: usize, column: usize| {
-                let uv = DVec2::new(around[column], 1.0 - along[row + ring] / total);
-                (pair[ring][column % count], uv)
-            };
-            let (a, b, c, d) = (at(0, i), at(0, i + 1), at(1, i + 1), at(1, i));
-            corners.push([a, b, c]);
-            corners.push([a, c, d]);
+    let position = |ring: usize, column: usize| rings[ring][column % count];
+    let faces: Vec<[DVec3; 3]> = (1..rings.len())
+        .flat_map(|row| (0..count).flat_map(move |column| patch(row - 1, row, column)))
+        .map(|face| face.map(|(ring, column)| position(ring, column)))
+        .collect();
+    let normals = smooth_normals(&faces);
+    let kept = match detail {
+        Detail::Measured => (0..rings.len()).collect(),
+        Detail::Drawn => kept_rings(&rings),
+    };
+    let mut surface = Shared::default();
+    for pair in kept.windows(2) {
+        for column in 0..count {
+            for (half, face) in patch(pair[0], pair[1], column).into_iter().enumerate() {
+                let own = weighted_normal(face.map(|(ring, column)| position(ring, column)));
+                if is_degenerate(own) {
+                    continue;
+                }
+                surface.add([0, 1, 2].map(|corner| {
+                    let (ring, at) = face[corner];
+                    // Of all rows, the one that touches this end of the patch.
+                    let row = if ring == pair[0] { ring } else { ring - 1 };
+                    let normal = normals[(row * count + column) * 2 + half][corner].normalize_or(own.normalize());
+                    (position(ring, at), normal, DVec2::new(around[at], 1.0 - along[ring] / total))
+                }));
+            }
         }
     }
-    smooth(&corners)
+    surface.mesh
+}
+
+/// The two triangles between neighbouring columns of two rings, as (ring, column) of their corners.
+fn patch(low: usize, high: usize, column: usize) -> [[(usize, usize); 3]; 2] {
+    let (a, b, c, d) = ((low, column), (low, column + 1), (high, column + 1), (high, column));
+    [[a, b, c], [a, c, d]]
+}
+
+/// Indices of the rings that a surface needs: all others lie within [`FLAT_M`] of the lines between their neighbours.
+fn kept_rings(rings: &[Vec<DVec3>]) -> Vec<usize> {
+    let is_flat = |from: usize, to: usize| {
+        let mut sides = rings[from].iter().zip(&rings[to]).enumerate();
+        sides.all(|(i, (&a, &b))| {
+            let strays = |ring: &Vec<DVec3>| distance_to_segment(ring[i], a, b) > FLAT_M;
+            a.distance(b) <= PATCH_M && !rings[from + 1..to].iter().any(strays)
+        })
+    };
+    let mut kept = vec![0];
+    let mut from = 0;
+    for to in 2..rings.len() {
+        if !is_flat(from, to) {
+            from = to - 1;
+            kept.push(from);
+        }
+    }
+    kept.extend((rings.len() > 1).then(|| rings.len() - 1));
+    kept
+}
+
+fn distance_to_segment(point: DVec3, from: DVec3, to: DVec3) -> f64 {
+    let along = to - from;
+    let share = (point - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
+    point.distance(from + along * share.clamp(0.0, 1.0))
 }
 
 /// Points of a horizontal circle, counter-clockwise from above; `phase` in steps.
@@ -123,44 +202,73 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
-/// The same profile with no segment longer than `step`: pictures stay straight on surfaces of nearly square patches.
-pub fn subdivided(profile: &[DVec2], step: f64) -> Vec<DVec2> {
+/// The same profile with no segment longer than 12 mm: pictures stay straight on patches that are nearly square.
+pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
     for pair in profile.windows(2) {
-        let count = (pair[0].distance(pair[1]) / step).ceil().clamp(1.0, 64.0) as usize;
+        let count = (pair[0].distance(pair[1]) / PATCH_M).ceil().clamp(1.0, 64.0) as usize;
         fine.extend((1..=count).map(|i| pair[0].lerp(pair[1], i as f64 / count as f64)));
     }
     fine
 }
 
+/// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
+pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
+    let faces: Vec<[DVec3; 3]> = corners.iter().map(|triangle| triangle.map(|(position, _)| position)).collect();
+    let mut surface = Shared::default();
+    for (triangle, normals) in
+        corners.iter().zip(smooth_normals(&faces)).filter(|(_, normals)| normals[0] != DVec3::ZERO)
+    {
+        surface.add([0, 1, 2].map(|i| (triangle[i].0, normals[i], triangle[i].1)));
+    }
+    surface.mesh
+}
+
+/// Of each corner of loose triangles the normal that is smooth except across creases; zero where a triangle has no area.
+fn smooth_normals(faces: &[[DVec3; 3]]) -> Vec<[DVec3; 3]> {
+    let weighted: Vec<DVec3> = faces.iter().map(|&face| weighted_normal(face)).collect();
+    let mut around: HashMap<[i64; 3], Vec<usize>> = HashMap::new(); // only looked up, never iterated
+    for (index, face) in faces.iter().enumerate().filter(|(index, _)| !is_degenerate(weighted[*index])) {
+        for &position in face {
+            around.entry(key(position)).or_default().push(index);
+        }
+    }
+    let normal = |index: usize, position: DVec3| {
+        if is_degenerate(weighted[index]) {
+            return DVec3::ZERO;
+        }
+        let own = weighted[index].normalize();
+        let neighbours = around[&key(position)].iter().map(|&face| weighted[face]);
+        let sum: DVec3 = neighbours.filter(|other| other.normalize().dot(own) > CREASE_COSINE).sum();
+        sum.normalize_or(own)
+    };
+    faces.iter().enumerate().map(|(index, face)| face.map(|position| normal(index, position))).collect()
+}
+
+/// Across a face, as long as twice its area.
+fn weighted_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+fn is_degenerate(weighted_normal: DVec3) -> bool {
+    weighted_normal.length_squared() <= 1e-20
+}
+
 /// Position, normal and texture coordinates of a corner, rounded.
 type CornerKey = ([i64; 3], [i64; 3], [i64; 2]);
 
-/// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
-pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
-    let mut faces = Vec::with_capacity(corners.len());
-    let mut around: HashMap<[i64; 3], Vec<usize>> = HashMap::new(); // only looked up, never iterated
-    for triangle in corners {
-        let [a, b, c] = triangle.map(|(position, _)| position);
-        let weighted = (b - a).cross(c - a);
-        if weighted.length_squared() > 1e-20 {
-            for (position, _) in triangle {
-                around.entry(key(*position)).or_default().push(faces.len());
-            }
-            faces.push((*triangle, weighted));
-        }
-    }
-    let mut mesh = TriMesh::default();
-    let mut known: HashMap<CornerKey, u32> = HashMap::new(); // only looked up
-    for (triangle, weighted) in &faces {
-        let own = weighted.normalize();
-        let indices = triangle.map(|(position, uv)| {
-            let sum = around[&key(position)]
-                .iter()
-                .map(|&face| faces[face].1)
-                .filter(|other| other.normalize().dot(own) > CREASE_COSINE)
-                .fold(DVec3::ZERO, |sum, normal| sum + normal);
-            let normal = sum.normalize_or(own);
+/// A mesh in the making, whose triangles share equal vertices.
+#[derive(Default)]
+struct Shared {
+    mesh: TriMesh,
+    known: HashMap<CornerKey, u32>, // only looked up
+}
+
+impl Shared {
+    /// Adds a triangle of positions, normals and texture coordinates.
+    fn add(&mut self, triangle: [(DVec3, DVec3, DVec2); 3]) {
+        let Self { mesh, known } = self;
+        let indices = triangle.map(|(position, normal, uv)| {
             let name = (key(position), key(normal * 1e-2), [(uv.x * 1e6) as i64, (uv.y * 1e6) as i64]);
             *known.entry(name).or_insert_with(|| {
                 mesh.positions.push(position.as_vec3());
@@ -171,7 +279,6 @@ pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
         });
         mesh.triangles.push(indices);
     }
-    mesh
 }
 
 fn key(v: DVec3) -> [i64; 3] {

@@ -84,17 +84,19 @@ fn stretched_mass(mass: &MassProperties, factors: DVec3, density: f64) -> MassPr
 }
 
 fn stretched_visual(part: &VisualPart, factors: DVec3) -> VisualPart {
-    let mesh = &part.mesh;
     let position = |p: &glam::Vec3| (part.link_from_part.transform_point(p.as_dvec3()) * factors).as_vec3();
     let normal = |n: &glam::Vec3| {
         (part.link_from_part.transform_vector(n.as_dvec3()) / factors).normalize_or(DVec3::Z).as_vec3()
     };
-    let mesh = TriMesh {
-        positions: mesh.positions.iter().map(position).collect(),
-        normals: mesh.normals.iter().map(normal).collect(),
-        ..(**mesh).clone()
+    let stretched = |mesh: &TriMesh| {
+        Arc::new(TriMesh {
+            positions: mesh.positions.iter().map(position).collect(),
+            normals: mesh.normals.iter().map(normal).collect(),
+            ..mesh.clone()
+        })
     };
-    VisualPart { mesh: Arc::new(mesh), link_from_part: Pose::IDENTITY, ..part.clone() }
+    let (mesh, drawn) = (stretched(&part.mesh), stretched(&part.drawn));
+    VisualPart { mesh, drawn, link_from_part: Pose::IDENTITY, ..part.clone() }
 }
 
 fn stretched_piece(piece: &Piece, factors: DVec3) -> Piece {

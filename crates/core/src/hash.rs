@@ -20,7 +20,7 @@ pub struct AssetHashes {
     /// Of everything physics depends on: collision pieces, mass, joints, friction.
     pub physics: String,
     /// Of what the judge uses besides: cavities, named states, frames of the links, and area and middle of the
-    /// drawn surface.
+    /// measured surface.
     pub judging: String,
     /// Of what is drawn: meshes and materials.
     pub looks: String,
@@ -234,7 +234,7 @@ impl Canonical {
     fn looks(&mut self, link: &ObjectLink) {
         self.list(&link.visual, |bytes, part| {
             bytes.pose(&part.link_from_part);
-            bytes.mesh(&part.mesh);
+            bytes.mesh(&part.drawn);
             bytes.material(&part.material);
         });
     }
@@ -260,7 +260,7 @@ impl Canonical {
     }
 }
 
-/// Area and middle of a drawn surface in the frame of its link.
+/// Area and middle of a measured surface in the frame of its link.
 fn surface(mesh: &TriMesh, link_from_part: &Pose) -> (f64, DVec3) {
     let area = mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
     (area, link_from_part.transform_point(mesh.centroid()))
@@ -286,12 +286,8 @@ mod tests {
             triangles: vec![[0, 1, 2]],
         };
         let texture = Texture { width: 1, height: 1, rgb: vec![1, 2, 3] };
-        let visual = VisualPart {
-            name: "skin".into(),
-            mesh: Arc::new(mesh),
-            material: Material { texture: Some(Arc::new(texture)), ..Material::plain([0.1, 0.2, 0.3], 0.5) },
-            link_from_part: Pose::IDENTITY,
-        };
+        let material = Material { texture: Some(Arc::new(texture)), ..Material::plain([0.1, 0.2, 0.3], 0.5) };
+        let visual = VisualPart::new("skin", mesh, material, Pose::IDENTITY);
         let shapes = [
             Shape::Box { half_extents: DVec3::splat(0.05) },
             Shape::Sphere { radius: 0.02 },
@@ -353,6 +349,10 @@ mod tests {
 
     fn mesh(model: &mut ObjectModel) -> &mut TriMesh {
         Arc::make_mut(&mut part(model).mesh)
+    }
+
+    fn drawn(model: &mut ObjectModel) -> &mut TriMesh {
+        Arc::make_mut(&mut part(model).drawn)
     }
 
     /// A change and the hashes it must change: physics, judging, looks; all others must stay.
@@ -420,12 +420,14 @@ mod tests {
         ("state to", JUDGING, |m| m.joint_states[0].intervals[0].1[1] = 1.4),
         ("state nominal", JUDGING, |m| m.joint_states[0].nominal[0] = 1.3),
         ("no state", JUDGING, |m| m.joint_states.clear()),
-        ("surface", SURFACE, |m| mesh(m).positions[1].x = 0.2),
+        ("surface", JUDGING, |m| mesh(m).positions[1].x = 0.2),
         ("surface place", SURFACE, |m| part(m).link_from_part.position.x = 0.1),
         ("no surface", SURFACE, |m| m.links[0].visual.clear()),
-        ("triangles", SURFACE, |m| mesh(m).triangles.clear()),
-        ("normal", LOOKS, |m| mesh(m).normals[0] = Vec3::X),
-        ("texture coordinate", LOOKS, |m| mesh(m).uvs[0] = Vec2::ONE),
+        ("triangles", JUDGING, |m| mesh(m).triangles.clear()),
+        ("drawn corner", LOOKS, |m| drawn(m).positions[1].x = 0.2),
+        ("drawn triangles", LOOKS, |m| drawn(m).triangles.clear()),
+        ("normal", LOOKS, |m| drawn(m).normals[0] = Vec3::X),
+        ("texture coordinate", LOOKS, |m| drawn(m).uvs[0] = Vec2::ONE),
         ("colour", LOOKS, |m| part(m).material.base_color[2] = 0.4),
         ("roughness", LOOKS, |m| part(m).material.roughness = 0.6),
         ("metal", LOOKS, |m| part(m).material.metallic = 1.0),

@@ -25,12 +25,22 @@ pub struct TriMesh {
 pub struct VisualPart {
     /// Name of the part, e.g. `handle`.
     pub name: String,
-    /// The surface.
+    /// The surface as finely as it is known: what judges and planners measure.
     pub mesh: Arc<TriMesh>,
+    /// The surface that pictures show: the same, or one of fewer triangles within 0.1 mm of it.
+    pub drawn: Arc<TriMesh>,
     /// How it reflects.
     pub material: Material,
     /// Where it sits.
     pub link_from_part: Pose,
+}
+
+impl VisualPart {
+    /// A part that is drawn as it is measured.
+    pub fn new(name: impl Into<String>, mesh: TriMesh, material: Material, link_from_part: Pose) -> Self {
+        let mesh = Arc::new(mesh);
+        Self { name: name.into(), drawn: Arc::clone(&mesh), mesh, material, link_from_part }
+    }
 }
 
 /// Metallic-roughness material.

@@ -1,5 +1,7 @@
 //! Objects: how people name them, what they are made of, and how they move.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -205,6 +207,15 @@ pub struct MassProperties {
 }
 
 impl ObjectModel {
+    /// The same object, drawn by all triangles that judges measure.
+    pub fn drawn_as_measured(&self) -> Self {
+        let mut model = self.clone();
+        for part in model.links.iter_mut().flat_map(|link| &mut link.visual) {
+            part.drawn = Arc::clone(&part.mesh);
+        }
+        model
+    }
+
     /// Number of movable joints.
     pub fn joint_count(&self) -> usize {
         self.links.iter().filter(|link| link.joint.is_some()).count()

@@ -1,7 +1,5 @@
 //! From a raw object to a model of the catalogue, by one automatic pipeline.
 
-use std::sync::Arc;
-
 use genmanip_assets::surface;
 use genmanip_core::{
     Aabb, Annotations, AssetRef, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Room, VisualPart,
@@ -173,12 +171,7 @@ fn visual(link: &RawLink) -> Vec<VisualPart> {
                 .iter()
                 .map(|triangle| triangle.map(|index| (surface.mesh.positions[index as usize], uv(index))))
                 .collect();
-            VisualPart {
-                name: surface.name.clone(),
-                mesh: Arc::new(surface::smooth(&corners)),
-                material: surface.material.clone(),
-                link_from_part: Pose::IDENTITY,
-            }
+            VisualPart::new(&surface.name, surface::smooth(&corners), surface.material.clone(), Pose::IDENTITY)
         })
         .collect()
 }

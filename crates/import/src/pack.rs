@@ -255,8 +255,8 @@ fn from_part(
         thin_walled: part.thin_walled,
         texture,
     };
-    let mesh = Arc::new(TriMesh { positions, normals, uvs, triangles });
-    Ok(VisualPart { name: part.name.clone(), mesh, material, link_from_part: part.link_from_part })
+    let mesh = TriMesh { positions, normals, uvs, triangles };
+    Ok(VisualPart::new(&part.name, mesh, material, part.link_from_part))
 }
 
 fn single(bytes: &[u8]) -> f32 {

@@ -185,7 +185,7 @@ fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<Shape>> {
 
 impl Part {
     fn new(visual: &VisualPart, body_name: &str, body: Option<usize>, instance: u16) -> Result<Self, RenderError> {
-        let mesh = &*visual.mesh;
+        let mesh = &*visual.drawn;
         let corners = mesh.positions.len();
         if let Some(&index) = mesh.triangles.iter().flatten().find(|&&index| index as usize >= corners) {
             return Err(RenderError::BadMesh { body: body_name.into(), part: visual.name.clone(), index, corners });
@@ -199,7 +199,7 @@ impl Part {
                 what: format!("a corner of part `{}` of `{body_name}`", visual.name),
             });
         }
-        let mesh = Mesh::shared(&visual.mesh, &visual.link_from_part);
+        let mesh = Mesh::shared(&visual.drawn, &visual.link_from_part);
         let surface = Surface::new(&visual.material);
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, surface })
     }

@@ -1,7 +1,5 @@
 //! What stands around the robot: the support surfaces of a world.
 
-use std::sync::Arc;
-
 use genmanip_core::{Material, SupportSurface, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3};
 
@@ -30,12 +28,7 @@ pub(crate) fn visuals(world: &World) -> Vec<Fixed> {
         let is_table = index == 0;
         let mut add = |mesh: TriMesh, material: Material, is_slab: bool| {
             fixed.push(Fixed {
-                visual: VisualPart {
-                    name: surface.id.clone(),
-                    mesh: Arc::new(mesh),
-                    material,
-                    link_from_part: surface.world_from_surface(),
-                },
+                visual: VisualPart::new(&surface.id, mesh, material, surface.world_from_surface()),
                 is_table: is_table && is_slab,
                 casts_shadow: !is_table,
             });

@@ -1,4 +1,5 @@
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_4;
 
 use genmanip_core::{Pose, Seed, TriMesh};
 use glam::{DQuat, DVec2, DVec3};
@@ -8,7 +9,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
-use crate::surface::rounded_rectangle;
+use crate::surface::{Detail, rounded_rectangle};
 
 /// A box, sharp or rounded, standing on the centre of its base: carton, book, cube, loaf.
 ///
@@ -87,19 +88,24 @@ impl Block {
         let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
         let object_from_block = Pose::new(self.at, turn) * Pose::from_position(DVec3::Z * half.z);
         let round = self.round.min(half.min_element());
-        let mut plain = TriMesh::default();
-        for face in Face::ALL {
-            let mesh = face_mesh(face, half, round, &object_from_block);
-            match self.faces.get(&face) {
-                Some(finish) => {
-                    let name = format!("{}_{}", self.name, format!("{face:?}").to_lowercase());
-                    link.visual.push(surface(&name, mesh, finish, seed.fork(&name)));
-                }
-                None => append(&mut plain, &mesh),
-            }
+        let side = |face: Face, detail: Detail| {
+            // With a single chord, edges that are as fine as pixels look dotted.
+            let steps = detail.chords(ROUND_STEPS, round, FRAC_PI_4).max(2);
+            face_mesh(face, half, round, steps, &object_from_block)
+        };
+        for (&face, finish) in &self.faces {
+            let name = format!("{}_{}", self.name, format!("{face:?}").to_lowercase());
+            link.visual.push(surface(&name, |detail| side(face, detail), finish, seed.fork(&name)));
         }
-        if !plain.triangles.is_empty() {
-            link.visual.push(surface(&self.name, plain, &self.finish, seed));
+        let plain: Vec<Face> = Face::ALL.into_iter().filter(|face| !self.faces.contains_key(face)).collect();
+        if !plain.is_empty() {
+            let mesh = |detail| {
+                plain.iter().fold(TriMesh::default(), |mut mesh, &face| {
+                    append(&mut mesh, &side(face, detail));
+                    mesh
+                })
+            };
+            link.visual.push(surface(&self.name, mesh, &self.finish, seed));
         }
         if !self.ghost {
             link.solids.push(self.solid(&object_from_block));
@@ -134,8 +140,11 @@ impl Block {
     }
 }
 
-/// One side with its share of the rounded edges; texture coordinates are flat over the whole side.
-fn face_mesh(face: Face, half: DVec3, round: f64, object_from_block: &Pose) -> TriMesh {
+/// Chords of an eighth of a circle, from the middle of a side to that of its edge.
+const ROUND_STEPS: usize = 3;
+
+/// One side with its share of the rounded edges, each in `steps` chords; texture coordinates are flat over the whole side.
+fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_block: &Pose) -> TriMesh {
     let [u, v, normal] = face.axes();
     let (half_u, half_v, half_n) = (u.abs().dot(half), v.abs().dot(half), normal.abs().dot(half));
     let knots = |extent: f64| {
@@ -144,9 +153,9 @@ fn face_mesh(face: Face, half: DVec3, round: f64, object_from_block: &Pose) -> T
         }
         let core = extent - round;
         // Equal angles over an eighth of a circle, seen from the middle of the rounding.
-        let bend = |i: usize| core + round * (std::f64::consts::FRAC_PI_4 * i as f64 / 3.0).tan();
-        let mut knots: Vec<f64> = (0..4).rev().map(|i| -bend(i)).collect();
-        knots.extend((0..4).map(bend));
+        let bend = |i: usize| core + round * (FRAC_PI_4 * i as f64 / steps as f64).tan();
+        let mut knots: Vec<f64> = (0..=steps).rev().map(|i| -bend(i)).collect();
+        knots.extend((0..=steps).map(bend));
         knots
     };
     let (columns, rows) = (knots(half_u), knots(half_v));

@@ -27,6 +27,7 @@ pub use vessel::Vessel;
 
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
+use crate::surface::Detail;
 
 /// One part of an object, all lengths in metres in the object's frame.
 #[derive(Clone, Debug, Deserialize)]
@@ -144,12 +145,8 @@ impl Part {
 /// Two dozen wedges that touch the table beside the base disc make physics five times slower and hold nothing.
 const CLEARANCE: f64 = 0.0005;
 
-/// A drawn surface in the object's frame.
-fn surface(name: &str, mesh: TriMesh, finish: &Finish, seed: Seed) -> VisualPart {
-    VisualPart {
-        name: name.to_owned(),
-        mesh: Arc::new(mesh),
-        material: finish.material(seed),
-        link_from_part: Pose::IDENTITY,
-    }
+/// A surface in the object's frame, made of triangles as it is measured and as it is drawn.
+fn surface(name: &str, mesh: impl Fn(Detail) -> TriMesh, finish: &Finish, seed: Seed) -> VisualPart {
+    let measured = VisualPart::new(name, mesh(Detail::Measured), finish.material(seed), Pose::IDENTITY);
+    VisualPart { drawn: Arc::new(mesh(Detail::Drawn)), ..measured }
 }

@@ -43,15 +43,20 @@ impl OpenBox {
         };
         let (top, wall, floor) = (self.size.z, self.wall, self.floor);
         let lip = (wall * 0.3).min(0.0015);
-        let outside = from_rings(&[ring(0.0, 0.0), ring(0.0, top - lip)]);
-        let rim = from_rings(&[ring(0.0, top - lip), ring(lip, top), ring(wall - lip, top), ring(wall, top - lip)]);
-        let inside = from_rings(&[ring(wall, top - lip), ring(wall, floor)]);
+        let outside = [ring(0.0, 0.0), ring(0.0, top - lip)];
+        let rim = [ring(0.0, top - lip), ring(lip, top), ring(wall - lip, top), ring(wall, top - lip)];
+        let inside = [ring(wall, top - lip), ring(wall, floor)];
         let rim_finish = Finish { paint: Vec::new(), ..self.inside.clone() };
-        link.visual.push(surface("outside", outside, &self.outside, seed.fork("outside")));
-        link.visual.push(surface("rim", rim, &rim_finish, seed.fork("rim")));
-        link.visual.push(surface("inside", inside, &self.inside, seed.fork("inside")));
-        link.visual.push(surface("floor", fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
-        link.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
+        link.visual.push(surface(
+            "outside",
+            |detail| from_rings(&outside, detail),
+            &self.outside,
+            seed.fork("outside"),
+        ));
+        link.visual.push(surface("rim", |detail| from_rings(&rim, detail), &rim_finish, seed.fork("rim")));
+        link.visual.push(surface("inside", |detail| from_rings(&inside, detail), &self.inside, seed.fork("inside")));
+        link.visual.push(surface("floor", |_| fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
+        link.visual.push(surface("underside", |_| fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
         self.add_solids(link);
         link.cavity.push(self.cavity());
     }

@@ -58,7 +58,7 @@ impl Prism {
         let [low, high] = self.span;
         let (bottom, top) = (ring(low, 1.0), ring(high, self.taper));
         let rings = [ring(low, 0.0), bottom.clone(), top.clone(), ring(high, 0.0)];
-        link.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        link.visual.push(surface(&self.name, |detail| from_rings(&rings, detail), &self.finish, seed));
         if !self.ghost {
             link.solids.push(Solid::loft(&[bottom, top]));
         }

@@ -48,7 +48,7 @@ impl Ring {
             .iter()
             .map(|point| (0..columns).map(|i| turned(point, i as f64 / columns as f64 * TAU)).collect())
             .collect();
-        link.visual.push(surface(&self.name, from_rings(&rows), &self.finish, seed));
+        link.visual.push(surface(&self.name, |detail| from_rings(&rows, detail), &self.finish, seed));
         if self.ghost {
             return;
         }

@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use genmanip_core::Seed;
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
@@ -6,7 +8,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
-use crate::surface::{from_rings, smooth_curve, tube_rings};
+use crate::surface::{Detail, from_rings, smooth_curve, tube_rings};
 
 /// A tube swept along a path: handle, banana, stem, tine.
 ///
@@ -34,7 +36,7 @@ pub struct Tube {
 /// Corners of a cross-section, drawn and of the hulls.
 const SIDES: usize = 12;
 
-/// Corners of a cross-section that is only drawn.
+/// Most corners of a cross-section that is only drawn.
 const GHOST_SIDES: usize = 28;
 
 impl Tube {
@@ -43,9 +45,14 @@ impl Tube {
         let path = smooth_curve(&self.path, steps);
         let widths: Vec<DVec3> = (0..self.path.len()).map(|i| self.half_width(i).extend(0.0)).collect();
         let widths: Vec<DVec2> = smooth_curve(&widths, steps).into_iter().map(DVec3::truncate).collect();
-        let mut rings = tube_rings(&path, &widths, if self.ghost { GHOST_SIDES } else { SIDES });
-        close_ends(&mut rings);
-        link.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        let widest = widths.iter().map(|half| half.max_element()).fold(0.0, f64::max);
+        let most = if self.ghost { GHOST_SIDES } else { SIDES };
+        let mesh = |detail: Detail| {
+            let mut rings = tube_rings(&path, &widths, detail.chords(most, widest, TAU).max(SIDES));
+            close_ends(&mut rings);
+            from_rings(&rings, detail)
+        };
+        link.visual.push(surface(&self.name, mesh, &self.finish, seed));
         if !self.ghost {
             link.solids.extend(self.solids());
         }

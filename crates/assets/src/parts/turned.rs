@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use genmanip_core::{Pose, Seed};
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
@@ -6,7 +8,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
-use crate::surface::{circle, from_rings, smooth_profile, subdivided};
+use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 
 /// A full body of revolution or a regular prism: can, bottle, jar, fruit, pen.
 #[derive(Clone, Debug, Deserialize)]
@@ -74,6 +76,10 @@ pub enum TurnedSolid {
 /// Corners of the rings that round bodies collide with.
 const ROUND: usize = 20;
 
+/// Most and fewest corners of a round surface; chosen by looking at cans and pens.
+const MOST_SIDES: usize = 40;
+const FEWEST_SIDES: usize = 12;
+
 impl Turned {
     pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let mut outline = smooth_profile(&self.profile, if self.smooth { 7 } else { 1 });
@@ -82,9 +88,11 @@ impl Turned {
             outline.insert(0, DVec2::new(0.0, first.y));
             outline.push(DVec2::new(0.0, last.y));
         }
-        let sides = if self.sides > 0 { self.sides } else { 40 };
-        let outline = if self.finish.paint.is_empty() { outline } else { subdivided(&outline, 0.012) };
-        let mesh = from_rings(&self.rings(&outline, sides, self.phase(sides)));
+        let outline = if self.finish.is_painted() { subdivided(&outline) } else { outline };
+        let mesh = |detail: Detail| {
+            let sides = if self.sides > 0 { self.sides } else { self.round_sides(detail) };
+            from_rings(&self.rings(&outline, sides, self.phase(sides)), detail)
+        };
         link.visual.push(surface(&self.name, mesh, &self.finish, seed));
         link.solids.extend(self.solids());
     }
@@ -104,7 +112,7 @@ impl Turned {
             let rings = self.rings_scaled(&profile, sides, self.phase(sides), grow);
             Solid::loft(&rings)
         };
-        let radius = self.profile.iter().map(|point| point[0]).fold(0.0, f64::max);
+        let radius = self.radius();
         let (low, high) = (self.profile[0][1], self.profile[self.profile.len() - 1][1]);
         match &self.solid {
             TurnedSolid::Hull => vec![hull(&self.profile)],
@@ -113,6 +121,17 @@ impl Turned {
             TurnedSolid::Cylinder => vec![self.cylinder(radius, low, high)],
             TurnedSolid::None => Vec::new(),
         }
+    }
+
+    /// Corners of a round surface, a multiple of four so that its size is exact along both axes.
+    fn round_sides(&self, detail: Detail) -> usize {
+        let radius = self.radius() * self.stretch.max_element();
+        detail.chords(MOST_SIDES, radius, TAU).next_multiple_of(4).max(FEWEST_SIDES)
+    }
+
+    /// Largest radius.
+    fn radius(&self) -> f64 {
+        self.profile.iter().map(|point| point[0]).fold(0.0, f64::max)
     }
 
     /// Round, and free to roll: an exact cylinder serves it best.

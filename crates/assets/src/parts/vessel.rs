@@ -8,7 +8,7 @@ use super::{CLEARANCE, surface};
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
-use crate::surface::{circle, from_rings, smooth_profile, subdivided};
+use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 
 /// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
@@ -68,12 +68,17 @@ impl Vessel {
         inside.reverse();
         inside.push(DVec2::new(0.0, self.inner[0][1]));
         let sides = (self.sectors * 3).clamp(48, 72);
-        let revolve = |profile: &[DVec2]| {
-            from_rings(&subdivided(profile, 0.012).iter().map(|&point| self.ring(point, sides)).collect::<Vec<_>>())
-        };
-        link.visual.push(surface("outside", revolve(&outside), &self.outside, seed.fork("outside")));
-        link.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
-        link.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));
+        for (name, profile, finish) in
+            [("outside", outside, &self.outside), ("rim", rim, &self.rim_finish()), ("inside", inside, &self.inside)]
+        {
+            let mesh = |detail: Detail| {
+                let is_plain = detail == Detail::Drawn && !finish.is_painted();
+                let profile = if is_plain { profile.clone() } else { subdivided(&profile) };
+                let rings: Vec<_> = profile.into_iter().map(|point| self.ring(point, sides)).collect();
+                from_rings(&rings, detail)
+            };
+            link.visual.push(surface(name, mesh, finish, seed.fork(name)));
+        }
         self.add_solids(link);
         link.cavity.push(self.cavity());
     }

@@ -312,7 +312,13 @@ fn a_scenario_of_other_physics_is_refused() {
     assert!(catalogue.instance(&old).is_ok(), "scenarios of version 1 are checked by their own hash");
     let repainted = PlacedObject { looks_hash: Some("v2:0".into()), ..placed.clone() };
     assert!(catalogue.instance(&repainted).is_ok(), "looks refuse nothing");
-    assert_eq!(catalogue.changed_looks(&[placed, old, repainted]).unwrap(), ["019#2"]);
+    let measured = PlacedObject { looks_hash: Some(model.drawn_as_measured().looks_hash()), ..placed.clone() };
+    let drawn = |placed| -> usize {
+        let model = catalogue.instance(placed).unwrap();
+        model.links[0].visual.iter().map(|part| part.drawn.triangles.len()).sum()
+    };
+    assert!(drawn(&measured) > drawn(&placed), "an earlier scenario is drawn as it was");
+    assert_eq!(catalogue.changed_looks(&[placed, old, repainted, measured]).unwrap(), ["019#2"]);
 }
 
 #[test]

@@ -158,10 +158,6 @@ fn visual(piece: &Piece) -> Result<VisualPart, LabError> {
     let (corners, triangles) =
         triangulate(piece).map_err(|error| LabError::broken("a collision piece cannot be drawn", error))?;
     let positions = corners.iter().map(|corner| corner.as_vec3()).collect();
-    Ok(VisualPart {
-        name: "piece".into(),
-        mesh: Arc::new(TriMesh { positions, triangles, ..TriMesh::default() }),
-        material: Material::plain([0.7; 3], 0.5),
-        link_from_part: Pose::IDENTITY,
-    })
+    let mesh = TriMesh { positions, triangles, ..TriMesh::default() };
+    Ok(VisualPart::new("piece", mesh, Material::plain([0.7; 3], 0.5), Pose::IDENTITY))
 }

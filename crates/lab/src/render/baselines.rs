@@ -1,4 +1,5 @@
-//! The pictures of other programs' renderers beside ours: the same triangles, camera and light, one crowded table.
+//! The pictures of other programs' renderers beside ours: the same triangles, camera and light, one crowded table, its
+//! objects as finely as they are measured.
 //!
 //! MuJoCo's renderer and PyBullet's TinyRenderer are asked by `docs/benchmark/against_renderers.py` in a Python that has
 //! them; what that program draws and what it leaves out stands there.
@@ -113,7 +114,8 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
         return Ok(None);
     }
     let (robot, world, seed) = (panda(), default_world(), seed.fork("crowd"));
-    let kinds = objects(seed.fork("objects"), false, OBJECTS)?;
+    let kinds: Vec<_> =
+        objects(seed.fork("objects"), false, OBJECTS)?.iter().map(|kind| Arc::new(kind.drawn_as_measured())).collect();
     let mut crowd: Vec<_> = kinds.into_iter().cycle().take(GRID.columns * ROWS).collect();
     let count =
         |crowd: &[_]| RenderAssets::new(Arc::clone(&robot), crowd, Some(&world)).map(|assets| assets.triangle_count());

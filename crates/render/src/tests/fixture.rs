@@ -53,7 +53,7 @@ pub fn block(half: Vec3) -> TriMesh {
 
 /// A mesh of one material at the origin of its link.
 pub fn part(name: &str, mesh: TriMesh, material: Material) -> VisualPart {
-    VisualPart { name: name.into(), mesh: Arc::new(mesh), material, link_from_part: Pose::IDENTITY }
+    VisualPart::new(name, mesh, material, Pose::IDENTITY)
 }
 
 /// A rigid object of one mesh.

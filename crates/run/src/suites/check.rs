@@ -159,7 +159,11 @@ fn differences(
             found.faults.push(error.to_string());
         }
         match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
-            Ok(today) => {
+            Ok(mut today) => {
+                // Drawn by all triangles, as suites once were frozen, it is still the catalogue's.
+                if Catalogue::builtin().measured_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash) {
+                    today.looks_hash.clone_from(&frozen.looks_hash);
+                }
                 let places = frozen.differences(&today, MOST_PLACES);
                 if !places.is_empty() {
                     found.notes.push(format!("assets/{}: the catalogue has another {}", file.file, places.join(", ")));
