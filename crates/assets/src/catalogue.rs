@@ -282,15 +282,14 @@ impl AssetSource for Catalogue {
     }
 
     fn measured_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
-        let mut measured = self.measured.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = measured.get(asset) {
-            return Ok(known.clone());
+        let known = || self.measured.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = known().get(asset) {
+            return Ok(made.clone());
         }
         let model = self.model(asset)?.drawn_as_measured();
         let looks = model.looks_hash();
-        let made = (Arc::new(model), looks);
-        measured.insert(asset.clone(), made.clone());
-        Ok(made)
+        // Of two threads that made it, both get the one that was kept.
+        Ok(known().entry(asset.clone()).or_insert((Arc::new(model), looks)).clone())
     }
 }
 

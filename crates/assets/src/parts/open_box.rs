@@ -47,14 +47,11 @@ impl OpenBox {
         let rim = [ring(0.0, top - lip), ring(lip, top), ring(wall - lip, top), ring(wall, top - lip)];
         let inside = [ring(wall, top - lip), ring(wall, floor)];
         let rim_finish = Finish { paint: Vec::new(), ..self.inside.clone() };
-        link.visual.push(surface(
-            "outside",
-            |detail| from_rings(&outside, detail),
-            &self.outside,
-            seed.fork("outside"),
-        ));
-        link.visual.push(surface("rim", |detail| from_rings(&rim, detail), &rim_finish, seed.fork("rim")));
-        link.visual.push(surface("inside", |detail| from_rings(&inside, detail), &self.inside, seed.fork("inside")));
+        for (name, rings, finish) in
+            [("outside", &outside[..], &self.outside), ("rim", &rim, &rim_finish), ("inside", &inside, &self.inside)]
+        {
+            link.visual.push(surface(name, |detail| from_rings(rings, detail), finish, seed.fork(name)));
+        }
         link.visual.push(surface("floor", |_| fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
         link.visual.push(surface("underside", |_| fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
         self.add_solids(link);
