@@ -347,7 +347,8 @@ impl Arrival {
         let centers = centers!(self);
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
-            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
+            let (size, top) = ([self.width, self.height], scene.table_light.top().filter(|_| !is_table(part)));
+            occlude(points, &self.depth, size, &view.lens, top, variation, taps);
             if !is_table(part) {
                 scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             }

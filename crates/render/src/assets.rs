@@ -21,6 +21,17 @@ pub struct RenderAssets {
     body_count: usize,
     /// By body.
     shapes: Vec<Option<Shape>>,
+    pads: Vec<Pad>,
+}
+
+/// A part of a finger that is not of metal.
+#[derive(Debug)]
+pub(crate) struct Pad {
+    pub body: usize,
+    /// Box around it in the body's frame.
+    pub shape: Shape,
+    /// Linear.
+    pub color: Vec3A,
 }
 
 /// One mesh of one material, in the frame of its body.
@@ -107,7 +118,8 @@ impl RenderAssets {
             return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
         }
         let shapes = shapes(&parts, body);
-        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes }))
+        let pads = robot.as_ref().map_or_else(Vec::new, |robot| pads(&parts, robot));
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads }))
     }
 
     /// Number of poses in a [`FrameState`]: links of the robot and of all objects.
@@ -118,6 +130,11 @@ impl RenderAssets {
     /// What the opaque parts of a body are like; `None` without any.
     pub(crate) fn shape_of(&self, body: usize) -> Option<&Shape> {
         self.shapes[body].as_ref()
+    }
+
+    /// Of the robot's fingers, whose metal mirrors them.
+    pub(crate) fn pads(&self) -> &[Pad] {
+        &self.pads
     }
 
     /// Number of the robot's bodies, which come first.
@@ -181,6 +198,14 @@ fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<Shape>> {
         }
     }
     meshes.iter().map(|meshes| Shape::of(meshes)).collect()
+}
+
+fn pads(parts: &[Part], robot: &RobotModel) -> Vec<Pad> {
+    let pads = parts.iter().filter(|part| part.surface.metallic == 0.0 && !part.is_transparent()).filter_map(|part| {
+        let body = part.body.filter(|body| robot.gripper.fingers.contains(body))?;
+        Some(Pad { body, shape: Shape::of(&[&part.mesh])?, color: part.surface.mean_color() })
+    });
+    pads.collect()
 }
 
 impl Part {

@@ -73,22 +73,24 @@ impl KeyLight {
         }
     }
 
-    /// A level plane at a height, metres, as the map sees it; `None` where it is not lit.
+    /// A level plane at a height, metres, as the map sees it, lifted only to compare its nearness; `None` where it is not lit.
     pub fn plane(&self, height: f32) -> Option<Plane> {
         let slope = self.light_from_world * Vec3A::Z;
         if slope.z > -0.01 {
             return None;
         }
         let (lift, _) = self.lift_and_tilt(slope.to_array());
-        let at = |x: f32, y: f32| self.on_map(self.light_from_world * Vec3A::new(x, y, height + lift));
-        let (origin, right, up) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
+        let at = |x: f32, y: f32, z: f32| self.on_map(self.light_from_world * Vec3A::new(x, y, z));
+        let middle = at(0.0, 0.0, height);
+        let lifted = height + lift;
+        let (origin, right, up) = (at(0.0, 0.0, lifted), at(1.0, 0.0, lifted), at(0.0, 1.0, lifted));
         let step = |to: Corner| [to.x - origin.x, to.y - origin.y, to.nearness - origin.nearness];
         let ([a, b, e], [c, d, f]) = (step(right), step(up));
         let area = a * d - b * c;
         let (tilt_x, tilt_y) = ((e * d - f * b) / area, (a * f - c * e) / area);
         Some(Plane {
-            x: [right.x - origin.x, up.x - origin.x, origin.x],
-            y: [right.y - origin.y, up.y - origin.y, origin.y],
+            x: [right.x - origin.x, up.x - origin.x, middle.x],
+            y: [right.y - origin.y, up.y - origin.y, middle.y],
             nearness: [origin.nearness - origin.x * tilt_x - origin.y * tilt_y, tilt_x, tilt_y],
         })
     }

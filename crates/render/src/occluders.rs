@@ -9,7 +9,7 @@ use genmanip_core::CameraMount;
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use crate::assets::{RenderAssets, Surface};
+use crate::assets::{Pad, RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::lanes::{Lane, dot, smooth_step, whole_registers, within};
 use crate::points::Points;
@@ -20,7 +20,7 @@ use hollow::enclose;
 mod held;
 mod hollow;
 
-pub(crate) use held::Held;
+pub(crate) use held::Mirrored;
 #[cfg(test)]
 pub(crate) use held::held_cube;
 pub(crate) use hollow::{Hollow, facing_middle};
@@ -34,6 +34,10 @@ const STRENGTH: f32 = 0.578;
 const LAMP_WIDTH: f32 = 0.58;
 const LAMP_EDGE: f32 = 0.1;
 const LAMP_BEYOND: f32 = 0.21;
+/// Share of the lamp's light that a body and the table beside it lose in the middle of others' shadow. Fitted likewise.
+const SHADED: f32 = 0.55;
+/// Width of the edge of a body's shadow on another as a whole, over the body's radius. Chosen: the other is as large.
+const LAMP_BLUR: f32 = 0.3;
 /// Thinnest half axis, metres. Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
@@ -43,6 +47,8 @@ const LEAST: f32 = 0.01;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Occluders {
     bodies: Vec<Occluder>,
+    /// Pads of the robot's fingers, for the hand's camera.
+    pads: Vec<(usize, Mirrored)>,
     /// Whether bodies hold back each other's light. Only for the hand's camera: it is near things, is covered by the hand,
     /// and has no picture before to continue, whose every tile would change with the arm.
     count: bool,
@@ -65,6 +71,8 @@ pub(crate) struct Occluder {
     reach: f32,
     /// Its centre in the body's frame, metres.
     middle: Vec3,
+    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1, for the hand's own camera.
+    lit: f32,
     /// How much of the light from above enters on the side of its third axis, 0-1.
     entering: f32,
     /// As of [`Shape`].
@@ -75,8 +83,16 @@ pub(crate) struct Occluder {
 }
 
 impl Occluders {
-    /// Becomes the bodies of a frame that is seen by a camera; transparent ones hold nothing back.
-    pub fn place(&mut self, assets: &RenderAssets, colors: &[Vec3A], frame: &FrameState, mount: CameraMount) {
+    /// Becomes the bodies of a frame that is seen by a camera, with their linear colours, under a lamp in a unit direction;
+    /// transparent ones hold nothing back.
+    pub fn place(
+        &mut self,
+        assets: &RenderAssets,
+        colors: &[Vec3A],
+        frame: &FrameState,
+        mount: CameraMount,
+        to_light: Vec3A,
+    ) {
         self.count = mount == CameraMount::Hand;
         self.bodies.clear();
         for (body, pose) in frame.body_poses.iter().enumerate() {
@@ -98,16 +114,27 @@ impl Occluders {
                 color,
                 reach,
                 middle,
+                lit: 1.0,
                 entering: 0.0,
                 is_box,
                 is_hollow,
                 in_hand: 0.0,
             });
         }
+        self.pads.clear();
+        if self.count {
+            let placed = |pad: &Pad| (pad.body, Mirrored::pad(pad, &frame.body_poses[pad.body]));
+            self.pads.extend(assets.pads().iter().map(placed));
+        }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
-            let (entering, in_hand) = (self.entering(own), self.in_hand(own, assets.robot_bodies()));
-            (self.bodies[index].entering, self.bodies[index].in_hand) = (entering, in_hand);
+            let (entering, in_hand) = (self.entering(own, to_light), self.in_hand(own, assets.robot_bodies()));
+            // The arm and what it holds hang in the light, whatever their parts keep from each other.
+            let is_arm = own.body < assets.robot_bodies() || in_hand > 0.0;
+            let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center(), to_light) };
+            let lit = 1.0 - SHADED * (1.0 - lit);
+            let own = &mut self.bodies[index];
+            (own.lit, own.entering, own.in_hand) = (lit, entering, in_hand);
         }
     }
 
@@ -120,6 +147,17 @@ impl Occluders {
     /// All of them.
     pub fn bodies(&self) -> &[Occluder] {
         &self.bodies
+    }
+
+    /// How much of the light of a lamp in a unit direction reaches a place past all bodies but one, where they count.
+    fn lit(&self, but: usize, place: Vec3A, to_light: Vec3A) -> f32 {
+        let others = self.bodies.iter().filter(|other| self.count && other.body != but);
+        others.map(|other| other.lets_pass(place, to_light)).product()
+    }
+
+    /// How much of the lamp's light reaches a body and the table beside it, 0-1.
+    pub fn lit_of(&self, body: usize) -> f32 {
+        self.of_body(body).map_or(1.0, |own| own.lit)
     }
 
     /// Whether bodies hold back each other's light.
@@ -175,6 +213,21 @@ impl Occluder {
     /// Linear colour on average.
     pub fn color(&self) -> Vec3A {
         Vec3A::from_array(self.color)
+    }
+
+    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1.
+    pub fn lit(&self) -> f32 {
+        self.lit
+    }
+
+    /// How much of the light of a small lamp in a unit direction passes it on the way to a place.
+    fn lets_pass(&self, place: Vec3A, to_light: Vec3A) -> f32 {
+        // Where the ellipsoid is the unit sphere.
+        let toward = self.center() - place;
+        let along = Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(toward)));
+        let nearest = along.dot(self.stretched(to_light));
+        let beside = (along.length_squared() - nearest * nearest).max(0.0).sqrt();
+        if nearest > 0.0 { smooth_step((beside - 1.0) / (2.0 * LAMP_BLUR) + 0.5) } else { 1.0 }
     }
 
     /// Whether it counts at a distance, square metres, of its centre.
@@ -272,6 +325,7 @@ mod tests {
             body: 0,
             color: [0.0; 3],
             middle: Vec3::ZERO,
+            lit: 1.0,
             entering: 0.0,
             is_box: false,
             is_hollow: false,
@@ -305,6 +359,17 @@ mod tests {
         ] {
             let got = veiled(&ball(center, [0.1; 3]), center, up);
             assert!((low..=high).contains(&got), "{got}, expected {low} to {high} at {center:?}");
+        }
+    }
+
+    /// A small lamp overhead behind a ball, half of it, before it and beside it.
+    #[test]
+    fn balls_hold_back_a_small_lamp() {
+        for (center, expected) in
+            [([0.0, 0.0, 0.5], 0.0), ([0.1, 0.0, 0.5], 0.5), ([0.0, 0.0, -0.5], 1.0), ([0.2, 0.0, 0.5], 1.0)]
+        {
+            let got = ball(center, [0.1; 3]).lets_pass(Vec3A::ZERO, Vec3A::Z);
+            assert!((got - expected).abs() < 1e-5, "{got}, expected {expected} at {center:?}");
         }
     }
 

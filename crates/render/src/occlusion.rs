@@ -10,23 +10,29 @@ use crate::lanes::{CHUNK, Lane, ZERO, dot, nearest_integer, whole_registers, wit
 use crate::points::Points;
 use crate::taps::turn_of;
 use crate::variation::RenderVariation;
+use crate::view::Lens;
 
 /// Taps of the ambient occlusion. Chosen.
 const TAPS: usize = 8;
 /// Sum of the taps' darkening, over its mean, at an occlusion strength of 1. Fitted to traced pictures.
 const DARKNESS: f32 = 1.375;
+/// Height above a table up to which the table is seen, metres. Chosen: what is thinner holds nothing back that is seen.
+const FLAT_M: f32 = 0.004;
 /// Largest radius of the ambient occlusion on the image, pixels.
 pub(crate) const MAX_REACH: f32 = 64.0;
 
-/// Share of the ambient light that reaches points.
+/// Share of the ambient light that reaches points. What is seen on the top of a table, a height in metres, holds nothing
+/// back: it is lit, and part of the surroundings.
 pub(crate) fn occlude(
     points: &Points,
     depth: &[f32],
     size: [usize; 2],
-    focal: f32,
+    lens: &Lens,
+    table_top: Option<f32>,
     variation: &RenderVariation,
     taps: &mut Taps,
 ) {
+    let focal = lens.focal.x;
     let radius = variation.occlusion_radius_m;
     taps.begin(points, focal, radius);
     place_taps(taps, points, size);
@@ -35,7 +41,8 @@ pub(crate) fn occlude(
             seen[i] = depth[index[i] as usize];
         }
     }
-    add_taps(taps, points, focal, radius);
+    let up = lens.turn.row(2).to_array();
+    add_taps(taps, points, focal, radius, (up, table_top.map_or(f32::NEG_INFINITY, |top| top + FLAT_M)));
     let scale = DARKNESS * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
     for i in 0..whole_registers(points.count) {
         let share = 1.0 - taps.darkening[i] * scale;
@@ -107,13 +114,14 @@ fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
+fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32, (up, lowest): ([f32; 3], f32)) {
     let inverse_focal = 1.0 / focal;
     let square_radius = radius * radius;
     for i in 0..whole_registers(points.count) {
         let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
         let normal = [points.normal_in_camera[0][i], points.normal_in_camera[1][i], points.normal_in_camera[2][i]];
         let bias = z.mul_add(0.002, 0.001);
+        let above_lowest = points.place[2][i] - lowest;
         let mut darkening = 0.0;
         for tap in 0..TAPS {
             let depth = taps.depth[tap][i];
@@ -125,7 +133,7 @@ fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
             let square = dot(toward, toward);
             let near = if square_radius > square { square_radius - square } else { 0.0 };
             let above = dot(toward, normal) - bias;
-            let above = if above > 0.0 { above } else { 0.0 };
+            let above = if above > 0.0 && dot(toward, up) + above_lowest > 0.0 { above } else { 0.0 };
             darkening += near * near * near * above / (square + 1e-5);
         }
         taps.darkening[i] = darkening;

@@ -13,11 +13,12 @@ pub(crate) fn between(open: f32, albedo: f32) -> f32 {
     if share > open { share } else { open }
 }
 
-/// Share of the light which enters a hollow that its walls, of an albedo, scatter out of it; the hollow is open to a share of
-/// what its walls see. Light goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
+/// Light of a hollow's walls, of an albedo, that came from its other walls, over that which enters; the hollow is open to a
+/// share of what its walls see. Light goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
 #[inline(always)]
 pub(crate) fn thrown_back(albedo: f32, open: f32) -> f32 {
-    albedo * albedo * open / albedo.mul_add(open - 1.0, 1.0)
+    let walls = 1.0 - open;
+    albedo * albedo * open * walls / albedo.mul_add(-walls, 1.0)
 }
 
 /// What Schlick's approximation adds to the reflectance head-on, as a share of what is missing to all.
@@ -64,10 +65,11 @@ mod tests {
         }
     }
 
-    /// A black hollow throws nothing back, a white one all that enters, an open place what its albedo scatters once more.
+    /// A black hollow throws nothing back, a white one all that its walls see of each other, an open place nothing: it has no
+    /// other walls.
     #[test]
     fn hollows_throw_back_what_their_walls_do_not_absorb() {
-        for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 1.0), (0.5, 1.0, 0.25), (0.5, 0.2, 0.05 / 0.6)] {
+        for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 0.8), (0.5, 1.0, 0.0), (0.5, 0.2, 0.04 / 0.6)] {
             let got = thrown_back(albedo, open);
             assert!((got - expected).abs() < 1e-6, "{got} with an albedo of {albedo}, open to {open}");
         }

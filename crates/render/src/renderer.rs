@@ -192,7 +192,8 @@ impl Renderer {
             shadow.update(&self.assets, frame, &self.variation, size, is_small);
             shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
-        self.occluders.place(&self.assets, &self.body_colors, frame, job.camera.mount);
+        let (colors, to_light) = (&self.body_colors, self.lighting.to_light);
+        self.occluders.place(&self.assets, colors, frame, job.camera.mount, to_light);
         let table_light =
             &mut self.table_lights[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
         table_light.update(&self.occluders, &self.variation, &self.lighting, &lens);

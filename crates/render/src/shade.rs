@@ -246,8 +246,13 @@ impl<'a> Appearance<'a> {
             lighting: scene.lighting,
             glossy: scene.lighting.sky.glossy(surface.roughness),
             table_light: surface.is_table.then_some(scene.table_light),
+            table_top: part.body.and(scene.table_light.top()),
+            table_lit: part.body.map_or(1.0, |body| scene.occluders.lit_of(body)),
             hollow: part.body.and_then(|body| scene.occluders.hollow_of(body)),
-            held: (part.instance == ROBOT && surface.metallic > 0.0).then(|| scene.occluders.held()).flatten(),
+            mirrored: match part.body {
+                Some(body) if part.instance == ROBOT && surface.metallic > 0.0 => scene.occluders.mirrored_by(body),
+                _ => [None; 2],
+            },
             bounce: part.body.map_or(1.0, |body| scene.occluders.bounce_of(body)),
         };
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);

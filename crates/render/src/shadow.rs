@@ -17,7 +17,7 @@ use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
 use crate::refine::UNKNOWN;
 use crate::sky::luminance;
-use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
+use crate::taps::{Queue, TAPS, Taps, even_pattern, near_pattern, tap, turn_of};
 use crate::tops::Tops;
 use crate::variation::RenderVariation;
 use crate::view::rotation;
@@ -280,7 +280,7 @@ impl ShadowMap {
     fn search(&self, search: &mut Queue, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
         let widest = self.light.search_radius();
         search.radius = [widest; CHUNK];
-        tap(search, &self.layers.target, taps);
+        tap(search, &self.layers.target, near_pattern(), taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
             let found = blockers[i];
@@ -301,7 +301,7 @@ impl ShadowMap {
 
     /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
     fn filter(&self, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
-        tap(filter, &self.layers.target, taps);
+        tap(filter, &self.layers.target, even_pattern(), taps);
         for i in 0..filter.count {
             share[filter.pixel[i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
         }

@@ -16,9 +16,13 @@ use crate::variation::RenderVariation;
 const HORIZON: f32 = 0.4;
 const ZENITH: f32 = 1.1;
 
-/// What things see of a lit table below them, which they shade and which ends, in diffuse and in mirrored light. Fitted to
-/// traced pictures.
-const TABLE_SEEN: [f32; 2] = [0.6, 0.85];
+/// What things see of a lit table below them, which they shade, in diffuse and in mirrored light. Fitted to traced pictures.
+const TABLE_SEEN: [f32; 2] = [0.77, 0.85];
+/// What they see of it besides when they touch it, the height at which half of that is left, metres, and how much more sides
+/// see that face the lamp, since a thing shades the table behind itself. Fitted likewise.
+const TABLE_NEAR: f32 = 0.6;
+const NEAR_M: f32 = 0.055;
+const NEAR_SIDE: f32 = 0.2;
 
 /// Ambient light for diffuse and for glossy surfaces.
 #[derive(Debug)]
@@ -30,6 +34,10 @@ pub(crate) struct Sky {
     scale: f32,
     /// What is seen below the horizon: the table, or the studio's ground, as key light and sky light it.
     lit_ground: Vec3A,
+    /// Light of the table on what faces it; nothing without one.
+    table: [f32; 3],
+    /// Along the table towards the lamp, times [`NEAR_SIDE`].
+    lamp_side: [f32; 2],
 }
 
 /// The surroundings blurred as a surface of one roughness reflects them.
@@ -47,15 +55,20 @@ impl Sky {
     /// The studio of a variation, above a table whose top has a colour or above nothing.
     pub fn new(variation: &RenderVariation, table: Option<Vec3A>) -> Self {
         let studio = Studio::new(variation);
-        let bare = project(&studio, studio.ground);
+        let bare = project(&studio, |_| studio.ground);
         // The mean over the upper half is what the settings call ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&bare)).max(1e-6);
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
         let lit_ground = table.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
-        let harmonics = table.map_or(bare, |_| project(&studio, lit_ground * TABLE_SEEN[0] / scale));
-        let lit_ground = lit_ground * if table.is_some() { TABLE_SEEN[1] } else { 1.0 };
-        Self { harmonics: harmonics.map(|coefficient| (coefficient * scale).to_array()), studio, scale, lit_ground }
+        // A table ends: from above it is seen straight below, and towards the horizon the ground of the studio is.
+        let seen = lit_ground * TABLE_SEEN[0] / scale;
+        let below = |direction: Vec3A| studio.ground.lerp(seen, smooth_step(-direction.z));
+        let harmonics = table.map_or(bare, |_| project(&studio, below));
+        let harmonics = harmonics.map(|coefficient| (coefficient * scale).to_array());
+        let (share, near) = if table.is_some() { (TABLE_SEEN[1], lit_ground) } else { (1.0, Vec3A::ZERO) };
+        let lamp_side = (to_light.truncate().normalize_or_zero() * NEAR_SIDE).to_array();
+        Self { harmonics, studio, scale, lit_ground: lit_ground * share, table: near.to_array(), lamp_side }
     }
 
     /// Brightness of white diffuse surfaces with this normal.
@@ -71,6 +84,16 @@ impl Sky {
             out[channel] = if sum > 0.0 { sum } else { 0.0 };
         }
         out
+    }
+
+    /// Brightness of white diffuse surfaces with this normal, at a height above the table, metres, by what they see of it
+    /// besides.
+    #[inline(always)]
+    pub fn near_table(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
+        let height = if height > 0.0 { height } else { 0.0 };
+        let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, TABLE_NEAR));
+        let seen = z.mul_add(-0.5, 0.5) * side * NEAR_M / (height + NEAR_M);
+        self.table.map(|light| light * seen)
     }
 
     /// Light from a unit direction, not blurred.
@@ -165,14 +188,15 @@ impl Studio {
     }
 }
 
-fn project(studio: &Studio, ground: Vec3A) -> [Vec3A; 9] {
+/// Over a ground that depends on the direction in which it is seen.
+fn project(studio: &Studio, ground: impl Fn(Vec3A) -> Vec3A) -> [Vec3A; 9] {
     const DIRECTIONS: usize = 2048;
     let mut sums = [Vec3A::ZERO; 9];
     for index in 0..DIRECTIONS {
         let z = 1.0 - (2 * index + 1) as f32 / DIRECTIONS as f32;
         let flat = Vec2::from_angle(index as f32 * 2.399_963) * (1.0 - z * z).sqrt();
         let direction = Vec3A::from(flat.extend(z));
-        let light = studio.radiance(direction, ground);
+        let light = studio.radiance(direction, ground(direction));
         for (sum, basis) in sums.iter_mut().zip(harmonics_of(direction.x, direction.y, direction.z)) {
             *sum += light * basis;
         }
@@ -209,4 +233,25 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
 /// Brightness of a linear colour.
 pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The table lights what is close above it: from below, the more the closer, and most where it is not shaded.
+    #[test]
+    fn a_table_lights_what_is_close_above_it() {
+        let variation = RenderVariation::default();
+        let sky = Sky::new(&variation, Some(Vec3A::splat(0.6)));
+        let to_light = Vec3A::from_array(variation.light_direction).with_z(0.0).normalize().to_array();
+        let [down, up, away] = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], to_light.map(|value| -value)];
+        let seen = |normal, height| sky.near_table(normal, height)[1];
+        assert!(seen(down, 0.0) > 2.0 * seen(down, 0.1), "{} at 0.1 m", seen(down, 0.1));
+        assert!(
+            seen(down, 0.0) > seen(to_light, 0.0) && seen(to_light, 0.0) > seen(away, 0.0) && seen(away, 0.0) > 0.0
+        );
+        assert_eq!(seen(up, 0.0), 0.0);
+        assert_eq!(Sky::new(&variation, None).near_table(down, 0.0), [0.0; 3]);
+    }
 }

@@ -43,12 +43,16 @@ const KEY_SHADED: f32 = 0.156;
 /// metres. Chosen: what is carried changes nothing, what stands on the table does.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
+/// How much a body above that counts for the hand's camera: less of it is near the table. Fitted likewise.
+const HANGING: f32 = 0.75;
 /// Depth of the table beyond which all of it is lit for a camera, metres: larger than any table.
 const LONGEST_M: f32 = 10.0;
 
 /// The light on the table of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct TableLight {
+    /// Height of the table's top, metres.
+    top: Option<f32>,
     grid: Option<Grid>,
     /// Number of the table's surface; 0 without one.
     surface: u16,
@@ -93,10 +97,10 @@ impl TableLight {
     pub fn new(assets: &RenderAssets, variation: &RenderVariation, is_small: bool) -> Self {
         let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
         let table = assets.parts.iter().position(|part| part.surface.is_table && part.body.is_none());
-        let Some((table, (height, low, high))) =
-            table.filter(|_| is_on).and_then(|table| Some((table, level_top(&assets.parts[table])?)))
-        else {
-            return Self::default();
+        let table = table.and_then(|table| Some((table, level_top(&assets.parts[table])?)));
+        let top = table.map(|(_, (height, ..))| height);
+        let Some((table, (height, low, high))) = table.filter(|_| is_on) else {
+            return Self { top, ..Self::default() };
         };
         // Larger tables have fewer points per metre.
         let step = STEP_M[usize::from(is_small)].max((high - low).max_element() / 256.0);
@@ -113,6 +117,7 @@ impl TableLight {
         };
         let is_fixed = assets.parts.iter().enumerate().map(|(part, own)| own.body.is_none() && part != table);
         Self {
+            top,
             grid: Some(grid),
             surface: table as u16 + 1,
             is_fixed: std::iter::once(false).chain(is_fixed).collect(),
@@ -122,6 +127,11 @@ impl TableLight {
 }
 
 impl TableLight {
+    /// Height of the table's top, metres, if there is one.
+    pub fn top(&self) -> Option<f32> {
+        self.top
+    }
+
     /// Number of the table's surface; 0 where its light is left as it is.
     pub fn surface(&self) -> u16 {
         self.surface
@@ -144,13 +154,14 @@ impl TableLight {
         let up = lighting.around(Vec3A::Z).max(Vec3A::splat(1e-3));
         let bodies = occluders.bodies().iter().filter_map(|occluder| {
             let height = (occluder.lowest() - grid.height - STANDING_M) / FADING_M;
-            let standing = if occluders.count() { 1.0 } else { 1.0 - height.clamp(0.0, 1.0) };
+            let standing = 1.0 - height.clamp(0.0, 1.0);
+            let weight = if occluders.count() { standing + (1.0 - standing) * HANGING } else { standing };
             let color = occluder.color();
-            let key = (color * lighting.key / up * KEY_BACK).to_array();
+            let key = (color * lighting.key / up * (KEY_BACK * occluder.lit())).to_array();
             let lamp = occluder.stretched(lighting.to_light + Vec3A::Z * LAMP_UP).to_array();
-            (standing > 0.0).then(|| Body {
+            (weight > 0.0).then(|| Body {
                 occluder: occluder.clone(),
-                weight: standing,
+                weight,
                 ambient: (color * AMBIENT_BACK).to_array(),
                 key,
                 lamp,
@@ -337,7 +348,7 @@ mod tests {
         fn follow(&self, table_light: &mut TableLight, mount: CameraMount, places: [DVec3; 2]) {
             let mut occluders = Occluders::default();
             let frame = FrameState { body_poses: places.map(Pose::from_position).to_vec() };
-            occluders.place(&self.assets, &self.colors, &frame, mount);
+            occluders.place(&self.assets, &self.colors, &frame, mount, self.lighting.to_light);
             table_light.update(&occluders, &self.variation, &self.lighting, &View::default().lens);
         }
 
@@ -364,7 +375,7 @@ mod tests {
             at(0.13, CameraMount::World).at(0.5, 0.05),
             scene.anew(CameraMount::World, [DVec3::Z, FAR]).at(0.5, 0.05)
         );
-        assert!(at(0.13, CameraMount::Hand).at(0.5, 0.05).y < 0.95);
+        assert!(at(0.13, CameraMount::Hand).at(0.5, 0.05).y < 0.97);
     }
 
     /// What changed is told, what did not is not; a followed light is that of one made anew.

@@ -2,6 +2,8 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
+use std::sync::OnceLock;
+
 use glam::Vec2;
 use multiversion::multiversion;
 
@@ -13,6 +15,8 @@ pub(crate) const TAPS: usize = 8;
 /// Share of the key light that something transparent holds back; its texels have their last bit set. Fitted to traced
 /// pictures: more than the walls of clear glass mirror, since its edges are seen at a grazing angle.
 pub(crate) const GLASS_SHADE: f32 = 0.5;
+/// Power by which taps of a search lie nearer to the middle. Fitted to traced pictures.
+const NEAR: f32 = 2.0;
 /// Turns of the taps.
 const TURNS: usize = 16;
 
@@ -63,9 +67,12 @@ impl Queue {
     }
 }
 
-/// How many taps on a square map are nearer to the light than the receiving plane, and by how much together.
-pub(crate) fn tap(queue: &Queue, map: &Target, taps: &mut Taps) {
-    place_taps(queue, [map.width, map.stride], taps);
+/// Where taps lie on the unit disc.
+pub(crate) type Pattern = [[f32; 2]; TAPS];
+
+/// How many taps of a pattern on a square map are nearer to the light than the receiving plane, and by how much together.
+pub(crate) fn tap(queue: &Queue, map: &Target, pattern: &Pattern, taps: &mut Taps) {
+    place_taps(queue, [map.width, map.stride], pattern, taps);
     for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
         for i in 0..queue.count {
             stored[i] = map.nearness[index[i] as usize];
@@ -93,10 +100,10 @@ impl Default for Taps {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn place_taps(queue: &Queue, [width, stride]: [usize; 2], taps: &mut Taps) {
+fn place_taps(queue: &Queue, [width, stride]: [usize; 2], pattern: &Pattern, taps: &mut Taps) {
     let limit = (width - 1) as i32 as f32;
     let stride = stride as u32;
-    for ((offset, index), plane) in spiral().iter().zip(&mut taps.index).zip(&mut taps.plane) {
+    for ((offset, index), plane) in pattern.iter().zip(&mut taps.index).zip(&mut taps.plane) {
         for i in 0..whole_registers(queue.count) {
             let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
             let dx = offset[0].mul_add(cosine, -offset[1] * sine) * radius;
@@ -123,19 +130,29 @@ fn add_taps(taps: &mut Taps, count: usize) {
     }
 }
 
-/// A sunflower pattern on the unit disc.
-fn spiral() -> &'static [[f32; 2]; TAPS] {
-    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| {
-        std::array::from_fn(|tap| {
-            (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()).to_array()
-        })
+/// A sunflower, even on the disc, as a filter needs it.
+pub(crate) fn even_pattern() -> &'static Pattern {
+    static PATTERN: OnceLock<Pattern> = OnceLock::new();
+    PATTERN.get_or_init(|| sunflower(0.5))
+}
+
+/// The same with most taps near the middle, for a search: near a point are the blockers that matter most, since what is
+/// close to it casts a sharp shadow.
+pub(crate) fn near_pattern() -> &'static Pattern {
+    static PATTERN: OnceLock<Pattern> = OnceLock::new();
+    PATTERN.get_or_init(|| sunflower(NEAR))
+}
+
+/// Taps by the golden angle, at distances that are powers of their shares of all.
+fn sunflower(power: f32) -> Pattern {
+    std::array::from_fn(|tap| {
+        (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).powf(power)).to_array()
     })
 }
 
 /// Sine and cosine of one of the turns.
 pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
-    static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
+    static TABLE: OnceLock<[(f32, f32); TURNS]> = OnceLock::new();
     let turns = TABLE
         .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
     turns[turn as usize % TURNS]

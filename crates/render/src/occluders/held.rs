@@ -1,8 +1,14 @@
-//! The thing in the hand, for the hand's own camera: the fingers, which are of metal, mirror it, and what is dark around it
-//! throws no light on it.
+//! The thing in the hand, for the hand's own camera: the fingers, which are of metal, mirror it and their pads, and what is
+//! dark around it throws no light on it.
+
+use genmanip_core::Pose;
+use glam::{Vec3, Vec3A};
 
 use super::{FULLNESS, Occluder, Occluders, sky_left};
+use crate::assets::Pad;
 use crate::lanes::{dot, within};
+use crate::shape::Shape;
+use crate::view::rotation;
 
 /// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
 /// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
@@ -19,9 +25,9 @@ const BLUR: f32 = 0.425;
 const NEAR_M: f32 = 0.01;
 const EDGE: f32 = 0.05;
 
-/// A thing that is mirrored.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Held {
+/// A thing close to metal, which mirrors it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Mirrored {
     /// World frame, metres.
     center: [f32; 3],
     /// Unit axes in the world, each over half the side of its box.
@@ -29,7 +35,7 @@ pub(crate) struct Held {
     is_box: bool,
     /// Linear colour on average.
     color: [f32; 3],
-    /// How far it is in the hand, 0-1.
+    /// How much of it there is, 0-1: as far as it is in the hand.
     share: f32,
 }
 
@@ -40,10 +46,14 @@ impl Occluders {
         self.of_body(body).filter(|own| !own.is_hollow).map_or(1.0, |own| 1.0 - own.in_hand)
     }
 
-    /// The thing in the hand.
-    pub fn held(&self) -> Option<Held> {
+    /// What metal of a robot's body mirrors although it is near, the farther first: the thing in the hand, and a finger's pad.
+    pub fn mirrored_by(&self, body: usize) -> [Option<Mirrored>; 2] {
+        [self.held(), self.pads.iter().find(|(own, _)| *own == body).map(|(_, pad)| *pad)]
+    }
+
+    fn held(&self) -> Option<Mirrored> {
         let own = self.bodies.iter().max_by(|a, b| a.in_hand.total_cmp(&b.in_hand)).filter(|own| own.in_hand > 0.0)?;
-        Some(Held {
+        Some(Mirrored {
             center: own.center,
             axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
             is_box: own.is_box,
@@ -63,7 +73,20 @@ impl Occluders {
     }
 }
 
-impl Held {
+impl Mirrored {
+    /// The pad of a finger at a pose.
+    pub(super) fn pad(pad: &Pad, pose: &Pose) -> Self {
+        let (turn, Shape { low, high, .. }) = (rotation(pose), pad.shape);
+        let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
+        Self {
+            center: (turn * Vec3A::from((low + high) * 0.5) + pose.position.as_vec3a()).to_array(),
+            axes: [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array()),
+            is_box: true,
+            color: pad.color.to_array(),
+            share: 1.0,
+        }
+    }
+
     /// How much of a bundle of rays from a place in a unit direction meets the thing, 0-1, and its unit normal there.
     #[inline(always)]
     pub fn meet(&self, place: [f32; 3], direction: [f32; 3]) -> (f32, [f32; 3]) {
@@ -136,14 +159,31 @@ fn unit(vector: [f32; 3]) -> [f32; 3] {
 
 /// A red cube of 0.2 m around the world's origin, or the ball in it, fully in the hand.
 #[cfg(test)]
-pub(crate) fn held_cube(is_box: bool) -> Held {
+pub(crate) fn held_cube(is_box: bool) -> Mirrored {
     let axes = std::array::from_fn(|row| std::array::from_fn(|axis| if row == axis { 10.0 } else { 0.0 }));
-    Held { center: [0.0; 3], axes, is_box, color: [0.8, 0.0, 0.0], share: 1.0 }
+    Mirrored { center: [0.0; 3], axes, is_box, color: [0.8, 0.0, 0.0], share: 1.0 }
 }
 
 #[cfg(test)]
 mod tests {
+    use genmanip_assets::panda;
+
     use super::*;
+    use crate::assets::RenderAssets;
+
+    /// Each finger of the robot has one dark pad, which meets rays from the metal beside it.
+    #[test]
+    fn fingers_mirror_their_pads() {
+        let assets = RenderAssets::new(panda(), &[], None).unwrap();
+        assert_eq!(assets.pads().len(), 2);
+        for pad in assets.pads() {
+            assert!(pad.color.max_element() < 0.1, "{}", pad.color);
+            let (low, high) = (pad.shape.low, pad.shape.high);
+            let below = (low + high) * 0.5 - Vec3::Z * (high - low).z;
+            let (share, normal) = Mirrored::pad(pad, &Pose::IDENTITY).meet(below.to_array(), [0.0, 0.0, 1.0]);
+            assert_eq!((share, normal), (1.0, [0.0, 0.0, -1.0]));
+        }
+    }
 
     /// Rays that meet a cube or the ball in it, pass it, or lead away; the normal where they meet it, and how much is met.
     #[test]

@@ -11,7 +11,7 @@ use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, dot, lerp, turned, within};
 use crate::layers::TILE;
 use crate::lighting::Lighting;
-use crate::occluders::{Held, Hollow, facing_middle};
+use crate::occluders::{Hollow, Mirrored, facing_middle};
 use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
 use crate::sky::{Glossy, Sky};
 use crate::table_light::TableLight;
@@ -88,9 +88,12 @@ pub(super) struct Light<'a> {
     pub glossy: Glossy,
     /// Of the table among bodies, and within walls.
     pub table_light: Option<&'a TableLight>,
+    /// Height of the table that throws light on it, metres, and how much of it is lit, 0-1.
+    pub table_top: Option<f32>,
+    pub table_lit: f32,
     pub hollow: Option<Hollow>,
-    /// What is mirrored although it is near.
-    pub held: Option<Held>,
+    /// What is mirrored although it is near, the farther first.
+    pub mirrored: [Option<Mirrored>; 2],
     /// How much of the light that a surface throws back comes back from what is around it, 0-1.
     pub bounce: f32,
 }
@@ -122,8 +125,11 @@ fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>,
     let &Appearance { surface, placed, lens, ref light, .. } = appearance;
     face_viewer::<LANES>(spots, placed, lens, out);
     look_around::<LANES>(&light.lighting.sky, &light.glossy, out);
-    if let Some(held) = &light.held {
-        mirror_held::<LANES>(held, spots, lens, light.lighting, out);
+    if let Some(top) = light.table_top {
+        look_down::<LANES>(light, lens.eye.z - top, spots, placed, out);
+    }
+    for thing in light.mirrored.iter().flatten() {
+        mirror_near::<LANES>(thing, spots, lens, light.lighting, out);
     }
     if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.pixels.count, &spots.place, &mut out.around);
@@ -146,6 +152,9 @@ pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out:
     let &Appearance { surface, placed, lens, ref light, .. } = appearance;
     face_viewer::<REGISTER>(corners, placed, lens, out);
     look_around::<REGISTER>(&light.lighting.sky, &light.glossy, out);
+    if let Some(top) = light.table_top {
+        look_down::<REGISTER>(light, lens.eye.z - top, corners, placed, out);
+    }
     find_hollow::<REGISTER>(light.hollow, corners, out);
     if let Some(table_light) = light.table_light {
         dim_table(table_light, corners.pixels.count, &corners.place, &mut out.around);
@@ -255,6 +264,29 @@ fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflect
     }
 }
 
+/// Light of the table, so many metres above which the eye is, on what is close above it.
+#[inline(always)]
+fn look_down<const LANES: usize>(
+    light: &Light<'_>,
+    eye_height: f32,
+    spots: &Spots,
+    placed: &PartView,
+    out: &mut Reflected,
+) {
+    let (sky, lit) = (&light.lighting.sky, light.table_lit);
+    let up = placed.world_from_body.row(2);
+    let at_zero = eye_height - up.dot(placed.eye_in_body);
+    let up = up.to_array();
+    for i in 0..LANES {
+        let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        let height = dot(up, place) + at_zero;
+        let seen = sky.near_table([out.normal[0][i], out.normal[1][i], out.normal[2][i]], height);
+        for channel in 0..3 {
+            out.around[channel][i] = seen[channel].mul_add(lit, out.around[channel][i]);
+        }
+    }
+}
+
 /// The unit direction that is seen in a mirror, from twice the cosine between its normal and the direction to the viewer.
 #[inline(always)]
 fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
@@ -262,9 +294,15 @@ fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     [along(0), along(1), along(2)]
 }
 
-/// What metal mirrors of the thing in the hand instead of the surroundings.
+/// What metal mirrors of a near thing instead of the surroundings.
 #[inline(always)]
-fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, lighting: &Lighting, out: &mut Reflected) {
+fn mirror_near<const LANES: usize>(
+    thing: &Mirrored,
+    spots: &Spots,
+    lens: &Lens,
+    lighting: &Lighting,
+    out: &mut Reflected,
+) {
     let (eye, axis) = (lens.eye.to_array(), lens.turn.z_axis.to_array());
     let (mut shares, mut normals) = ([0.0; LANES], [[0.0; LANES]; 3]);
     for i in 0..LANES {
@@ -274,7 +312,7 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
         let along = |axis: usize| viewer[axis].mul_add(distance, eye[axis]);
         let place = [along(0), along(1), along(2)];
         let twice = 2.0 * dot(normal, viewer);
-        let (share, [x, y, z]) = held.meet(place, mirrored(normal, viewer, twice));
+        let (share, [x, y, z]) = thing.meet(place, mirrored(normal, viewer, twice));
         shares[i] = share;
         (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
     }
@@ -285,7 +323,7 @@ fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, ligh
     let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
     for i in 0..LANES {
         let (share, normal) = (shares[i], [normals[0][i], normals[1][i], normals[2][i]]);
-        let light = held.light(share, normal, lighting.sky.diffuse(normal), lamp);
+        let light = thing.light(share, normal, lighting.sky.diffuse(normal), lamp);
         for channel in 0..3 {
             out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(1.0 - share, light[channel]);
         }
@@ -533,9 +571,19 @@ mod tests {
                 is_table: false,
             };
             let glossy = lighting.sky.glossy(surface.roughness);
-            let held = [None, Some(held(true)), Some(held(false))][(draw(0.0, 3.0) as usize).min(2)];
-            let bounce = draw(0.0, 1.0);
-            let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None, held, bounce };
+            let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]
+                [(draw(0.0, 3.0) as usize).min(2)];
+            let (bounce, table_top) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
+            let light = Light {
+                lighting: &lighting,
+                glossy,
+                table_light: None,
+                table_top,
+                table_lit: 1.0,
+                hollow: None,
+                mirrored,
+                bounce,
+            };
             let (surface, placed, lens) = (&surface, &PartView::default(), &lens);
             let appearance = Appearance { faces: &[], eye: None, surface, placed, lens, light };
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
