@@ -71,6 +71,8 @@ pub(crate) struct Occluder {
     reach: f32,
     /// Its centre in the body's frame, metres.
     middle: Vec3,
+    /// The unit direction to the lamp where it is the unit sphere.
+    to_lamp: [f32; 3],
     /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1, for the hand's own camera.
     lit: f32,
     /// How much of the light from above enters on the side of its third axis, 0-1.
@@ -114,6 +116,7 @@ impl Occluders {
                 color,
                 reach,
                 middle,
+                to_lamp: stretched(axes, to_light).to_array(),
                 lit: 1.0,
                 entering: 0.0,
                 is_box,
@@ -128,10 +131,10 @@ impl Occluders {
         }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
-            let (entering, in_hand) = (self.entering(own, to_light), self.in_hand(own, assets.robot_bodies()));
+            let (entering, in_hand) = (self.entering(own), self.in_hand(own, assets.robot_bodies()));
             // The arm and what it holds hang in the light, whatever their parts keep from each other.
             let is_arm = own.body < assets.robot_bodies() || in_hand > 0.0;
-            let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center(), to_light) };
+            let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
             let own = &mut self.bodies[index];
             (own.lit, own.entering, own.in_hand) = (lit, entering, in_hand);
@@ -149,10 +152,10 @@ impl Occluders {
         &self.bodies
     }
 
-    /// How much of the light of a lamp in a unit direction reaches a place past all bodies but one, where they count.
-    fn lit(&self, but: usize, place: Vec3A, to_light: Vec3A) -> f32 {
+    /// How much of the lamp's light reaches a place past all bodies but one, where they count.
+    fn lit(&self, but: usize, place: Vec3A) -> f32 {
         let others = self.bodies.iter().filter(|other| self.count && other.body != but);
-        others.map(|other| other.lets_pass(place, to_light)).product()
+        others.map(|other| other.lets_pass(place.to_array())).product()
     }
 
     /// How much of the lamp's light reaches a body and the table beside it, 0-1.
@@ -201,7 +204,7 @@ impl Occluder {
 
     /// The unit vector along a direction where the ellipsoid is the unit sphere.
     pub fn stretched(&self, direction: Vec3A) -> Vec3A {
-        Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
+        stretched(self.axes, direction)
     }
 
     /// Height of its lowest point, metres.
@@ -220,20 +223,28 @@ impl Occluder {
         self.lit
     }
 
-    /// How much of the light of a small lamp in a unit direction passes it on the way to a place.
-    fn lets_pass(&self, place: Vec3A, to_light: Vec3A) -> f32 {
+    /// How much of the lamp's light passes it on the way to a place.
+    fn lets_pass(&self, [x, y, z]: [f32; 3]) -> f32 {
+        let toward = [self.center[0] - x, self.center[1] - y, self.center[2] - z];
         // Where the ellipsoid is the unit sphere.
-        let toward = self.center() - place;
-        let along = Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(toward)));
-        let nearest = along.dot(self.stretched(to_light));
-        let beside = (along.length_squared() - nearest * nearest).max(0.0).sqrt();
-        if nearest > 0.0 { smooth_step((beside - 1.0) / (2.0 * LAMP_BLUR) + 0.5) } else { 1.0 }
+        let along = self.axes.map(|axis| dot(axis, toward));
+        let nearest = dot(along, self.to_lamp);
+        if nearest <= 0.0 {
+            return 1.0;
+        }
+        let beside = nearest.mul_add(-nearest, dot(along, along)).max(0.0).sqrt();
+        smooth_step((beside - 1.0) / (2.0 * LAMP_BLUR) + 0.5)
     }
 
     /// Whether it counts at a distance, square metres, of its centre.
     pub fn reaches(&self, square: f32) -> bool {
         square < self.reach * self.reach
     }
+}
+
+/// The unit vector along a direction where an ellipsoid of such axes is the unit sphere.
+fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
+    Vec3A::from_array(axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
 }
 
 /// Linear colours of bodies on average over the surfaces of their opaque parts.
@@ -325,6 +336,7 @@ mod tests {
             body: 0,
             color: [0.0; 3],
             middle: Vec3::ZERO,
+            to_lamp: [0.0, 0.0, 1.0],
             lit: 1.0,
             entering: 0.0,
             is_box: false,
@@ -368,7 +380,7 @@ mod tests {
         for (center, expected) in
             [([0.0, 0.0, 0.5], 0.0), ([0.1, 0.0, 0.5], 0.5), ([0.0, 0.0, -0.5], 1.0), ([0.2, 0.0, 0.5], 1.0)]
         {
-            let got = ball(center, [0.1; 3]).lets_pass(Vec3A::ZERO, Vec3A::Z);
+            let got = ball(center, [0.1; 3]).lets_pass([0.0; 3]);
             assert!((got - expected).abs() < 1e-5, "{got}, expected {expected} at {center:?}");
         }
     }

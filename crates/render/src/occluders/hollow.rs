@@ -41,9 +41,9 @@ impl Occluders {
         })
     }
 
-    /// How much of the light from above, from around a lamp in a unit direction, enters a body on the side of its third axis,
-    /// on which things are open.
-    pub(super) fn entering(&self, own: &Occluder, to_light: Vec3A) -> f32 {
+    /// How much of the light from above, from around the lamp, enters a body on the side of its third axis, on which things
+    /// are open.
+    pub(super) fn entering(&self, own: &Occluder) -> f32 {
         let axis = Vec3A::from_array(own.axes[2]);
         let (up, half) = (axis.normalize(), axis.length_recip());
         if up.z < UPRIGHT {
@@ -52,7 +52,7 @@ impl Occluders {
         let place = own.center() + up * half;
         let counting = if self.count { &*self.bodies } else { &[] };
         let share = sky_left(counting, own.body, place.to_array(), up.to_array());
-        self.lit(own.body, place, to_light) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
+        self.lit(own.body, place) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
     }
 }
 
