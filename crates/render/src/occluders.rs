@@ -154,8 +154,7 @@ impl Occluders {
 
     /// How much of the lamp's light reaches a place past all bodies but one, where they count.
     fn lit(&self, but: usize, place: Vec3A) -> f32 {
-        let others = self.bodies.iter().filter(|other| self.count && other.body != but);
-        others.map(|other| other.lets_pass(place.to_array())).product()
+        lamp_left(if self.count { &self.bodies } else { &[] }, but, place.to_array())
     }
 
     /// How much of the lamp's light reaches a body and the table beside it, 0-1.
@@ -223,19 +222,6 @@ impl Occluder {
         self.lit
     }
 
-    /// How much of the lamp's light passes it on the way to a place.
-    fn lets_pass(&self, [x, y, z]: [f32; 3]) -> f32 {
-        let toward = [self.center[0] - x, self.center[1] - y, self.center[2] - z];
-        // Where the ellipsoid is the unit sphere.
-        let along = self.axes.map(|axis| dot(axis, toward));
-        let nearest = dot(along, self.to_lamp);
-        if nearest <= 0.0 {
-            return 1.0;
-        }
-        let beside = nearest.mul_add(-nearest, dot(along, along)).max(0.0).sqrt();
-        smooth_step((beside - 1.0) / (2.0 * LAMP_BLUR) + 0.5)
-    }
-
     /// Whether it counts at a distance, square metres, of its centre.
     pub fn reaches(&self, square: f32) -> bool {
         square < self.reach * self.reach
@@ -280,6 +266,24 @@ fn sky_left(bodies: &[Occluder], but: usize, place: [f32; 3], normal: [f32; 3]) 
         let [x, y, z] = other.center;
         if other.body != but {
             left *= 1.0 - covered(other, [x - place[0], y - place[1], z - place[2]], normal);
+        }
+    }
+    left
+}
+
+/// What is left of the lamp's light at a place past all bodies but one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn lamp_left(bodies: &[Occluder], but: usize, [x, y, z]: [f32; 3]) -> f32 {
+    let mut left = 1.0;
+    for other in bodies {
+        let toward = [other.center[0] - x, other.center[1] - y, other.center[2] - z];
+        // Where the ellipsoid is the unit sphere.
+        let along = other.axes.map(|axis| dot(axis, toward));
+        let nearest = dot(along, other.to_lamp);
+        if nearest > 0.0 && other.body != but {
+            let square = nearest.mul_add(-nearest, dot(along, along));
+            let beside = (if square > 0.0 { square } else { 0.0 }).sqrt();
+            left *= smooth_step((beside - 1.0) * (0.5 / LAMP_BLUR) + 0.5);
         }
     }
     left
@@ -380,7 +384,7 @@ mod tests {
         for (center, expected) in
             [([0.0, 0.0, 0.5], 0.0), ([0.1, 0.0, 0.5], 0.5), ([0.0, 0.0, -0.5], 1.0), ([0.2, 0.0, 0.5], 1.0)]
         {
-            let got = ball(center, [0.1; 3]).lets_pass([0.0; 3]);
+            let got = lamp_left(&[ball(center, [0.1; 3])], usize::MAX, [0.0; 3]);
             assert!((got - expected).abs() < 1e-5, "{got}, expected {expected} at {center:?}");
         }
     }
