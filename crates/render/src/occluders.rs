@@ -79,6 +79,7 @@ pub(crate) struct Occluder {
     entering: f32,
     /// As of [`Shape`].
     is_box: bool,
+    has_inside: bool,
     is_hollow: bool,
     /// How far it is in the hand, 0-1, for the hand's own camera.
     in_hand: f32,
@@ -98,7 +99,7 @@ impl Occluders {
         self.count = mount == CameraMount::Hand;
         self.bodies.clear();
         for (body, pose) in frame.body_poses.iter().enumerate() {
-            let Some(&Shape { low, high, is_box, is_hollow }) = assets.shape_of(body) else { continue };
+            let Some(&Shape { low, high, is_box, has_inside, is_hollow }) = assets.shape_of(body) else { continue };
             let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
             let turn = rotation(pose);
             let center = turn * Vec3A::from((low + high) * 0.5) + pose.position.as_vec3a();
@@ -120,6 +121,7 @@ impl Occluders {
                 lit: 1.0,
                 entering: 0.0,
                 is_box,
+                has_inside,
                 is_hollow,
                 in_hand: 0.0,
             });
@@ -344,6 +346,7 @@ mod tests {
             lit: 1.0,
             entering: 0.0,
             is_box: false,
+            has_inside: false,
             is_hollow: false,
             in_hand: 0.0,
             center: place,

@@ -12,7 +12,8 @@ pub(crate) struct Shape {
     pub high: Vec3,
     /// Whether its corners reach those of the box.
     pub is_box: bool,
-    /// Whether much of it faces its own middle, as the inside of a bowl does.
+    /// Whether any of it faces its own middle, and whether much of it does, as the inside of a bowl.
+    pub has_inside: bool,
     pub is_hollow: bool,
 }
 
@@ -21,6 +22,8 @@ pub(crate) struct Shape {
 const BOX: f32 = 2.7;
 /// Share of the surface that faces the middle from which a body is hollow: none of a box or a ball, half of a bowl. Chosen.
 const HOLLOW: f32 = 0.3;
+/// The same for any: more than rounding, less than the dimple of an apple. Chosen.
+const INSIDE: f32 = 1e-3;
 
 impl Shape {
     /// Of a body of these meshes; `None` without any.
@@ -39,7 +42,8 @@ impl Shape {
                 inward += if across.dot(middle - (a + b + c) / 3.0) > 0.0 { area } else { 0.0 };
             }
         }
-        Some(Self { low, high, is_box: outermost > BOX, is_hollow: inward > HOLLOW * all })
+        let (has_inside, is_hollow) = (inward > INSIDE * all, inward > HOLLOW * all);
+        Some(Self { low, high, is_box: outermost > BOX, has_inside, is_hollow })
     }
 }
 

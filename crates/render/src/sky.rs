@@ -86,13 +86,12 @@ impl Sky {
         out
     }
 
-    /// Brightness of white diffuse surfaces with this normal, at a height above the table, metres, by what they see of it
-    /// besides.
+    /// Brightness of white diffuse surfaces with this normal, at a height above or below the table, metres, by what they see
+    /// of it besides.
     #[inline(always)]
     pub fn near_table(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
-        let height = if height > 0.0 { height } else { 0.0 };
         let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, TABLE_NEAR));
-        let seen = z.mul_add(-0.5, 0.5) * side * NEAR_M / (height + NEAR_M);
+        let seen = z.mul_add(-0.5, 0.5) * side * NEAR_M / (height.abs() + NEAR_M);
         self.table.map(|light| light * seen)
     }
 

@@ -46,7 +46,7 @@ impl Occluders {
     pub(super) fn entering(&self, own: &Occluder) -> f32 {
         let axis = Vec3A::from_array(own.axes[2]);
         let (up, half) = (axis.normalize(), axis.length_recip());
-        if up.z < UPRIGHT {
+        if up.z < UPRIGHT || !own.has_inside {
             return 0.0;
         }
         let place = own.center() + up * half;
