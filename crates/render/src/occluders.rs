@@ -5,7 +5,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use genmanip_core::CameraMount;
+use genmanip_core::{CameraMount, Pose};
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
@@ -101,14 +101,12 @@ impl Occluders {
         for (body, pose) in frame.body_poses.iter().enumerate() {
             let Some(&Shape { low, high, is_box, has_inside, is_hollow }) = assets.shape_of(body) else { continue };
             let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
-            let turn = rotation(pose);
-            let center = turn * Vec3A::from((low + high) * 0.5) + pose.position.as_vec3a();
-            let axes = [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array());
+            let middle = (low + high) * 0.5;
+            let (center, axes) = placed(pose, middle, half);
             let volume = half.x * half.y * half.z;
             // From far away it covers no more than its largest section does.
             let reach = (volume / half.min_element() / LEAST).sqrt();
             let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
-            let (center, middle) = (center.to_array(), (low + high) * 0.5);
             self.bodies.push(Occluder {
                 body,
                 center,
@@ -128,8 +126,8 @@ impl Occluders {
         }
         self.pads.clear();
         if self.count {
-            let placed = |pad: &Pad| (pad.body, Mirrored::pad(pad, &frame.body_poses[pad.body]));
-            self.pads.extend(assets.pads().iter().map(placed));
+            let at_pose = |pad: &Pad| (pad.body, Mirrored::pad(pad, &frame.body_poses[pad.body]));
+            self.pads.extend(assets.pads().iter().map(at_pose));
         }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
@@ -228,6 +226,15 @@ impl Occluder {
     pub fn reaches(&self, square: f32) -> bool {
         square < self.reach * self.reach
     }
+}
+
+/// Centre in the world of a body's box or ellipsoid at a pose, from its middle in the body's frame and its half axes, metres;
+/// and its unit axes in the world, each over the length of the half axis.
+fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32; 3]; 3]) {
+    let turn = rotation(pose);
+    let center = turn * Vec3A::from(middle) + pose.position.as_vec3a();
+    let axes = [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array());
+    (center.to_array(), axes)
 }
 
 /// The unit vector along a direction where an ellipsoid of such axes is the unit sphere.

@@ -2,13 +2,12 @@
 //! dark around it throws no light on it.
 
 use genmanip_core::Pose;
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 
-use super::{FULLNESS, Occluder, Occluders, sky_left};
+use super::{FULLNESS, Occluder, Occluders, placed, sky_left};
 use crate::assets::Pad;
 use crate::lanes::{dot, within};
 use crate::shape::Shape;
-use crate::view::rotation;
 
 /// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
 /// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
@@ -76,15 +75,10 @@ impl Occluders {
 impl Mirrored {
     /// The pad of a finger at a pose.
     pub(super) fn pad(pad: &Pad, pose: &Pose) -> Self {
-        let (turn, Shape { low, high, .. }) = (rotation(pose), pad.shape);
+        let Shape { low, high, .. } = pad.shape;
         let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
-        Self {
-            center: (turn * Vec3A::from((low + high) * 0.5) + pose.position.as_vec3a()).to_array(),
-            axes: [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array()),
-            is_box: true,
-            color: pad.color.to_array(),
-            share: 1.0,
-        }
+        let (center, axes) = placed(pose, (low + high) * 0.5, half);
+        Self { center, axes, is_box: true, color: pad.color.to_array(), share: 1.0 }
     }
 
     /// How much of a bundle of rays from a place in a unit direction meets the thing, 0-1, and its unit normal there.
