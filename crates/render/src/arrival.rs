@@ -148,6 +148,8 @@ const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 impl Arrival {
     /// Starts over at a size; every tile must be seen and estimated then.
     pub fn reset(&mut self, width: usize, height: usize) {
+        // May have been passed on.
+        self.depth.resize(width * height, 0.0);
         if (self.width, self.height) == (width, height) {
             return;
         }
@@ -161,8 +163,6 @@ impl Arrival {
         for field in [&mut self.raw_half, &mut self.half] {
             field.reset([self.half_width, self.half_height], tiles, UNKNOWN);
         }
-        self.depth.clear();
-        self.depth.resize(width * height, 0.0);
         self.ids.clear();
         self.ids.resize(width * height, 0);
         self.surface.clear();

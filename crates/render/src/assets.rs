@@ -251,14 +251,15 @@ impl Surface {
     /// a shell is met at a slant, since the way through it is longer there.
     pub fn tint(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
         let depth = (2.0 * self.held()).min(1.0);
-        let way = if is_shell { 1.0 / cosine.max(0.2) } else { 1.0 };
-        Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3)).powf(way)
+        let tint = Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3));
+        if is_shell { tint.powf(1.0 / cosine.max(0.2)) } else { tint }
     }
 
-    /// Share of the light that passes one side: neither mirrored nor scattered nor absorbed.
-    pub fn passes(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
+    /// Share of the light that passes one side, whatever its colour: neither mirrored nor scattered.
+    #[inline(always)]
+    pub fn passing(&self, cosine: f32) -> f32 {
         let mirrored = self.reflectance + (1.0 - self.reflectance) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
-        self.tint(base, cosine, is_shell) * ((1.0 - mirrored) * (1.0 - self.scatters()))
+        (1.0 - mirrored) * (1.0 - self.scatters())
     }
 
     /// Linear colour on average over the texture.

@@ -49,6 +49,10 @@ pub(crate) struct Canvas {
     seen: Target,
     /// Pixels whose surface was shaded at the last drawing.
     pub shaded_pixels: usize,
+    /// Whether the camera was elsewhere before the last drawing, and before the one before, too: such a picture will not be
+    /// continued, so its pixels are passed on rather than copied.
+    is_moved: bool,
+    is_passed_on: bool,
 }
 
 impl Canvas {
@@ -62,7 +66,10 @@ impl Canvas {
         let assets = scene.assets;
         let (width, height) = (lens.width, lens.height);
         let had_glass = self.view.has_transparent;
-        let follows = self.view.place(assets, frame, lens) && self.opaque.target.scale == scale;
+        let rests = self.view.place(assets, frame, lens);
+        let follows = rests && self.opaque.target.scale == scale && !self.is_passed_on;
+        self.is_passed_on = !rests && self.is_moved;
+        self.is_moved = !rests;
         let view = &self.view;
         let draw = |part: usize, target: &mut Target| view.draw_opaque(assets, part, target);
         if follows {
@@ -254,20 +261,24 @@ impl Canvas {
         }
     }
 
-    /// Copies the channels that are asked for.
+    /// Hands out the channels that are asked for.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
-        out.rgb.clone_from(&self.rgb);
+        hand_out(&mut self.rgb, &mut out.rgb, self.is_passed_on);
         if channels.normal || channels.parts {
             let Lens { width, height, .. } = self.view.lens;
             self.see(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
             write_geometry(assets, &self.view, &self.seen, channels, out);
             return;
         }
-        if channels.depth {
-            out.depth_m.clone_from(&self.arrival.depth);
+        out.normal.clear();
+        out.parts.clear();
+        match channels.depth {
+            true => hand_out(&mut self.arrival.depth, &mut out.depth_m, self.is_passed_on),
+            false => out.depth_m.clear(),
         }
-        if channels.instance {
-            out.instance.clone_from(&self.instance);
+        match channels.instance {
+            true => out.instance.clone_from(&self.instance),
+            false => out.instance.clear(),
         }
         if self.view.has_transparent && (channels.depth || channels.instance) {
             let areas = std::mem::take(&mut self.glass.areas);
@@ -321,6 +332,14 @@ impl Canvas {
     }
 }
 
+/// Copies values, or exchanges the lists.
+fn hand_out<T: Clone>(values: &mut Vec<T>, out: &mut Vec<T>, is_passed_on: bool) {
+    match is_passed_on {
+        true => std::mem::swap(values, out),
+        false => out.clone_from(values),
+    }
+}
+
 /// Whether edges or what is transparent may read the colours of a tile.
 fn is_read(arrival: &Arrival, glass: &Glass, tile: usize) -> bool {
     !arrival.shows_one(tile) || glass.shows(tile)
@@ -344,6 +363,10 @@ pub(crate) fn write_geometry(
     out: &mut FrameBuffers,
 ) {
     let instances = instances_of(assets);
+    out.depth_m.clear();
+    out.instance.clear();
+    out.normal.clear();
+    out.parts.clear();
     for (nearness, ids) in seen.rows() {
         if channels.depth {
             out.depth_m.extend(nearness.iter().map(depth_of));

@@ -13,7 +13,7 @@ use crate::arrival::Arrival;
 use crate::assets::RenderAssets;
 use crate::glass::Glass;
 use crate::layers::{TILE, each_place};
-use crate::panes::{Pane, bent, refracted, seen_through};
+use crate::panes::{Pane, Panes};
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Appearance, Shading, Spot};
@@ -29,12 +29,12 @@ mod mix;
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Edges {
-    /// Pixels with several surfaces, and the sum of their known colours.
-    mixed: Vec<(u32, Vec3A)>,
+    /// Pixels with several surfaces, and the sums of their known colours.
+    mixed: Vec<u32>,
+    sums: Vec<Vec3A>,
     /// Surfaces that are shaded by themselves.
     extras: Vec<Extra>,
-    /// Sides of transparent surfaces, two per pixel at most, the farther one first.
-    panes: Vec<Pane>,
+    panes: Panes,
     order: Vec<u32>,
     /// By tile: the pixels, in bits, row by row, whose bytes are not those of their colour alone.
     rewritten: Vec<u64>,
@@ -59,6 +59,7 @@ impl Edges {
     pub fn begin(&mut self, assets: &RenderAssets, view: &View, tiles: usize) {
         self.rewritten.resize(tiles, 0);
         self.mixed.clear();
+        self.sums.clear();
         self.extras.clear();
         self.panes.clear();
         let placed = assets.parts.iter().zip(&view.parts);
@@ -108,24 +109,17 @@ impl Edges {
     /// Shades what no pixel's centre shows and rewrites the bytes of all pixels that were found.
     pub fn finish(&mut self, scene: &Scene<'_>, view: &View, arrival: &Arrival, colors: &[Vec3A], rgb: &mut [u8]) {
         self.shade_extras(scene, view);
-        self.shade_panes(scene, view);
-        for &(pixel, color) in &self.mixed {
+        for (&pixel, &color) in self.mixed.iter().zip(&self.sums) {
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
-        for panes in self.panes.chunk_by(|a, b| a.pixel == b.pixel) {
-            let pixel = panes[0].pixel;
-            let straight = panes[0].mixed.map_or(colors[pixel as usize], |mixed| self.mixed[mixed as usize].1);
-            let behind = bent(panes, view, arrival, scene).map_or(straight, |bent| bent.seen(colors));
-            let color = seen_through(panes, behind);
-            rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
-        }
+        self.panes.show(scene, view, arrival, [colors, &self.sums], rgb);
     }
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
         let lens = &view.lens;
         for Extra { spot, mixed, share, .. } in self.extras.iter().filter(|extra| extra.spot.id == 0) {
             let ray = lens.point_at(Vec2::new(spot.x, spot.y), 1.0) - lens.eye;
-            self.mixed[*mixed as usize].1 += scene.backdrop.color(lens.eye, ray) * *share;
+            self.sums[*mixed as usize] += scene.backdrop.color(lens.eye, ray) * *share;
         }
         self.extras.retain(|extra| extra.spot.id != 0);
         let extras = &self.extras;
@@ -142,7 +136,7 @@ impl Edges {
                 shading.shade(&appearance);
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let Extra { mixed, share, .. } = extras[extra as usize];
-                    self.mixed[mixed as usize].1 += shading.color_of(spot) * share;
+                    self.sums[mixed as usize] += shading.color_of(spot) * share;
                 }
             }
         }
@@ -169,12 +163,12 @@ impl Edges {
                 if shares == [None; 2] {
                     continue;
                 }
-                let (first, pixel) = (self.panes.len(), (row * width + column) as u32);
+                let pixel = (row * width + column) as u32;
                 // In a tile both lists go through the pixels in the same order.
-                while mixed.next_if(|(_, (other, _))| *other < pixel).is_some() {}
-                let mixed = mixed.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
-                for (index, share) in shares.into_iter().enumerate() {
-                    let Some(Share { coverage, step: [dx, dy] }) = share else { continue };
+                while mixed.next_if(|(_, other)| **other < pixel).is_some() {}
+                let mixed = mixed.next_if(|(_, other)| **other == pixel).map(|(index, _)| index);
+                let pane = |index: usize| {
+                    let Share { coverage, step: [dx, dy] } = shares[index]?;
                     let layer = &layers[index];
                     let (column, row) = around.cut(column as isize * n + dx, row as isize * n + dy);
                     let sample = row as usize * layer.stride + column as usize;
@@ -187,51 +181,13 @@ impl Edges {
                         key: around.arrival.key[pixel as usize].max(0.0),
                         ambient: 1.0,
                     };
-                    self.panes.push(Pane { pixel, mixed, spot, coverage, ..Pane::default() });
-                }
-                if let [a, b] = &mut self.panes[first..]
-                    && a.spot.depth < b.spot.depth
-                {
-                    std::mem::swap(a, b);
-                }
+                    Some(Pane { spot, coverage })
+                };
+                self.panes.add(pixel, mixed, [pane(0), pane(1)]);
                 found |= 1 << (y * TILE + x);
             }
         }
         found
-    }
-
-    fn shade_panes(&mut self, scene: &Scene<'_>, view: &View) {
-        let panes = &mut self.panes;
-        by_surface(panes.iter().map(|pane| surface_of(pane.spot.id)), &mut self.order);
-        let mut shading = Shading::default();
-        let mut from = 0;
-        while from < self.order.len() {
-            let surface = surface_of(panes[self.order[from] as usize].spot.id);
-            let same = |pane: &&u32| surface_of(panes[**pane as usize].spot.id) == surface;
-            let count = self.order[from..].iter().take(crate::lanes::CHUNK).take_while(same).count();
-            let chunk = &self.order[from..from + count];
-            shading.clear();
-            for &pane in chunk {
-                shading.push(panes[pane as usize].spot);
-            }
-            let index = surface as usize - 1;
-            let (part, material) = (&scene.assets.parts[index], &scene.surfaces[index]);
-            shading.shade(&Appearance::new(scene, view, index));
-            let ratio = 1.0 / material.index_of_refraction();
-            for (spot, &pane) in chunk.iter().enumerate() {
-                let pane = &mut panes[pane as usize];
-                let (normal, facing) = shading.facing_of(spot);
-                pane.is_solid = part.mesh.closed;
-                pane.color = shading.color_of(spot);
-                pane.passes = material.passes(shading.base_of(spot), facing, !pane.is_solid);
-                if pane.is_solid {
-                    let place = view.lens.point_at(pane.place(), pane.spot.depth);
-                    let sight = (place - view.lens.eye).normalize_or(Vec3A::Z);
-                    (pane.normal, pane.inside) = (normal, refracted(sight, normal, ratio));
-                }
-            }
-            from += count;
-        }
     }
 }
 

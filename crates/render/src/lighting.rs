@@ -3,7 +3,6 @@
 use glam::Vec3A;
 
 use crate::assets::Surface;
-use crate::develop::tone_map;
 use crate::sky::Sky;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
@@ -33,11 +32,5 @@ impl Lighting {
     /// Brightness of a white diffuse surface with a unit normal in the ambient light.
     pub fn around(&self, normal: Vec3A) -> Vec3A {
         Vec3A::from_array(self.sky.diffuse(normal.to_array()))
-    }
-
-    /// What is seen of the surroundings in a unit direction, developed.
-    pub fn surroundings(&self, direction: Vec3A) -> Vec3A {
-        let light = Vec3A::from_array(self.sky.glossy(0.0).at(direction.to_array()));
-        Vec3A::from_array(tone_map((light * self.exposure).to_array()))
     }
 }

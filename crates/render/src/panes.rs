@@ -1,106 +1,234 @@
 //! What is seen through transparent things: two sides per pixel, the nearest and the farthest.
 
-use glam::{Vec2, Vec3A};
+use glam::Vec3A;
+use multiversion::multiversion;
 
 use crate::arrival::Arrival;
-use crate::layers::TILE;
+use crate::assets::Surface;
+use crate::lanes::{CHUNK, Lane, ZERO};
 use crate::scene::Scene;
-use crate::shade::Spot;
+use crate::shade::{Appearance, Shading, Spot};
+use crate::texture::{find_codes, srgb_table};
 use crate::view::{View, surface_of};
+use sight::{Sights, bend};
+
+mod sight;
+
+/// All pixels with something transparent before them; memory kept from frame to frame.
+#[derive(Debug, Default)]
+pub(crate) struct Panes {
+    groups: Vec<Group>,
+    /// The one of the last pixel: most have that of the pixel beside them.
+    last: usize,
+    work: Box<Work>,
+}
+
+/// Pixels before which the same surfaces are.
+#[derive(Debug)]
+struct Group {
+    /// The farther one first; 0 in its place where there is only one.
+    surfaces: [u32; 2],
+    pixels: Vec<Covered>,
+}
+
+/// A pixel with something transparent before it.
+#[derive(Clone, Copy, Debug)]
+struct Covered {
+    pixel: u32,
+    /// Index of the pixel among those that show several opaque surfaces.
+    mixed: Option<u32>,
+    panes: [Pane; 2],
+}
 
 /// A transparent surface in front of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pane {
-    pub pixel: u32,
-    /// Index of the pixel among those that show several opaque surfaces.
-    pub mixed: Option<u32>,
     pub spot: Spot,
     /// Share of the pixel that it is in front of.
     pub coverage: f32,
-    /// What leaves it towards the viewer, and the share of what is behind that passes.
-    pub color: Vec3A,
-    pub passes: Vec3A,
+}
+
+/// Memory for a chunk of pixels.
+#[derive(Debug, Default)]
+struct Work {
+    shading: Shading,
+    /// The farther one first.
+    sides: [Side; 2],
+    sights: Sights,
+}
+
+/// The panes of one surface in front of a chunk of pixels.
+#[derive(Debug)]
+struct Side {
     /// Whether its mesh encloses a solid.
-    pub is_solid: bool,
-    /// Of a solid, the unit normal in the world, towards the viewer, and the unit direction in the world in which the sight
-    /// goes on behind it.
-    pub normal: Vec3A,
-    pub inside: Vec3A,
+    is_solid: bool,
+    /// Pixels, and metres.
+    place: [Lane; 2],
+    depth: Lane,
+    coverage: Lane,
+    /// Unit normals in the world, towards the viewer.
+    normal: [Lane; 3],
+    /// What leaves it towards the viewer, and the share of what is behind that passes.
+    color: [Lane; 3],
+    passes: [Lane; 3],
 }
 
-impl Pane {
-    /// Pixels.
-    pub fn place(&self) -> Vec2 {
-        Vec2::new(self.spot.x, self.spot.y)
+impl Default for Side {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            is_solid: false,
+            place: [ZERO; 2],
+            depth: ZERO,
+            coverage: ZERO,
+            normal: lanes,
+            color: lanes,
+            passes: lanes,
+        }
     }
 }
 
-/// How far a bent sight may look aside, pixels: no farther than the tiles whose change is known.
-const MOST_BENT: f32 = (TILE - 1) as f32;
+impl Panes {
+    /// Forgets all pixels.
+    pub fn clear(&mut self) {
+        self.groups.retain(|group| !group.pixels.is_empty());
+        self.groups.iter_mut().for_each(|group| group.pixels.clear());
+        self.last = 0;
+    }
 
-/// What is seen through panes, the farther one first, of what is behind.
-pub(crate) fn seen_through(panes: &[Pane], behind: Vec3A) -> Vec3A {
-    let is_thing = matches!(panes, [far, near] if surface_of(far.spot.id) == surface_of(near.spot.id));
-    panes.iter().fold(behind, |behind, pane| {
-        let once = pane.color + behind * pane.passes;
-        // Before the far side of a hollow thing and behind its near side lie those of its cavity.
-        let color = if is_thing && !pane.is_solid { pane.color + once * pane.passes } else { once };
-        behind + (color - behind) * pane.coverage
-    })
-}
+    /// Adds a pixel, which may be among those that show several opaque surfaces, with one or two panes in front of it.
+    pub fn add(&mut self, pixel: u32, mixed: Option<u32>, [one, other]: [Option<Pane>; 2]) {
+        let mut panes = [one.or(other).unwrap_or_default(), other.or(one).unwrap_or_default()];
+        if panes[0].spot.depth < panes[1].spot.depth {
+            panes.swap(0, 1);
+        }
+        let [far, near] = panes.map(|pane| surface_of(pane.spot.id));
+        let surfaces = [if one.is_some() && other.is_some() { far } else { 0 }, near];
+        let is_same = |group: &Group| group.surfaces == surfaces;
+        if !self.groups.get(self.last).is_some_and(is_same) {
+            self.last = self.groups.iter().position(is_same).unwrap_or_else(|| {
+                self.groups.push(Group { surfaces, pixels: Vec::new() });
+                self.groups.len() - 1
+            });
+        }
+        self.groups[self.last].pixels.push(Covered { pixel, mixed, panes });
+    }
 
-/// What a bent sight meets.
-pub(crate) struct Bent {
-    /// A pixel that shows it.
-    pixel: usize,
-    /// The surroundings in its direction, and their share where it leads too far aside.
-    around: Vec3A,
-    share: f32,
-}
-
-impl Bent {
-    pub fn seen(&self, colors: &[Vec3A]) -> Vec3A {
-        colors[self.pixel].lerp(self.around, self.share)
+    /// Writes the bytes of all pixels, of what is behind the panes: linear display colours of all pixels, and of those that
+    /// show several opaque surfaces.
+    pub fn show(
+        &mut self,
+        scene: &Scene<'_>,
+        view: &View,
+        arrival: &Arrival,
+        [colors, mixed]: [&[Vec3A]; 2],
+        rgb: &mut [u8],
+    ) {
+        let body_of = |surface: u32| surface.checked_sub(1).and_then(|part| scene.assets.parts[part as usize].body);
+        let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
+        for Group { surfaces, pixels } in &self.groups {
+            let [far, near] = *surfaces;
+            for pixels in pixels.chunks(CHUNK) {
+                let Work { shading, sides, sights } = &mut *self.work;
+                for (index, surface) in [far, near].into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
+                    sides[index].shade(pixels.iter().map(|pixel| &pixel.panes[index]), surface, shading, scene, view);
+                }
+                let is_bent = far == near && sides[1].is_solid;
+                if is_bent {
+                    let material = &scene.surfaces[near as usize - 1];
+                    bend(sides, material.index_of_refraction(), &view.lens, scene.lighting, sights);
+                }
+                for (i, covered) in pixels.iter().enumerate() {
+                    let straight = covered.mixed.map_or(colors[covered.pixel as usize], |index| mixed[index as usize]);
+                    let aside = sights.pixel[i] as usize;
+                    // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is
+                    // bent to.
+                    let is_aside = is_bent && {
+                        let (depth, body) =
+                            (arrival.depth[aside], body_of(u32::from(arrival.surface[covered.pixel as usize])));
+                        (depth <= 0.0 || depth > sides[1].depth[i]) && (body.is_none() || body != body_of(near))
+                    };
+                    let behind = if is_aside { colors[aside] } else { straight };
+                    sights.share[i] = if is_aside { sights.share[i] } else { 0.0 };
+                    (seen[0][i], seen[1][i], seen[2][i]) = behind.into();
+                }
+                let count = if far > 0 { 2 } else { 1 };
+                see_through(&sides[2 - count..], far == near, sights, &mut seen);
+                find_codes(&seen, &mut codes);
+                for (i, covered) in pixels.iter().enumerate() {
+                    let bytes = [0, 1, 2].map(|channel| srgb_table()[codes[channel][i] as usize & 4095]);
+                    rgb[covered.pixel as usize * 3..][..3].copy_from_slice(&bytes);
+                }
+            }
+        }
     }
 }
 
-/// What is seen behind a solid transparent thing: the sight leaves its far side where it went on inside for as long as
-/// the thing is deep. `None` when nothing is bent, what is seen there is nearer, or part of the thing itself is behind.
-pub(crate) fn bent(panes: &[Pane], view: &View, arrival: &Arrival, scene: &Scene<'_>) -> Option<Bent> {
-    let [far, near] = panes else { return None };
-    if !near.is_solid || surface_of(far.spot.id) != surface_of(near.spot.id) {
-        return None;
+impl Side {
+    /// Shades some panes of a surface.
+    fn shade<'a>(
+        &mut self,
+        panes: impl Iterator<Item = &'a Pane>,
+        surface: u32,
+        shading: &mut Shading,
+        scene: &Scene<'_>,
+        view: &View,
+    ) {
+        shading.clear();
+        let [column, row] = &mut self.place;
+        for (i, Pane { spot, coverage }) in panes.enumerate().take(CHUNK) {
+            shading.push(*spot);
+            (column[i], row[i], self.depth[i], self.coverage[i]) = (spot.x, spot.y, spot.depth, *coverage);
+        }
+        let index = surface as usize - 1;
+        let material = &scene.surfaces[index];
+        self.is_solid = scene.assets.parts[index].mesh.closed;
+        shading.shade(&Appearance::new(scene, view, index));
+        let (normal, facing) = shading.normals();
+        let base = shading.bases();
+        (self.color, self.normal) = (*shading.colors(), *normal);
+        let is_shell = !self.is_solid;
+        if material.texture.is_none() && !is_shell {
+            let tint = material.tint(material.base, 1.0, is_shell).to_array();
+            self.passes = tint.map(|tint| [tint; CHUNK]);
+        } else {
+            for i in 0..CHUNK {
+                let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);
+                let tint = material.tint(base, facing[i], is_shell);
+                (self.passes[0][i], self.passes[1][i], self.passes[2][i]) = tint.into();
+            }
+        }
+        hold_back(material, facing, &mut self.passes);
     }
-    // What sticks to its far side, a label, is seen there wherever the sight is bent to.
-    let body_of = |surface: usize| surface.checked_sub(1).and_then(|part| scene.assets.parts[part].body);
-    let behind = body_of(usize::from(arrival.surface[near.pixel as usize]));
-    if behind.is_some() && behind == body_of(surface_of(near.spot.id) as usize) {
-        return None;
-    }
-    let lens = &view.lens;
-    let [first, last] = [near, far].map(|pane| lens.point_at(pane.place(), pane.spot.depth));
-    let place = near.place();
-    let aside = lens.pixel_of(first + near.inside * first.distance(last)) - place;
-    let pixel = (place + aside.clamp(Vec2::splat(-MOST_BENT), Vec2::splat(MOST_BENT))).round();
-    let [column, row] = [pixel.x.clamp(0.0, lens.width as f32 - 1.0), pixel.y.clamp(0.0, lens.height as f32 - 1.0)];
-    let index = row as usize * lens.width + column as usize;
-    let depth = arrival.depth[index];
-    let material = &scene.surfaces[surface_of(near.spot.id) as usize - 1];
-    let leaving = refracted(near.inside, far.normal, material.index_of_refraction());
-    let share = ((near.inside.dot(leaving) - 0.97) / (0.85 - 0.97)).clamp(0.0, 1.0);
-    let around = if share > 0.0 { scene.lighting.surroundings(leaving) } else { Vec3A::ZERO };
-    (depth <= 0.0 || depth > near.spot.depth).then_some(Bent { pixel: index, around, share })
 }
 
-/// The direction behind a border that is met along a unit direction against its unit normal; mirrored where nothing
-/// passes. `ratio` is the index of refraction before it over the one behind.
-pub(crate) fn refracted(along: Vec3A, normal: Vec3A, ratio: f32) -> Vec3A {
-    let facing = -along.dot(normal);
-    let behind = 1.0 - ratio * ratio * (1.0 - facing * facing);
-    let bent = if behind > 0.0 {
-        along * ratio + normal * (ratio * facing - behind.sqrt())
-    } else {
-        along + normal * (2.0 * facing)
-    };
-    bent.normalize_or(along)
+/// Takes off the light that a surface mirrors and scatters.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
+    for i in 0..CHUNK {
+        let share = material.passing(facing[i]);
+        passes[0][i] *= share;
+        passes[1][i] *= share;
+        passes[2][i] *= share;
+    }
+}
+
+/// What is seen through panes, the farther ones first, of what is behind; they are the two sides of a thing, or not.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn see_through(sides: &[Side], is_thing: bool, sights: &Sights, colors: &mut [Lane; 3]) {
+    for (channel, (seen, around)) in colors.iter_mut().zip(&sights.around).enumerate() {
+        for i in 0..CHUNK {
+            seen[i] = seen[i] * (1.0 - sights.share[i]) + around[i] * sights.share[i];
+        }
+        for side in sides {
+            let (color, passes) = (&side.color[channel], &side.passes[channel]);
+            // Before the far side of a hollow thing and behind its near side lie those of its cavity.
+            let is_twice = is_thing && !side.is_solid;
+            for i in 0..CHUNK {
+                let once = color[i] + seen[i] * passes[i];
+                let twice = color[i] + once * passes[i];
+                seen[i] += ((if is_twice { twice } else { once }) - seen[i]) * side.coverage[i];
+            }
+        }
+    }
 }

@@ -127,15 +127,11 @@ impl Renderer {
         let lenses = jobs.iter().map(|job| Lens::of(&self.assets, job)).collect::<Result<Vec<_>, _>>()?;
         for ((job, lens), buffers) in jobs.iter().zip(lenses).zip(out) {
             (buffers.width, buffers.height) = (lens.width as u32, lens.height as u32);
-            buffers.rgb.clear();
-            buffers.depth_m.clear();
-            buffers.instance.clear();
-            buffers.normal.clear();
-            buffers.parts.clear();
             let frame = snapped(job.frame);
             if job.channels.rgb {
                 self.draw(job, &frame, lens, buffers);
             } else {
+                buffers.rgb.clear();
                 self.solid.reset::<true>(lens.width, lens.height, 1);
                 self.view.place(&self.assets, &frame, lens);
                 for part in 0..self.assets.parts.len() {

@@ -164,15 +164,19 @@ impl Shading {
         Vec3A::new(r[spot], g[spot], b[spot])
     }
 
-    /// Unit normal at a spot in the world, and its cosine to the direction to the viewer.
-    pub fn facing_of(&self, spot: usize) -> (Vec3A, f32) {
-        let normal = self.reflected.normal.each_ref().map(|axis| axis[spot]);
-        (Vec3A::from_array(normal), self.reflected.facing[spot])
+    /// Linear display colours of all spots.
+    pub fn colors(&self) -> &[Lane; 3] {
+        &self.reflected.color
     }
 
-    /// Linear colour of the material at a spot.
-    pub fn base_of(&self, spot: usize) -> Vec3A {
-        Vec3A::from_array(self.spots.base.each_ref().map(|channel| channel[spot]))
+    /// Unit normals in the world, towards the viewer, and their cosines to the direction to the viewer.
+    pub fn normals(&self) -> (&[Lane; 3], &Lane) {
+        (&self.reflected.normal, &self.reflected.facing)
+    }
+
+    /// Linear colours of the material.
+    pub fn bases(&self) -> &[Lane; 3] {
+        &self.spots.base
     }
 
     /// Lights the corners of tiles that show a part, given by their first pixels, as far as they may be shaded by them;

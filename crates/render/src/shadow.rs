@@ -360,7 +360,7 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut Target) {
 
 /// Whether something lets most light pass.
 fn is_clear(surface: &Surface) -> bool {
-    luminance(surface.passes(surface.base, 1.0, true).powf(2.0)) > 0.4
+    luminance((surface.tint(surface.base, 1.0, true) * surface.passing(1.0)).powf(2.0)) > 0.4
 }
 
 /// A map of what is transparent, empty but while a part is drawn.

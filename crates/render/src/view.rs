@@ -301,12 +301,6 @@ impl Lens {
         self.eye + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
     }
 
-    /// Where a point of the world that lies before the camera is seen, pixels.
-    pub fn pixel_of(&self, point: Vec3A) -> Vec2 {
-        let Corner { x, y, .. } = self.project(self.turn.transpose() * (point - self.eye));
-        Vec2::new(x, y)
-    }
-
     #[inline(always)]
     fn project(&self, in_camera: Vec3A) -> Corner {
         let nearness = 1.0 / in_camera.z;

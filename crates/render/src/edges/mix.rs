@@ -51,7 +51,8 @@ impl Edges {
             } else {
                 self.mix(around, keys, [x, y], pixel, colors)
             };
-            self.mixed.push((pixel as u32, color));
+            self.mixed.push(pixel as u32);
+            self.sums.push(color);
         }
         found
     }

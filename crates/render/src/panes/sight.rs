@@ -1,0 +1,175 @@
+//! Sights that solid transparent things bend.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use multiversion::multiversion;
+
+use super::Side;
+use crate::develop::tone_map;
+use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
+use crate::layers::TILE;
+use crate::lighting::Lighting;
+use crate::view::Lens;
+
+/// How far a bent sight may look aside, pixels: no farther than the tiles whose change is known.
+const MOST_BENT: f32 = (TILE - 1) as f32;
+/// Cosine between a sight inside a thing and behind it from which on it leads too far aside to be followed, and the one at
+/// which all that is seen is taken to be the surroundings. Chosen.
+const ASIDE: [f32; 2] = [0.97, 0.85];
+
+/// What a chunk of bent sights meet.
+#[derive(Debug)]
+pub(super) struct Sights {
+    /// Pixels that show it.
+    pub pixel: [u32; CHUNK],
+    /// The surroundings in their direction, and their share where a sight leads too far aside.
+    pub around: [Lane; 3],
+    pub share: Lane,
+}
+
+impl Default for Sights {
+    fn default() -> Self {
+        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO }
+    }
+}
+
+/// Follows sights through the farther and the nearer side of a solid thing: each leaves its far side where it went on inside
+/// for as long as the thing is deep.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn bend(
+    [far, near]: &[Side; 2],
+    index_of_refraction: f32,
+    lens: &Lens,
+    lighting: &Lighting,
+    out: &mut Sights,
+) {
+    let lanes = [ZERO; 3];
+    let (mut first, mut inside, mut behind, mut leaving, mut depth) = (lanes, lanes, lanes, lanes, ZERO);
+    let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
+    let (eye, focal, center) = (lens.eye.to_array(), lens.focal.to_array(), lens.center.to_array());
+    for i in 0..CHUNK {
+        let place = point_at([near.place[0][i], near.place[1][i]], near.depth[i], [focal, center], &turn, eye);
+        let last = point_at([far.place[0][i], far.place[1][i]], far.depth[i], [focal, center], &turn, eye);
+        depth[i] = length(less(place, last));
+        put(&mut first, i, place);
+    }
+    let inner = 1.0 / index_of_refraction;
+    for i in 0..CHUNK {
+        let sight = normalized(less(at(&first, i), eye), [0.0, 0.0, 1.0]);
+        put(&mut inside, i, refracted(sight, at(&near.normal, i), inner));
+    }
+    for i in 0..CHUNK {
+        for axis in 0..3 {
+            behind[axis][i] = first[axis][i] + inside[axis][i] * depth[i] - eye[axis];
+        }
+    }
+    let last = [lens.width as f32 - 1.0, lens.height as f32 - 1.0];
+    let mut pixel = [[0; CHUNK]; 2];
+    for axis in 0..2 {
+        for i in 0..CHUNK {
+            let behind = at(&behind, i);
+            let nearness = 1.0 / dot(turn[2], behind);
+            let place = near.place[axis][i];
+            let aside = focal[axis] * dot(turn[axis], behind) * nearness + center[axis] - place;
+            pixel[axis][i] = nearest(within(place + within(aside, -MOST_BENT, MOST_BENT), 0.0, last[axis]));
+        }
+    }
+    let width = lens.width as u32;
+    for i in 0..CHUNK {
+        out.pixel[i] = pixel[1][i] * width + pixel[0][i];
+    }
+    let mut is_aside = false;
+    for i in 0..CHUNK {
+        let inside = at(&inside, i);
+        let after = refracted(inside, at(&far.normal, i), index_of_refraction);
+        let share = within((dot(inside, after) - ASIDE[0]) / (ASIDE[1] - ASIDE[0]), 0.0, 1.0);
+        out.share[i] = share;
+        is_aside |= share > 0.0;
+        put(&mut leaving, i, after);
+    }
+    if is_aside {
+        let glossy = lighting.sky.glossy(0.0);
+        for i in 0..CHUNK {
+            let light = glossy.at(at(&leaving, i));
+            let exposed = [light[0] * lighting.exposure, light[1] * lighting.exposure, light[2] * lighting.exposure];
+            put(&mut out.around, i, tone_map(exposed));
+        }
+    }
+}
+
+#[inline(always)]
+fn at(lanes: &[Lane; 3], i: usize) -> [f32; 3] {
+    [lanes[0][i], lanes[1][i], lanes[2][i]]
+}
+
+#[inline(always)]
+fn put(lanes: &mut [Lane; 3], i: usize, [x, y, z]: [f32; 3]) {
+    (lanes[0][i], lanes[1][i], lanes[2][i]) = (x, y, z);
+}
+
+/// The point of the world that is seen at a pixel at a depth, by the focal lengths and the centre of the image and the axes and
+/// the place of the camera.
+#[inline(always)]
+fn point_at(
+    pixel: [f32; 2],
+    depth: f32,
+    [focal, center]: [[f32; 2]; 2],
+    turn: &[[f32; 3]; 3],
+    eye: [f32; 3],
+) -> [f32; 3] {
+    let [x, y] = [(pixel[0] - center[0]) / focal[0] * depth, (pixel[1] - center[1]) / focal[1] * depth];
+    let mut point = eye;
+    for axis in 0..3 {
+        point[axis] += turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth;
+    }
+    point
+}
+
+/// The direction behind a border that is met along a unit direction against its unit normal; mirrored where nothing
+/// passes. `ratio` is the index of refraction before it over the one behind.
+#[inline(always)]
+fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
+    let facing = -dot(along, normal);
+    let behind = 1.0 - ratio * ratio * (1.0 - facing * facing);
+    let [on, across] = if behind > 0.0 { [ratio, ratio * facing - behind.sqrt()] } else { [1.0, 2.0 * facing] };
+    let mut bent = along;
+    for axis in 0..3 {
+        bent[axis] = along[axis] * on + normal[axis] * across;
+    }
+    normalized(bent, along)
+}
+
+/// Scalar product, each sum rounded: these sums are the ones that pictures of before have.
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn less(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn length(vector: [f32; 3]) -> f32 {
+    dot(vector, vector).sqrt()
+}
+
+/// A vector at unit length; another one if it has none.
+#[inline(always)]
+fn normalized(vector: [f32; 3], otherwise: [f32; 3]) -> [f32; 3] {
+    let inverse = 1.0 / length(vector);
+    let has_length = inverse > 0.0 && inverse < f32::INFINITY;
+    let mut out = otherwise;
+    for axis in 0..3 {
+        out[axis] = if has_length { vector[axis] * inverse } else { otherwise[axis] };
+    }
+    out
+}
+
+/// Nearest integer of a number from 0 to 2²², halves up.
+#[inline(always)]
+fn nearest(value: f32) -> u32 {
+    let whole = floor(value);
+    nearest_integer(if value - whole >= 0.5 { whole + 1.0 } else { whole })
+}
