@@ -8,7 +8,7 @@ use crate::edges::Edges;
 use crate::glass::Glass;
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::lanes::CHUNK;
-use crate::layers::{Layers, Rectangle, TILE, marked_around};
+use crate::layers::{Layers, TILE, marked_around};
 use crate::occluders::Occluders;
 use crate::raster::Target;
 use crate::scene::Scene;
@@ -265,8 +265,7 @@ impl Canvas {
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
         hand_out(&mut self.rgb, &mut out.rgb, self.is_passed_on);
         if channels.normal || channels.parts {
-            let Lens { width, height, .. } = self.view.lens;
-            self.see(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
+            self.see(assets);
             write_geometry(assets, &self.view, &self.seen, channels, out);
             return;
         }
@@ -281,51 +280,52 @@ impl Canvas {
             false => out.instance.clear(),
         }
         if self.view.has_transparent && (channels.depth || channels.instance) {
-            let areas = std::mem::take(&mut self.glass.areas);
-            self.see(assets, &areas);
-            let (width, stride, instances) = (self.view.lens.width, self.seen.stride, instances_of(assets));
-            for (row, columns) in areas.iter().flat_map(|area| area.rows.clone().map(|row| (row, area.columns.clone())))
-            {
-                let pixels = row * width + columns.start..row * width + columns.end;
-                let samples = row * stride + columns.start..row * stride + columns.end;
-                if channels.depth {
-                    let nearness = &self.seen.nearness[samples.clone()];
-                    out.depth_m[pixels.clone()]
-                        .iter_mut()
-                        .zip(nearness)
-                        .for_each(|(out, value)| *out = depth_of(value));
-                }
-                if channels.instance {
-                    let instances = self.seen.ids[samples].iter().map(|&id| instances[surface_of(id) as usize]);
-                    out.instance[pixels].iter_mut().zip(instances).for_each(|(out, instance)| *out = instance);
-                }
-            }
-            self.glass.areas = areas;
+            self.write_glass(assets, channels, out);
         }
     }
 
-    /// What the centres of pixels see, transparent things included, in areas beyond which these must not reach.
-    fn see(&mut self, assets: &RenderAssets, areas: &[Rectangle]) {
-        let (lens, opaque, tile_columns) = (&self.view.lens, &mut self.opaque.target, self.opaque.tile_columns);
-        let scale = opaque.scale;
-        if (self.seen.width, self.seen.height) != (lens.width, lens.height) {
-            self.seen.reset::<true>(lens.width, lens.height, 1);
+    /// Writes what the centres of pixels see of what is transparent.
+    fn write_glass(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
+        let (seen, width, instances) = (&mut self.seen, self.view.lens.width, instances_of(assets));
+        if (seen.width, seen.height) != (width, self.view.lens.height) {
+            seen.reset::<true>(width, self.view.lens.height, 1);
         }
-        for area in areas {
-            for row in area.tile_rows() {
-                area.tile_columns().for_each(|column| opaque.settle(row * tile_columns + column));
+        let (stride, opaque) = (seen.stride, &self.opaque.target);
+        let rows = || self.glass.areas.iter().flat_map(|area| area.rows.clone().map(|row| (row, area.columns.clone())));
+        for (row, columns) in rows() {
+            seen.nearness[row * stride..][columns.clone()].fill(0.0);
+            seen.ids[row * stride..][columns].fill(0);
+        }
+        self.view.draw_transparent(assets, [true, true], seen);
+        for (row, columns) in rows() {
+            for column in columns {
+                let (nearness, id) = (seen.nearness[row * stride + column], seen.ids[row * stride + column]);
+                if nearness == 0.0 {
+                    continue;
+                }
+                let (other, behind) = opaque.sample(column * opaque.scale, row * opaque.scale);
+                if nearness < behind || nearness == behind && other < id {
+                    continue;
+                }
+                let pixel = row * width + column;
+                if channels.depth {
+                    out.depth_m[pixel] = depth_of(&nearness);
+                }
+                if channels.instance {
+                    out.instance[pixel] = instances[surface_of(id) as usize];
+                }
             }
-            for row in area.rows.clone() {
-                let pixels = row * self.seen.stride + area.columns.start..row * self.seen.stride + area.columns.end;
-                let first = row * scale * opaque.stride + area.columns.start * scale;
-                let samples = first..first + area.columns.len() * scale;
-                let values = opaque.nearness[samples.clone()].iter().step_by(scale);
-                self.seen.nearness[pixels.clone()]
-                    .iter_mut()
-                    .zip(values)
-                    .for_each(|(nearness, &value)| *nearness = value);
-                let ids = opaque.ids[samples].iter().step_by(scale);
-                self.seen.ids[pixels].iter_mut().zip(ids).for_each(|(id, &value)| *id = value);
+        }
+    }
+
+    /// What the centres of pixels see, transparent things included.
+    fn see(&mut self, assets: &RenderAssets) {
+        let (lens, opaque, scale) = (&self.view.lens, &self.opaque.target, self.opaque.target.scale);
+        self.seen.reset::<true>(lens.width, lens.height, 1);
+        for row in 0..lens.height {
+            for column in 0..lens.width {
+                let sample = row * self.seen.stride + column;
+                (self.seen.ids[sample], self.seen.nearness[sample]) = opaque.sample(column * scale, row * scale);
             }
         }
         self.view.draw_transparent(assets, [true, true], &mut self.seen);

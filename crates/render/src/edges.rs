@@ -5,8 +5,6 @@
 //! "Subpixel Reconstruction Antialiasing", 2011); only what no centre near by shows is shaded by itself.
 //! Samples count by a tent two pixels wide.
 
-use std::ops::Range;
-
 use glam::{Vec2, Vec3A};
 
 use crate::arrival::Arrival;
@@ -19,7 +17,7 @@ use crate::scene::Scene;
 use crate::shade::{Appearance, Shading, Spot};
 use crate::texture::srgb8_from_linear;
 use crate::view::{View, far_nearness, surface_of};
-use front::{Front, Share};
+use front::{Share, find_shares};
 use keys::{Around, Directions, TileKeys};
 
 mod front;
@@ -78,9 +76,10 @@ impl Edges {
         let n = opaque.scale as isize;
         for &tile in tiles {
             let glass = glass.as_deref_mut().filter(|glass| glass.reaches(tile));
-            if glass.is_some() || !arrival.shows_one(tile) && arrival.is_at_border(tile) {
-                opaque.settle_around(tile);
+            if !arrival.is_at_border(tile) || glass.is_none() && arrival.shows_one(tile) {
+                continue;
             }
+            opaque.settle_around(tile);
             if let Some(glass) = glass {
                 glass.layers.iter_mut().for_each(|layer| layer.settle_around(tile));
             }
@@ -94,7 +93,7 @@ impl Edges {
             let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, tile);
             let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
             if let Some(glass) = glass.as_deref().filter(|glass| glass.reaches(tile)) {
-                rewritten |= self.find_panes(&around, &glass.layers, [&columns, &rows], first_mixed);
+                rewritten |= self.find_panes(&around, &glass.layers, tile, first_mixed);
             }
             self.rewritten[tile] = rewritten;
         }
@@ -144,23 +143,17 @@ impl Edges {
 
     /// Lists the sides of transparent surfaces before the pixels of a tile, whose mixed pixels are those from an index on;
     /// returns the places of the pixels with such sides, in bits.
-    fn find_panes(
-        &mut self,
-        around: &Around<'_>,
-        layers: &[Target; 2],
-        [columns, rows]: [&Range<usize>; 2],
-        first_mixed: usize,
-    ) -> u64 {
+    fn find_panes(&mut self, around: &Around<'_>, layers: &[Target; 2], tile: usize, first_mixed: usize) -> u64 {
         let n = around.n;
-        let fronts: [Front; 2] =
-            std::array::from_fn(|index| Front::of(&layers[index], index == 0, around, [columns.start, rows.start]));
+        let [columns, rows] = around.arrival.pixels_of(tile);
+        let shares = find_shares(layers, around, tile);
         let width = around.opaque.width / around.opaque.scale;
         let mut mixed = (first_mixed as u32..).zip(&self.mixed[first_mixed..]).peekable();
         let mut found = 0;
-        for (y, row) in rows.clone().enumerate() {
+        for (y, row) in rows.enumerate() {
             for (x, column) in columns.clone().enumerate() {
-                let shares = fronts.each_ref().map(|front| front.share([x, y]));
-                if shares == [None; 2] {
+                let shares = shares.each_ref().map(|shares| shares[y * TILE + x]);
+                if shares.iter().all(|share| share.coverage == 0.0) {
                     continue;
                 }
                 let pixel = (row * width + column) as u32;
@@ -168,13 +161,15 @@ impl Edges {
                 while mixed.next_if(|(_, other)| **other < pixel).is_some() {}
                 let mixed = mixed.next_if(|(_, other)| **other == pixel).map(|(index, _)| index);
                 let pane = |index: usize| {
-                    let Share { coverage, step: [dx, dy] } = shares[index]?;
-                    let layer = &layers[index];
-                    let (column, row) = around.cut(column as isize * n + dx, row as isize * n + dy);
-                    let sample = row as usize * layer.stride + column as usize;
-                    let stored = layer.nearness[sample];
+                    let (layer, Share { coverage, step: [dx, dy] }) = (&layers[index], shares[index]);
+                    if coverage == 0.0 {
+                        return None;
+                    }
+                    let (column, row) =
+                        around.cut(column as isize * n + isize::from(dx), row as isize * n + isize::from(dy));
+                    let (id, stored) = layer.sample(column as usize, row as usize);
                     let spot = Spot {
-                        id: layer.ids[sample],
+                        id,
                         x: column as f32 / n as f32,
                         y: row as f32 / n as f32,
                         depth: 1.0 / if index == 0 { far_nearness(stored) } else { stored },

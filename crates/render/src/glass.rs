@@ -12,8 +12,8 @@ pub(crate) struct Glass {
     pub layers: [Target; 2],
     /// The pixels that each transparent part may cover.
     pub areas: Vec<Rectangle>,
-    /// By tile: whether a transparent side covers samples of it or of those next to it, and whether one may be seen through
-    /// that is bent to look at it. Empty before the first drawing.
+    /// By tile: whether a transparent side covers samples of it or beside its first row and column, and whether one may be seen
+    /// through that is bent to look at it. Empty before the first drawing.
     reached: Vec<bool>,
     seen_through: Vec<bool>,
 }
@@ -39,7 +39,7 @@ impl Glass {
         for area in &self.areas {
             for row in area.tile_rows() {
                 for tile in area.tile_columns().map(|column| row * columns + column) {
-                    self.reached[tile] |= self.layers.iter().any(|layer| layer.may_show_around(tile));
+                    self.reached[tile] |= self.layers.iter().any(|layer| layer.may_show(tile));
                 }
             }
         }
@@ -50,7 +50,7 @@ impl Glass {
         }
     }
 
-    /// Whether anything transparent may cover samples of a tile or next to it.
+    /// Whether anything transparent may cover samples of a tile or beside its first row and column.
     pub fn reaches(&self, tile: usize) -> bool {
         self.reached.get(tile) == Some(&true)
     }

@@ -15,7 +15,7 @@ mod cover;
 mod outline;
 mod row;
 
-pub(crate) use cover::{Cover, SIDE};
+pub(crate) use cover::{Cover, SIDE, TileNearness};
 use cover::{Covers, draw_covered};
 use outline::{Corners, Outlines};
 

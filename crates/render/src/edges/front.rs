@@ -1,116 +1,115 @@
 //! Which samples show something transparent before what is opaque.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
 use std::sync::OnceLock;
 
 use multiversion::multiversion;
 
 use super::keys::Around;
 use crate::layers::TILE;
-use crate::raster::Target;
+use crate::raster::{Target, TileNearness};
 use crate::view::far_nearness;
 
 /// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
 const APART: f32 = 1e-4;
-/// Most samples per pixel along an axis.
-const MOST: usize = 4;
-/// Most rows of samples between the centres of the pixels beside a tile.
-const ROWS: usize = (TILE + 1) * MOST - 1;
-
-/// The samples of a tile and of those around it between the centres of the pixels next to it, a bit each.
-#[derive(Debug)]
-pub(super) struct Front {
-    /// Samples per pixel along an axis.
-    n: isize,
-    rows: [u64; ROWS],
-}
-
 /// What is in front of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Share {
-    /// Of the pixel.
+    /// Of the pixel; 0 where nothing is in front.
     pub coverage: f32,
     /// From the pixel's centre to the sample that counts most, samples.
-    pub step: [isize; 2],
+    pub step: [i8; 2],
 }
 
-impl Front {
-    /// Of a tile that begins at a pixel. The nearness of a layer of far sides is turned.
-    pub fn of(layer: &Target, is_far: bool, around: &Around<'_>, [column, row]: [usize; 2]) -> Self {
-        let n = around.n;
-        let mut own = Self { n, rows: [0; ROWS] };
-        let side = (TILE as isize + 1) * n - 1;
-        let first = [column as isize * n - (n - 1), row as isize * n - (n - 1)];
-        let (left, right) = (around.cut(first[0], 0).0, around.cut(first[0] + side - 1, 0).0);
-        let (before, after) = ((left - first[0]) as u32, (first[0] + side - 1 - right) as u32);
-        let count = (right + 1 - left) as usize;
-        let (top, bottom) = (around.cut(0, first[1]).1, around.cut(0, first[1] + side - 1).1);
-        let (above, height) = ((top - first[1]) as usize, (bottom + 1 - top) as usize);
-        let first = |target: &Target| top as usize * target.stride + left as usize;
-        let opaque = around.opaque;
-        let lines =
-            [(&layer.nearness[first(layer)..], layer.stride), (&opaque.nearness[first(opaque)..], opaque.stride)];
-        let rows = &mut own.rows[..side as usize];
-        compare(lines, is_far, count, &mut rows[above..above + height]);
-        // Samples beyond the image's border are those next to it.
-        for bits in &mut rows[above..above + height] {
-            let spread = |bit: u64, count: u32| if bit != 0 { (1 << count) - 1 } else { 0 };
-            let (inside, last) = (*bits, *bits >> (count - 1) & 1);
-            *bits = spread(inside & 1, before) | inside << before | spread(last, after) << (before + count as u32);
-        }
-        let (first, last) = (rows[above], rows[above + height - 1]);
-        rows[..above].fill(first);
-        rows[above + height..].fill(last);
-        own
-    }
+/// What is in front of the pixels of a tile, row by row.
+pub(super) type Shares = [Share; TILE * TILE];
 
-    /// What is in front of a pixel of the tile.
-    #[inline(always)]
-    pub fn share(&self, [x, y]: [usize; 2]) -> Option<Share> {
-        let n = self.n as usize;
-        if n == 2 {
-            let line = |step: usize| (self.rows[2 * y + step] >> (2 * x) & 7) as usize;
-            return shares_of_two()[line(0) | line(1) << 3 | line(2) << 6];
+/// What layers show before the pixels of a tile; the nearness of the first one, of far sides, is turned. At the picture's
+/// border the tile must be settled.
+pub(super) fn find_shares(layers: &[Target; 2], around: &Around<'_>, tile: usize) -> [Shares; 2] {
+    let mut shares = [[Share::default(); TILE * TILE]; 2];
+    if around.n != 2 || around.arrival.is_at_border(tile) {
+        let place = around.arrival.pixels_of(tile).map(|range| range.start as isize);
+        for (index, (layer, shares)) in layers.iter().zip(&mut shares).enumerate() {
+            share_samples(layer, index == 0, around, place, shares);
         }
-        let center = [(x + 1) * n - 1, (y + 1) * n - 1].map(|sample| sample as isize);
-        weigh(self.n, |[dx, dy]| self.rows[(center[1] + dy) as usize] >> (center[0] + dx) & 1 == 1)
+        return shares;
+    }
+    let (mut opaque, mut nearness) = Default::default();
+    around.opaque.read_tile(tile, &mut opaque);
+    for (index, (layer, shares)) in layers.iter().zip(&mut shares).enumerate() {
+        if layer.may_show(tile) {
+            layer.read_tile(tile, &mut nearness);
+            let mut codes = [0; TILE * TILE];
+            match index {
+                0 => compare_tile::<true>(&nearness, &opaque, &mut codes),
+                _ => compare_tile::<false>(&nearness, &opaque, &mut codes),
+            }
+            let table = shares_of_two();
+            shares.iter_mut().zip(codes).for_each(|(share, code)| *share = table[code as usize & 511]);
+        }
+    }
+    shares
+}
+
+/// [`find_shares`] of a layer for any number of samples and at the border, for the tile that begins at a pixel.
+fn share_samples(layer: &Target, is_far: bool, around: &Around<'_>, [column, row]: [isize; 2], shares: &mut Shares) {
+    let n = around.n;
+    for (place, share) in shares.iter_mut().enumerate() {
+        let (x, y) = (column + (place % TILE) as isize, row + (place / TILE) as isize);
+        *share = weigh(n, |[dx, dy]| {
+            let (column, row) = around.cut(x * n + dx, y * n + dy);
+            let nearness = |target: &Target| target.nearness[row as usize * target.stride + column as usize];
+            is_front(nearness(layer), nearness(around.opaque), is_far)
+        });
     }
 }
 
-/// In which samples of some rows, so many wide, a layer is before what is opaque, in bits; both begin with the first sample,
-/// and have so many from one row to the next.
+/// For each pixel of a tile, in which of the nine samples around its centre a layer is before what is opaque, in bits, row by
+/// row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn compare([layer, opaque]: [(&[f32], usize); 2], is_far: bool, width: usize, rows: &mut [u64]) {
-    /// Samples of a tile with two per pixel along each axis.
-    const USUAL: usize = 2 * TILE + 1;
-    for (row, bits) in rows.iter_mut().enumerate() {
-        let (layer, opaque) = (&layer.0[row * layer.1..][..width], &opaque.0[row * opaque.1..][..width]);
-        *bits = match (layer.first_chunk::<USUAL>(), opaque.first_chunk::<USUAL>(), width) {
-            (Some(layer), Some(opaque), USUAL) => compare_line(layer, opaque, is_far),
-            _ => compare_line(layer, opaque, is_far),
-        };
+fn compare_tile<const IS_FAR: bool>(layer: &TileNearness, opaque: &TileNearness, codes: &mut [u32; TILE * TILE]) {
+    // Even and odd columns apart.
+    let (mut even, mut odd) = ([[0; TILE + 1]; 2 * TILE + 1], [[0; TILE + 1]; 2 * TILE + 1]);
+    for row in 0..=2 * TILE {
+        let mut bits = [0; 2 * TILE + 1];
+        for column in 0..=2 * TILE {
+            bits[column] = u32::from(is_front(layer[row][column], opaque[row][column], IS_FAR));
+        }
+        for x in 0..TILE {
+            (even[row][x], odd[row][x]) = (bits[2 * x], bits[2 * x + 1]);
+        }
+        even[row][TILE] = bits[2 * TILE];
+    }
+    for y in 0..TILE {
+        for x in 0..TILE {
+            let mut code = 0;
+            for step in 0..3 {
+                let row = 2 * y + step;
+                code |= (even[row][x] | odd[row][x] << 1 | even[row][x + 1] << 2) << (3 * step);
+            }
+            codes[y * TILE + x] = code;
+        }
     }
 }
 
+/// Whether a sample of a layer is before what is opaque.
 #[inline(always)]
-fn compare_line(layer: &[f32], opaque: &[f32], is_far: bool) -> u64 {
-    let mut bits = 0;
-    for (column, (&stored, &opaque)) in layer.iter().zip(opaque).enumerate() {
-        let nearness = if is_far && stored > 0.0 { far_nearness(stored) } else { stored };
-        bits |= u64::from(nearness > opaque * (1.0 + APART)) << column;
-    }
-    bits
+fn is_front(stored: f32, opaque: f32, is_far: bool) -> bool {
+    let nearness = if is_far && stored > 0.0 { far_nearness(stored) } else { stored };
+    nearness > opaque * (1.0 + APART)
 }
 
 /// The share of a pixel of `n`² samples that the samples around its centre have which are in front, by a tent.
-fn weigh(n: isize, is_front: impl Fn([isize; 2]) -> bool) -> Option<Share> {
-    let (mut share, mut most) = (None, 0.0);
+fn weigh(n: isize, is_front: impl Fn([isize; 2]) -> bool) -> Share {
+    let (mut share, mut most) = (Share::default(), 0.0);
     for dy in 1 - n..n {
         for dx in 1 - n..n {
             if is_front([dx, dy]) {
                 let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
-                let Share { coverage, step } = share.unwrap_or(Share { coverage: 0.0, step: [dx, dy] });
-                let step = if weight > most { [dx, dy] } else { step };
-                (share, most) = (Some(Share { coverage: coverage + weight, step }), weight.max(most));
+                let step = if weight > most { [dx as i8, dy as i8] } else { share.step };
+                (share, most) = (Share { coverage: share.coverage + weight, step }, weight.max(most));
             }
         }
     }
@@ -118,8 +117,8 @@ fn weigh(n: isize, is_front: impl Fn([isize; 2]) -> bool) -> Option<Share> {
 }
 
 /// [`weigh`] for two samples per pixel along each axis, by the bits of the nine samples, row by row.
-fn shares_of_two() -> &'static [Option<Share>; 512] {
-    static TABLE: OnceLock<Box<[Option<Share>; 512]>> = OnceLock::new();
+fn shares_of_two() -> &'static [Share; 512] {
+    static TABLE: OnceLock<Box<[Share; 512]>> = OnceLock::new();
     TABLE.get_or_init(|| {
         Box::new(std::array::from_fn(|bits| weigh(2, |[dx, dy]| bits >> ((dy + 1) * 3 + dx + 1) & 1 == 1)))
     })
@@ -130,35 +129,48 @@ mod tests {
     use super::*;
     use crate::arrival::Arrival;
     use crate::edges::keys::Directions;
+    use crate::raster::Corner;
 
-    /// A tile at once gives what one sample after the other gives, at the border of the picture too.
+    /// A tile at once gives what one sample after the other gives, whether triangles cover it or its samples are stored.
     #[test]
     fn tiles_count_the_samples_in_front() {
+        const SIZE: [usize; 2] = [64, 48];
         let mut state = 1_u32;
-        let mut draw = || {
+        let mut draw = |low: f32, high: f32| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / 16_777_216.0
+            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
         };
-        for n in [1, 2, 4] {
-            let mut layers: [Target; 2] = Default::default();
-            for (target, share) in layers.iter_mut().zip([0.4, 0.9]) {
-                target.reset::<true>(20, 12, n);
-                target.nearness.iter_mut().for_each(|value| *value = if draw() < share { 0.5 + draw() } else { 0.0 });
+        let mut arrival = Arrival::default();
+        arrival.reset(SIZE[0], SIZE[1]);
+        let directions = Directions::default();
+        for round in 0..20 {
+            let mut targets: [Target; 3] = Default::default();
+            for (index, target) in targets.iter_mut().enumerate() {
+                target.reset_covered(SIZE[0], SIZE[1]);
+                for id in 1..4 {
+                    let nearness = draw(0.5, 1.0);
+                    let nearness = if index == 0 { far_nearness(nearness) } else { nearness };
+                    let corners = [(); 3].map(|()| Corner { x: draw(-60.0, 190.0), y: draw(-60.0, 160.0), nearness });
+                    target.draw::<true>(corners, id << 20);
+                }
             }
-            let [layer, opaque] = &layers;
-            let (directions, arrival) = (Directions::default(), Arrival::default());
-            let around = Around { opaque, directions: &directions, arrival: &arrival, n: n as isize };
-            for (is_far, [x, y]) in (0..2).flat_map(|far| (0..20 * 12).map(move |i| (far == 1, [i % 20, i / 20]))) {
-                let is_front = |[dx, dy]: [isize; 2]| {
-                    let (column, row) = around.cut((x * n) as isize + dx, (y * n) as isize + dy);
-                    let sample = row as usize * layer.stride + column as usize;
-                    let stored = layer.nearness[sample];
-                    let nearness = if is_far && stored > 0.0 { far_nearness(stored) } else { stored };
-                    nearness > opaque.nearness[sample] * (1.0 + APART)
-                };
-                let front = Front::of(layer, is_far, &around, [x, y].map(|place| place / TILE * TILE));
-                let share = front.share([x % TILE, y % TILE]);
-                assert_eq!(share, weigh(n as isize, is_front), "pixel ({x}, {y}) with {n}² samples");
+            let stored = targets.clone().map(|mut target| {
+                target.settle_all();
+                target
+            });
+            let ([far, near, opaque], [far_stored, near_stored, opaque_stored]) = (targets, stored);
+            let (covered, single) = ([far, near], [far_stored, near_stored]);
+            let around = Around { opaque: &opaque, directions: &directions, arrival: &arrival, n: 2 };
+            let single_around = Around { opaque: &opaque_stored, ..around };
+            for tile in (0..SIZE[0] * SIZE[1] / TILE / TILE).filter(|&tile| !arrival.is_at_border(tile)) {
+                let place = arrival.pixels_of(tile).map(|range| range.start as isize);
+                let expected = [0, 1].map(|index| {
+                    let mut shares = [Share::default(); TILE * TILE];
+                    share_samples(&single[index], index == 0, &single_around, place, &mut shares);
+                    shares
+                });
+                let got = [find_shares(&covered, &around, tile), find_shares(&single, &single_around, tile)];
+                assert!(got == [expected; 2], "tile {tile} of round {round}");
             }
         }
     }

@@ -160,6 +160,14 @@ impl Target {
         std::array::from_fn(|step| Some(self.cover(first + step / 3 * self.covers.columns + step % 3)?.id))
     }
 
+    /// Reads the nearness of a tile that is not at the border, and of the samples beside its first row and column.
+    pub fn read_tile(&self, tile: usize, out: &mut TileNearness) {
+        let columns = self.width.div_ceil(SIDE);
+        let tiles = [tile - columns - 1, tile - columns, tile - 1, tile];
+        let place = [tile % columns * SIDE, tile / columns * SIDE];
+        read_tile(tiles.map(|tile| self.cover(tile)), place, &self.nearness, self.stride, out);
+    }
+
     /// Id and nearness of a sample.
     pub fn sample(&self, column: usize, row: usize) -> (u32, f32) {
         match self.cover(row / SIDE * self.covers.columns + column / SIDE) {
@@ -171,19 +179,15 @@ impl Target {
         }
     }
 
-    /// Whether a tile of the picture or one next to it may show anything.
-    pub fn may_show_around(&self, tile: usize) -> bool {
-        let Covers { columns, tiles, .. } = &self.covers;
-        if tiles.is_empty() {
-            return true;
-        }
-        let (column, row) = (tile % columns, tile / columns);
-        let columns_around = column.saturating_sub(1)..(column + 2).min(*columns);
-        tiles
-            .chunks(*columns)
-            .take(row + 2)
-            .skip(row.saturating_sub(1))
-            .any(|row| row[columns_around.clone()].iter().any(|&index| index != NOTHING))
+    /// Whether a tile of the picture, or a sample beside its first row and column, may show anything.
+    pub fn may_show(&self, tile: usize) -> bool {
+        let (columns, tiles) = (self.width.div_ceil(SIDE), &self.covers.tiles);
+        let (has_left, has_above) = (!tile.is_multiple_of(columns), tile >= columns);
+        let is_something = |back: usize| tiles.get(tile - back) != Some(&NOTHING);
+        is_something(0)
+            || has_left && is_something(1)
+            || has_above && is_something(columns)
+            || has_left && has_above && is_something(columns + 1)
     }
 
     /// Stores the samples of a tile of the picture.
@@ -257,6 +261,35 @@ impl Target {
             self.ids[samples.clone()].iter().any(|&id| id != cover.id)
                 || self.nearness[samples] != cover.line::<SIDE, 1>(step, column)[..columns]
         }))
+    }
+}
+
+/// Nearness of the samples of a tile, after those beside its first row and column.
+pub(crate) type TileNearness = [[f32; SIDE + 1]; SIDE + 1];
+
+/// [`Target::read_tile`], from what covers the tiles before and above, above, before, and itself.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn read_tile(
+    covers: [Option<&Cover>; 4],
+    [column, row]: [usize; 2],
+    nearness: &[f32],
+    stride: usize,
+    out: &mut TileNearness,
+) {
+    for (step, out) in out.iter_mut().enumerate() {
+        let row = row + step - 1;
+        let [before, own] = if step == 0 { [covers[0], covers[1]] } else { [covers[2], covers[3]] };
+        let stored = &nearness[row * stride + column - 1..];
+        out[0] = match before {
+            Some(cover) => cover.line::<1, 1>(row % SIDE, column - 1)[0],
+            None => stored[0],
+        };
+        if let (Some(out), Some(stored)) = (out[1..].first_chunk_mut::<SIDE>(), stored[1..].first_chunk::<SIDE>()) {
+            *out = match own {
+                Some(cover) => cover.line::<SIDE, 1>(row % SIDE, column),
+                None => *stored,
+            };
+        }
     }
 }
 
