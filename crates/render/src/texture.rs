@@ -54,8 +54,8 @@ pub(crate) struct Samples {
     x: Lane,
     y: Lane,
     index: [u32; CHUNK],
-    /// The texels: upper left, upper right, lower left, lower right.
-    texels: [[u32; CHUNK]; 4],
+    /// The upper and the lower two texels, the left one first.
+    texels: [[[u32; 2]; CHUNK]; 2],
 }
 
 /// The [`Level`]s of a chunk of points, component by component.
@@ -71,7 +71,7 @@ impl Default for Samples {
     fn default() -> Self {
         let none = [0; CHUNK];
         let levels = Levels { width: ZERO, height: ZERO, stride: none, first: none };
-        Self { octave: none, levels, x: ZERO, y: ZERO, index: none, texels: [none; 4] }
+        Self { octave: none, levels, x: ZERO, y: ZERO, index: none, texels: [[[0; 2]; CHUNK]; 2] }
     }
 }
 
@@ -161,8 +161,8 @@ impl Samples {
         for i in 0..count.min(CHUNK) {
             let (index, stride) = (self.index[i] as usize, stride(&self.levels, i) as usize);
             if let ([a, b, ..], [c, d, ..]) = (&texels[index..], &texels[index + stride..]) {
-                let read = [a, b, c, d].map(|texel| u32::from_le_bytes(*texel));
-                self.texels.iter_mut().zip(read).for_each(|(lane, texel)| lane[i] = texel);
+                self.texels[0][i] = [u32::from_le_bytes(*a), u32::from_le_bytes(*b)];
+                self.texels[1][i] = [u32::from_le_bytes(*c), u32::from_le_bytes(*d)];
             }
         }
     }
@@ -219,9 +219,9 @@ fn find_texels(count: usize, [u, v]: [&Lane; 2], samples: &mut Samples) {
 fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [Lane; 3]) {
     for channel in 0..3 {
         for i in 0..whole_registers(count) {
-            let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
-            let (upper, lower) = (lerp(code(0), code(1), samples.x[i]), lerp(code(2), code(3), samples.x[i]));
-            let light = linear_of(lerp(upper, lower, samples.y[i]) * (1.0 / 255.0));
+            let code = |row: usize, side: usize| (samples.texels[row][i][side] >> (8 * channel) & 0xff) as i32 as f32;
+            let mixed = |row: usize| lerp(code(row, 0), code(row, 1), samples.x[i]);
+            let light = linear_of(lerp(mixed(0), mixed(1), samples.y[i]) * (1.0 / 255.0));
             out[channel][i] = light * tint[channel];
         }
     }
