@@ -41,13 +41,10 @@ pub(super) fn find_shares(layers: &[Target; 2], around: &Around<'_>, tile: usize
     for (index, (layer, shares)) in layers.iter().zip(&mut shares).enumerate() {
         if layer.may_show(tile) {
             layer.read_tile(tile, &mut nearness);
-            let mut codes = [0; TILE * TILE];
             match index {
-                0 => compare_tile::<true>(&nearness, &opaque, &mut codes),
-                _ => compare_tile::<false>(&nearness, &opaque, &mut codes),
+                0 => compare_tile::<true>(&nearness, &opaque, shares),
+                _ => compare_tile::<false>(&nearness, &opaque, shares),
             }
-            let table = shares_of_two();
-            shares.iter_mut().zip(codes).for_each(|(share, code)| *share = table[code as usize & 511]);
         }
     }
     shares
@@ -66,30 +63,29 @@ fn share_samples(layer: &Target, is_far: bool, around: &Around<'_>, [column, row
     }
 }
 
-/// For each pixel of a tile, in which of the nine samples around its centre a layer is before what is opaque, in bits, row by
-/// row.
+/// [`find_shares`] of a layer, from what it shows and what is opaque.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn compare_tile<const IS_FAR: bool>(layer: &TileNearness, opaque: &TileNearness, codes: &mut [u32; TILE * TILE]) {
-    // Even and odd columns apart.
-    let (mut even, mut odd) = ([[0; TILE + 1]; 2 * TILE + 1], [[0; TILE + 1]; 2 * TILE + 1]);
-    for row in 0..=2 * TILE {
-        let mut bits = [0; 2 * TILE + 1];
-        for column in 0..=2 * TILE {
-            bits[column] = u32::from(is_front(layer[row][column], opaque[row][column], IS_FAR));
-        }
-        for x in 0..TILE {
-            (even[row][x], odd[row][x]) = (bits[2 * x], bits[2 * x + 1]);
-        }
-        even[row][TILE] = bits[2 * TILE];
+fn compare_tile<const IS_FAR: bool>(layer: &TileNearness, opaque: &TileNearness, shares: &mut Shares) {
+    const SIDE: usize = 2 * TILE + 1;
+    let mut front = [0_u32; SIDE * SIDE];
+    let mut count = 0;
+    for (front, (&layer, &opaque)) in front.iter_mut().zip(layer.as_flattened().iter().zip(opaque.as_flattened())) {
+        *front = u32::from(is_front(layer, opaque, IS_FAR));
+        count += *front;
     }
-    for y in 0..TILE {
-        for x in 0..TILE {
-            let mut code = 0;
-            for step in 0..3 {
-                let row = 2 * y + step;
-                code |= (even[row][x] | odd[row][x] << 1 | even[row][x + 1] << 2) << (3 * step);
-            }
-            codes[y * TILE + x] = code;
+    let table = shares_of_two();
+    if count == (SIDE * SIDE) as u32 {
+        *shares = [table[511]; TILE * TILE];
+    } else if count > 0 {
+        for (place, share) in shares.iter_mut().enumerate() {
+            // In which of the nine samples around its centre, in bits, row by row.
+            let first = place / TILE * 2 * SIDE + place % TILE * 2;
+            let row = |row: usize| {
+                let first = first + row * SIDE;
+                front[first] | front[first + 1] << 1 | front[first + 2] << 2
+            };
+            let code = row(0) | row(1) << 3 | row(2) << 6;
+            *share = table[code as usize & 511];
         }
     }
 }
