@@ -71,7 +71,8 @@ impl Channels {
     pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false, parts: false };
 }
 
-/// A picture, row by row from the top left; owned by the caller and reused from job to job.
+/// A picture, row by row from the top left; owned by the caller and reused from job to job. A renderer may exchange lists with
+/// its own.
 ///
 /// A channel that was not asked for is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
