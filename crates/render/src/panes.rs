@@ -131,7 +131,7 @@ impl Panes {
             for pixels in pixels.chunks(CHUNK) {
                 let Work { shading, sides, sights } = &mut *self.work;
                 for (index, surface) in [far, near].into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
-                    sides[index].shade(pixels.iter().map(|pixel| &pixel.panes[index]), surface, shading, scene, view);
+                    sides[index].shade(pixels, index, surface, shading, scene, view);
                 }
                 let is_bent = far == near && sides[1].is_solid;
                 if is_bent {
@@ -165,10 +165,11 @@ impl Panes {
 }
 
 impl Side {
-    /// Shades some panes of a surface.
-    fn shade<'a>(
+    /// Shades the farther or the nearer panes, which are of a surface, of at most a chunk of pixels.
+    fn shade(
         &mut self,
-        panes: impl Iterator<Item = &'a Pane>,
+        pixels: &[Covered],
+        index: usize,
         surface: u32,
         shading: &mut Shading,
         scene: &Scene<'_>,
@@ -176,14 +177,14 @@ impl Side {
     ) {
         shading.clear();
         let [column, row] = &mut self.place;
-        for (i, Pane { spot, coverage }) in panes.enumerate().take(CHUNK) {
+        for (i, Pane { spot, coverage }) in pixels.iter().map(|pixel| &pixel.panes[index]).enumerate() {
             shading.push(*spot);
             (column[i], row[i], self.depth[i], self.coverage[i]) = (spot.x, spot.y, spot.depth, *coverage);
         }
-        let index = surface as usize - 1;
-        let material = &scene.surfaces[index];
-        self.is_solid = scene.assets.parts[index].mesh.closed;
-        shading.shade(&Appearance::new(scene, view, index));
+        let part = surface as usize - 1;
+        let material = &scene.surfaces[part];
+        self.is_solid = scene.assets.parts[part].mesh.closed;
+        shading.shade(&Appearance::new(scene, view, part));
         let (normal, facing) = shading.normals();
         let base = shading.bases();
         (self.color, self.normal) = (*shading.colors(), *normal);
@@ -192,7 +193,7 @@ impl Side {
             let tint = material.tint(material.base, 1.0, is_shell).to_array();
             self.passes = tint.map(|tint| [tint; CHUNK]);
         } else {
-            for i in 0..CHUNK {
+            for i in 0..pixels.len() {
                 let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);
                 let tint = material.tint(base, facing[i], is_shell);
                 (self.passes[0][i], self.passes[1][i], self.passes[2][i]) = tint.into();

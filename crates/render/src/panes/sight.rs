@@ -139,7 +139,7 @@ fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     normalized(bent, along)
 }
 
-/// Scalar product, each sum rounded: these sums are the ones that pictures of before have.
+/// Scalar product, rounded at each step, so that pictures keep their bytes.
 #[inline(always)]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
