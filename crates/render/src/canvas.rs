@@ -286,10 +286,8 @@ impl Canvas {
 
     /// Writes what the centres of pixels see of what is transparent.
     fn write_glass(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
+        self.fit_seen();
         let (seen, width, instances) = (&mut self.seen, self.view.lens.width, instances_of(assets));
-        if (seen.width, seen.height) != (width, self.view.lens.height) {
-            seen.reset::<true>(width, self.view.lens.height, 1);
-        }
         let (stride, opaque) = (seen.stride, &self.opaque.target);
         let rows = || self.glass.areas.iter().flat_map(|area| area.rows.clone().map(|row| (row, area.columns.clone())));
         for (row, columns) in rows() {
@@ -318,10 +316,18 @@ impl Canvas {
         }
     }
 
+    /// Gives what the centres of pixels see the picture's size; what it holds is to be written over.
+    fn fit_seen(&mut self) {
+        let Lens { width, height, .. } = self.view.lens;
+        if (self.seen.width, self.seen.height) != (width, height) {
+            self.seen.reset::<true>(width, height, 1);
+        }
+    }
+
     /// What the centres of pixels see, transparent things included.
     fn see(&mut self, assets: &RenderAssets) {
+        self.fit_seen();
         let (lens, opaque, scale) = (&self.view.lens, &self.opaque.target, self.opaque.target.scale);
-        self.seen.reset::<true>(lens.width, lens.height, 1);
         for row in 0..lens.height {
             for column in 0..lens.width {
                 let sample = row * self.seen.stride + column;

@@ -27,9 +27,8 @@ mod mix;
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Edges {
-    /// Pixels with several surfaces, and the sums of their known colours.
-    mixed: Vec<u32>,
-    sums: Vec<Vec3A>,
+    /// Pixels with several surfaces, and the sum of their known colours.
+    mixed: Vec<(u32, Vec3A)>,
     /// Surfaces that are shaded by themselves.
     extras: Vec<Extra>,
     panes: Panes,
@@ -57,7 +56,6 @@ impl Edges {
     pub fn begin(&mut self, assets: &RenderAssets, view: &View, tiles: usize) {
         self.rewritten.resize(tiles, 0);
         self.mixed.clear();
-        self.sums.clear();
         self.extras.clear();
         self.panes.clear();
         let placed = assets.parts.iter().zip(&view.parts);
@@ -108,17 +106,17 @@ impl Edges {
     /// Shades what no pixel's centre shows and rewrites the bytes of all pixels that were found.
     pub fn finish(&mut self, scene: &Scene<'_>, view: &View, arrival: &Arrival, colors: &[Vec3A], rgb: &mut [u8]) {
         self.shade_extras(scene, view);
-        for (&pixel, &color) in self.mixed.iter().zip(&self.sums) {
+        for &(pixel, color) in &self.mixed {
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
-        self.panes.show(scene, view, arrival, [colors, &self.sums], rgb);
+        self.panes.show(scene, view, arrival, colors, &self.mixed, rgb);
     }
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
         let lens = &view.lens;
         for Extra { spot, mixed, share, .. } in self.extras.iter().filter(|extra| extra.spot.id == 0) {
             let ray = lens.point_at(Vec2::new(spot.x, spot.y), 1.0) - lens.eye;
-            self.sums[*mixed as usize] += scene.backdrop.color(lens.eye, ray) * *share;
+            self.mixed[*mixed as usize].1 += scene.backdrop.color(lens.eye, ray) * *share;
         }
         self.extras.retain(|extra| extra.spot.id != 0);
         let extras = &self.extras;
@@ -135,7 +133,7 @@ impl Edges {
                 shading.shade(&appearance);
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let Extra { mixed, share, .. } = extras[extra as usize];
-                    self.sums[mixed as usize] += shading.color_of(spot) * share;
+                    self.mixed[mixed as usize].1 += shading.color_of(spot) * share;
                 }
             }
         }
@@ -158,8 +156,8 @@ impl Edges {
                 }
                 let pixel = (row * width + column) as u32;
                 // In a tile both lists go through the pixels in the same order.
-                while mixed.next_if(|(_, other)| **other < pixel).is_some() {}
-                let mixed = mixed.next_if(|(_, other)| **other == pixel).map(|(index, _)| index);
+                while mixed.next_if(|(_, (other, _))| *other < pixel).is_some() {}
+                let mixed = mixed.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
                 let pane = |index: usize| {
                     let (layer, Share { coverage, step: [dx, dy] }) = (&layers[index], shares[index]);
                     if coverage == 0.0 {

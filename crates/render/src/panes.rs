@@ -114,20 +114,22 @@ impl Panes {
         self.groups[self.last].pixels.push(Covered { pixel, mixed, panes });
     }
 
-    /// Writes the bytes of all pixels, of what is behind the panes: linear display colours of all pixels, and of those that
-    /// show several opaque surfaces.
+    /// Writes the bytes of all pixels, from what is behind the panes: the linear display colours of the picture's pixels, and
+    /// those that show several opaque surfaces with theirs.
     pub fn show(
         &mut self,
         scene: &Scene<'_>,
         view: &View,
         arrival: &Arrival,
-        [colors, mixed]: [&[Vec3A]; 2],
+        colors: &[Vec3A],
+        mixed: &[(u32, Vec3A)],
         rgb: &mut [u8],
     ) {
         let body_of = |surface: u32| surface.checked_sub(1).and_then(|part| scene.assets.parts[part as usize].body);
         let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
         for Group { surfaces, pixels } in &self.groups {
             let [far, near] = *surfaces;
+            let own_body = body_of(near);
             for pixels in pixels.chunks(CHUNK) {
                 let Work { shading, sides, sights } = &mut *self.work;
                 for (index, surface) in [far, near].into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
@@ -139,14 +141,15 @@ impl Panes {
                     bend(sides, material.index_of_refraction(), &view.lens, scene.lighting, sights);
                 }
                 for (i, covered) in pixels.iter().enumerate() {
-                    let straight = covered.mixed.map_or(colors[covered.pixel as usize], |index| mixed[index as usize]);
+                    let straight =
+                        covered.mixed.map_or(colors[covered.pixel as usize], |index| mixed[index as usize].1);
                     let aside = sights.pixel[i] as usize;
                     // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is
                     // bent to.
                     let is_aside = is_bent && {
                         let (depth, body) =
                             (arrival.depth[aside], body_of(u32::from(arrival.surface[covered.pixel as usize])));
-                        (depth <= 0.0 || depth > sides[1].depth[i]) && (body.is_none() || body != body_of(near))
+                        (depth <= 0.0 || depth > sides[1].depth[i]) && (body.is_none() || body != own_body)
                     };
                     let behind = if is_aside { colors[aside] } else { straight };
                     sights.share[i] = if is_aside { sights.share[i] } else { 0.0 };

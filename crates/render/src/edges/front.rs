@@ -13,6 +13,7 @@ use crate::view::far_nearness;
 
 /// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
 const APART: f32 = 1e-4;
+
 /// What is in front of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Share {
@@ -127,18 +128,57 @@ mod tests {
     use crate::edges::keys::Directions;
     use crate::raster::Corner;
 
-    /// A tile at once gives what one sample after the other gives, whether triangles cover it or its samples are stored.
+    /// A tile at once gives what one sample after the other gives, at the border of the picture too.
     #[test]
     fn tiles_count_the_samples_in_front() {
+        const SIZE: [usize; 2] = [44, 28];
+        let mut state = 1_u32;
+        let mut draw = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        let (directions, mut arrival) = (Directions::default(), Arrival::default());
+        arrival.reset(SIZE[0], SIZE[1]);
+        for n in [1, 2, 4] {
+            let mut targets: [Target; 3] = Default::default();
+            for (target, share) in targets.iter_mut().zip([0.4, 0.4, 0.9]) {
+                target.reset::<true>(SIZE[0], SIZE[1], n);
+                target.nearness.iter_mut().for_each(|value| *value = if draw() < share { 0.5 + draw() } else { 0.0 });
+            }
+            let [far, near, opaque] = targets;
+            let layers = [far, near];
+            let around = Around { opaque: &opaque, directions: &directions, arrival: &arrival, n: n as isize };
+            for tile in 0..SIZE[0].div_ceil(TILE) * SIZE[1].div_ceil(TILE) {
+                let shares = find_shares(&layers, &around, tile);
+                let [columns, rows] = arrival.pixels_of(tile);
+                for (x, y) in columns.clone().flat_map(|x| rows.clone().map(move |y| (x, y))) {
+                    for (index, layer) in layers.iter().enumerate() {
+                        let is_front = |[dx, dy]: [isize; 2]| {
+                            let (column, row) = around.cut((x * n) as isize + dx, (y * n) as isize + dy);
+                            let sample = row as usize * layer.stride + column as usize;
+                            let stored = layer.nearness[sample];
+                            let nearness = if index == 0 && stored > 0.0 { far_nearness(stored) } else { stored };
+                            nearness > opaque.nearness[sample] * (1.0 + APART)
+                        };
+                        let share = shares[index][y % TILE * TILE + x % TILE];
+                        assert_eq!(share, weigh(n as isize, is_front), "pixel ({x}, {y}) with {n}² samples");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Tiles that triangles cover give what their samples give once they are stored.
+    #[test]
+    fn covered_tiles_count_as_their_samples() {
         const SIZE: [usize; 2] = [64, 48];
         let mut state = 1_u32;
         let mut draw = |low: f32, high: f32| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             low + (high - low) * (state >> 8) as f32 / 16_777_216.0
         };
-        let mut arrival = Arrival::default();
+        let (directions, mut arrival) = (Directions::default(), Arrival::default());
         arrival.reset(SIZE[0], SIZE[1]);
-        let directions = Directions::default();
         for round in 0..20 {
             let mut targets: [Target; 3] = Default::default();
             for (index, target) in targets.iter_mut().enumerate() {
@@ -154,19 +194,13 @@ mod tests {
                 target.settle_all();
                 target
             });
-            let ([far, near, opaque], [far_stored, near_stored, opaque_stored]) = (targets, stored);
-            let (covered, single) = ([far, near], [far_stored, near_stored]);
-            let around = Around { opaque: &opaque, directions: &directions, arrival: &arrival, n: 2 };
-            let single_around = Around { opaque: &opaque_stored, ..around };
+            let shares_of = |[far, near, opaque]: [Target; 3], tile: usize| {
+                let around = Around { opaque: &opaque, directions: &directions, arrival: &arrival, n: 2 };
+                find_shares(&[far, near], &around, tile)
+            };
             for tile in (0..SIZE[0] * SIZE[1] / TILE / TILE).filter(|&tile| !arrival.is_at_border(tile)) {
-                let place = arrival.pixels_of(tile).map(|range| range.start as isize);
-                let expected = [0, 1].map(|index| {
-                    let mut shares = [Share::default(); TILE * TILE];
-                    share_samples(&single[index], index == 0, &single_around, place, &mut shares);
-                    shares
-                });
-                let got = [find_shares(&covered, &around, tile), find_shares(&single, &single_around, tile)];
-                assert!(got == [expected; 2], "tile {tile} of round {round}");
+                let [covered, single] = [&targets, &stored].map(|targets| shares_of(targets.clone(), tile));
+                assert!(covered == single, "tile {tile} of round {round}");
             }
         }
     }

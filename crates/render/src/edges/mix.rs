@@ -51,8 +51,7 @@ impl Edges {
             } else {
                 self.mix(around, keys, [x, y], pixel, colors)
             };
-            self.mixed.push(pixel as u32);
-            self.sums.push(color);
+            self.mixed.push((pixel as u32, color));
         }
         found
     }
