@@ -7,6 +7,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
+use std::iter::StepBy;
 use std::ops::Range;
 
 use glam::Vec2;
@@ -17,7 +18,7 @@ use crate::lanes::{CHUNK, Lane, nearest_integer};
 use crate::layers::{MarkCount, TILE, marked_around};
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
-use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
+use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_level_tile, refine_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
 use crate::table_light::TableLight;
@@ -42,6 +43,7 @@ mod changes;
 mod field;
 mod key;
 mod seen;
+mod tiles;
 
 pub(crate) use bins::Bins;
 use blur::Windows;
@@ -77,8 +79,15 @@ pub(crate) struct Arrival {
     half: Field,
     pub ambient: Field,
     tiles: Vec<TileSummary>,
-    /// By tile: the one triangle that all its samples show, as a visibility id.
-    only: Vec<Option<u32>>,
+    /// By tile: column and row of tiles.
+    places: Vec<[u16; 2]>,
+    /// By tile: the one triangle that all its samples show, as a visibility id, or [`MIXED`]; and whether those next to it
+    /// show it, too.
+    only: Vec<u32>,
+    only_around: Vec<bool>,
+    /// By tile: whether it and those next to it show one surface at about one depth.
+    level_around: Vec<bool>,
+    ranges: Ranges,
     /// Where nothing can be darkened by what is near on the picture, in this one and in the one before.
     is_plain: Vec<bool>,
     was_plain: Vec<bool>,
@@ -122,7 +131,7 @@ struct TileSummary {
     /// The one surface that is seen, or [`SEVERAL`].
     surface: u16,
     /// Reach of its taps on the image, pixels.
-    reach: isize,
+    reach: u16,
     /// Where it lies on the shadow map.
     span: Span,
     /// What its pixels read of the level top that all of them show.
@@ -133,16 +142,24 @@ struct TileSummary {
     has_fixed: bool,
     /// Whether its pixels are much smaller than the shadow map's texels.
     is_coarse: bool,
-    /// Whether all its pixels show one surface at about one depth.
+    /// Whether all its pixels show one surface at about one depth, and the smallest nearness of what is there.
     is_level: bool,
-    /// Smallest and largest share of the key light as estimated.
-    key: [f32; 2],
-    /// The same of the ambient light, and over the tiles next to it too.
-    ambient: [f32; 2],
-    ambient_around: [f32; 2],
+    low: f32,
+}
+
+/// By tile, smallest and largest shares.
+#[derive(Debug, Default)]
+struct Ranges {
+    /// Of the key light as estimated.
+    key: Vec<[f32; 2]>,
+    /// Of the ambient light, and over the tiles next to it too.
+    ambient: Vec<[f32; 2]>,
+    ambient_around: Vec<[f32; 2]>,
 }
 
 const SEVERAL: u16 = u16::MAX;
+/// In place of a visibility id.
+const MIXED: u32 = u32::MAX;
 const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 impl Arrival {
@@ -176,14 +193,23 @@ impl Arrival {
             has_fixed: false,
             is_coarse: false,
             is_level: false,
-            key: NO_RANGE,
-            ambient: NO_RANGE,
-            ambient_around: NO_RANGE,
+            low: 0.0,
         };
         self.tiles.clear();
         self.tiles.resize(tiles, tile);
+        let place = |tile: usize| [(tile % self.columns) as u16, (tile / self.columns) as u16];
+        self.places.clear();
+        self.places.extend((0..tiles).map(place));
         self.only.clear();
-        self.only.resize(tiles, None);
+        self.only.resize(tiles, MIXED);
+        for list in [&mut self.only_around, &mut self.level_around] {
+            list.clear();
+            list.resize(tiles, false);
+        }
+        for list in [&mut self.ranges.key, &mut self.ranges.ambient, &mut self.ranges.ambient_around] {
+            list.clear();
+            list.resize(tiles, NO_RANGE);
+        }
     }
 
     /// What the pixels' centres see.
@@ -199,37 +225,6 @@ impl Arrival {
     /// Whether a tile shows nothing anywhere.
     pub fn may_be_empty(&self, tile: usize) -> bool {
         matches!(self.tiles[tile].surface, 0 | SEVERAL)
-    }
-
-    /// Whether all samples of a tile and of those next to it show one triangle, or nothing.
-    pub fn shows_one(&self, tile: usize) -> bool {
-        let only = self.only[tile];
-        only.is_some() && self.beside(tile).all(|tile| self.only[tile] == only)
-    }
-
-    /// A tile and those next to it.
-    fn beside(&self, tile: usize) -> impl Iterator<Item = usize> {
-        let (column, row, width) = (tile % self.columns, tile / self.columns, self.columns);
-        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
-        (row.saturating_sub(1)..(row + 2).min(self.rows))
-            .flat_map(move |row| columns.clone().map(move |column| row * width + column))
-    }
-
-    /// Whether no tile is next to a tile on some side, or only part of one.
-    pub fn is_at_border(&self, tile: usize) -> bool {
-        let (column, row) = (tile % self.columns, tile / self.columns);
-        column == 0 || row == 0 || (column + 1) * TILE >= self.width || (row + 1) * TILE >= self.height
-    }
-
-    /// Pixels of a tile: columns and rows.
-    pub fn pixels_of(&self, tile: usize) -> [Range<usize>; 2] {
-        let (column, row) = (tile % self.columns * TILE, tile / self.columns * TILE);
-        [column..(column + TILE).min(self.width), row..(row + TILE).min(self.height)]
-    }
-
-    /// The tile of a pixel.
-    pub fn tile_of(&self, pixel: u32) -> usize {
-        pixel as usize / self.width / TILE * self.columns + pixel as usize % self.width / TILE
     }
 
     /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one unless they
@@ -261,13 +256,6 @@ impl Arrival {
         }));
     }
 
-    /// First and last column and row of the tiles within so many pixels of a tile.
-    fn around(&self, tile: usize, pixels: isize) -> [[isize; 2]; 2] {
-        let (column, row) = ((tile % self.columns) as isize, (tile / self.columns) as isize);
-        let tiles = (pixels + TILE as isize - 1) / TILE as isize;
-        [[column - tiles, row - tiles], [column + tiles, row + tiles]]
-    }
-
     /// Finds the tiles where nothing can be darkened by what is near on the picture; on the table, which has a light of its
     /// own, only fixed things do.
     pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, table: u16) {
@@ -281,14 +269,14 @@ impl Arrival {
             let [from, to] = self.around(tile, summary.reach);
             !self.seams.any(from, to)
         }));
-        let is_seam = |tile: usize| {
-            let own = self.tiles[tile].surface;
-            let (column, row) = (tile % columns, tile / columns);
+        let (tiles, places) = (&self.tiles, &self.places);
+        let is_seam = |(tile, own): (usize, &TileSummary)| {
+            let ([column, row], own) = (places[tile].map(usize::from), own.surface);
             own == SEVERAL
-                || (column + 1 < columns && self.tiles[tile + 1].surface != own)
-                || (row + 1 < rows && self.tiles[tile + columns].surface != own)
+                || (column + 1 < columns && tiles[tile + 1].surface != own)
+                || (row + 1 < rows && tiles[tile + columns].surface != own)
         };
-        self.seams.count((0..self.tiles.len()).map(is_seam), columns, rows);
+        self.seams.count(tiles.iter().enumerate().map(is_seam), columns, rows);
         is_plain.clear();
         is_plain.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
             let part = assets.parts.get((summary.surface as usize).wrapping_sub(1));
@@ -304,10 +292,10 @@ impl Arrival {
     pub fn mark_table(&self, table_light: &TableLight, version: u64, lens: &Lens, marks: &mut [bool]) {
         for (tile, mark) in marks.iter_mut().enumerate().filter(|(_, mark)| !**mark) {
             let summary = &self.tiles[tile];
-            if self.only[tile].is_some() && summary.surface != table_light.surface() {
+            if self.only[tile] != MIXED && summary.surface != table_light.surface() {
                 continue;
             }
-            let is_whole = self.only[tile].is_some() && summary.top.is_some();
+            let is_whole = self.only[tile] != MIXED && summary.top.is_some();
             let [columns, rows] =
                 self.pixels_of(tile).map(|range| [range.start, range.end - 1].map(|pixel| pixel as f32));
             let [left, right] = [columns[0] - EDGE_PX, columns[1] + EDGE_PX];
@@ -335,11 +323,11 @@ impl Arrival {
         }
         coarse.iter().for_each(|&(tile, shared)| self.share_key(tile, shared));
         let centers = centers!(self);
-        tops.for_each(pixels, centers, |part, pixels| {
+        for (part, tiles, places) in tops.parts() {
             if let Some(top) = shadow.tops().of(part as u16 + 1) {
-                top.light(pixels, &view.lens, reading, &mut self.key);
+                top.light([tiles, places], centers, &view.lens, reading, &mut self.key);
             }
-        });
+        }
         open.clear(assets.parts.len());
         let bodies = scene.occluders.count().then_some(&mut *open);
         self.find_ambient(tiles, bins, assets.parts.len(), [dark, shared], table, bodies);
@@ -363,12 +351,14 @@ impl Arrival {
         work.shared.iter().for_each(|&tile| self.share_ambient(tile));
         for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
-            self.tiles[tile].key = range_of(&self.raw_key, self.width, columns, rows);
+            let summary = &self.tiles[tile];
+            let step = if summary.is_coarse && summary.is_level { 2 } else { 1 };
+            self.ranges.key[tile] = range_of::<TILE>(&self.raw_key, self.width, columns, rows.step_by(step));
         }
         for &tile in &work.dark {
             let [columns, rows] = self.pixels_of(tile);
             let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
-            self.tiles[tile].ambient = range_of(&self.raw_half, self.half_width, columns, rows);
+            self.ranges.ambient[tile] = range_of::<HALF>(&self.raw_half, self.half_width, columns, rows.step_by(1));
         }
         self.compare_estimates(&work.before);
         self.work = work;
@@ -411,7 +401,7 @@ impl Arrival {
                 let half = [&columns, &rows].map(|range| range.start / 2..range.end.div_ceil(2));
                 self.raw_half.fill(tile, half, if is_lit { 1.0 } else { UNKNOWN });
                 if surface == 0 || is_lit {
-                    self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
+                    self.ranges.ambient[tile] = if is_lit { [1.0; 2] } else { NO_RANGE };
                 } else {
                     self.raw_half.forget(tile);
                     list.push_every::<2>(surface, &columns, &rows);
@@ -439,26 +429,10 @@ impl Arrival {
     fn share_ambient(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile).map(|range| range.start / 2..range.end.div_ceil(2));
         for row in rows {
-            for column in columns.clone() {
-                self.raw_half[row * self.half_width + column] =
-                    self.raw_half[(row & !1) * self.half_width + (column & !1)];
-            }
+            let given: [f32; HALF] = line_of(&self.raw_half[(row & !1) * self.half_width..][columns.clone()], 0.0);
+            let shared: [f32; HALF] = std::array::from_fn(|step| given[step & !1]);
+            put(&mut self.raw_half[row * self.half_width..][columns.clone()], &shared);
         }
-    }
-
-    /// Extremes over a tile and its neighbours.
-    fn range_around(&self, tile: usize, pick: impl Fn(&TileSummary) -> [f32; 2]) -> [f32; 2] {
-        let (column, row) = (tile % self.columns, tile / self.columns);
-        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
-        let [mut lowest, mut highest] = NO_RANGE;
-        for row in row.saturating_sub(1)..(row + 2).min(self.rows) {
-            for tile in &self.tiles[row * self.columns..][columns.clone()] {
-                let [low, high] = pick(tile);
-                lowest = if low < lowest { low } else { lowest };
-                highest = if high > highest { high } else { highest };
-            }
-        }
-        [lowest, highest]
     }
 
     /// The ambient light at every pixel of tiles, each from the four coarse pixels around it that show the same surface,
@@ -474,15 +448,19 @@ impl Arrival {
 
     fn refine_tile(&mut self, tile: usize, window: &mut RefineWindow) {
         let [columns, rows] = self.pixels_of(tile);
-        let [low, high] = self.tiles[tile].ambient_around;
+        let [low, high] = self.ranges.ambient_around[tile];
         if low >= high {
             // One value all around; where nothing was estimated, nothing is darkened.
             self.ambient.fill(tile, [columns, rows], if low == high { low } else { 1.0 });
             return;
         }
         self.ambient.forget(tile);
-        self.fill_window(columns.start, rows.start, window);
-        let refined = refine_tile(window);
+        let refined = if self.level_around[tile] {
+            refine_level_tile(&self.half[rows.start / 2 * self.half_width + columns.start / 2..], self.half_width)
+        } else {
+            self.fill_window(columns.start, rows.start, window);
+            refine_tile(window)
+        };
         for (row, line) in rows.zip(&refined) {
             put(&mut self.ambient[row * self.width..][columns.clone()], line);
         }
@@ -497,22 +475,22 @@ fn put_half(points: &Points, share: &Lane, half: &mut [f32], width: usize) {
     }
 }
 
-/// Smallest and largest value of a rectangle of at most a tile, without those that are unknown.
+/// Smallest and largest value of some rows of a rectangle of at most so many columns, without those that are unknown.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn range_of(values: &[f32], width: usize, columns: Range<usize>, rows: Range<usize>) -> [f32; 2] {
+fn range_of<const SIDE: usize>(
+    values: &[f32],
+    width: usize,
+    columns: Range<usize>,
+    rows: StepBy<Range<usize>>,
+) -> [f32; 2] {
     // One pair of extremes per column: columns are independent, so this runs in vectors.
-    let (mut low, mut high) = ([f32::INFINITY; TILE], [f32::NEG_INFINITY; TILE]);
-    let mut widen = |line: &[f32]| {
-        for (column, &value) in line.iter().enumerate().take(TILE) {
+    let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);
+    for row in rows {
+        let line: [f32; SIDE] = line_of(&values[row * width..][columns.clone()], UNKNOWN);
+        for column in 0..SIDE {
+            let value = line[column];
             low[column] = if (value >= 0.0) & (value < low[column]) { value } else { low[column] };
             high[column] = if (value >= 0.0) & (value > high[column]) { value } else { high[column] };
-        }
-    };
-    for row in rows {
-        let line = &values[row * width..][columns.clone()];
-        match line.first_chunk::<TILE>() {
-            Some(whole) => widen(whole),
-            None => widen(line),
         }
     }
     [low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(f32::NEG_INFINITY, f32::max)]
@@ -520,8 +498,8 @@ fn range_of(values: &[f32], width: usize, columns: Range<usize>, rows: Range<usi
 
 /// Writes the first values of a tile's row; all of them without a call.
 #[inline(always)]
-fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
-    match out.first_chunk_mut::<TILE>() {
+fn put<T: Copy, const SIDE: usize>(out: &mut [T], values: &[T; SIDE]) {
+    match out.first_chunk_mut::<SIDE>() {
         Some(whole) => *whole = *values,
         // Two copies of a slice would become one call with a length.
         None => out.iter_mut().zip(values).for_each(|(out, value)| *out = *value),

@@ -12,7 +12,7 @@ use crate::layers::{Layers, TILE, marked_around};
 use crate::occluders::Occluders;
 use crate::raster::Target;
 use crate::scene::Scene;
-use crate::shade::{Appearance, Shading, TILES};
+use crate::shade::{Appearance, Shading};
 use crate::texture::srgb8_from_linear;
 use crate::view::{Lens, View, surface_of};
 
@@ -32,10 +32,6 @@ pub(crate) struct Canvas {
     /// Linear display colours at pixel centres, without what is transparent; only where edges or glass may read them.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
-    /// Instances at pixel centres, without what is transparent.
-    instance: Vec<u16>,
-    /// By tile: the instance that all its pixels have.
-    shown: Vec<Option<u16>>,
     changed: Vec<bool>,
     stale: Vec<bool>,
     shaded: Vec<bool>,
@@ -79,9 +75,6 @@ impl Canvas {
             self.arrival.reset(width, height);
             self.colors.resize(width * height, Vec3A::ZERO);
             self.rgb.resize(width * height * 3, 0);
-            self.instance.resize(width * height, 0);
-            // A canvas keeps its size.
-            self.shown.resize(self.opaque.changed.len(), None);
         }
         self.changed.clone_from(&self.opaque.changed);
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
@@ -91,16 +84,11 @@ impl Canvas {
         }
         let opaque = &self.opaque.target;
         self.arrival.see(scene, opaque, &self.changed, view);
-        self.follow_instances(assets);
         self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
             self.stale.clone_from(&self.changed);
-        }
-        // Whether a body counts for a point depends on the points that are estimated with it.
-        if scene.occluders.count() && self.stale.contains(&true) {
-            self.stale.fill(true);
         }
         self.shaded.clone_from(&self.changed);
         if scene.occluders.differ(&self.occluders) {
@@ -120,27 +108,6 @@ impl Canvas {
             self.mark_glass(assets);
         }
         self.draw_strips(scene);
-    }
-
-    /// Writes the instances of the tiles that show something else.
-    fn follow_instances(&mut self, assets: &RenderAssets) {
-        let (width, instances) = (self.view.lens.width, instances_of(assets));
-        for tile in (0..self.changed.len()).filter(|&tile| self.changed[tile]) {
-            let [columns, rows] = self.arrival.pixels_of(tile);
-            let one = self.arrival.surface_of(tile).map(|surface| instances[surface as usize]);
-            let known = std::mem::replace(&mut self.shown[tile], one);
-            if one.is_some() && known == one {
-                continue;
-            }
-            for row in rows {
-                let pixels = row * width + columns.start..row * width + columns.end;
-                let (out, surfaces) = (&mut self.instance[pixels.clone()], &self.arrival.surface[pixels]);
-                match one {
-                    Some(one) => out.fill(one),
-                    None => out.iter_mut().zip(surfaces).for_each(|(out, &surface)| *out = instances[surface as usize]),
-                }
-            }
-        }
     }
 
     /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each
@@ -217,16 +184,16 @@ impl Canvas {
             let appearance = Appearance::new(scene, &self.view, part);
             self.shaded_pixels += tiles.len() * TILE * TILE + places.len();
             let of_one_triangle = tiles.chunk_by(|&a, &b| centers.show_one(a, b));
-            for tiles in of_one_triangle.flat_map(|tiles| tiles.chunks(TILES)) {
-                for (index, &place) in tiles.iter().enumerate() {
-                    let tile = shading.tile(place, arrival);
-                    if index == 0 {
-                        shading.light_corners(tiles, &appearance, centers);
+            for mut tiles in of_one_triangle {
+                while !tiles.is_empty() {
+                    let (ready, others) = tiles.split_at(shading.light_nodes(tiles, &appearance, arrival));
+                    for (index, &place) in ready.iter().enumerate() {
+                        let tile = shading.shade_tile(index, place, &appearance, arrival);
+                        let is_read = is_read(arrival, glass, tile);
+                        self.colored[tile] &= is_read;
+                        shading.write(if is_read { colors } else { &mut [] }, rgb);
                     }
-                    shading.shade_tile(index, &appearance);
-                    let is_read = is_read(arrival, glass, tile);
-                    self.colored[tile] &= is_read;
-                    shading.write(if is_read { colors } else { &mut [] }, rgb);
+                    tiles = others;
                 }
             }
             for places in places.chunks(CHUNK) {
@@ -276,11 +243,32 @@ impl Canvas {
             false => out.depth_m.clear(),
         }
         match channels.instance {
-            true => out.instance.clone_from(&self.instance),
+            true => self.write_instances(assets, &mut out.instance),
             false => out.instance.clear(),
         }
         if self.view.has_transparent && (channels.depth || channels.instance) {
             self.write_glass(assets, channels, out);
+        }
+    }
+
+    /// Writes the instances at the centres of pixels, without what is transparent.
+    fn write_instances(&self, assets: &RenderAssets, out: &mut Vec<u16>) {
+        let (lens, instances) = (&self.view.lens, instances_of(assets));
+        out.resize(lens.width * lens.height, 0);
+        for tile in 0..self.changed.len() {
+            let [columns, rows] = self.arrival.pixels_of(tile);
+            let one = self.arrival.surface_of(tile).map(|surface| instances[surface as usize]);
+            for row in rows {
+                let pixels = row * lens.width + columns.start..row * lens.width + columns.end;
+                let (out, surfaces) = (&mut out[pixels.clone()], &self.arrival.surface[pixels]);
+                match (one, out.first_chunk_mut::<TILE>()) {
+                    (Some(one), Some(out)) => *out = [one; TILE],
+                    (Some(one), None) => out.fill(one),
+                    (None, _) => {
+                        out.iter_mut().zip(surfaces).for_each(|(out, &surface)| *out = instances[surface as usize]);
+                    }
+                }
+            }
         }
     }
 

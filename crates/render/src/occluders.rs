@@ -42,6 +42,8 @@ const LAMP_BLUR: f32 = 0.3;
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
 const LEAST: f32 = 0.01;
+/// A body counts less over the last part of the square of that distance, one by this. Chosen.
+const FADE: f32 = 4.0;
 
 /// All bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -259,11 +261,13 @@ pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Surface]) -> Vec<Vec3
 /// What ellipsoids let pass to points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
-    let center = occluder.center;
+    let (center, per_reach) = (occluder.center, 1.0 / (occluder.reach * occluder.reach));
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        share[i] *= covered(occluder, toward, normal).mul_add(-STRENGTH, 1.0);
+        // Nothing beyond its reach, where whether it is asked depends on the other points.
+        let near = within(dot(toward, toward).mul_add(-FADE * per_reach, FADE), 0.0, 1.0);
+        share[i] *= (covered(occluder, toward, normal) * near).mul_add(-STRENGTH, 1.0);
     }
 }
 

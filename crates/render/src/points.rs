@@ -30,16 +30,16 @@ pub(crate) struct Centers<'a> {
     /// Visibility ids.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
-    /// Tiles per row, and the one id of all samples of each.
+    /// Tiles per row, and the one id of all samples of each, [`u32::MAX`] for several.
     pub columns: usize,
-    pub only: &'a [Option<u32>],
+    pub only: &'a [u32],
 }
 
 impl Centers<'_> {
     /// The one id of the tile of which this is the first pixel.
-    fn only(&self, place: u32) -> Option<u32> {
+    pub fn only(&self, place: u32) -> Option<u32> {
         let [column, row] = unpacked(place).map(|at| at as usize);
-        self.only[row / TILE * self.columns + column / TILE]
+        Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != u32::MAX)
     }
 
     /// Whether two tiles, given by their first pixels, show one triangle.
@@ -86,7 +86,8 @@ impl Default for Pixels {
     }
 }
 
-const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
+/// The bits of a visibility id that tell the triangle.
+pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
     /// Becomes [`packed`] pixels.
@@ -100,6 +101,14 @@ impl Pixels {
         }
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
+    }
+
+    /// Becomes the tile of which this is the first pixel, of which nothing is known but where its rows begin.
+    pub fn begin_tile(&mut self, first: usize, centers: Centers<'_>) {
+        (self.count, self.is_tile) = (CHUNK, true);
+        for step in 0..TILE {
+            self.pixel[step * TILE] = (first + step * centers.width) as u32;
+        }
     }
 
     /// Becomes the tile of which this is the first pixel.

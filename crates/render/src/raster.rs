@@ -80,6 +80,11 @@ impl Planes {
         own
     }
 
+    /// Distance of a triangle's plane from the origin along its normal, metres.
+    pub fn distance(&self, triangle: u32) -> f32 {
+        self.distance[triangle as usize]
+    }
+
     /// Which triangles of a block may show a wanted side, in bits.
     #[inline(always)]
     fn showing(&self, block: usize, eye: Eye, [front, back]: Sides) -> u32 {

@@ -34,6 +34,27 @@ impl Default for RefineWindow {
     }
 }
 
+/// [`refine_tile`] where all belong to the same surface, from the first coarse estimate of the tile on.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(crate) fn refine_level_tile(coarse: &[f32], width: usize) -> [[f32; TILE]; TILE] {
+    let mut lines = [[0.0; TILE]; HALF + 1];
+    for (row, line) in lines.iter_mut().enumerate() {
+        let coarse = &coarse[row * width..][..=HALF];
+        for column in 0..HALF {
+            line[2 * column] = coarse[column];
+            line[2 * column + 1] = 0.5 * (coarse[column] + coarse[column + 1]);
+        }
+    }
+    let mut out = [[0.0; TILE]; TILE];
+    for row in 0..HALF {
+        out[2 * row] = lines[row];
+        for column in 0..TILE {
+            out[2 * row + 1][column] = 0.5 * (lines[row][column] + lines[row + 1][column]);
+        }
+    }
+    out
+}
+
 /// At every pixel the mean of the coarse estimates around it that belong to the same surface.
 #[multiversion(targets("x86_64+avx2+fma"))]
 pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {
@@ -59,4 +80,26 @@ pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On one level surface, means need no weights and have the same bits.
+    #[test]
+    fn level_tiles_have_the_means_of_others() {
+        const WIDTH: usize = HALF + 3;
+        let coarse: Vec<f32> = (0..WIDTH * (HALF + 1)).map(|index| (index * 37 % 64) as f32 / 64.0).collect();
+        let mut window = RefineWindow { surface: [[1; TILE]; TILE], depth: [[0.5; TILE]; TILE], ..Default::default() };
+        for row in 0..=HALF {
+            for side in 0..2 {
+                window.coarse_surface[row][side] = [1; TILE];
+                window.coarse_depth[row][side] = [0.5; TILE];
+                window.value[row][side] =
+                    std::array::from_fn(|column| coarse[row * WIDTH + column / 2 + side * (column % 2)]);
+            }
+        }
+        assert_eq!(refine_level_tile(&coarse, WIDTH), refine_tile(&window));
+    }
 }

@@ -9,29 +9,32 @@
 use glam::Vec3A;
 
 use crate::arrival::Arrival;
-use crate::assets::{Surface, TRIANGLE_BITS};
+use crate::assets::Surface;
 use crate::job::ROBOT;
 use crate::lanes::{CHUNK, Lane, REGISTER};
 use crate::layers::TILE;
 use crate::mesh::Face;
-use crate::points::Centers;
+use crate::points::{Centers, TRIANGLE};
+use crate::raster::Planes;
 use crate::scene::Scene;
 use crate::texture::{Samples, find_codes, srgb_table};
 use crate::view::{Lens, PartView, View};
 
+mod cell;
 mod flat;
 mod reflect;
 mod spots;
 
-use flat::Corners;
-pub(crate) use flat::TILES;
+use cell::Cell;
+use flat::Nodes;
 use reflect::{Light, Reflected, reflect, reflect_flat};
-use spots::{Spots, find_footprints, interpolate, interpolate_one, locate, place_on_texture};
+use spots::{Spots, find_footprints, interpolate, interpolate_one, locate};
 
 /// A part as it is shaded: what it is made of, how it stands before a lens, and the light on it.
 #[derive(Debug)]
 pub(crate) struct Appearance<'a> {
     faces: &'a [Face],
+    planes: &'a Planes,
     /// In the body's frame, where both sides of triangles can be seen.
     eye: Option<Vec3A>,
     surface: &'a Surface,
@@ -64,7 +67,7 @@ pub(crate) struct Spot {
 #[derive(Debug)]
 pub(crate) struct Shading {
     spots: Spots,
-    corners: Corners,
+    nodes: Nodes,
     samples: Samples,
     reflected: Reflected,
     /// Places of the colours in the table of bytes.
@@ -73,8 +76,8 @@ pub(crate) struct Shading {
 
 impl Default for Shading {
     fn default() -> Self {
-        let (spots, corners, samples, reflected) = Default::default();
-        Self { spots, corners, samples, reflected, codes: [[0; CHUNK]; 3] }
+        let (spots, nodes, samples, reflected) = Default::default();
+        Self { spots, nodes, samples, reflected, codes: [[0; CHUNK]; 3] }
     }
 }
 
@@ -91,7 +94,7 @@ impl Shading {
         let i = pixels.count;
         (pixels.column[i], pixels.row[i], pixels.depth[i]) = (spot.x, spot.y, spot.depth);
         (key[i], ambient[i]) = (spot.key, spot.ambient);
-        pixels.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
+        pixels.triangle[i] = spot.id & TRIANGLE;
         pixels.is_flat &= pixels.triangle[i] == pixels.triangle[0];
         pixels.count += 1;
     }
@@ -106,22 +109,26 @@ impl Shading {
         limit(key);
     }
 
-    /// The same of a tile, given by its first pixel, which is packed; returns its index.
-    pub fn tile(&mut self, place: u32, arrival: &Arrival) -> usize {
-        let Spots { pixels, key, ambient, .. } = &mut self.spots;
-        pixels.tile(place, arrival.centers());
-        let tile = arrival.tile_of(pixels.pixel[0]);
+    /// The same of a tile, given by its first pixel, which is packed.
+    fn tile(&mut self, place: u32, arrival: &Arrival) {
+        self.spots.pixels.tile(place, arrival.centers());
+        self.light(place, arrival);
+    }
+
+    /// Takes the light that arrives at the pixels of a tile.
+    fn light(&mut self, place: u32, arrival: &Arrival) {
+        let Spots { key, ambient, .. } = &mut self.spots;
+        let (tile, first) = arrival.tile_at(place);
         for (lane, field) in [(&mut *key, &arrival.key), (ambient, &arrival.ambient)] {
             if let Some(value) = field.even(tile) {
                 *lane = [value; CHUNK];
                 continue;
             }
-            for (lane, &first) in lane.chunks_exact_mut(TILE).zip(pixels.pixel.iter().step_by(TILE)) {
-                lane.copy_from_slice(&field[first as usize..][..TILE]);
+            for (lane, values) in lane.as_chunks_mut::<TILE>().0.iter_mut().zip(arrival.lines(field, first)) {
+                *lane = *values;
             }
         }
         limit(key);
-        tile
     }
 
     /// Writes the spots, which are the centres of pixels, into an image: linear display colours, unless they are an empty list,
@@ -179,38 +186,48 @@ impl Shading {
         &self.spots.base
     }
 
-    /// Lights the corners of tiles that show a part, given by their first pixels, as far as they may be shaded by them;
-    /// several of them show one triangle. The spots are those of the first one.
-    pub fn light_corners(&mut self, tiles: &[u32], appearance: &Appearance<'_>, centers: Centers<'_>) {
-        let pixels = &self.spots.pixels;
-        match pixels.is_flat && appearance.is_smooth() {
-            true => self.corners.find(tiles, pixels.triangle[0], appearance, centers),
-            false => self.corners.forget(),
+    /// Lights nodes around the first of some tiles that show a part, given by their first pixels, as far as they may be
+    /// shaded by them; returns how many tiles are ready for [`Shading::shade_tile`]. Several of them show one triangle.
+    pub fn light_nodes(&mut self, tiles: &[u32], appearance: &Appearance<'_>, arrival: &Arrival) -> usize {
+        if appearance.is_smooth()
+            && let Some(triangle) = self.triangle_of(tiles[0], arrival.centers())
+        {
+            return self.nodes.find(tiles, triangle, appearance, arrival.centers());
         }
+        self.nodes.forget();
+        tiles.len()
     }
 
-    /// Shades the spots, which are the pixels of one of the tiles whose corners were lit.
-    pub fn shade_tile(&mut self, tile: usize, appearance: &Appearance<'_>) {
-        if !self.corners.fit(tile) {
+    /// The one triangle that a tile shows.
+    fn triangle_of(&mut self, place: u32, centers: Centers<'_>) -> Option<u32> {
+        if let Some(id) = centers.only(place) {
+            return Some(id & TRIANGLE);
+        }
+        let pixels = &mut self.spots.pixels;
+        pixels.tile(place, centers);
+        pixels.is_flat.then_some(pixels.triangle[0])
+    }
+
+    /// Shades the pixels of one of the tiles that are ready, given by its first one; returns its index.
+    pub fn shade_tile(&mut self, tile: usize, place: u32, appearance: &Appearance<'_>, arrival: &Arrival) -> usize {
+        let (index, first) = arrival.tile_at(place);
+        let is_textured = appearance.surface.texture.is_some();
+        let with_texels = |cell: &Cell| (*cell, self.nodes.even_texels(cell).filter(|_| is_textured));
+        let known = self.nodes.cell(tile).as_ref().map(with_texels);
+        let Some((cell, even_texels)) = known.filter(|(_, texels)| texels.is_some() || !is_textured) else {
+            self.tile(place, arrival);
             self.shade(appearance);
-            return;
+            return index;
+        };
+        self.light(place, arrival);
+        let Self { spots, nodes, samples, reflected, .. } = self;
+        spots.pixels.begin_tile(first, arrival.centers());
+        if is_textured {
+            nodes.place_on_texture(&cell, arrival.lines(&arrival.depth, first), [&mut spots.u, &mut spots.v]);
         }
-        let Self { spots, corners, samples, reflected, .. } = self;
-        let &Appearance { surface, placed, lens, .. } = appearance;
-        let mut even_texels = None;
-        if let Some(texture) = &surface.texture {
-            let face = &appearance.faces[spots.pixels.triangle[0] as usize];
-            locate::<CHUNK>(spots, placed, lens);
-            even_texels = corners.even_texels(tile);
-            if even_texels.is_some() {
-                place_on_texture(spots, face);
-            } else {
-                interpolate_one::<CHUNK>(spots, face, appearance.eye);
-                find_footprints::<CHUNK>(spots, placed, lens, texture.texels());
-            }
-        }
-        spots.paint(surface, even_texels, samples);
-        reflect_flat(spots, &corners.light, tile, appearance, reflected);
+        spots.paint(appearance.surface, even_texels, samples);
+        reflect_flat(spots, &nodes.light, &cell, appearance, reflected);
+        index
     }
 
     /// Shades the spots, which show a part.
@@ -260,7 +277,7 @@ impl<'a> Appearance<'a> {
             bounce: part.body.map_or(1.0, |body| scene.occluders.bounce_of(body)),
         };
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
-        Self { faces: &mesh.faces, eye, surface, placed, lens: &view.lens, light }
+        Self { faces: &mesh.faces, planes: &mesh.planes, eye, surface, placed, lens: &view.lens, light }
     }
 
     /// Whether light is linear over tiles on a plane of the part.

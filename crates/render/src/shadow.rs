@@ -55,7 +55,7 @@ struct Caster {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Span {
     /// First and last column and row of the map's tiles; first after last for nothing.
-    tiles: [[isize; 2]; 2],
+    tiles: [[i32; 2]; 2],
     /// Where a shadow that is nearer to the light than the first covers nothing, and one beyond the second covers all.
     nearness: [f32; 2],
     /// Whether it faces away from the light.
@@ -75,9 +75,9 @@ const REACH_TILES: isize = 4;
 impl Span {
     /// The tiles, first and last column and row, on which the shadow anywhere in it depends.
     pub fn reach(&self) -> [[isize; 2]; 2] {
-        let [from, to] = self.tiles;
+        let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
-            return self.tiles;
+            return [from, to];
         }
         [from.map(|tile| tile - REACH_TILES), to.map(|tile| tile + REACH_TILES)]
     }
@@ -193,14 +193,14 @@ impl ShadowMap {
     }
 
     /// Tiles of the map around points and so many texels, and the extremes of the points' nearness.
-    fn box_of(&self, points: impl Iterator<Item = Vec3A>, margin: f32) -> ([[isize; 2]; 2], [f32; 2]) {
+    fn box_of(&self, points: impl Iterator<Item = Vec3A>, margin: f32) -> ([[i32; 2]; 2], [f32; 2]) {
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for point in points {
             let Corner { x, y, nearness } = self.light.on_map(self.light.light_from_world * point);
             let place = Vec3A::new(x, y, nearness);
             (low, high) = (low.min(place), high.max(place));
         }
-        let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as isize;
+        let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
         let tiles = [[tile(low.x - margin), tile(low.y - margin)], [tile(high.x + margin), tile(high.y + margin)]];
         (tiles, [low.z, high.z])
     }
@@ -208,7 +208,7 @@ impl ShadowMap {
     /// Share of the key light that reaches all of a span, if it is one and certain; negative where nothing faces it.
     pub fn certain_share(&self, span: &Span) -> Option<f32> {
         let [from, to] = span.tiles;
-        let tiles = self.layers.tile_columns as isize;
+        let tiles = self.layers.tile_columns as i32;
         if span.is_turned {
             return Some(-1.0);
         }

@@ -183,6 +183,28 @@ fn the_same_job_gives_the_same_bytes_whatever_came_before() {
     }
 }
 
+/// Pictures that end within a tile, or are smaller than one.
+#[test]
+fn pictures_of_any_size_continue_others() {
+    let (assets, _) = toy();
+    let frames = episode(&assets);
+    for size in [[129, 73], [131, 74], [135, 79], [130, 65], [144, 17], [17, 80], [7, 5], [1, 1]] {
+        let near = Pose::from_position(DVec3::Z * -0.3);
+        let hand = Camera { mount: CameraMount::Hand, mount_from_camera: near, ..camera(size[0], size[1]) };
+        let [mut renderer, mut judge] =
+            [(); 2].map(|()| Renderer::new(Arc::clone(&assets), RenderVariation::default()));
+        let [mut out, mut anew] = [[FrameBuffers::default()], [FrameBuffers::default()]];
+        for frame in [&frames[2], &frames[3], &frames[3], &frames[12]] {
+            for camera in [&camera(size[0], size[1]), &hand] {
+                renderer.render(&[ViewJob::new(frame, camera, Channels::ALL)], &mut out).unwrap();
+                judge.forget();
+                judge.render(&[ViewJob::new(frame, camera, Channels::ALL)], &mut anew).unwrap();
+                assert!(out == anew, "{size:?}");
+            }
+        }
+    }
+}
+
 /// An episode of the toy scene: the arm swings, rests, swings on; the block is carried; everything trembles a little.
 fn episode(assets: &RenderAssets) -> Vec<FrameState> {
     (0..14)

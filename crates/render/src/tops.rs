@@ -14,7 +14,7 @@ use crate::assets::{Part, RenderAssets};
 use crate::key_light::KeyLight;
 use crate::lanes::{CHUNK, Lane, ZERO, floor, lerp, nearest_integer, turned, within};
 use crate::layers::{MarkCount, TILE};
-use crate::points::Pixels;
+use crate::points::{Centers, Pixels, unpacked};
 use crate::raster::Target;
 use crate::refine::UNKNOWN;
 use crate::view::Lens;
@@ -27,6 +27,9 @@ use cells::Cells;
 const FLAT_M: f32 = 2e-4;
 /// Share of the box around the triangles at the greatest height that a top covers at least. Chosen: legs are no top.
 const LEAST_COVER: f32 = 0.5;
+/// Where the corners of a tile lie less than so many cells apart, light is taken to be linear between them. Chosen: the
+/// softest edges that cells can show are wider.
+const LINEAR_CELLS: f32 = 0.75;
 /// Maps with fewer texels per side have a cell per texel, others per 2 × 2. Chosen: a cell is as large as a pixel of the
 /// default static camera.
 const LARGE_MAP: usize = 512;
@@ -62,7 +65,7 @@ pub(crate) struct Top {
 }
 
 /// Blocks of a top that pixels read: first and last column and row.
-pub(crate) type Blocks = [[isize; 2]; 2];
+pub(crate) type Blocks = [[u16; 2]; 2];
 
 impl Tops {
     /// The tops of the fixed parts that a map covers.
@@ -196,7 +199,7 @@ impl Top {
         // A little more on both sides than rounding can miss.
         let block = |axis: usize, cell: f32| {
             let last = (self.blocks[axis] * TILE - 1) as f32;
-            (cell - (self.first[axis] * TILE) as f32).clamp(0.0, last) as isize / TILE as isize
+            (cell - (self.first[axis] * TILE) as f32).clamp(0.0, last) as u16 / TILE as u16
         };
         [[0, 1].map(|axis| block(axis, low[axis] - 0.01)), [0, 1].map(|axis| block(axis, high[axis] + 1.01))]
     }
@@ -215,17 +218,68 @@ impl Top {
     fn each(&self, [from, to]: Blocks) -> impl Iterator<Item = usize> {
         let columns = self.blocks[0];
         (from[1]..=to[1])
-            .flat_map(move |row| (from[0]..=to[0]).map(move |column| row as usize * columns + column as usize))
+            .flat_map(move |row| (from[0]..=to[0]).map(move |column| usize::from(row) * columns + usize::from(column)))
     }
 
-    /// Writes the share of the key light that arrives at pixels which see the top.
-    pub fn light(&self, pixels: &Pixels, lens: &Lens, reading: &mut Reading, share: &mut [f32]) {
+    fn sight(&self, lens: &Lens) -> Sight {
+        let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
+        let size = [self.width(), self.blocks[1] * TILE];
+        Sight {
+            turn,
+            eye: lens.eye.to_array(),
+            inverse_focal: [1.0 / lens.focal.x, 1.0 / lens.focal.y],
+            center: lens.center.to_array(),
+            cell_from_world: std::array::from_fn(|axis| {
+                let [x, y, one] = self.cell_from_world[axis];
+                [x, y, one - (self.first[axis] * TILE) as f32]
+            }),
+            columns: size[0] as u32,
+            last: size.map(|count| (count - 1) as f32),
+        }
+    }
+
+    /// Writes the share of the key light that arrives at pixels which see the top: whole tiles of them, given by their first
+    /// ones, and others.
+    pub fn light(
+        &self,
+        [tiles, places]: [&[u32]; 2],
+        centers: Centers<'_>,
+        lens: &Lens,
+        Reading { pixels, lanes }: &mut Reading,
+        share: &mut [f32],
+    ) {
+        const LAST: usize = TILE - 1;
+        let (sight, width) = (self.sight(lens), centers.width);
+        let mut shares = [[0.0; TILE]; TILE];
+        for &place in tiles {
+            let [column, row] = unpacked(place).map(|at| at as usize);
+            let first = row * width + column;
+            let (left, right, top, bottom) = (column as f32, (column + LAST) as f32, row as f32, (row + LAST) as f32);
+            let depths = [first, first + LAST, first + LAST * width, first + LAST * width + LAST];
+            let corners =
+                [[left, right, left, right], [top, top, bottom, bottom], depths.map(|pixel| centers.depth[pixel])];
+            if !light_corners(&sight, &corners, &self.share, &mut shares) {
+                pixels.tile(place, centers);
+                self.read(&sight, pixels, lanes);
+                shares.as_flattened_mut().copy_from_slice(&lanes.share);
+            }
+            for (row, line) in shares.iter().enumerate() {
+                share[first + row * width..][..TILE].copy_from_slice(line);
+            }
+        }
+        for places in places.chunks(CHUNK) {
+            pixels.list(places, centers);
+            self.read(&sight, pixels, lanes);
+            for (&value, &pixel) in lanes.share.iter().zip(&pixels.pixel).take(pixels.count) {
+                share[pixel as usize] = value;
+            }
+        }
+    }
+
+    /// Reads what arrives at some pixels.
+    fn read(&self, sight: &Sight, pixels: &Pixels, reading: &mut Lanes) {
         let width = self.width();
-        let rows: [[f32; 3]; 2] = std::array::from_fn(|axis| {
-            let [x, y, one] = self.cell_from_world[axis];
-            [x, y, one - (self.first[axis] * TILE) as f32]
-        });
-        find_cells(&rows, [width, self.blocks[1] * TILE], pixels, lens, reading);
+        find_cells(sight, pixels, reading);
         for i in 0..pixels.count {
             let index = reading.index[i] as usize;
             let (upper, lower) = (&self.share[index..], &self.share[index + width..]);
@@ -235,15 +289,6 @@ impl Top {
             }
         }
         mix(reading);
-        if pixels.is_tile {
-            for (values, &first) in reading.share.chunks_exact(TILE).zip(pixels.pixel.iter().step_by(TILE)) {
-                share[first as usize..][..TILE].copy_from_slice(values);
-            }
-        } else {
-            for (&value, &pixel) in reading.share.iter().zip(&pixels.pixel).take(pixels.count) {
-                share[pixel as usize] = value;
-            }
-        }
     }
 }
 
@@ -273,9 +318,16 @@ fn widened([low, high]: [f32; 2], [a, b]: [f32; 2]) -> [f32; 2] {
     [if a < low { a } else { low }, if b > high { b } else { high }]
 }
 
+/// Memory of [`Top::light`].
+#[derive(Debug, Default)]
+pub(crate) struct Reading {
+    pixels: Pixels,
+    lanes: Lanes,
+}
+
 /// Where a chunk of pixels reads a top, and what it reads.
 #[derive(Debug)]
-pub(crate) struct Reading {
+struct Lanes {
     index: [u32; CHUNK],
     /// How far a pixel's place lies from the first of its four cells towards the others.
     x: Lane,
@@ -284,43 +336,97 @@ pub(crate) struct Reading {
     share: Lane,
 }
 
-impl Default for Reading {
+impl Default for Lanes {
     fn default() -> Self {
         Self { index: [0; CHUNK], x: ZERO, y: ZERO, corners: [ZERO; 4], share: ZERO }
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn find_cells(
-    cell_from_world: &[[f32; 3]; 2],
-    [columns, rows]: [usize; 2],
-    pixels: &Pixels,
-    lens: &Lens,
-    reading: &mut Reading,
-) {
-    let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
-    let eye = lens.eye.to_array();
-    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
-    let (center_x, center_y) = (lens.center.x, lens.center.y);
-    let limit = [(columns - 1) as i32 as f32, (rows - 1) as i32 as f32];
-    let [by_column, by_row] = cell_from_world;
-    for i in 0..CHUNK {
-        let depth = pixels.depth[i];
-        let (x, y) =
-            ((pixels.column[i] - center_x) * inverse_x * depth, (pixels.row[i] - center_y) * inverse_y * depth);
-        let place = |axis: usize| turned(&turn, axis, [x, y, depth]) + eye[axis];
+/// How pixels of a lens see cells of a top.
+struct Sight {
+    turn: [[f32; 3]; 3],
+    eye: [f32; 3],
+    inverse_focal: [f32; 2],
+    center: [f32; 2],
+    /// From x and y in the world, and 1, to column and row of a cell.
+    cell_from_world: [[f32; 3]; 2],
+    columns: u32,
+    /// Last column and row.
+    last: [f32; 2],
+}
+
+impl Sight {
+    /// Column and row among cells of what a pixel sees at a depth.
+    #[inline(always)]
+    fn cell(&self, column: f32, row: f32, depth: f32) -> [f32; 2] {
+        let x = (column - self.center[0]) * self.inverse_focal[0] * depth;
+        let y = (row - self.center[1]) * self.inverse_focal[1] * depth;
+        let place = |axis: usize| turned(&self.turn, axis, [x, y, depth]) + self.eye[axis];
         let place = [place(0), place(1)];
-        let on_map = |row: &[f32; 3]| row[0].mul_add(place[0], row[1].mul_add(place[1], row[2]));
-        let cell = |row: &[f32; 3], limit: f32| within(on_map(row), 0.0, limit);
-        let (column, row) = (cell(by_column, limit[0]), cell(by_row, limit[1]));
-        let (left, top) = (within(floor(column), 0.0, limit[0] - 1.0), within(floor(row), 0.0, limit[1] - 1.0));
-        (reading.x[i], reading.y[i]) = (column - left, row - top);
-        reading.index[i] = nearest_integer(top) * columns as u32 + nearest_integer(left);
+        let cell = |axis: usize| {
+            let [x, y, one] = self.cell_from_world[axis];
+            within(x.mul_add(place[0], y.mul_add(place[1], one)), 0.0, self.last[axis])
+        };
+        [cell(0), cell(1)]
+    }
+
+    /// Index of the first of the four cells around a place among them, and how far the place lies towards the others.
+    #[inline(always)]
+    fn split(&self, [column, row]: [f32; 2]) -> (u32, [f32; 2]) {
+        let first = |at: f32, axis: usize| within(floor(at), 0.0, self.last[axis] - 1.0);
+        let (left, top) = (first(column, 0), first(row, 1));
+        (nearest_integer(top) * self.columns + nearest_integer(left), [column - left, row - top])
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn mix(reading: &mut Reading) {
+fn find_cells(sight: &Sight, pixels: &Pixels, reading: &mut Lanes) {
+    for i in 0..CHUNK {
+        let (index, [x, y]) = sight.split(sight.cell(pixels.column[i], pixels.row[i], pixels.depth[i]));
+        (reading.index[i], reading.x[i], reading.y[i]) = (index, x, y);
+    }
+}
+
+/// Column, row and depth of the first and last pixels of the first and last rows of a tile.
+type CornerPixels = [[f32; 4]; 3];
+
+/// Shares at the pixels of a tile from those at its corners, if these lie less than [`LINEAR_CELLS`] apart.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn light_corners(
+    sight: &Sight,
+    [columns, rows, depths]: &CornerPixels,
+    share: &[f32],
+    out: &mut [[f32; TILE]; TILE],
+) -> bool {
+    let (mut cells, mut low, mut high) = ([[0.0; 2]; 4], [f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+    for i in 0..4 {
+        cells[i] = sight.cell(columns[i], rows[i], depths[i]);
+        for axis in 0..2 {
+            low[axis] = if cells[i][axis] < low[axis] { cells[i][axis] } else { low[axis] };
+            high[axis] = if cells[i][axis] > high[axis] { cells[i][axis] } else { high[axis] };
+        }
+    }
+    if (high[0] - low[0] >= LINEAR_CELLS) | (high[1] - low[1] >= LINEAR_CELLS) {
+        return false;
+    }
+    let width = sight.columns as usize;
+    let [a, b, c, d] = cells.map(|cell| {
+        let (index, [x, y]) = sight.split(cell);
+        let (upper, lower) = (&share[index as usize..][..2], &share[index as usize + width..][..2]);
+        lerp(lerp(upper[0], upper[1], x), lerp(lower[0], lower[1], x), y)
+    });
+    for row in 0..TILE {
+        let down = row as i32 as f32 * (1.0 / (TILE - 1) as f32);
+        let (left, right) = (lerp(a, c, down), lerp(b, d, down));
+        for column in 0..TILE {
+            out[row][column] = lerp(left, right, column as i32 as f32 * (1.0 / (TILE - 1) as f32));
+        }
+    }
+    true
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn mix(reading: &mut Lanes) {
     let [a, b, c, d] = &reading.corners;
     for i in 0..CHUNK {
         let (upper, lower) = (lerp(a[i], b[i], reading.x[i]), lerp(c[i], d[i], reading.x[i]));

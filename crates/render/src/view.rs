@@ -301,6 +301,15 @@ impl Lens {
         self.eye + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
     }
 
+    /// Heights in the world of the points that are seen at pixels beside each other at depths.
+    #[inline(always)]
+    pub fn heights_at<const N: usize>(&self, [column, row]: [usize; 2], depths: &[f32; N]) -> [f32; N] {
+        let [x, y, z] = [self.turn.x_axis.z, self.turn.y_axis.z, self.turn.z_axis.z];
+        let (slope, first) = (x / self.focal.x, column as f32 - self.center.x);
+        let rest = (row as f32 - self.center.y) / self.focal.y * y + z;
+        std::array::from_fn(|step| self.eye.z + ((first + step as f32) * slope + rest) * depths[step])
+    }
+
     #[inline(always)]
     fn project(&self, in_camera: Vec3A) -> Corner {
         let nearness = 1.0 / in_camera.z;

@@ -12,6 +12,9 @@ use crate::refine::{HALF, UNKNOWN};
 
 /// Values around one that its blur reads, on each side.
 const MARGIN: usize = 2;
+/// How much each of five values counts, and all of them.
+const WEIGHTS: [f32; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
+const WEIGHT: f32 = 4.0;
 /// Rows and columns of a tile with its surroundings.
 const WINDOW: usize = TILE + 2 * MARGIN;
 /// The same where four pixels share a value.
@@ -23,6 +26,9 @@ impl Arrival {
     /// Blurs tiles among some, whole rows of them, where estimates in them or next to them have changed.
     pub fn blur(&mut self, tiles: Range<usize>) {
         let mut windows = std::mem::take(&mut self.windows);
+        for tile in marked_around(&self.changed.estimates, self.columns, tiles.clone()) {
+            self.level_around[tile] = self.is_level_around(tile);
+        }
         for tile in marked_around(&self.changed.estimates, self.columns, tiles) {
             let key = |own: &Self| own.square(&own.key, tile);
             let half = |own: &Self| own.half_square(&own.half, tile);
@@ -39,7 +45,7 @@ impl Arrival {
             return;
         }
         let [columns, rows] = self.pixels_of(tile);
-        let [low, high] = self.range_around(tile, |tile| tile.key);
+        let [low, high] = self.range_around(tile, &self.ranges.key);
         if low >= high && !self.tiles[tile].has_top {
             // One value all around, which is also that of what faces away from the light.
             self.key.fill(tile, [columns, rows], if low == high { low } else { UNKNOWN });
@@ -48,10 +54,26 @@ impl Arrival {
         self.key.forget(tile);
         let blurred = if low >= high {
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
+        } else if self.tiles[tile].is_coarse && self.tiles[tile].is_level {
+            // Four pixels have one value.
+            let at = [columns.start / 2, rows.start / 2];
+            let shared = match self.level_around[tile] {
+                true => {
+                    blur_level_tile::<2, HALF_WINDOW, HALF>(&self.raw_key, self.width, at.map(|at| 2 * (at - MARGIN)))
+                }
+                false => None,
+            };
+            let shared = shared.unwrap_or_else(|| blur_half_tile::<1>(&mut windows.half, self, &self.raw_key, at));
+            std::array::from_fn(|row| std::array::from_fn(|column| shared[row / 2][column / 2]))
         } else if self.tiles[tile].is_coarse {
             blur_coarse_tile(&mut windows.coarse, self, &self.raw_key, [columns.start, rows.start])
         } else {
-            blur_tile(&mut windows.fine, self, &self.raw_key, [columns.start, rows.start])
+            let at = [columns.start, rows.start];
+            let blurred = match self.level_around[tile] {
+                true => blur_level_tile::<1, WINDOW, TILE>(&self.raw_key, self.width, at.map(|at| at - MARGIN)),
+                false => None,
+            };
+            blurred.unwrap_or_else(|| blur_tile(&mut windows.fine, self, &self.raw_key, at))
         };
         for (row, line) in rows.zip(&blurred) {
             let pixels = row * self.width + columns.start..row * self.width + columns.end;
@@ -69,8 +91,8 @@ impl Arrival {
     fn blur_half(&mut self, tile: usize, windows: &mut Windows) {
         let [columns, rows] = self.pixels_of(tile);
         let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
-        let [low, high] = self.range_around(tile, |tile| tile.ambient);
-        self.tiles[tile].ambient_around = [low, high];
+        let [low, high] = self.range_around(tile, &self.ranges.ambient);
+        self.ranges.ambient_around[tile] = [low, high];
         if low >= high {
             if let Some(value) = self.raw_half.even(tile) {
                 self.half.fill(tile, [columns, rows], value);
@@ -84,10 +106,14 @@ impl Arrival {
             return;
         }
         self.half.forget(tile);
-        let blurred = blur_half_tile(&mut windows.half, self, &self.raw_half, [columns.start, rows.start]);
+        let at = [columns.start, rows.start];
+        let blurred = match self.level_around[tile] {
+            true => blur_level_tile::<1, HALF_WINDOW, HALF>(&self.raw_half, self.half_width, at.map(|at| at - MARGIN)),
+            false => None,
+        };
+        let blurred = blurred.unwrap_or_else(|| blur_half_tile::<2>(&mut windows.half, self, &self.raw_half, at));
         for (row, line) in rows.zip(&blurred) {
-            let out = &mut self.half[row * self.half_width..][columns.clone()];
-            out.copy_from_slice(&line[..out.len()]);
+            put(&mut self.half[row * self.half_width..][columns.clone()], line);
         }
     }
 }
@@ -119,11 +145,19 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     /// Values beside the tile on each side.
     const BESIDE: usize = MARGIN * STEP;
 
-    /// From values on a grid with a step of so many pixels; nothing is known beyond the picture.
+    /// Every so many pixels, from values of which there is one per `GRID` pixels; nothing is known beyond the picture.
     #[inline(always)]
-    fn load<const PIXELS: usize>(&mut self, arrival: &Arrival, values: &[f32], [x0, y0]: [usize; 2]) {
-        let width = if PIXELS == 1 { arrival.width } else { arrival.half_width };
-        let height = values.len() / width;
+    fn load<const PIXELS: usize, const GRID: usize>(
+        &mut self,
+        arrival: &Arrival,
+        values: &[f32],
+        [x0, y0]: [usize; 2],
+    ) {
+        let (width, height) = match PIXELS {
+            1 => (arrival.width, arrival.height),
+            _ => (arrival.half_width, arrival.half_height),
+        };
+        let stride = if GRID == 1 { arrival.width } else { arrival.half_width };
         let from = Self::BESIDE.saturating_sub(x0);
         let to = SIDE.min(width + Self::BESIDE - x0);
         for row in 0..SIDE {
@@ -132,20 +166,20 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
                 continue;
             };
             let x = x0 + from - Self::BESIDE;
-            let (values, fine) = (&values[y * width + x..], y * PIXELS * arrival.width + x * PIXELS);
+            let (values, fine) = (&values[(y * stride + x) * PIXELS / GRID..], (y * arrival.width + x) * PIXELS);
             let (depths, surfaces) = (&arrival.depth[fine..], &arrival.surface[fine..]);
             if to - from == SIDE {
-                self.load_line::<PIXELS>(row, 0..SIDE, [values, depths], surfaces);
+                self.load_line::<PIXELS, GRID>(row, 0..SIDE, [values, depths], surfaces);
             } else {
                 self.value[row] = [UNKNOWN; SIDE];
-                self.load_line::<PIXELS>(row, from..to, [values, depths], surfaces);
+                self.load_line::<PIXELS, GRID>(row, from..to, [values, depths], surfaces);
             }
         }
     }
 
     /// Some columns of a row, the first of which begin the lists.
     #[inline(always)]
-    fn load_line<const PIXELS: usize>(
+    fn load_line<const PIXELS: usize, const GRID: usize>(
         &mut self,
         row: usize,
         columns: Range<usize>,
@@ -154,11 +188,12 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     ) {
         let count = columns.len();
         let last = (count - 1) * PIXELS + 1;
-        let (values, depths, surfaces) = (&values[..count], &depths[..last], &surfaces[..last]);
+        let last_value = (count - 1) * PIXELS / GRID + 1;
+        let (values, depths, surfaces) = (&values[..last_value], &depths[..last], &surfaces[..last]);
         let (value, depth) = (&mut self.value[row][columns.clone()], &mut self.depth[row][columns.clone()]);
         let surface = &mut self.surface[row][columns];
         for i in 0..count {
-            value[i] = values[i];
+            value[i] = values[i * PIXELS / GRID];
             depth[i] = depths[i * PIXELS];
             surface[i] = u32::from(surfaces[i * PIXELS]);
         }
@@ -167,7 +202,6 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     /// Means over five by five, half weight at the borders, within one surface.
     #[inline(always)]
     fn blurred<const OUT: usize>(&self) -> [[f32; OUT]; OUT] {
-        const WEIGHTS: [f32; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
         let mut lines = [[UNKNOWN; OUT]; SIDE];
         for row in 0..SIDE {
             for column in 0..OUT {
@@ -210,9 +244,45 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     }
 }
 
+/// Means over five by five among values of one surface, of which every so many in a row and every so many rows count, from
+/// a first column and row on; `None` if any is not known.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn blur_level_tile<const STEP: usize, const SIDE: usize, const OUT: usize>(
+    values: &[f32],
+    width: usize,
+    [x, y]: [usize; 2],
+) -> Option<[[f32; OUT]; OUT]> {
+    let mut window = [[0.0; SIDE]; SIDE];
+    let mut low = [0.0_f32; SIDE];
+    for (row, line) in window.iter_mut().enumerate() {
+        let values = &values[(y + row * STEP) * width + x..][..(SIDE - 1) * STEP + 1];
+        for column in 0..SIDE {
+            line[column] = values[column * STEP];
+            low[column] = if line[column] < low[column] { line[column] } else { low[column] };
+        }
+    }
+    if low.iter().fold(false, |is_unknown, &low| is_unknown | (low < 0.0)) {
+        return None;
+    }
+    let (mut lines, mut out) = ([[0.0; OUT]; SIDE], [[0.0; OUT]; OUT]);
+    for row in 0..SIDE {
+        for column in 0..OUT {
+            let sum = (0..5).fold(0.0, |sum, tap| sum + WEIGHTS[tap] * window[row][column + tap]);
+            lines[row][column] = sum * (1.0 / WEIGHT);
+        }
+    }
+    for row in 0..OUT {
+        for column in 0..OUT {
+            let sum = (0..5).fold(0.0, |sum, tap| sum + WEIGHTS[tap] * lines[row + tap][column]);
+            out[row][column] = sum * (1.0 / WEIGHT);
+        }
+    }
+    Some(out)
+}
+
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn blur_tile(window: &mut Window<WINDOW, 1>, arrival: &Arrival, key: &[f32], at: [usize; 2]) -> [[f32; TILE]; TILE] {
-    window.load::<1>(arrival, key, at);
+    window.load::<1, 1>(arrival, key, at);
     window.blurred()
 }
 
@@ -223,17 +293,47 @@ fn blur_coarse_tile(
     key: &[f32],
     at: [usize; 2],
 ) -> [[f32; TILE]; TILE] {
-    window.load::<1>(arrival, key, at);
+    window.load::<1, 1>(arrival, key, at);
     window.blurred()
 }
 
+/// A mean at every other row and column.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn blur_half_tile(
+fn blur_half_tile<const GRID: usize>(
     window: &mut Window<HALF_WINDOW, 1>,
     arrival: &Arrival,
-    half: &[f32],
+    values: &[f32],
     at: [usize; 2],
 ) -> [[f32; HALF]; HALF] {
-    window.load::<2>(arrival, half, at);
+    window.load::<2, GRID>(arrival, values, at);
     window.blurred()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On one level surface, means need no weights and have the same bits.
+    #[test]
+    fn level_tiles_have_the_means_of_others() {
+        let mut state = 1_u32;
+        let mut draw = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        let (mut arrival, mut windows) = (Arrival::default(), Windows::default());
+        arrival.reset(40, 32);
+        arrival.surface.fill(1);
+        arrival.depth.fill(0.5);
+        for _ in 0..20 {
+            let [key, half]: [Vec<f32>; 2] = [40 * 32, 20 * 16].map(|count| (0..count).map(|_| draw()).collect());
+            let fine = blur_level_tile::<1, WINDOW, TILE>(&key, 40, [8 - MARGIN, 16 - MARGIN]);
+            assert_eq!(fine, Some(blur_tile(&mut windows.fine, &arrival, &key, [8, 16])));
+            let shared = blur_level_tile::<2, HALF_WINDOW, HALF>(&key, 40, [8 - 2 * MARGIN, 16 - 2 * MARGIN]);
+            assert_eq!(shared, Some(blur_half_tile::<1>(&mut windows.half, &arrival, &key, [4, 8])));
+            let ambient = blur_level_tile::<1, HALF_WINDOW, HALF>(&half, 20, [4 - MARGIN, 8 - MARGIN]);
+            assert_eq!(ambient, Some(blur_half_tile::<2>(&mut windows.half, &arrival, &half, [4, 8])));
+        }
+        assert_eq!(blur_level_tile::<1, WINDOW, TILE>(&[UNKNOWN; 40 * 32], 40, [0, 0]), None);
+    }
 }

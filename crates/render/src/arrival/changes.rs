@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Arrival, TileSummary, line_of};
+use super::{Arrival, line_of};
 use crate::layers::TILE;
 use crate::refine::HALF;
 
@@ -63,11 +63,10 @@ impl Arrival {
     }
 
     fn estimates_of(&self, tile: usize) -> Estimates {
-        let TileSummary { key, ambient, .. } = &self.tiles[tile];
         Estimates {
             raw_key: self.square(&self.raw_key, tile),
             raw_half: self.half_square(&self.raw_half, tile),
-            ranges: [key, ambient].map(|range| range.map(f32::to_bits)),
+            ranges: [self.ranges.key[tile], self.ranges.ambient[tile]].map(|range| range.map(f32::to_bits)),
             key: self.square(&self.key, tile),
         }
     }

@@ -1,7 +1,5 @@
 //! Which pixels' share of the key light is certain, which is read from level tops, and which is estimated.
 
-use glam::Vec2;
-
 use super::bins::Bins;
 use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, SEVERAL, Work, line_of, put};
 use crate::layers::{TILE, each_place};
@@ -33,7 +31,7 @@ impl Arrival {
             if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
                 let certain = top.certain_share(blocks);
                 self.raw_key.fill(tile, [columns.clone(), rows.clone()], ON_TOP);
-                self.tiles[tile].key = NO_RANGE;
+                self.ranges.key[tile] = NO_RANGE;
                 match certain {
                     Some(share) => self.key.fill(tile, [columns, rows], share),
                     None => {
@@ -83,7 +81,7 @@ impl Arrival {
                 bins.push_tile(self, tile);
             }
             match share {
-                Some(share) => self.tiles[tile].key = if share >= 0.0 { [share; 2] } else { NO_RANGE },
+                Some(share) => self.ranges.key[tile] = if share >= 0.0 { [share; 2] } else { NO_RANGE },
                 None => doubtful.push(tile),
             }
         }
@@ -93,14 +91,15 @@ impl Arrival {
     fn find_tops(&mut self, known: &Tops, lens: &Lens, tile: usize, tops: &mut Bins) {
         let [columns, rows] = self.pixels_of(tile);
         for row in rows {
-            for column in columns.clone() {
-                let pixel = row * self.width + column;
-                let surface = self.surface[pixel];
-                if let Some(top) = known.of(surface)
-                    && top.holds(lens.point_at(Vec2::new(column as f32, row as f32), self.depth[pixel]).z)
-                {
-                    self.raw_key[pixel] = ON_TOP;
-                    tops.push(surface, packed(column, row));
+            let first = row * self.width + columns.start;
+            let pixels = first..first + columns.len();
+            let surfaces: [u16; TILE] = line_of(&self.surface[pixels.clone()], 0);
+            let depths: [f32; TILE] = line_of(&self.depth[pixels], 0.0);
+            let heights = lens.heights_at([columns.start, row], &depths);
+            for (step, (&surface, &height)) in surfaces.iter().zip(&heights).enumerate() {
+                if known.of(surface).is_some_and(|top| top.holds(height)) {
+                    self.raw_key[first + step] = ON_TOP;
+                    tops.push(surface, packed(columns.start + step, row));
                 }
             }
         }
@@ -144,7 +143,7 @@ impl Arrival {
         if self.tiles[tile].is_level {
             for row in rows {
                 let given: [f32; TILE] = line_of(&self.raw_key[(row & !1) * self.width..][columns.clone()], 0.0);
-                let shared = std::array::from_fn(|step| given[step & !1]);
+                let shared: [f32; TILE] = std::array::from_fn(|step| given[step & !1]);
                 put(&mut self.raw_key[row * self.width..][columns.clone()], &shared);
             }
             return;

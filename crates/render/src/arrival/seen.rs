@@ -4,49 +4,55 @@
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3A};
+use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::{Arrival, COARSE_TEXELS, LEVEL, NO_RANGE, SEVERAL, TileSummary, put};
+use super::{Arrival, COARSE_TEXELS, LEVEL, MIXED, SEVERAL, TileSummary};
 use crate::assets::TRIANGLE_BITS;
 use crate::layers::TILE;
 use crate::occlusion::MAX_REACH;
 use crate::raster::{Cover, Target};
 use crate::scene::Scene;
 use crate::shadow::Span;
-use crate::view::View;
+use crate::view::{Lens, View};
+
+/// Kinds of surfaces, in bits: with a level top, and fixed ones other than the table.
+const WITH_TOP: u8 = 1;
+const FIXED: u8 = 2;
 
 impl Arrival {
     /// Takes over what is seen in the tiles that changed.
     pub fn see(&mut self, scene: &Scene<'_>, opaque: &Target, changed: &[bool], view: &View) {
         let Scene { assets, shadow, variation, table_light, .. } = *scene;
         self.changed.begin(changed);
+        let (lens, rays) = (&view.lens, Rays::new(&view.lens));
+        let kind = |surface: u16| {
+            let with_top = if shadow.tops().of(surface).is_some() { WITH_TOP } else { 0 };
+            with_top | if table_light.is_fixed(surface) { FIXED } else { 0 }
+        };
+        let kinds: Vec<u8> = (0..=assets.parts.len() as u16).map(kind).collect();
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
-            let cover = opaque.cover(tile);
-            let first = match cover {
-                Some(cover) => cover.id,
-                None => opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale],
-            };
-            // What shows the same triangle as before everywhere has its ids.
-            let has_ids = cover.is_some() && self.only[tile] == Some(first);
-            let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface, has_ids };
-            let ([low, high], differ, differ_all) =
-                see_tile(opaque, cover, columns.clone(), rows.clone(), first, self.width, seen);
-            let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
-            let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
-            let lens = &view.lens;
-            let point = |x: usize, y: usize, depth: f32| lens.point_at(Vec2::new(x as f32, y as f32), depth);
+            let Sight { nearness: [low, high], first, differ, differ_all } =
+                self.see_tile(opaque, tile, columns.clone(), rows.clone());
+            let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
+            let mut kind = 0;
+            if surface != SEVERAL {
+                kind = kinds[usize::from(surface)];
+            } else {
+                for row in rows.clone() {
+                    let surfaces = &self.surface[row * self.width..][columns.clone()];
+                    kind = surfaces.iter().fold(kind, |kind, &surface| kind | kinds[usize::from(surface)]);
+                }
+            }
             // What the pixels at the corners see.
-            let seen_at = |x: usize, y: usize| point(x, y, self.depth[y * self.width + x]);
-            let (right, bottom) = (columns.end - 1, rows.end - 1);
-            let corners = match is_mixed {
-                true => [Vec3A::ZERO; 4],
-                false => [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
-                    .map(|(x, y)| seen_at(x, y)),
+            let corners = || {
+                let (right, bottom) = (columns.end - 1, rows.end - 1);
+                [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
+                    .map(|(x, y)| rays.point_at(x, y, self.depth[y * self.width + x]))
             };
-            let surface = if is_mixed { SEVERAL } else { first_surface };
             let top = shadow.tops().of(surface).and_then(|top| {
+                let corners = corners();
                 let is_whole = corners.iter().all(|place| top.holds(place.z));
                 is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
             });
@@ -56,141 +62,217 @@ impl Arrival {
             } else if differ == 0
                 && let Some(normal) = view.normal_of(assets, first)
             {
-                shadow.span_of_plane(corners.into_iter(), normal)
+                shadow.span_of_plane(corners().into_iter(), normal)
             } else {
                 let depths = [1.0 / low, 1.0 / high];
                 let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
-                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| point(x, y, depth)))
+                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| rays.point_at(x, y, depth)))
                 });
                 shadow.span_of(corners)
             };
-            let is_top = |surface| shadow.tops().of(surface).is_some();
-            let has_top = top.is_none() && self.shows(is_top, surface, columns.clone(), rows.clone());
-            let has_fixed = self.shows(|surface| table_light.is_fixed(surface), surface, columns, rows);
-            let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
-            let reach = reach as isize + 2;
-            let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
-            self.only[tile] = (differ_all == 0).then_some(first);
-            let (key, ambient, ambient_around) = (NO_RANGE, NO_RANGE, NO_RANGE);
+            let reach = (variation.occlusion_radius_m * lens.focal.x * high).clamp(3.0, MAX_REACH);
+            self.only[tile] = if differ_all == 0 { first } else { MIXED };
             self.tiles[tile] = TileSummary {
                 surface,
-                reach,
+                reach: reach as u16 + 2,
                 span,
                 top,
-                has_top,
-                has_fixed,
-                is_coarse,
-                is_level,
-                key,
-                ambient,
-                ambient_around,
+                has_top: top.is_none() && kind & WITH_TOP != 0,
+                has_fixed: kind & FIXED != 0,
+                is_coarse: high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low,
+                is_level: surface != SEVERAL && high < (1.0 + LEVEL) * low,
+                low,
             };
         }
+        self.find_alike();
     }
-}
 
-impl Arrival {
-    /// Whether any pixel of a tile, which shows one surface or several, shows one of a kind.
-    fn shows(
-        &self,
-        is_kind: impl Fn(u16) -> bool,
-        surface: u16,
-        columns: Range<usize>,
-        mut rows: Range<usize>,
-    ) -> bool {
-        if surface != SEVERAL {
-            return is_kind(surface);
+    /// Takes over what is seen in a tile.
+    fn see_tile(&mut self, opaque: &Target, tile: usize, columns: Range<usize>, rows: Range<usize>) -> Sight {
+        let first = rows.start * self.width + columns.start;
+        let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
+        let seen = Seen {
+            width: self.width,
+            depth: &mut self.depth[first..],
+            ids: &mut self.ids[first..],
+            surface: &mut self.surface[first..],
+        };
+        if columns.len() != TILE || rows.len() != TILE {
+            return see_part(opaque, columns, rows, seen);
         }
-        rows.any(|row| self.surface[row * self.width..][columns.clone()].iter().any(|&surface| is_kind(surface)))
+        let Some(cover) = opaque.cover(tile) else {
+            let samples = (&opaque.ids[sample..], &opaque.nearness[sample..], opaque.stride);
+            return match opaque.scale {
+                1 => see_stored::<1>(samples, seen),
+                2 => see_stored::<2>(samples, seen),
+                _ => see_stored::<4>(samples, seen),
+            };
+        };
+        let nearness = see_cover(cover, columns.start, self.width, &mut self.depth[first..]);
+        // What shows the same triangle as before everywhere has its ids.
+        if self.only[tile] != cover.id {
+            for row in rows {
+                let pixels = row * self.width + columns.start..row * self.width + columns.end;
+                self.ids[pixels.clone()].fill(cover.id);
+                self.surface[pixels].fill((cover.id >> TRIANGLE_BITS) as u16);
+            }
+        }
+        Sight { nearness, first: cover.id, differ: 0, differ_all: 0 }
     }
 }
 
-/// What the centres of all pixels see, to be written.
+/// Directions in which a lens sees, in the world.
+#[derive(Clone, Copy)]
+struct Rays {
+    eye: Vec3A,
+    /// At the pixel at the origin, and what a column and a row add.
+    first: Vec3A,
+    across: Vec3A,
+    down: Vec3A,
+}
+
+impl Rays {
+    fn new(lens: &Lens) -> Self {
+        let origin = (-lens.center / lens.focal).extend(1.0);
+        let [across, down] = [lens.turn.x_axis / lens.focal.x, lens.turn.y_axis / lens.focal.y];
+        Self { eye: lens.eye, first: lens.turn * Vec3A::from(origin), across, down }
+    }
+
+    fn point_at(&self, column: usize, row: usize, depth: f32) -> Vec3A {
+        let [x, y] = [column, row].map(|at| at as i32 as f32);
+        self.eye + (self.first + self.across * x + self.down * y) * depth
+    }
+}
+
+/// What the centres of the pixels of a tile see.
+struct Sight {
+    /// Smallest and largest nearness of what is there.
+    nearness: [f32; 2],
+    /// Id of the first pixel's centre.
+    first: u32,
+    /// The bits in which ids of centres, and of all samples, differ from it.
+    differ: u32,
+    differ_all: u32,
+}
+
+/// What the centres of pixels see, from the first one of a tile on, to be written.
 struct Seen<'a> {
+    /// Pixels per row.
+    width: usize,
     depth: &'a mut [f32],
     ids: &'a mut [u32],
     surface: &'a mut [u16],
-    /// Whether ids and surfaces are those already.
-    has_ids: bool,
 }
 
-/// Adds to `differ` the bits in which the samples' ids of a row of pixels differ from a first one.
-#[inline(always)]
-fn differ_from(
-    first: u32,
-    opaque: &Target,
-    columns: &Range<usize>,
-    row: usize,
-    mut differ: [u32; 2 * TILE],
-) -> [u32; 2 * TILE] {
-    let scale = opaque.scale;
-    for row in row * scale..(row + 1) * scale {
-        let samples = row * opaque.stride + columns.start * scale..row * opaque.stride + columns.end * scale;
-        for ids in opaque.ids[samples].chunks(2 * TILE) {
-            match ids.first_chunk::<{ 2 * TILE }>() {
-                Some(ids) => (0..2 * TILE).for_each(|sample| differ[sample] |= ids[sample] ^ first),
-                None => ids.iter().for_each(|id| differ[0] |= id ^ first),
-            }
-        }
-    }
-    differ
-}
-
-/// Takes over what the centres of a tile's pixels see; returns the smallest and largest nearness of what is there, and
-/// the bits in which ids of centres, and of all samples, differ from a first one.
+/// Writes the depths of a tile, which begins at a column of the picture, that a triangle covers; returns the smallest and
+/// largest nearness of what is there.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_tile(
-    opaque: &Target,
-    cover: Option<&Cover>,
-    columns: Range<usize>,
-    rows: Range<usize>,
-    first: u32,
-    width: usize,
-    seen: Seen<'_>,
-) -> ([f32; 2], u32, u32) {
-    /// Samples of a tile's row up to the last centre with two per pixel along each axis.
-    const SPAN: usize = 2 * TILE - 1;
-    let scale = opaque.scale;
-    let (mut low, mut high, mut differ) = ([f32::INFINITY; TILE], [0.0_f32; TILE], [0_u32; TILE]);
-    let mut differ_all = [0_u32; 2 * TILE];
-    let first_row = rows.start;
-    for row in rows {
-        let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
-        if let Some(cover) = cover {
-            near = cover.line::<TILE, 2>(2 * (row - first_row), 2 * columns.start);
-        } else {
-            differ_all = differ_from(first, opaque, &columns, row, differ_all);
-            let at = row * scale * opaque.stride + columns.start * scale;
-            let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
-            if let (Some(nearness), Some(span), TILE, 2) = (spans.0, spans.1, columns.len(), scale) {
-                for column in 0..TILE {
-                    (near[column], ids[column]) = (nearness[2 * column], span[2 * column]);
-                }
-            } else {
-                for column in 0..columns.len() {
-                    let sample = at + column * scale;
-                    (near[column], ids[column]) = (opaque.nearness[sample], opaque.ids[sample]);
-                }
-            }
-        }
-        let (mut depth, mut surface) = ([0.0; TILE], [0; TILE]);
-        for column in 0..TILE {
-            let nearness = near[column];
-            let is_there = nearness > 0.0;
-            depth[column] = if is_there { 1.0 / nearness } else { 0.0 };
-            surface[column] = (ids[column] >> TRIANGLE_BITS) as u16;
-            differ[column] |= ids[column] ^ first;
-            low[column] = if is_there & (nearness < low[column]) { nearness } else { low[column] };
-            high[column] = if nearness > high[column] { nearness } else { high[column] };
-        }
-        let pixels = row * width + columns.start..row * width + columns.end;
-        put(&mut seen.depth[pixels.clone()], &depth);
-        if !seen.has_ids {
-            put(&mut seen.ids[pixels.clone()], &ids);
-            put(&mut seen.surface[pixels], &surface);
+fn see_cover(cover: &Cover, column: usize, width: usize, depth: &mut [f32]) -> [f32; 2] {
+    let mut extent = Extent::default();
+    for row in 0..TILE {
+        let near = cover.line::<TILE, 2>(2 * row, 2 * column);
+        extent.widen(&near);
+        if let Some(out) = depth[row * width..].first_chunk_mut() {
+            *out = depths_of(&near);
         }
     }
-    let (low, high) = (low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(0.0, f32::max));
+    extent.nearness()
+}
+
+/// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn see_stored<const SCALE: usize>((ids, nearness, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> Sight {
+    let first = ids[0];
+    let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
+    for row in 0..TILE {
+        let (mut own, mut near) = ([0; TILE], [0.0; TILE]);
+        for step in 0..SCALE {
+            let line = &ids[(row * SCALE + step) * stride..][..TILE * SCALE];
+            for ids in line.as_chunks::<TILE>().0 {
+                (0..TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first);
+            }
+        }
+        let at = row * SCALE * stride;
+        let (line, nearness) = (&ids[at..][..TILE * SCALE], &nearness[at..][..TILE * SCALE]);
+        for column in 0..TILE {
+            (own[column], near[column]) = (line[column * SCALE], nearness[column * SCALE]);
+        }
+        extent.widen(&near);
+        let pixel = row * seen.width;
+        let (depth, ids, surface) = (
+            seen.depth[pixel..].first_chunk_mut(),
+            seen.ids[pixel..].first_chunk_mut(),
+            seen.surface[pixel..].first_chunk_mut::<TILE>(),
+        );
+        if let (Some(depth), Some(ids), Some(surface)) = (depth, ids, surface) {
+            (*depth, *ids) = (depths_of(&near), own);
+            for column in 0..TILE {
+                surface[column] = (own[column] >> TRIANGLE_BITS) as u16;
+                differ[column] |= own[column] ^ first;
+            }
+        }
+    }
     let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);
-    ([low, high], any(&differ), any(&differ_all))
+    Sight { nearness: extent.nearness(), first, differ: any(&differ), differ_all: any(&differ_all) }
+}
+
+/// Takes over what is seen in a tile that ends where the picture does.
+#[cold]
+fn see_part(opaque: &Target, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> Sight {
+    let scale = opaque.scale;
+    let (first, _) = opaque.sample(columns.start * scale, rows.start * scale);
+    let (mut extent, mut differ, mut differ_all) = (Extent::default(), 0, 0);
+    for (y, row) in rows.enumerate() {
+        for (x, column) in columns.clone().enumerate() {
+            let (id, near) = opaque.sample(column * scale, row * scale);
+            let pixel = y * seen.width + x;
+            (seen.depth[pixel], seen.ids[pixel]) = (depths_of(&[near])[0], id);
+            seen.surface[pixel] = (id >> TRIANGLE_BITS) as u16;
+            extent.widen(&[near; TILE]);
+            differ |= id ^ first;
+            for step in 0..scale * scale {
+                differ_all |= opaque.sample(column * scale + step % scale, row * scale + step / scale).0 ^ first;
+            }
+        }
+    }
+    Sight { nearness: extent.nearness(), first, differ, differ_all }
+}
+
+/// Depths where the nearness is known, 0 for nothing.
+#[inline(always)]
+fn depths_of<const N: usize>(near: &[f32; N]) -> [f32; N] {
+    let mut depths = [0.0; N];
+    for i in 0..N {
+        depths[i] = if near[i] > 0.0 { 1.0 / near[i] } else { 0.0 };
+    }
+    depths
+}
+
+/// Smallest and largest nearness of what is there, column by column.
+struct Extent {
+    low: [f32; TILE],
+    high: [f32; TILE],
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self { low: [f32::INFINITY; TILE], high: [0.0; TILE] }
+    }
+}
+
+impl Extent {
+    #[inline(always)]
+    fn widen(&mut self, near: &[f32; TILE]) {
+        for column in 0..TILE {
+            let (near, low, high) = (near[column], self.low[column], self.high[column]);
+            self.low[column] = if (near > 0.0) & (near < low) { near } else { low };
+            self.high[column] = if near > high { near } else { high };
+        }
+    }
+
+    #[inline(always)]
+    fn nearness(&self) -> [f32; 2] {
+        let low = self.low.iter().fold(f32::INFINITY, |low, &near| if near < low { near } else { low });
+        [low, self.high.iter().fold(0.0, |high, &near| if near > high { near } else { high })]
+    }
 }

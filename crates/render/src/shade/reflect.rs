@@ -5,11 +5,11 @@
 use multiversion::multiversion;
 
 use super::Appearance;
+use super::cell::Cell;
 use super::spots::Spots;
 use crate::assets::Surface;
 use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, dot, lerp, turned, within};
-use crate::layers::TILE;
 use crate::lighting::Lighting;
 use crate::occluders::{Hollow, Mirrored};
 use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
@@ -150,72 +150,45 @@ fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>,
     develop::<LANES>(surface.opacity < 1.0, out);
 }
 
-/// What is reflected at the corners of tiles of an opaque dielectric, before the key light is held back.
+/// What is reflected at the nodes of an opaque dielectric, before the key light is held back.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn reflect_corners(corners: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
+pub(super) fn reflect_nodes(nodes: &Spots, appearance: &Appearance<'_>, out: &mut Reflected) {
     let &Appearance { surface, placed, lens, ref light, .. } = appearance;
-    face_viewer::<REGISTER>(corners, placed, lens, out);
+    face_viewer::<REGISTER>(nodes, placed, lens, out);
     look_around::<REGISTER>(&light.lighting.sky, &light.glossy, out);
     if let Some(top) = light.table_top {
-        look_down::<REGISTER>(light, lens.eye.z - top, corners, placed, out);
+        look_down::<REGISTER>(light, lens.eye.z - top, nodes, placed, out);
     }
-    find_hollow::<REGISTER>(light.hollow, corners, out);
+    find_hollow::<REGISTER>(light.hollow, nodes, out);
     if let Some(table_light) = light.table_light {
-        dim_table(table_light, corners.pixels.count, &corners.place, &mut out.around);
+        dim_table(table_light, nodes.pixels.count, &nodes.place, &mut out.around);
     }
     find_highlights::<REGISTER>(surface.roughness, light.lighting.to_light.to_array(), out);
     mirror::<REGISTER>(surface.reflectance, out);
 }
 
-/// [`reflect`] for one of the tiles at whose corners [`reflect_corners`] found the light, which is linear between them.
+/// [`reflect`] for a tile between nodes at which [`reflect_nodes`] found the light, which is linear between them.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect_flat(
     spots: &Spots,
-    corners: &Reflected,
-    tile: usize,
+    nodes: &Reflected,
+    cell: &Cell,
     appearance: &Appearance<'_>,
     out: &mut Reflected,
 ) {
     let light = &appearance.light;
     for channel in 0..3 {
-        spread(&corners.around[channel], tile, &mut out.around[channel]);
-        spread(&corners.mirrored[channel], tile, &mut out.mirrored[channel]);
+        cell.spread(&nodes.around[channel], &mut out.around[channel]);
+        cell.spread(&nodes.mirrored[channel], &mut out.mirrored[channel]);
     }
-    spread(&corners.lit, tile, &mut out.lit);
+    cell.spread(&nodes.lit, &mut out.lit);
     if light.hollow.is_some() {
-        spread(&corners.hollow, tile, &mut out.hollow);
+        cell.spread(&nodes.hollow, &mut out.hollow);
     }
-    spread(&corners.lobe, tile, &mut out.lobe);
+    cell.spread(&nodes.lobe, &mut out.lobe);
     hold_back_key::<CHUNK>(&spots.key, light.with_key(), out);
     add_up_dielectric::<CHUNK>(spots, 1.0, light, out);
     develop::<CHUNK>(false, out);
-}
-
-/// Corners of a tile: the pixels at its first row and column, and [`TILE`] beyond.
-pub(super) const CORNERS: usize = 4;
-
-/// How far the pixels of a tile lie from its first column and from its first row, in tiles.
-static ACROSS: Lane = steps(1);
-static DOWN: Lane = steps(TILE);
-
-const fn steps(stride: usize) -> Lane {
-    let mut steps = ZERO;
-    let mut i = 0;
-    while i < CHUNK {
-        steps[i] = (i / stride % TILE) as f32 / TILE as f32;
-        i += 1;
-    }
-    steps
-}
-
-/// Fills a tile from its corners.
-#[inline(always)]
-fn spread(corners: &Lane, tile: usize, out: &mut Lane) {
-    let [first, right, down, across] = corners.as_chunks::<CORNERS>().0[tile];
-    let (right, down, twist) = (right - first, down - first, across - right - down + first);
-    for i in 0..CHUNK {
-        out[i] = ACROSS[i].mul_add(twist, down).mul_add(DOWN[i], ACROSS[i].mul_add(right, first));
-    }
 }
 
 /// Unit normals and directions to the viewer.
@@ -459,6 +432,7 @@ mod tests {
 
     use super::*;
     use crate::occluders::held_cube as held;
+    use crate::raster::Planes;
     use crate::variation::RenderVariation;
 
     /// Whatever registers the machine has, the bits are those of the plain loop.
@@ -506,7 +480,8 @@ mod tests {
                 bounce,
             };
             let (surface, placed, lens) = (&surface, &PartView::default(), &lens);
-            let appearance = Appearance { faces: &[], eye: None, surface, placed, lens, light };
+            let appearance =
+                Appearance { faces: &[], planes: &Planes::default(), eye: None, surface, placed, lens, light };
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             shading.pixels.count = CHUNK;

@@ -123,17 +123,6 @@ pub(super) fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face
     }
 }
 
-/// Texture coordinates where all spots lie on one triangle, with the bits of [`interpolate_one`].
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn place_on_texture(spots: &mut Spots, face: &Face) {
-    let (u, v) = (face.columns.map(|column| column.w), face.v.to_array());
-    for i in 0..CHUNK {
-        let place = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
-        spots.u[i] = at(u, place);
-        spots.v[i] = at(v, place);
-    }
-}
-
 /// Places in the body's frame.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens) {
