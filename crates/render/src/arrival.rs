@@ -32,6 +32,8 @@ const COARSE_TEXELS: f32 = 0.75;
 /// Pixels beyond a tile up to which the light on the table is read: a tile on one plane ends a pixel beyond its last one,
 /// and rounding.
 const EDGE_PX: f32 = 1.5;
+/// The same along a row, where the nodes of a tile may lie a tile beyond it.
+const NODES_PX: f32 = TILE as f32 + EDGE_PX;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
 /// Estimate of a pixel whose share of the key light is read from a level top.
@@ -298,7 +300,7 @@ impl Arrival {
             let is_whole = self.only[tile] != MIXED && summary.top.is_some();
             let [columns, rows] =
                 self.pixels_of(tile).map(|range| [range.start, range.end - 1].map(|pixel| pixel as f32));
-            let [left, right] = [columns[0] - EDGE_PX, columns[1] + EDGE_PX];
+            let [left, right] = [columns[0] - NODES_PX, columns[1] + NODES_PX];
             let [top, bottom] = [rows[0] - EDGE_PX, rows[1] + EDGE_PX];
             let corners = [[left, top], [right, top], [left, bottom], [right, bottom]].map(Vec2::from_array);
             *mark = !is_whole || table_light.changed_between(version, lens, corners);

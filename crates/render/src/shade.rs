@@ -20,15 +20,15 @@ use crate::scene::Scene;
 use crate::texture::{Samples, find_codes, srgb_table};
 use crate::view::{Lens, PartView, View};
 
-mod cell;
 mod flat;
 mod reflect;
 mod spots;
+mod tile_nodes;
 
-use cell::Cell;
 use flat::Nodes;
 use reflect::{Light, Reflected, reflect, reflect_flat};
 use spots::{Spots, find_footprints, interpolate, interpolate_one, locate};
+use tile_nodes::TileNodes;
 
 /// A part as it is shaded: what it is made of, how it stands before a lens, and the light on it.
 #[derive(Debug)]
@@ -212,9 +212,9 @@ impl Shading {
     pub fn shade_tile(&mut self, tile: usize, place: u32, appearance: &Appearance<'_>, arrival: &Arrival) -> usize {
         let (index, first) = arrival.tile_at(place);
         let is_textured = appearance.surface.texture.is_some();
-        let with_texels = |cell: &Cell| (*cell, self.nodes.even_texels(cell).filter(|_| is_textured));
-        let known = self.nodes.cell(tile).as_ref().map(with_texels);
-        let Some((cell, even_texels)) = known.filter(|(_, texels)| texels.is_some() || !is_textured) else {
+        let with_texels = |around: &TileNodes| (*around, self.nodes.even_texels(around).filter(|_| is_textured));
+        let known = self.nodes.around(tile).as_ref().map(with_texels);
+        let Some((around, even_texels)) = known.filter(|(_, texels)| texels.is_some() || !is_textured) else {
             self.tile(place, arrival);
             self.shade(appearance);
             return index;
@@ -223,10 +223,10 @@ impl Shading {
         let Self { spots, nodes, samples, reflected, .. } = self;
         spots.pixels.begin_tile(first, arrival.centers());
         if is_textured {
-            nodes.place_on_texture(&cell, arrival.lines(&arrival.depth, first), [&mut spots.u, &mut spots.v]);
+            nodes.place_on_texture(&around, arrival.lines(&arrival.depth, first), [&mut spots.u, &mut spots.v]);
         }
         spots.paint(appearance.surface, even_texels, samples);
-        reflect_flat(spots, &nodes.light, &cell, appearance, reflected);
+        reflect_flat(spots, &nodes.light, &around, appearance, reflected);
         index
     }
 

@@ -221,10 +221,10 @@ impl Top {
             .flat_map(move |row| (from[0]..=to[0]).map(move |column| usize::from(row) * columns + usize::from(column)))
     }
 
-    fn sight(&self, lens: &Lens) -> Sight {
+    fn sight(&self, lens: &Lens) -> CellLens {
         let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
         let size = [self.width(), self.blocks[1] * TILE];
-        Sight {
+        CellLens {
             turn,
             eye: lens.eye.to_array(),
             inverse_focal: [1.0 / lens.focal.x, 1.0 / lens.focal.y],
@@ -277,7 +277,7 @@ impl Top {
     }
 
     /// Reads what arrives at some pixels.
-    fn read(&self, sight: &Sight, pixels: &Pixels, reading: &mut Lanes) {
+    fn read(&self, sight: &CellLens, pixels: &Pixels, reading: &mut Lanes) {
         let width = self.width();
         find_cells(sight, pixels, reading);
         for i in 0..pixels.count {
@@ -343,7 +343,7 @@ impl Default for Lanes {
 }
 
 /// How pixels of a lens see cells of a top.
-struct Sight {
+struct CellLens {
     turn: [[f32; 3]; 3],
     eye: [f32; 3],
     inverse_focal: [f32; 2],
@@ -355,7 +355,7 @@ struct Sight {
     last: [f32; 2],
 }
 
-impl Sight {
+impl CellLens {
     /// Column and row among cells of what a pixel sees at a depth.
     #[inline(always)]
     fn cell(&self, column: f32, row: f32, depth: f32) -> [f32; 2] {
@@ -380,7 +380,7 @@ impl Sight {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn find_cells(sight: &Sight, pixels: &Pixels, reading: &mut Lanes) {
+fn find_cells(sight: &CellLens, pixels: &Pixels, reading: &mut Lanes) {
     for i in 0..CHUNK {
         let (index, [x, y]) = sight.split(sight.cell(pixels.column[i], pixels.row[i], pixels.depth[i]));
         (reading.index[i], reading.x[i], reading.y[i]) = (index, x, y);
@@ -393,7 +393,7 @@ type CornerPixels = [[f32; 4]; 3];
 /// Shares at the pixels of a tile from those at its corners, if these lie less than [`LINEAR_CELLS`] apart.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn light_corners(
-    sight: &Sight,
+    sight: &CellLens,
     [columns, rows, depths]: &CornerPixels,
     share: &[f32],
     out: &mut [[f32; TILE]; TILE],

@@ -33,7 +33,7 @@ impl Arrival {
         let kinds: Vec<u8> = (0..=assets.parts.len() as u16).map(kind).collect();
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
-            let Sight { nearness: [low, high], first, differ, differ_all } =
+            let TileContents { nearness: [low, high], first, differ, differ_all } =
                 self.see_tile(opaque, tile, columns.clone(), rows.clone());
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
             let mut kind = 0;
@@ -88,7 +88,7 @@ impl Arrival {
     }
 
     /// Takes over what is seen in a tile.
-    fn see_tile(&mut self, opaque: &Target, tile: usize, columns: Range<usize>, rows: Range<usize>) -> Sight {
+    fn see_tile(&mut self, opaque: &Target, tile: usize, columns: Range<usize>, rows: Range<usize>) -> TileContents {
         let first = rows.start * self.width + columns.start;
         let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
         let seen = Seen {
@@ -117,7 +117,7 @@ impl Arrival {
                 self.surface[pixels].fill((cover.id >> TRIANGLE_BITS) as u16);
             }
         }
-        Sight { nearness, first: cover.id, differ: 0, differ_all: 0 }
+        TileContents { nearness, first: cover.id, differ: 0, differ_all: 0 }
     }
 }
 
@@ -145,7 +145,7 @@ impl Rays {
 }
 
 /// What the centres of the pixels of a tile see.
-struct Sight {
+struct TileContents {
     /// Smallest and largest nearness of what is there.
     nearness: [f32; 2],
     /// Id of the first pixel's centre.
@@ -181,7 +181,7 @@ fn see_cover(cover: &Cover, column: usize, width: usize, depth: &mut [f32]) -> [
 
 /// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_stored<const SCALE: usize>((ids, nearness, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> Sight {
+fn see_stored<const SCALE: usize>((ids, nearness, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     let first = ids[0];
     let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
     for row in 0..TILE {
@@ -213,12 +213,12 @@ fn see_stored<const SCALE: usize>((ids, nearness, stride): (&[u32], &[f32], usiz
         }
     }
     let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);
-    Sight { nearness: extent.nearness(), first, differ: any(&differ), differ_all: any(&differ_all) }
+    TileContents { nearness: extent.nearness(), first, differ: any(&differ), differ_all: any(&differ_all) }
 }
 
 /// Takes over what is seen in a tile that ends where the picture does.
 #[cold]
-fn see_part(opaque: &Target, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> Sight {
+fn see_part(opaque: &Target, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
     let scale = opaque.scale;
     let (first, _) = opaque.sample(columns.start * scale, rows.start * scale);
     let (mut extent, mut differ, mut differ_all) = (Extent::default(), 0, 0);
@@ -235,7 +235,7 @@ fn see_part(opaque: &Target, columns: Range<usize>, rows: Range<usize>, seen: Se
             }
         }
     }
-    Sight { nearness: extent.nearness(), first, differ, differ_all }
+    TileContents { nearness: extent.nearness(), first, differ, differ_all }
 }
 
 /// Depths where the nearness is known, 0 for nothing.

@@ -6,9 +6,9 @@
 use multiversion::multiversion;
 
 use super::Appearance;
-use super::cell::Cell;
 use super::reflect::{Reflected, reflect_nodes};
 use super::spots::{Spots, find_footprints, interpolate_one, locate};
+use super::tile_nodes::TileNodes;
 use crate::lanes::{Lane, REGISTER, ZERO, dot, turned};
 use crate::layers::TILE;
 use crate::points::{Centers, unpacked};
@@ -31,7 +31,7 @@ pub(super) struct Nodes {
     pub light: Reflected,
     /// Texture coordinates over depth, which are linear on the image.
     texture: [Lane; 2],
-    tiles: [Cell; TILES],
+    tiles: [TileNodes; TILES],
 }
 
 impl Default for Nodes {
@@ -51,11 +51,11 @@ impl Nodes {
         let face = &faces[triangle as usize];
         let plane = (face.plane.truncate().to_array(), appearance.planes.distance(triangle));
         find_depths(&mut self.spots, plane, placed, lens);
-        for (cell, &place) in self.tiles.iter_mut().zip(&tiles[..count]) {
+        for (around, &place) in self.tiles.iter_mut().zip(&tiles[..count]) {
             let [column, row] = unpacked(place).map(|at| at as usize);
             let depth = centers.depth[row * centers.width + column];
             let is_before_eye = |at: f32| at > 0.0 && at < 2.0 * depth;
-            cell.is_before_eye = self.spots.pixels.depth[cell.at..][..4].iter().all(|&depth| is_before_eye(depth));
+            around.is_before_eye = self.spots.pixels.depth[around.at..][..4].iter().all(|&depth| is_before_eye(depth));
         }
         locate::<NODES>(&mut self.spots, placed, lens);
         interpolate_one::<NODES>(&mut self.spots, face, *eye);
@@ -76,7 +76,7 @@ impl Nodes {
     fn place(&mut self, tiles: &[u32], step: usize) -> usize {
         let pixels = &mut self.spots.pixels;
         let (mut end, mut count, mut last) = (0, 0, None::<[usize; 2]>);
-        for (&place, cell) in tiles.iter().zip(&mut self.tiles) {
+        for (&place, around) in tiles.iter().zip(&mut self.tiles) {
             let [column, row] = unpacked(place).map(|at| at as usize);
             let node = column / TILE / step;
             let new = match last {
@@ -96,7 +96,7 @@ impl Nodes {
             }
             last = Some([node, row]);
             let from = (column / TILE % step) as f32 / step as f32;
-            *cell = Cell { at: end - 4, from, to: from + 1.0 / step as f32, is_before_eye: false };
+            *around = TileNodes { at: end - 4, from, to: from + 1.0 / step as f32, is_before_eye: false };
             count += 1;
         }
         pixels.count = end;
@@ -109,20 +109,20 @@ impl Nodes {
     }
 
     /// Where a tile lies between nodes, if its light is linear between them.
-    pub fn cell(&self, tile: usize) -> Option<Cell> {
-        self.tiles.get(tile).copied().filter(|cell| cell.is_before_eye)
+    pub fn around(&self, tile: usize) -> Option<TileNodes> {
+        self.tiles.get(tile).copied().filter(|around| around.is_before_eye)
     }
 
     /// Texels per pixel over a tile, if the same size of the texture fits all of its nodes.
-    pub fn even_texels(&self, cell: &Cell) -> Option<f32> {
-        let texels = &self.spots.texels[cell.at..][..4];
+    pub fn even_texels(&self, around: &TileNodes) -> Option<f32> {
+        let texels = &self.spots.texels[around.at..][..4];
         let first = octave(texels[0]);
         texels.iter().all(|&texels| octave(texels) == first).then_some(texels[0])
     }
 
     /// Finds the texture coordinates of the pixels of a tile, whose depths are given row by row.
-    pub fn place_on_texture(&self, cell: &Cell, depths: [&[f32; TILE]; TILE], place: [&mut Lane; 2]) {
-        place_on_texture(&self.texture, cell, depths, place);
+    pub fn place_on_texture(&self, around: &TileNodes, depths: [&[f32; TILE]; TILE], place: [&mut Lane; 2]) {
+        place_on_texture(&self.texture, around, depths, place);
     }
 }
 
@@ -142,9 +142,9 @@ fn find_depths(nodes: &mut Spots, (normal, distance): ([f32; 3], f32), placed: &
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn place_on_texture(over_depth: &[Lane; 2], cell: &Cell, depths: [&[f32; TILE]; TILE], place: [&mut Lane; 2]) {
+fn place_on_texture(over_depth: &[Lane; 2], around: &TileNodes, depths: [&[f32; TILE]; TILE], place: [&mut Lane; 2]) {
     for (over_depth, out) in over_depth.iter().zip(place) {
-        cell.spread(over_depth, out);
+        around.spread(over_depth, out);
         for row in 0..TILE {
             for column in 0..TILE {
                 out[row * TILE + column] *= depths[row][column];

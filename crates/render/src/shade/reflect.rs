@@ -5,8 +5,8 @@
 use multiversion::multiversion;
 
 use super::Appearance;
-use super::cell::Cell;
 use super::spots::Spots;
+use super::tile_nodes::TileNodes;
 use crate::assets::Surface;
 use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, dot, lerp, turned, within};
@@ -172,20 +172,20 @@ pub(super) fn reflect_nodes(nodes: &Spots, appearance: &Appearance<'_>, out: &mu
 pub(super) fn reflect_flat(
     spots: &Spots,
     nodes: &Reflected,
-    cell: &Cell,
+    around: &TileNodes,
     appearance: &Appearance<'_>,
     out: &mut Reflected,
 ) {
     let light = &appearance.light;
     for channel in 0..3 {
-        cell.spread(&nodes.around[channel], &mut out.around[channel]);
-        cell.spread(&nodes.mirrored[channel], &mut out.mirrored[channel]);
+        around.spread(&nodes.around[channel], &mut out.around[channel]);
+        around.spread(&nodes.mirrored[channel], &mut out.mirrored[channel]);
     }
-    cell.spread(&nodes.lit, &mut out.lit);
+    around.spread(&nodes.lit, &mut out.lit);
     if light.hollow.is_some() {
-        cell.spread(&nodes.hollow, &mut out.hollow);
+        around.spread(&nodes.hollow, &mut out.hollow);
     }
-    cell.spread(&nodes.lobe, &mut out.lobe);
+    around.spread(&nodes.lobe, &mut out.lobe);
     hold_back_key::<CHUNK>(&spots.key, light.with_key(), out);
     add_up_dielectric::<CHUNK>(spots, 1.0, light, out);
     develop::<CHUNK>(false, out);

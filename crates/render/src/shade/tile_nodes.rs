@@ -7,7 +7,7 @@ use crate::layers::TILE;
 
 /// A tile between its four nodes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cell {
+pub(super) struct TileNodes {
     /// Its upper left node; the others follow.
     pub at: usize,
     /// Where it begins and ends between the left nodes and the right ones.
@@ -31,7 +31,7 @@ const fn steps(stride: usize) -> Lane {
     steps
 }
 
-impl Cell {
+impl TileNodes {
     /// Fills the tile from its nodes.
     #[inline(always)]
     pub fn spread(&self, nodes: &Lane, out: &mut Lane) {
