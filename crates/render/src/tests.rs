@@ -238,7 +238,9 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let swift = Camera { intrinsics: camera(112, 63).intrinsics, ..hand.clone() };
     let without_normals = Channels { normal: false, parts: false, ..Channels::ALL };
     let twice = [&fixed, &hand, &small].map(|camera| [(camera, Channels::ALL), (camera, without_normals)]);
-    let views = [twice.as_flattened(), &[(&swift, without_normals)]].concat();
+    // So long a focal length that the tiles of a row share nodes.
+    let large = camera(576, 324);
+    let views = [twice.as_flattened(), &[(&swift, without_normals), (&large, without_normals)]].concat();
     let usual = RenderVariation::default();
     let low_lamp = RenderVariation { light_direction: [-1.0, 0.2, 0.5], light_angular_radius: 0.16, ..usual.clone() };
     for look in [usual, low_lamp] {
