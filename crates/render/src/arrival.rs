@@ -17,7 +17,7 @@ use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, Lane, nearest_integer};
 use crate::layers::{MarkCount, TILE, marked_around};
 use crate::occlusion::{Taps, occlude};
-use crate::points::{Centers, Pixels, Points, packed};
+use crate::points::{Centers, MIXED, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_level_tile, refine_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
@@ -160,8 +160,6 @@ struct Ranges {
 }
 
 const SEVERAL: u16 = u16::MAX;
-/// In place of a visibility id.
-const MIXED: u32 = u32::MAX;
 const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 impl Arrival {

@@ -22,6 +22,9 @@ pub(crate) fn unpacked(place: u32) -> [u32; 2] {
     [place & 0xffff, place >> 16]
 }
 
+/// In place of the one visibility id of a tile's samples.
+pub(crate) const MIXED: u32 = u32::MAX;
+
 /// What the centres of an image's pixels see of what is opaque.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Centers<'a> {
@@ -30,7 +33,7 @@ pub(crate) struct Centers<'a> {
     /// Visibility ids.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
-    /// Tiles per row, and the one id of all samples of each, [`u32::MAX`] for several.
+    /// Tiles per row, and the one id of all samples of each, [`MIXED`] for several.
     pub columns: usize,
     pub only: &'a [u32],
 }
@@ -39,7 +42,7 @@ impl Centers<'_> {
     /// The one id of the tile of which this is the first pixel.
     pub fn only(&self, place: u32) -> Option<u32> {
         let [column, row] = unpacked(place).map(|at| at as usize);
-        Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != u32::MAX)
+        Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != MIXED)
     }
 
     /// Whether two tiles, given by their first pixels, show one triangle.

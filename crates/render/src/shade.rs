@@ -28,7 +28,6 @@ mod tile_nodes;
 use flat::Nodes;
 use reflect::{Light, Reflected, reflect, reflect_flat};
 use spots::{Spots, find_footprints, interpolate, interpolate_one, locate};
-use tile_nodes::TileNodes;
 
 /// A part as it is shaded: what it is made of, how it stands before a lens, and the light on it.
 #[derive(Debug)]
@@ -211,10 +210,7 @@ impl Shading {
     /// Shades the pixels of one of the tiles that are ready, given by its first one; returns its index.
     pub fn shade_tile(&mut self, tile: usize, place: u32, appearance: &Appearance<'_>, arrival: &Arrival) -> usize {
         let (index, first) = arrival.tile_at(place);
-        let is_textured = appearance.surface.texture.is_some();
-        let with_texels = |around: &TileNodes| (*around, self.nodes.even_texels(around).filter(|_| is_textured));
-        let known = self.nodes.around(tile).as_ref().map(with_texels);
-        let Some((around, even_texels)) = known.filter(|(_, texels)| texels.is_some() || !is_textured) else {
+        let Some(around) = self.nodes.around(tile) else {
             self.tile(place, arrival);
             self.shade(appearance);
             return index;
@@ -222,10 +218,10 @@ impl Shading {
         self.light(place, arrival);
         let Self { spots, nodes, samples, reflected, .. } = self;
         spots.pixels.begin_tile(first, arrival.centers());
-        if is_textured {
+        if appearance.surface.texture.is_some() {
             nodes.place_on_texture(&around, arrival.lines(&arrival.depth, first), [&mut spots.u, &mut spots.v]);
         }
-        spots.paint(appearance.surface, even_texels, samples);
+        spots.paint(appearance.surface, Some(nodes.texels(&around)), samples);
         reflect_flat(spots, &nodes.light, &around, appearance, reflected);
         index
     }

@@ -26,10 +26,8 @@ impl Arrival {
     /// Blurs tiles among some, whole rows of them, where estimates in them or next to them have changed.
     pub fn blur(&mut self, tiles: Range<usize>) {
         let mut windows = std::mem::take(&mut self.windows);
-        for tile in marked_around(&self.changed.estimates, self.columns, tiles.clone()) {
-            self.level_around[tile] = self.is_level_around(tile);
-        }
         for tile in marked_around(&self.changed.estimates, self.columns, tiles) {
+            self.level_around[tile] = self.is_level_around(tile);
             let key = |own: &Self| own.square(&own.key, tile);
             let half = |own: &Self| own.half_square(&own.half, tile);
             let Changes { light, estimates, .. } = &self.changed;
@@ -52,28 +50,20 @@ impl Arrival {
             return;
         }
         self.key.forget(tile);
+        let at = [columns.start, rows.start];
         let blurred = if low >= high {
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
         } else if self.tiles[tile].is_coarse && self.tiles[tile].is_level {
             // Four pixels have one value.
-            let at = [columns.start / 2, rows.start / 2];
-            let shared = match self.level_around[tile] {
-                true => {
-                    blur_level_tile::<2, HALF_WINDOW, HALF>(&self.raw_key, self.width, at.map(|at| 2 * (at - MARGIN)))
-                }
-                false => None,
-            };
-            let shared = shared.unwrap_or_else(|| blur_half_tile::<1>(&mut windows.half, self, &self.raw_key, at));
+            let weighted = || blur_half_tile::<1>(&mut windows.half, self, &self.raw_key, at.map(|at| at / 2));
+            let shared =
+                self.blur_level::<2, HALF_WINDOW, HALF>(tile, &self.raw_key, self.width, at).unwrap_or_else(weighted);
             std::array::from_fn(|row| std::array::from_fn(|column| shared[row / 2][column / 2]))
         } else if self.tiles[tile].is_coarse {
-            blur_coarse_tile(&mut windows.coarse, self, &self.raw_key, [columns.start, rows.start])
+            blur_coarse_tile(&mut windows.coarse, self, &self.raw_key, at)
         } else {
-            let at = [columns.start, rows.start];
-            let blurred = match self.level_around[tile] {
-                true => blur_level_tile::<1, WINDOW, TILE>(&self.raw_key, self.width, at.map(|at| at - MARGIN)),
-                false => None,
-            };
-            blurred.unwrap_or_else(|| blur_tile(&mut windows.fine, self, &self.raw_key, at))
+            let weighted = || blur_tile(&mut windows.fine, self, &self.raw_key, at);
+            self.blur_level::<1, WINDOW, TILE>(tile, &self.raw_key, self.width, at).unwrap_or_else(weighted)
         };
         for (row, line) in rows.zip(&blurred) {
             let pixels = row * self.width + columns.start..row * self.width + columns.end;
@@ -86,6 +76,19 @@ impl Arrival {
                 put(&mut self.key[pixels], line);
             }
         }
+    }
+
+    /// [`blur_level_tile`] for a tile whose values begin at a column and row, if it and those next to it are level.
+    #[inline(always)]
+    fn blur_level<const STEP: usize, const SIDE: usize, const OUT: usize>(
+        &self,
+        tile: usize,
+        values: &[f32],
+        width: usize,
+        at: [usize; 2],
+    ) -> Option<[[f32; OUT]; OUT]> {
+        self.level_around[tile]
+            .then(|| blur_level_tile::<STEP, SIDE, OUT>(values, width, at.map(|at| at - MARGIN * STEP)))?
     }
 
     fn blur_half(&mut self, tile: usize, windows: &mut Windows) {
@@ -107,11 +110,9 @@ impl Arrival {
         }
         self.half.forget(tile);
         let at = [columns.start, rows.start];
-        let blurred = match self.level_around[tile] {
-            true => blur_level_tile::<1, HALF_WINDOW, HALF>(&self.raw_half, self.half_width, at.map(|at| at - MARGIN)),
-            false => None,
-        };
-        let blurred = blurred.unwrap_or_else(|| blur_half_tile::<2>(&mut windows.half, self, &self.raw_half, at));
+        let weighted = || blur_half_tile::<2>(&mut windows.half, self, &self.raw_half, at);
+        let blurred =
+            self.blur_level::<1, HALF_WINDOW, HALF>(tile, &self.raw_half, self.half_width, at).unwrap_or_else(weighted);
         for (row, line) in rows.zip(&blurred) {
             put(&mut self.half[row * self.half_width..][columns.clone()], line);
         }

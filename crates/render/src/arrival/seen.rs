@@ -7,10 +7,11 @@ use std::ops::Range;
 use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::{Arrival, COARSE_TEXELS, LEVEL, MIXED, SEVERAL, TileSummary};
+use super::{Arrival, COARSE_TEXELS, LEVEL, SEVERAL, TileSummary};
 use crate::assets::TRIANGLE_BITS;
 use crate::layers::TILE;
 use crate::occlusion::MAX_REACH;
+use crate::points::MIXED;
 use crate::raster::{Cover, Target};
 use crate::scene::Scene;
 use crate::shadow::Span;

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::{Arrival, LEVEL, MIXED, NO_RANGE, TileSummary};
+use super::{Arrival, LEVEL, NO_RANGE, TileSummary};
 use crate::layers::TILE;
-use crate::points::unpacked;
+use crate::points::{MIXED, unpacked};
 
 impl Arrival {
     /// Column and row of a tile among tiles.

@@ -51,12 +51,6 @@ impl Nodes {
         let face = &faces[triangle as usize];
         let plane = (face.plane.truncate().to_array(), appearance.planes.distance(triangle));
         find_depths(&mut self.spots, plane, placed, lens);
-        for (around, &place) in self.tiles.iter_mut().zip(&tiles[..count]) {
-            let [column, row] = unpacked(place).map(|at| at as usize);
-            let depth = centers.depth[row * centers.width + column];
-            let is_before_eye = |at: f32| at > 0.0 && at < 2.0 * depth;
-            around.is_before_eye = self.spots.pixels.depth[around.at..][..4].iter().all(|&depth| is_before_eye(depth));
-        }
         locate::<NODES>(&mut self.spots, placed, lens);
         interpolate_one::<NODES>(&mut self.spots, face, *eye);
         if let Some(texture) = &surface.texture {
@@ -67,6 +61,15 @@ impl Nodes {
                     own[i] = place[i] / pixels.depth[i];
                 }
             }
+        }
+        for (around, &place) in self.tiles.iter_mut().zip(&tiles[..count]) {
+            let [column, row] = unpacked(place).map(|at| at as usize);
+            let depth = centers.depth[row * centers.width + column];
+            let is_before_eye = |&at: &f32| at > 0.0 && at < 2.0 * depth;
+            let Spots { texels, pixels, .. } = &self.spots;
+            let (texels, depths) = (&texels[around.at..][..4], &pixels.depth[around.at..][..4]);
+            let is_even = || texels.iter().all(|&own| octave(own) == octave(texels[0]));
+            around.is_linear = depths.iter().all(is_before_eye) && (surface.texture.is_none() || is_even());
         }
         reflect_nodes(&self.spots, appearance, &mut self.light);
         count
@@ -96,7 +99,7 @@ impl Nodes {
             }
             last = Some([node, row]);
             let from = (column / TILE % step) as f32 / step as f32;
-            *around = TileNodes { at: end - 4, from, to: from + 1.0 / step as f32, is_before_eye: false };
+            *around = TileNodes { at: end - 4, from, to: from + 1.0 / step as f32, is_linear: false };
             count += 1;
         }
         pixels.count = end;
@@ -110,14 +113,12 @@ impl Nodes {
 
     /// Where a tile lies between nodes, if its light is linear between them.
     pub fn around(&self, tile: usize) -> Option<TileNodes> {
-        self.tiles.get(tile).copied().filter(|around| around.is_before_eye)
+        self.tiles.get(tile).copied().filter(|around| around.is_linear)
     }
 
-    /// Texels per pixel over a tile, if the same size of the texture fits all of its nodes.
-    pub fn even_texels(&self, around: &TileNodes) -> Option<f32> {
-        let texels = &self.spots.texels[around.at..][..4];
-        let first = octave(texels[0]);
-        texels.iter().all(|&texels| octave(texels) == first).then_some(texels[0])
+    /// Texels per pixel over a tile.
+    pub fn texels(&self, around: &TileNodes) -> f32 {
+        self.spots.texels[around.at]
     }
 
     /// Finds the texture coordinates of the pixels of a tile, whose depths are given row by row.

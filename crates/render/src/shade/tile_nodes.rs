@@ -13,8 +13,8 @@ pub(super) struct TileNodes {
     /// Where it begins and ends between the left nodes and the right ones.
     pub from: f32,
     pub to: f32,
-    /// Whether all nodes lie before the eye.
-    pub is_before_eye: bool,
+    /// Whether all nodes lie before the eye, and the same size of the texture fits them.
+    pub is_linear: bool,
 }
 
 /// How far the pixels of a tile lie from its first column and from its first row, in tiles.
