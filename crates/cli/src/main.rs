@@ -13,7 +13,6 @@ use args::{Arguments, Command, GraspsCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
-    memory::keep_little();
     let command = args::taking_negative_numbers(Arguments::command());
     let matches = command.try_get_matches().and_then(|matches| Arguments::from_arg_matches(&matches));
     let arguments = match matches {
