@@ -44,6 +44,8 @@ pub(crate) struct Part {
     /// Known to be convex: cannot darken itself.
     pub convex: bool,
     pub casts_shadow: bool,
+    /// Whether an open mesh faces outwards, as the outside of a cup does, but not its inside or rim.
+    pub faces_out: bool,
     pub surface: Surface,
 }
 
@@ -226,7 +228,8 @@ impl Part {
         }
         let mesh = Mesh::shared(&visual.drawn, &visual.link_from_part);
         let surface = Surface::new(&visual.material);
-        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, surface })
+        let faces_out = mesh.faces_out();
+        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })
     }
 
     /// Whether only the sides of triangles that face the viewer can be seen, at a level of detail.

@@ -151,7 +151,8 @@ impl Edges {
         for (y, row) in rows.enumerate() {
             for (x, column) in columns.clone().enumerate() {
                 let shares = shares.each_ref().map(|shares| shares[y * TILE + x]);
-                if shares.iter().all(|share| share.coverage == 0.0) {
+                // A far side alone lies in what its thing stands on, or its thing begins before the near plane.
+                if shares[1].coverage == 0.0 {
                     continue;
                 }
                 let pixel = (row * width + column) as u32;

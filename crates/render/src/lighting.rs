@@ -14,6 +14,8 @@ pub(crate) struct Lighting {
     pub to_light: Vec3A,
     /// Brightness of a white diffuse surface that faces the light.
     pub key: Vec3A,
+    /// How far a mirror turns from the lamp's centre to its edge, squared radians: half the lamp's angular radius.
+    pub key_turn_squared: f32,
     pub exposure: f32,
 }
 
@@ -25,6 +27,7 @@ impl Lighting {
             sky: Sky::new(variation, table),
             to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
+            key_turn_squared: (variation.light_angular_radius.clamp(0.0, 1.0) / 2.0).powi(2),
             exposure: variation.exposure,
         }
     }

@@ -63,6 +63,19 @@ impl Mesh {
         self.triangles.iter().map(area).sum()
     }
 
+    /// Whether its sides face away from its middle: of a closed mesh, or of the outside of a hollow one.
+    pub fn faces_out(&self) -> bool {
+        let (mut out, mut all) = (0.0, 0.0);
+        for triangle in 0..self.triangles.len() {
+            let [a, b, c] = self.corners(triangle);
+            let (area, from_middle) = ((b - a).cross(c - a), (a + b + c) / 3.0 - self.bounds_center);
+            out += area.dot(from_middle);
+            all += area.length() * from_middle.length();
+        }
+        // A flat rim faces neither way.
+        out > 0.25 * all
+    }
+
     /// The mesh of a part, made once per process while its source lives; indices must be valid and places finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);
@@ -188,7 +201,6 @@ impl Mesh {
     }
 
     /// Corners of a triangle in the body's frame.
-    #[cfg(test)]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|index| self.positions[index as usize])
     }

@@ -4,8 +4,8 @@ use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::arrival::Arrival;
-use crate::assets::Surface;
-use crate::lanes::{CHUNK, Lane, ZERO};
+use crate::assets::{Part, Surface};
+use crate::lanes::{CHUNK, Lane, ZERO, lerp, within};
 use crate::scene::Scene;
 use crate::shade::{Appearance, Shading, Spot};
 use crate::texture::{find_codes, srgb_table};
@@ -13,6 +13,11 @@ use crate::view::{View, surface_of};
 use sight::{Sights, bend};
 
 mod sight;
+
+/// Sides of a thing that colour the light on what it touches: those of two walls of a cup; as many fit solid feet.
+const LIT_THROUGH: f32 = 4.0;
+/// How far from a thing others are no longer lit through it, metres. Chosen.
+const LIT_THROUGH_M: f32 = 0.02;
 
 /// All pixels with something transparent before them; memory kept from frame to frame.
 #[derive(Debug, Default)]
@@ -71,6 +76,8 @@ struct Side {
     /// What leaves it towards the viewer, and the share of what is behind that passes.
     color: [Lane; 3],
     passes: [Lane; 3],
+    /// Colour of light that passed the thing.
+    lit_through: [f32; 3],
 }
 
 impl Default for Side {
@@ -84,6 +91,7 @@ impl Default for Side {
             normal: lanes,
             color: lanes,
             passes: lanes,
+            lit_through: [1.0; 3],
         }
     }
 }
@@ -130,12 +138,18 @@ impl Panes {
         for Group { surfaces, pixels } in &self.groups {
             let [far, near] = *surfaces;
             let own_body = body_of(near);
+            let count = if far > 0 { 2 } else { 1 };
+            let crossings = crossings(&scene.assets.parts, *surfaces);
             for pixels in pixels.chunks(CHUNK) {
                 let Work { shading, sides, sights } = &mut *self.work;
                 for (index, surface) in [far, near].into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
                     sides[index].shade(pixels, index, surface, shading, scene, view);
                 }
                 let is_bent = far == near && sides[1].is_solid;
+                for (gap, (covered, depth)) in sights.gap.iter_mut().zip(pixels.iter().zip(&sides[0].depth)) {
+                    let opaque = arrival.depth[covered.pixel as usize];
+                    *gap = if far > 0 && opaque > 0.0 { (opaque - depth).max(0.0) } else { f32::INFINITY };
+                }
                 if is_bent {
                     let material = &scene.surfaces[near as usize - 1];
                     bend(sides, material.index_of_refraction(), &view.lens, scene.lighting, sights);
@@ -155,8 +169,7 @@ impl Panes {
                     sights.share[i] = if is_aside { sights.share[i] } else { 0.0 };
                     (seen[0][i], seen[1][i], seen[2][i]) = behind.into();
                 }
-                let count = if far > 0 { 2 } else { 1 };
-                see_through(&sides[2 - count..], far == near, sights, &mut seen);
+                see_through(&sides[2 - count..], &crossings[2 - count..], sights, &mut seen);
                 find_codes(&seen, &mut codes);
                 for (i, covered) in pixels.iter().enumerate() {
                     let bytes = [0, 1, 2].map(|channel| srgb_table()[codes[channel][i] as usize & 4095]);
@@ -192,6 +205,7 @@ impl Side {
         let base = shading.bases();
         (self.color, self.normal) = (*shading.colors(), *normal);
         let is_shell = !self.is_solid;
+        self.lit_through = material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array();
         if material.texture.is_none() && !is_shell {
             let tint = material.tint(material.base, 1.0, is_shell).to_array();
             self.passes = tint.map(|tint| [tint; CHUNK]);
@@ -206,6 +220,29 @@ impl Side {
     }
 }
 
+/// How often a sight passes sides like the farther and the nearer one that are known: others, which they hide, lie behind
+/// the nearer and before the farther one.
+fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
+    let near = &parts[near as usize - 1];
+    let Some(far) = far.checked_sub(1).map(|part| &parts[part as usize]) else {
+        // What is in a cup hides the rest of it.
+        return [1, if near.faces_out && !near.mesh.closed { 2 } else { 1 }];
+    };
+    if std::ptr::eq(far, near) {
+        return if near.mesh.closed { [1, 1] } else { [2, 2] };
+    }
+    // Of a wall around a hollow both sides are passed, and those of the wall across.
+    let of = |part: &Part| if part.faces_out && !part.mesh.closed { 4 } else { 2 };
+    if near.body.is_none() || far.body != near.body {
+        [of(far), of(near)]
+    } else if near.faces_out {
+        [2, if near.mesh.closed { 1 } else { 4 }]
+    } else {
+        // Into a cup from above: its inside, then its outside.
+        [1, 1]
+    }
+}
+
 /// Takes off the light that a surface mirrors and scatters.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
@@ -217,21 +254,30 @@ fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
     }
 }
 
-/// What is seen through panes, the farther ones first, of what is behind; they are the two sides of a thing, or not.
+/// What is seen through panes, the farther ones first, of what is behind. Behind the near side of a hollow thing and before its
+/// far side lie those of its cavity.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_through(sides: &[Side], is_thing: bool, sights: &Sights, colors: &mut [Lane; 3]) {
+fn see_through(sides: &[Side], crossings: &[usize], sights: &Sights, colors: &mut [Lane; 3]) {
+    let mut near_by = ZERO;
+    for i in 0..CHUNK {
+        near_by[i] = within(1.0 - sights.gap[i] / LIT_THROUGH_M, 0.0, 1.0);
+    }
     for (channel, (seen, around)) in colors.iter_mut().zip(&sights.around).enumerate() {
+        let lit_through = sides[0].lit_through[channel];
         for i in 0..CHUNK {
-            seen[i] = seen[i] * (1.0 - sights.share[i]) + around[i] * sights.share[i];
+            let lit = seen[i] * lerp(1.0, lit_through, near_by[i]);
+            seen[i] = lerp(lit, around[i], sights.share[i]);
         }
-        for side in sides {
+        for (index, side) in sides.iter().enumerate() {
             let (color, passes) = (&side.color[channel], &side.passes[channel]);
-            // Before the far side of a hollow thing and behind its near side lie those of its cavity.
-            let is_twice = is_thing && !side.is_solid;
             for i in 0..CHUNK {
-                let once = color[i] + seen[i] * passes[i];
-                let twice = color[i] + once * passes[i];
-                seen[i] += ((if is_twice { twice } else { once }) - seen[i]) * side.coverage[i];
+                let mut passed = seen[i];
+                for crossing in 0..crossings[index] {
+                    // The bottom of a cup, which touches the table, mirrors and holds back nothing.
+                    let touches = if index + crossing == 0 && !side.is_solid { near_by[i] } else { 0.0 };
+                    passed = lerp(color[i] + passed * passes[i], passed, touches);
+                }
+                seen[i] += (passed - seen[i]) * side.coverage[i];
             }
         }
     }

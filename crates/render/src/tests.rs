@@ -1,6 +1,7 @@
 //! The rasteriser against analytic geometry, an independent ray caster, the camera model and itself.
 
 pub(crate) mod fixture;
+mod glass;
 
 use std::sync::Arc;
 

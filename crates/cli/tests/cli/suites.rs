@@ -200,7 +200,7 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
     let recorded: Vec<Value> = serde_json::from_str(&text).unwrap();
     let is_it = |row: &Value, name: &str| row["scenario"] == name;
     // One that succeeded and one that did not.
-    let names = ["016_common_sense-000", "appearance-200-00075-000"];
+    let names = ["016_common_sense-000", "long_horizon-200-00015-000"];
     let files = names.map(|name| format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{name}.json"));
     let policy = format!("agent:vlm=recorded,answers={answers}");
     let made = genmanip(folder.path(), &["evaluate", &files[0], &files[1], "--policy", &policy, "--json"]).json(0);

@@ -13,6 +13,8 @@ use crate::view::far_nearness;
 
 /// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
 const APART: f32 = 1e-4;
+/// By how much a far side may be behind it, as a share: the bottom of what stands on the table, or rests a little in it.
+const RESTS: f32 = 4e-3;
 
 /// What is in front of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -94,8 +96,8 @@ fn compare_tile<const IS_FAR: bool>(layer: &TileNearness, opaque: &TileNearness,
 /// Whether a sample of a layer is before what is opaque.
 #[inline(always)]
 fn is_front(stored: f32, opaque: f32, is_far: bool) -> bool {
-    let nearness = if is_far && stored > 0.0 { far_nearness(stored) } else { stored };
-    nearness > opaque * (1.0 + APART)
+    let far = if stored > 0.0 { far_nearness(stored) } else { 0.0 };
+    if is_far { far > opaque * (1.0 - RESTS) && stored > 0.0 } else { stored > opaque * (1.0 + APART) }
 }
 
 /// The share of a pixel of `n`² samples that the samples around its centre have which are in front, by a tent.
@@ -157,8 +159,11 @@ mod tests {
                             let (column, row) = around.cut((x * n) as isize + dx, (y * n) as isize + dy);
                             let sample = row as usize * layer.stride + column as usize;
                             let stored = layer.nearness[sample];
-                            let nearness = if index == 0 && stored > 0.0 { far_nearness(stored) } else { stored };
-                            nearness > opaque.nearness[sample] * (1.0 + APART)
+                            let opaque = opaque.nearness[sample];
+                            match index {
+                                0 => stored > 0.0 && far_nearness(stored) > opaque * (1.0 - RESTS),
+                                _ => stored > opaque * (1.0 + APART),
+                            }
                         };
                         let share = shares[index][y % TILE * TILE + x % TILE];
                         assert_eq!(share, weigh(n as isize, is_front), "pixel ({x}, {y}) with {n}² samples");

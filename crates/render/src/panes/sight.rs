@@ -25,11 +25,13 @@ pub(super) struct Sights {
     /// The surroundings in their direction, and their share where a sight leads too far aside.
     pub around: [Lane; 3],
     pub share: Lane,
+    /// How far behind the farther side lies what is opaque, along the camera's axis, metres.
+    pub gap: Lane,
 }
 
 impl Default for Sights {
     fn default() -> Self {
-        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO }
+        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO, gap: ZERO }
     }
 }
 
@@ -82,7 +84,10 @@ pub(super) fn bend(
     for i in 0..CHUNK {
         let inside = at(&inside, i);
         let after = refracted(inside, at(&far.normal, i), index_of_refraction);
-        let share = within((dot(inside, after) - ASIDE[0]) / (ASIDE[1] - ASIDE[0]), 0.0, 1.0);
+        let cosine = dot(inside, after);
+        let share = within((cosine - ASIDE[0]) / (ASIDE[1] - ASIDE[0]), 0.0, 1.0);
+        let off = out.gap[i] * (1.0 - cosine * cosine).max(0.0).sqrt() / (cosine.max(0.1) * far.depth[i]) * focal[0];
+        let share = share * within(off / MOST_BENT - 1.0, 0.0, 1.0);
         out.share[i] = share;
         is_aside |= share > 0.0;
         put(&mut leaving, i, after);

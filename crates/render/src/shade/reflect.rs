@@ -138,7 +138,7 @@ fn reflect_chunk<const LANES: usize>(spots: &Spots, appearance: &Appearance<'_>,
     if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.pixels.count, &spots.place, &mut out.around);
     }
-    find_highlights::<LANES>(surface.roughness, light.lighting.to_light.to_array(), out);
+    find_highlights::<LANES>(surface.roughness, light.lighting, out);
     hold_back_key::<LANES>(&spots.key, light.with_key(), out);
     if surface.metallic > 0.0 {
         add_up::<LANES>(spots, surface, light, out);
@@ -163,7 +163,7 @@ pub(super) fn reflect_nodes(nodes: &Spots, appearance: &Appearance<'_>, out: &mu
     if let Some(table_light) = light.table_light {
         dim_table(table_light, nodes.pixels.count, &nodes.place, &mut out.around);
     }
-    find_highlights::<REGISTER>(surface.roughness, light.lighting.to_light.to_array(), out);
+    find_highlights::<REGISTER>(surface.roughness, light.lighting, out);
     mirror::<REGISTER>(surface.reflectance, out);
 }
 
@@ -248,11 +248,14 @@ fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     [along(0), along(1), along(2)]
 }
 
-/// Highlights of the lamp.
+/// Highlights of the lamp. Its width adds to that of the lobe, as their variances do, so that a mirror shows a lamp and no
+/// spark.
 #[inline(always)]
-fn find_highlights<const LANES: usize>(roughness: f32, to_light: [f32; 3], out: &mut Reflected) {
-    let alpha = roughness * roughness;
-    let square_alpha = alpha * alpha;
+fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out: &mut Reflected) {
+    let to_light = lighting.to_light.to_array();
+    let square = roughness * roughness;
+    let square_alpha = square.mul_add(square, lighting.key_turn_squared);
+    let alpha = square_alpha.sqrt();
     for i in 0..LANES {
         let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
         let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
