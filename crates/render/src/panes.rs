@@ -259,8 +259,8 @@ fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn see_through(sides: &[Side], crossings: &[usize], sights: &Sights, colors: &mut [Lane; 3]) {
     let mut near_by = ZERO;
-    for i in 0..CHUNK {
-        near_by[i] = within(1.0 - sights.gap[i] / LIT_THROUGH_M, 0.0, 1.0);
+    for (near_by, gap) in near_by.iter_mut().zip(&sights.gap) {
+        *near_by = within(1.0 - gap / LIT_THROUGH_M, 0.0, 1.0);
     }
     for (channel, (seen, around)) in colors.iter_mut().zip(&sights.around).enumerate() {
         let lit_through = sides[0].lit_through[channel];
