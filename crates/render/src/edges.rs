@@ -11,7 +11,7 @@ use crate::arrival::Arrival;
 use crate::assets::RenderAssets;
 use crate::glass::Glass;
 use crate::layers::{TILE, each_place};
-use crate::panes::{Pane, Panes};
+use crate::panes::{Opaque, Pane, Panes};
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Appearance, Shading, Spot};
@@ -109,7 +109,8 @@ impl Edges {
         for &(pixel, color) in &self.mixed {
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
-        self.panes.show(scene, view, arrival, colors, &self.mixed, rgb);
+        let opaque = Opaque { scene, view, arrival, colors, mixed: &self.mixed };
+        self.panes.show(&opaque, rgb);
     }
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {

@@ -53,6 +53,16 @@ pub(crate) struct Pane {
     pub coverage: f32,
 }
 
+/// A picture without what is transparent.
+pub(crate) struct Opaque<'a> {
+    pub scene: &'a Scene<'a>,
+    pub view: &'a View,
+    pub arrival: &'a Arrival,
+    /// Linear display colours of the pixels, and of those that show several surfaces.
+    pub colors: &'a [Vec3A],
+    pub mixed: &'a [(u32, Vec3A)],
+}
+
 /// Memory for a chunk of pixels.
 #[derive(Debug, Default)]
 struct Work {
@@ -122,60 +132,63 @@ impl Panes {
         self.groups[self.last].pixels.push(Covered { pixel, mixed, panes });
     }
 
-    /// Writes the bytes of all pixels, from what is behind the panes: the linear display colours of the picture's pixels, and
-    /// those that show several opaque surfaces with theirs.
-    pub fn show(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        arrival: &Arrival,
-        colors: &[Vec3A],
-        mixed: &[(u32, Vec3A)],
-        rgb: &mut [u8],
-    ) {
-        let body_of = |surface: u32| surface.checked_sub(1).and_then(|part| scene.assets.parts[part as usize].body);
+    /// Writes the bytes of all pixels.
+    pub fn show(&mut self, opaque: &Opaque<'_>, rgb: &mut [u8]) {
         let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
         for Group { surfaces, pixels } in &self.groups {
-            let [far, near] = *surfaces;
-            let own_body = body_of(near);
-            let count = if far > 0 { 2 } else { 1 };
-            let crossings = crossings(&scene.assets.parts, *surfaces);
+            // Without a farther side only the nearer one counts.
+            let first = usize::from(surfaces[0] == 0);
+            let crossings = crossings(&opaque.scene.assets.parts, *surfaces);
             for pixels in pixels.chunks(CHUNK) {
-                let Work { shading, sides, sights } = &mut *self.work;
-                for (index, surface) in [far, near].into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
-                    sides[index].shade(pixels, index, surface, shading, scene, view);
-                }
-                let is_bent = far == near && sides[1].is_solid;
-                for (gap, (covered, depth)) in sights.gap.iter_mut().zip(pixels.iter().zip(&sides[0].depth)) {
-                    let opaque = arrival.depth[covered.pixel as usize];
-                    *gap = if far > 0 && opaque > 0.0 { (opaque - depth).max(0.0) } else { f32::INFINITY };
-                }
-                if is_bent {
-                    let material = &scene.surfaces[near as usize - 1];
-                    bend(sides, material.index_of_refraction(), &view.lens, scene.lighting, sights);
-                }
-                for (i, covered) in pixels.iter().enumerate() {
-                    let straight =
-                        covered.mixed.map_or(colors[covered.pixel as usize], |index| mixed[index as usize].1);
-                    let aside = sights.pixel[i] as usize;
-                    // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is
-                    // bent to.
-                    let is_aside = is_bent && {
-                        let (depth, body) =
-                            (arrival.depth[aside], body_of(u32::from(arrival.surface[covered.pixel as usize])));
-                        (depth <= 0.0 || depth > sides[1].depth[i]) && (body.is_none() || body != own_body)
-                    };
-                    let behind = if is_aside { colors[aside] } else { straight };
-                    sights.share[i] = if is_aside { sights.share[i] } else { 0.0 };
-                    (seen[0][i], seen[1][i], seen[2][i]) = behind.into();
-                }
-                see_through(&sides[2 - count..], &crossings[2 - count..], sights, &mut seen);
+                self.work.shade(opaque, *surfaces, pixels);
+                self.work.look_behind(opaque, *surfaces, pixels, &mut seen);
+                see_through(&self.work.sides[first..], &crossings[first..], &self.work.sights, &mut seen);
                 find_codes(&seen, &mut codes);
                 for (i, covered) in pixels.iter().enumerate() {
                     let bytes = [0, 1, 2].map(|channel| srgb_table()[codes[channel][i] as usize & 4095]);
                     rgb[covered.pixel as usize * 3..][..3].copy_from_slice(&bytes);
                 }
             }
+        }
+    }
+}
+
+impl Work {
+    /// Shades the sides of a chunk of pixels and follows the sights that they bend.
+    fn shade(&mut self, opaque: &Opaque<'_>, surfaces: [u32; 2], pixels: &[Covered]) {
+        let Opaque { scene, view, arrival, .. } = opaque;
+        for (index, surface) in surfaces.into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
+            self.sides[index].shade(pixels, index, surface, &mut self.shading, scene, view);
+        }
+        let [far, near] = surfaces;
+        for (gap, (covered, depth)) in self.sights.gap.iter_mut().zip(pixels.iter().zip(&self.sides[0].depth)) {
+            let behind = arrival.depth[covered.pixel as usize];
+            *gap = if far > 0 && behind > 0.0 { (behind - depth).max(0.0) } else { f32::INFINITY };
+        }
+        self.sights.are_bent = far == near && self.sides[1].is_solid;
+        if self.sights.are_bent {
+            let index_of_refraction = scene.surfaces[near as usize - 1].index_of_refraction();
+            bend(&self.sides, index_of_refraction, &view.lens, scene.lighting, &mut self.sights);
+        }
+    }
+
+    /// Finds what is behind the sides of a chunk of pixels.
+    fn look_behind(&mut self, opaque: &Opaque<'_>, [_, near]: [u32; 2], pixels: &[Covered], seen: &mut [Lane; 3]) {
+        let Opaque { scene, arrival, colors, mixed, .. } = opaque;
+        let body_of = |surface: u32| surface.checked_sub(1).and_then(|part| scene.assets.parts[part as usize].body);
+        let own_body = body_of(near);
+        for (i, covered) in pixels.iter().enumerate() {
+            let pixel = covered.pixel as usize;
+            let aside = self.sights.pixel[i] as usize;
+            // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is bent to.
+            let is_aside = self.sights.are_bent && {
+                let (depth, body) = (arrival.depth[aside], body_of(u32::from(arrival.surface[pixel])));
+                (depth <= 0.0 || depth > self.sides[1].depth[i]) && (body.is_none() || body != own_body)
+            };
+            let straight = || covered.mixed.map_or(colors[pixel], |index| mixed[index as usize].1);
+            let behind = if is_aside { colors[aside] } else { straight() };
+            self.sights.share[i] = if is_aside { self.sights.share[i] } else { 0.0 };
+            (seen[0][i], seen[1][i], seen[2][i]) = behind.into();
         }
     }
 }

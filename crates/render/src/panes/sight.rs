@@ -27,11 +27,13 @@ pub(super) struct Sights {
     pub share: Lane,
     /// How far behind the farther side lies what is opaque, along the camera's axis, metres.
     pub gap: Lane,
+    /// Whether the thing bends them.
+    pub are_bent: bool,
 }
 
 impl Default for Sights {
     fn default() -> Self {
-        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO, gap: ZERO }
+        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO, gap: ZERO, are_bent: false }
     }
 }
 
