@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod error;
+#[cfg(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu"))]
 mod memory;
 mod printer;
 mod stop;

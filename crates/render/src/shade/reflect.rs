@@ -248,8 +248,8 @@ fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     [along(0), along(1), along(2)]
 }
 
-/// Highlights of the lamp. Its width adds to that of the lobe, as their variances do, so that a mirror shows a lamp and no
-/// spark.
+/// Highlights of the lamp. Its width adds to that of the lobe, as variances do, so that polished things show the lamp in its
+/// size.
 #[inline(always)]
 fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out: &mut Reflected) {
     let to_light = lighting.to_light.to_array();
