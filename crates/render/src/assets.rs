@@ -44,7 +44,7 @@ pub(crate) struct Part {
     /// Known to be convex: cannot darken itself.
     pub convex: bool,
     pub casts_shadow: bool,
-    /// Whether an open mesh faces outwards, as the outside of a cup does, but not its inside or rim.
+    /// Whether something transparent faces outwards, as the outside of a cup does, but not its inside or rim.
     pub faces_out: bool,
     pub surface: Surface,
 }
@@ -228,7 +228,7 @@ impl Part {
         }
         let mesh = Mesh::shared(&visual.drawn, &visual.link_from_part);
         let surface = Surface::new(&visual.material);
-        let faces_out = mesh.faces_out();
+        let faces_out = surface.opacity < 1.0 && mesh.faces_out();
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })
     }
 

@@ -56,11 +56,11 @@ pub(crate) struct Face {
 impl Mesh {
     /// Area of all triangles, square metres.
     pub fn area(&self) -> f32 {
-        let area = |triangle: &[u32; 3]| {
-            let [a, b, c] = triangle.map(|corner| self.positions[corner as usize]);
+        let area = |triangle| {
+            let [a, b, c] = self.corners(triangle);
             0.5 * (b - a).cross(c - a).length()
         };
-        self.triangles.iter().map(area).sum()
+        (0..self.triangles.len()).map(area).sum()
     }
 
     /// Whether its sides face away from its middle: of a closed mesh, or of the outside of a hollow one.

@@ -86,8 +86,6 @@ struct Side {
     /// What leaves it towards the viewer, and the share of what is behind that passes.
     color: [Lane; 3],
     passes: [Lane; 3],
-    /// Colour of light that passed the thing.
-    lit_through: [f32; 3],
 }
 
 impl Default for Side {
@@ -101,7 +99,6 @@ impl Default for Side {
             normal: lanes,
             color: lanes,
             passes: lanes,
-            lit_through: [1.0; 3],
         }
     }
 }
@@ -139,10 +136,12 @@ impl Panes {
             // Without a farther side only the nearer one counts.
             let first = usize::from(surfaces[0] == 0);
             let crossings = crossings(&opaque.scene.assets.parts, *surfaces);
+            let lit_through = lit_through(opaque.scene, surfaces[0]);
             for pixels in pixels.chunks(CHUNK) {
                 self.work.shade(opaque, *surfaces, pixels);
                 self.work.look_behind(opaque, *surfaces, pixels, &mut seen);
-                see_through(&self.work.sides[first..], &crossings[first..], &self.work.sights, &mut seen);
+                let Work { sides, sights, .. } = &*self.work;
+                see_through(&sides[first..], &crossings[first..], lit_through, sights, &mut seen);
                 find_codes(&seen, &mut codes);
                 for (i, covered) in pixels.iter().enumerate() {
                     let bytes = [0, 1, 2].map(|channel| srgb_table()[codes[channel][i] as usize & 4095]);
@@ -218,7 +217,6 @@ impl Side {
         let base = shading.bases();
         (self.color, self.normal) = (*shading.colors(), *normal);
         let is_shell = !self.is_solid;
-        self.lit_through = material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array();
         if material.texture.is_none() && !is_shell {
             let tint = material.tint(material.base, 1.0, is_shell).to_array();
             self.passes = tint.map(|tint| [tint; CHUNK]);
@@ -256,6 +254,14 @@ fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
     }
 }
 
+/// Colour of light on what touches the thing of the farther surface, white without one.
+fn lit_through(scene: &Scene<'_>, far: u32) -> [f32; 3] {
+    let Some(part) = far.checked_sub(1).map(|part| part as usize) else { return [1.0; 3] };
+    let material = &scene.surfaces[part];
+    let is_shell = !scene.assets.parts[part].mesh.closed;
+    material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
+}
+
 /// Takes off the light that a surface mirrors and scatters.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
@@ -270,15 +276,14 @@ fn hold_back(material: &Surface, facing: &Lane, passes: &mut [Lane; 3]) {
 /// What is seen through panes, the farther ones first, of what is behind. Behind the near side of a hollow thing and before its
 /// far side lie those of its cavity.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_through(sides: &[Side], crossings: &[usize], sights: &Sights, colors: &mut [Lane; 3]) {
+fn see_through(sides: &[Side], crossings: &[usize], lit_through: [f32; 3], sights: &Sights, colors: &mut [Lane; 3]) {
     let mut near_by = ZERO;
     for (near_by, gap) in near_by.iter_mut().zip(&sights.gap) {
         *near_by = within(1.0 - gap / LIT_THROUGH_M, 0.0, 1.0);
     }
     for (channel, (seen, around)) in colors.iter_mut().zip(&sights.around).enumerate() {
-        let lit_through = sides[0].lit_through[channel];
         for i in 0..CHUNK {
-            let lit = seen[i] * lerp(1.0, lit_through, near_by[i]);
+            let lit = seen[i] * lerp(1.0, lit_through[channel], near_by[i]);
             seen[i] = lerp(lit, around[i], sights.share[i]);
         }
         for (index, side) in sides.iter().enumerate() {

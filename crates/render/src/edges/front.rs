@@ -96,8 +96,11 @@ fn compare_tile<const IS_FAR: bool>(layer: &TileNearness, opaque: &TileNearness,
 /// Whether a sample of a layer is before what is opaque.
 #[inline(always)]
 fn is_front(stored: f32, opaque: f32, is_far: bool) -> bool {
-    let far = if stored > 0.0 { far_nearness(stored) } else { 0.0 };
-    if is_far { far > opaque * (1.0 - RESTS) && stored > 0.0 } else { stored > opaque * (1.0 + APART) }
+    if is_far {
+        (stored > 0.0) & (far_nearness(stored) > opaque * (1.0 - RESTS))
+    } else {
+        stored > opaque * (1.0 + APART)
+    }
 }
 
 /// The share of a pixel of `n`² samples that the samples around its centre have which are in front, by a tent.
