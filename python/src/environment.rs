@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_run::evaluate::Suite;
-use genmanip_run::sessions::{self, Outcome, Session, SessionSettings};
+use genmanip_pipeline::evaluate::Suite;
+use genmanip_pipeline::sessions::{self, Outcome, Session, SessionSettings};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

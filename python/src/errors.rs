@@ -2,7 +2,7 @@
 
 use std::error::Error as _;
 
-use genmanip_run::RunError;
+use genmanip_workspace::RunError;
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -1,5 +1,6 @@
 //! Evaluating policies, also those that are written in Python.
 
+use genmanip_workspace::workers;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -7,9 +8,11 @@ use std::time::Duration;
 use genmanip_core::{
     ActionChunk, Document, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
 };
-use genmanip_run::evaluate::{self as run, EvaluateOptions, Suite};
-use genmanip_run::policies::{POLICIES, PolicyContext, read_spec};
-use genmanip_run::{PolicyFactory, RunError, Silent, inputs};
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::evaluate::{self as run, EvaluateOptions, Suite};
+use genmanip_pipeline::policies::{POLICIES, PolicyContext, read_spec};
+use genmanip_workspace::RunError;
+use genmanip_workspace::Silent;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -39,7 +42,7 @@ pub fn evaluate(
         let options = EvaluateOptions {
             keep_episodes: keep_episodes.unwrap_or(!is_run && out.is_some()),
             out,
-            workers: inputs::workers(workers),
+            workers: workers::workers(workers),
             ..EvaluateOptions::default()
         };
         run::evaluate(&suite_of, &factories, &options, &Silent, stop)

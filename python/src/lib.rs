@@ -1,4 +1,4 @@
-//! The Python module `genmanip._genmanip`: what `genmanip_run` and `genmanip_rollout` do, for Python programs.
+//! The Python module `genmanip._genmanip`: what `genmanip_pipeline` and `genmanip_rollout` do, for Python programs.
 //!
 //! The package around it, in `genmanip/`, loads the simulator's library before this one and holds what is easier said in
 //! Python: Gymnasium's environments and how functions are called. Nothing is decided here: a function turns its
@@ -40,5 +40,5 @@ fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Version of the simulator that was loaded, as it says itself.
 #[pyfunction]
 fn engine() -> String {
-    genmanip_run::sessions::engine_version()
+    genmanip_pipeline::sessions::engine_version()
 }

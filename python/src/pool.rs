@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::{ObjectState, Observation};
-use genmanip_run::RunError;
-use genmanip_run::sessions::{Session, SessionSettings};
+use genmanip_pipeline::sessions::{Session, SessionSettings};
+use genmanip_workspace::RunError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 

@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Distortion, Intrinsics, Pose, Projection as Core};
-use genmanip_run::RunError;
+use genmanip_workspace::RunError;
 use pyo3::prelude::*;
 
 use crate::errors::error;

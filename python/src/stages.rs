@@ -1,16 +1,21 @@
 //! The stages from tasks to data sets.
 
+use genmanip_workspace::task_files;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 use std::path::PathBuf;
 
 use genmanip_core::{Document, Seed, TaskKind};
 use genmanip_data::lerobot::LerobotDataset;
 use genmanip_layout::LayoutSettings;
+use genmanip_pipeline::Run;
+use genmanip_pipeline::collect::CollectOptions;
+use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_run::collect::CollectOptions;
-use genmanip_run::designs::{Design, design_into};
-use genmanip_run::layouts::{LayoutOutput, lay_out};
-use genmanip_run::{Run, RunError, Silent, inputs};
+use genmanip_workspace::RunError;
+use genmanip_workspace::Silent;
+use genmanip_workspace::designed_tasks::{Design, design_into};
 use pyo3::prelude::*;
 
 use crate::errors::{error, json};
@@ -20,14 +25,14 @@ use crate::observation::array;
 /// Tasks of files and folders, as JSON.
 #[pyfunction]
 pub fn tasks(py: Python, paths: Vec<PathBuf>) -> PyResult<String> {
-    let tasks = py.detach(|| inputs::read_tasks(&paths)).map_err(error)?;
+    let tasks = py.detach(|| task_files::read_tasks(&paths)).map_err(error)?;
     json(&tasks.iter().map(Document::to_value).collect::<Vec<_>>())
 }
 
 /// Tasks by rules into a folder; rows as JSON.
 #[pyfunction]
 pub fn design(py: Python, out: PathBuf, kinds: Vec<String>, count: usize, seed: u64) -> PyResult<String> {
-    let named = kinds.iter().map(|name| inputs::task_kind(name)).collect::<Result<Vec<_>, _>>().map_err(error)?;
+    let named = kinds.iter().map(|name| task_files::task_kind(name)).collect::<Result<Vec<_>, _>>().map_err(error)?;
     let kinds = if named.is_empty() { TaskKind::ALL.to_vec() } else { named };
     let rows = py.detach(|| {
         let cards = genmanip_assets::Catalogue::builtin().cards();
@@ -55,10 +60,10 @@ pub fn layout(
     workers: Option<usize>,
 ) -> PyResult<String> {
     let rows = interruptible(py, |stop| {
-        let tasks = inputs::read_tasks(&tasks)?;
-        let world = inputs::read_world_with(world.as_deref(), robot.as_deref())?;
+        let tasks = task_files::read_tasks(&tasks)?;
+        let world = worlds::read_world_with(world.as_deref(), robot.as_deref())?;
         let output = LayoutOutput { folder: out, explain: false };
-        let (settings, seed, workers) = (LayoutSettings::default(), Seed::new(seed), inputs::workers(workers));
+        let (settings, seed, workers) = (LayoutSettings::default(), Seed::new(seed), workers::workers(workers));
         lay_out(&tasks, count, &world, &settings, seed, &output, workers, &Silent, stop, &mut |_| {})
     })?;
     json(&rows)
@@ -81,14 +86,14 @@ pub fn collect(
     workers: Option<usize>,
 ) -> PyResult<String> {
     let collected = interruptible(py, |stop| {
-        let tasks = inputs::spool_tasks(&tasks, &out)?;
-        let world = inputs::read_world_with(world.as_deref(), robot.as_deref())?;
+        let tasks = task_files::spool_tasks(&tasks, &out)?;
+        let world = worlds::read_world_with(world.as_deref(), robot.as_deref())?;
         let images = dataset.then(ImageSettings::default);
         let settings =
             CollectSettings { images, keep_failed, corrects: corrections, ..CollectSettings::in_world(world) };
         let run = Run::new(tasks, episodes, settings, Seed::new(seed));
-        let options = CollectOptions { workers: inputs::workers(workers), repair: false, shard: None };
-        genmanip_run::collect::collect(&out, run, options, &Silent, stop)
+        let options = CollectOptions { workers: workers::workers(workers), repair: false, shard: None };
+        genmanip_pipeline::collect::collect(&out, run, options, &Silent, stop)
     })?;
     json(&collected.rows)
 }

@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-const SERVER: &str = "crates/remote/testdata/openpi_server.py";
+const SERVER: &str = "crates/remote-policies/testdata/openpi_server.py";
 /// What is installed into an environment of its own.
 const PACKAGES: [&str; 3] = ["openpi-client==0.1.2", "websockets==17.4", "typing-extensions==4.16.0"];
 /// Records what openpi's own client and packer say to each other, and what it recorded.
-const RECORDER: &str = "crates/remote/testdata/record_conversation.py";
-const CONVERSATION: &str = "crates/remote/testdata/openpi_conversation.zlib";
+const RECORDER: &str = "crates/remote-policies/testdata/record_conversation.py";
+const CONVERSATION: &str = "crates/remote-policies/testdata/openpi_conversation.zlib";
 const VLA_EVAL: &str = "python/tests/interop_vla_eval.py";
 /// The harness, and what our wheel depends on; apart from openpi's client, whose pins are others.
 const VLA_EVAL_PACKAGES: [&str; 3] = ["vla-eval==0.8.0", "mujoco==3.17.0", "numpy==2.3.5"];

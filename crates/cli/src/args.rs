@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
-use genmanip_run::policies;
+use genmanip_pipeline::policies;
 
 pub use agent::*;
 pub use assets::*;

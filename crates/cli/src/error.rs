@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
 
-use genmanip_run::RunError;
+use genmanip_workspace::RunError;
 
 /// Exit codes are an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod error;
+mod launch;
 #[cfg(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu"))]
 mod memory;
 mod printer;
@@ -55,7 +56,7 @@ fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     if is_importing || (arguments.packs.is_none() && !folder.is_dir()) {
         return Ok(());
     }
-    genmanip_run::packs::open(&folder)?;
+    genmanip_import::packs::open(&folder)?;
     Ok(())
 }
 

@@ -6,22 +6,27 @@
 //! 4. [`mass`] and [`prior`] fill in what things of that kind weigh, [`words`] how they are called.
 //! 5. Every guess and every repair stands in a [`report::Report`].
 //!
-//! Nothing here touches a disk: the caller reads files, each within the bound that it is told.
-//! [`pack`] is the form in which an imported object is kept.
+//! [`import`] touches no disk: the caller reads files, each within the bound that it is told.
+//! [`pack`] is the file format of an imported object; [`packs`] reads and writes folders of them, with baked
+//! [`grasps`]; [`audit`] lists implausible objects; [`robots`] reads robots from URDF folders.
 
+pub mod audit;
 pub mod build;
 pub mod clean;
 pub mod collision;
 mod error;
 pub mod files;
 pub mod formats;
+pub mod grasps;
 pub mod mass;
 pub mod pack;
+pub mod packs;
 pub mod picture;
 pub mod place;
 pub mod prior;
 pub mod raw;
 pub mod report;
+pub mod robots;
 pub mod simplify;
 pub mod words;
 

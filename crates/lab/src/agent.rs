@@ -1,17 +1,20 @@
 //! The agent on fresh tasks and layouts, with a model and masks that may be oracles.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::ask::Moment;
-use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_bench::{failure_page, text_table};
+use genmanip_agent_sim::{AgentChoice, Blamed, classify, keep};
+use genmanip_benchmark::failure_page;
+use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage as Scene, run_episode};
-use genmanip_run::agents::{AgentChoice, Blamed, classify, keep};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::agent_page::Gathered;
@@ -112,7 +115,7 @@ pub fn measure(
 ) -> Result<Measured, LabError> {
     let tasks = episodes::tasks(&arguments.kinds, arguments.count, seed)?;
     let settings = CollectSettings::in_world(world.clone());
-    let planner = inputs::planner(world, &settings.planner)?;
+    let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let [vlm, masks] = arguments.names.map(String::from);
     let name = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
@@ -154,7 +157,7 @@ pub fn measure(
     progress.end();
     if let Some(page) = &arguments.page {
         let page_of = gathered.page(&arguments.choice.name(), measured.oracle);
-        inputs::write_file(page, failure_page(&page_of).as_bytes())?;
+        documents::write_file(page, failure_page(&page_of).as_bytes())?;
     }
     Ok(measured)
 }

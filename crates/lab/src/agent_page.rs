@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use genmanip_agent::ask::{Moment, Transcribed};
-use genmanip_bench::{CaseMoment, FailureCase, FailurePage, KindFailures};
+use genmanip_agent_sim::{Blamed, FailureClass, Heard};
+use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
 use genmanip_core::{EpisodeResult, TaskKind};
-use genmanip_run::agents::{Blamed, FailureClass, Heard};
 
 /// Collects episode by episode.
 #[derive(Default)]

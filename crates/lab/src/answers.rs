@@ -1,19 +1,22 @@
 //! Hostile answers: how long the check of an answer takes at worst, and whether anything breaks it.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, limits};
-use genmanip_scene::answer::hostile::{Fuzzer, inconsistency, worst_cases};
-use genmanip_scene::answer::{AnswerReport, RecordedAnswer, TaskRequest, Verdict, check_answer};
+use genmanip_tasks::answer::hostile::{Fuzzer, inconsistency, worst_cases};
+use genmanip_tasks::answer::{AnswerReport, RecordedAnswer, TaskRequest, Verdict, check_answer};
 use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
-use genmanip_run::{Cause, Progress, inputs};
+use genmanip_workspace::Cause;
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
 /// A worst case is timed so often and the quickest time counts: what it costs, not what else the machine did.
 const REPETITIONS: usize = 5;
@@ -109,10 +112,10 @@ pub fn measure(answers: &Path, amount: Amount, seed: Seed, progress: &dyn Progre
 
 fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> {
     let mut recorded = Vec::new();
-    for path in inputs::expand(&[answers.to_owned()])? {
+    for path in task_files::expand(&[answers.to_owned()])? {
         let not_recorded =
             |error: Cause| LabError::input(format!("{} is no recorded answer", path.display())).because(error);
-        let text = inputs::read_text(&path, limits::TASK)?;
+        let text = documents::read_text(&path, limits::TASK)?;
         let answer = RecordedAnswer::from_json(&text).map_err(|error| not_recorded(error.into()))?;
         let request = answer.request("lab", Catalogue::builtin().cards());
         let request = request.map_err(|error| not_recorded(error.into()))?;

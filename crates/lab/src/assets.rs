@@ -1,5 +1,6 @@
 //! New objects of the families or imported ones, tried: do they stand, can they be held, do containers contain, do states stay?
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -15,12 +16,12 @@ use genmanip_core::{
     Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, PhysicsFactors, Piece, Pose, Seed,
     Shape, World,
 };
+use genmanip_import::packs::{Packs, at_rest};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasps};
-use genmanip_run::packs::{Packs, at_rest};
-use genmanip_run::{Progress, inputs};
 use genmanip_sim::{Scene, SceneObject, Sim, SimError};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use crate::LabError;
@@ -154,8 +155,8 @@ pub fn measure(
     let world = default_world();
     let trials = GraspTrials {
         catalogue: Catalogue::builtin(),
-        planner: inputs::planner(&world, &PlannerSettings::default())?,
-        robot: inputs::robot(&world)?,
+        planner: worlds::planner(&world, &PlannerSettings::default())?,
+        robot: worlds::robot(&world)?,
         world: Arc::clone(&world),
         view: ViewSettings::default(),
     };

@@ -4,6 +4,7 @@
 //! The server is real HTTP on this machine. It answers with what the oracle says to the question, after a while, and now
 //! and then misbehaves: results say oracle.
 
+use genmanip_workspace::worlds;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::AtomicBool;
@@ -11,14 +12,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_agent::ask::{Answered, ChatService, Question, ServiceError, VisionModel};
-use genmanip_chat::fake::{Behaviour, FakeServer, SeenRequest};
-use genmanip_chat::{ServerSettings, Structure};
+use genmanip_agent_sim::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
+use genmanip_llm::fake::{Behaviour, FakeServer, SeenRequest};
+use genmanip_llm::{ServerSettings, Structure};
 use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_rollout::evaluate::{Case, Outcome, evaluate};
 use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
-use genmanip_run::agents::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use rand::RngExt;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -107,7 +108,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
-    let planner = inputs::planner(world, &settings.planner)?;
+    let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let cases = lay_out(arguments.count, resources, &settings, seed, progress)?;
     let table: Arc<Mutex<Table>> = Arc::default();

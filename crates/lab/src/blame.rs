@@ -3,19 +3,20 @@
 //!
 //! Only episodes that succeed without the mistake tell: where one fails anyway, its cause is not known.
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::PathKind;
 use genmanip_agent::ask::VisionModel;
 use genmanip_agent::services::GraspSource;
-use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_bench::text_table;
+use genmanip_agent_sim::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
+use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_watched};
-use genmanip_run::agents::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::clock::cpu_clock;
@@ -147,7 +148,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
-    let planner = inputs::planner(world, &settings.planner)?;
+    let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut clock = cpu_clock();
     let agent = &arguments.choice.settings;
@@ -268,7 +269,7 @@ fn play(
     let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else { return Ok(None) };
     let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot()).map_err(broke)?;
     let choice = AgentChoice { is_analysed: true, keeps_turns: true, ..choice.clone() };
-    let truth = genmanip_run::agents::Truth::new(&stage);
+    let truth = genmanip_agent_sim::Truth::new(&stage);
     let oracle = Arc::new(choice.oracle_of(&truth, resources.planner, resources.grasps)?);
     let model = choice.answering(Some(Arc::clone(&oracle)), &stage.scenario, None)?;
     let mut made = choice.make_asking(Arc::clone(&model), truth.clone(), resources.planner)?;
@@ -399,7 +400,7 @@ pub fn in_words(measured: &Measured) -> String {
 #[cfg(test)]
 mod tests {
     use genmanip_assets::worlds::default_world;
-    use genmanip_run::Silent;
+    use genmanip_workspace::Silent;
 
     use super::*;
 

@@ -1,11 +1,11 @@
 //! Tasks of the rule-based designer: validity, variety, quotas, references.
 
 use genmanip_core::{ObjectCard, Seed};
-use genmanip_scene::designer::{self, DesignReport, DesignSettings};
+use genmanip_tasks::designer::{self, DesignReport, DesignSettings};
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
+use genmanip_workspace::text_table;
 
 /// Flaws that are printed for people; the JSON has all.
 const SHOWN: usize = 20;

@@ -1,5 +1,6 @@
 //! The environment: what stepping through it costs beside the bare simulation, and whether it is exact.
 
+use genmanip_workspace::worlds;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,8 +15,9 @@ use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
-use genmanip_run::{Progress, inputs, replay};
+use genmanip_viz::replay;
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
 /// Times every episode is stepped through, bare and in the environment by turns.
 const REPEATS: usize = 5;
@@ -51,7 +53,7 @@ pub struct Measured {
 /// When an episode broke; one that fails counts like any other.
 pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world((*default_world()).clone());
-    let planner = inputs::planner(&settings.world, &settings.planner)?;
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut cases = Vec::new();
     progress.begin("collecting", tasks.len());

@@ -3,7 +3,7 @@
 use genmanip_assets::Catalogue;
 use genmanip_core::{Scenario, Seed, Task, TaskKind};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
-use genmanip_scene::designer::{DesignSettings, design_many};
+use genmanip_tasks::designer::{DesignSettings, design_many};
 
 use crate::LabError;
 

@@ -1,5 +1,6 @@
 //! The expert: attempts on fresh layouts until one is verified, nothing stored.
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 
 use genmanip_core::{EpisodeResult, Seed, StrayContact, Task, World};
@@ -8,8 +9,8 @@ use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::{cpu_clock, peak_memory_mb};
-use genmanip_bench::text_table;
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
 /// Failed attempts whose evidence is kept per cause and kind; the counts have all.
 const SAMPLES: usize = 5;
@@ -84,7 +85,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
-    let planner = inputs::planner(world, &settings.planner)?;
+    let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
     let mut total = Yield::default();

@@ -8,9 +8,9 @@ use serde_json::{Map, Value};
 
 use crate::LabError;
 use crate::calibration::Calibration;
-use genmanip_bench::text_table;
 use genmanip_core::{json, limits};
-use genmanip_run::inputs;
+use genmanip_workspace::documents;
+use genmanip_workspace::text_table;
 
 /// Pull of every weight to 0, as if one trial more had been seen for it.
 const RIDGE: f64 = 1.0;
@@ -102,7 +102,7 @@ fn weights(vector: &[f64], names: &[String]) -> Weights {
 fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
-        for (index, line) in inputs::read_text(path, limits::TRIALS)?.lines().enumerate() {
+        for (index, line) in documents::read_text(path, limits::TRIALS)?.lines().enumerate() {
             let trial = json::parse(line).map_err(|error| broken(path, index, &error.to_string()))?;
             if trial["grasp"].is_null() && !trial["ending"].is_null() {
                 continue;

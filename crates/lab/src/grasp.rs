@@ -1,5 +1,6 @@
 //! Grasps from points, tried in physics: lift, shake, hold.
 
+use genmanip_workspace::worlds;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::PathBuf;
@@ -9,7 +10,7 @@ use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use crate::LabError;
@@ -103,11 +104,11 @@ pub fn measure(
             Some(std::io::BufWriter::new(file))
         }
     };
-    let planner = inputs::planner(world, &PlannerSettings::default())?;
+    let planner = worlds::planner(world, &PlannerSettings::default())?;
     let trials = GraspTrials {
         catalogue: Catalogue::builtin(),
         planner,
-        robot: inputs::robot(world)?,
+        robot: worlds::robot(world)?,
         world: Arc::clone(world),
         view: ViewSettings::default(),
     };

@@ -1,17 +1,18 @@
 //! Layouts: tasks laid out once each, timed, and audited outside the timing.
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, Task, World};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_scene::relations::{Rest, ShapeCache, judge_goal};
+use genmanip_relations::{Rest, ShapeCache, judge_goal};
 use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 
 /// How long a layout is left alone in physics, simulated seconds.
 const ALONE_S: f64 = 2.0;
@@ -100,7 +101,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let planner = inputs::planner(world, &PlannerSettings::default())?;
+    let planner = worlds::planner(world, &PlannerSettings::default())?;
     let catalogue = Catalogue::builtin();
     let settings = LayoutSettings { distractors, ..LayoutSettings::default() };
     let mut measured = Measured { seed: seed.value(), tasks: tasks.len(), ..Measured::default() };

@@ -32,4 +32,4 @@ pub mod suite;
 
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.
-pub use genmanip_run::RunError as LabError;
+pub use genmanip_workspace::RunError as LabError;

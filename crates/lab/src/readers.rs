@@ -4,14 +4,16 @@
 //! number, so that neither name nor order tells anything. Readers write a JSON file; [`SCENE_QUESTION`] and
 //! [`END_QUESTION`] say how.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use genmanip_agent::picture::{Picture, marks};
 use genmanip_agent::segmentation::Mask;
-use genmanip_bench::statistics::{Rate, StatisticsSettings};
-use genmanip_bench::text_table;
+use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
+use genmanip_benchmark::suites;
 use genmanip_core::limits::Limit;
 use genmanip_core::{
     Atom, CameraRequest, Episode, ImageChannels, ObjectState, PlacedObject, RgbdImage, Scenario, Seed, Task,
@@ -20,7 +22,9 @@ use genmanip_data::EpisodeStore;
 use genmanip_render::FIRST_OBJECT;
 use genmanip_rollout::Stage;
 use genmanip_rollout::images::{Exposure, Painter};
-use genmanip_run::{Progress, inputs, replay, suites};
+use genmanip_viz::replay;
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 use rand::Rng;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
@@ -184,7 +188,7 @@ pub fn compare(about: About, seed: Seed, answers: &[PathBuf]) -> Result<Report, 
     let keys = subjects.iter().map(key).collect::<Result<Vec<Key>, _>>()?;
     let mut readers = Vec::new();
     for file in answers {
-        let text = inputs::read_text(file, ANSWERS)?;
+        let text = documents::read_text(file, ANSWERS)?;
         let read: Answers = serde_json::from_str(&text)
             .map_err(|error| LabError::input(format!("{}: {error}; see questions.json", file.display())))?;
         let by_id: BTreeMap<&str, &Answer> = read.answers.iter().map(|answer| (answer.id.as_str(), answer)).collect();
@@ -319,7 +323,7 @@ impl Key {
 fn key(subject: &Subject) -> Result<Key, LabError> {
     let (scenario, of, right) = match subject {
         Subject::Start(path) => {
-            let scenario = inputs::read_scenario(path)?;
+            let scenario = scenarios::read_scenario(path)?;
             let ways = ways(&scenario);
             (scenario, path.display().to_string(), Right::Moves(ways))
         }
@@ -361,7 +365,7 @@ fn listed(moves: &BTreeSet<Move>) -> String {
 fn draw(subject: &Subject) -> Result<(Picture, String), LabError> {
     match subject {
         Subject::Start(path) => {
-            let stage = inputs::read_stage(path)?;
+            let stage = scenarios::read_stage(path)?;
             let start = start(&stage);
             let views = CAMERAS.iter().map(|camera| view(&stage, camera, &start)).collect::<Result<Vec<_>, _>>()?;
             Ok((stacked(&views), stage.scenario.task.instruction.clone()))

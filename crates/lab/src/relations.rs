@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use genmanip_scene::clouds::Profile;
-use genmanip_scene::clouds::cases::{Comparison, compare, compare_seed};
+use genmanip_relations::clouds::Profile;
+use genmanip_relations::clouds::cases::{Comparison, compare, compare_seed};
 
 use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_core::limits;
-use genmanip_run::inputs;
+use genmanip_workspace::documents;
 
 /// Disagreements that are printed for people; the JSON has all.
 const SHOWN: usize = 20;
@@ -19,8 +19,8 @@ const SHOWN: usize = 20;
 /// When there is no such profile, or the files cannot be read or hold something else.
 pub fn measure(cases: &Path, profile: &str) -> Result<Comparison, LabError> {
     let judge = if profile == "seed" { None } else { Some(compatibility(profile)?) };
-    let text = inputs::read_text(cases, limits::CASES)?;
-    let archive = inputs::read_bytes(&cases.with_extension("npz"), limits::CLOUDS)
+    let text = documents::read_text(cases, limits::CASES)?;
+    let archive = documents::read_bytes(&cases.with_extension("npz"), limits::CLOUDS)
         .map_err(|error| error.with_hint("the clouds of the cases are expected beside them, with the ending .npz"))?;
     let comparison = match judge {
         Some(profile) => compare(&text, &archive, profile, &mut cpu_clock()),

@@ -20,8 +20,8 @@ use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
-use genmanip_run::Progress;
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
 pub use baselines::{Baselines, measure as measure_baselines};
 pub use judge::{Flip, judge};

@@ -1,5 +1,6 @@
 //! Profile `seed` on clouds from rendered depth and ids, against posed geometry.
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -7,15 +8,15 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves, posed};
 use genmanip_motion::PlannerSettings;
+use genmanip_relations::observed::clouds_of_views;
+use genmanip_relations::{CloudScene, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal};
 use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
-use genmanip_scene::observed::clouds_of_views;
-use genmanip_scene::relations::{CloudScene, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal};
 use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
 /// A case counts when every measured quantity is farther than this from its threshold, metres.
 const MARGIN_M: f64 = 0.01;
@@ -80,7 +81,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Agreement, LabError> {
-    let planner = inputs::planner(world, &PlannerSettings::default())?;
+    let planner = worlds::planner(world, &PlannerSettings::default())?;
     let mut bench = Bench {
         robot: Arc::clone(planner.robot()),
         cameras: world.prompt_cameras().into_iter().cloned().collect(),
@@ -175,7 +176,7 @@ impl Bench {
         }
         for one in 0..ids.len() {
             for other in (0..ids.len()).filter(|&other| other != one) {
-                let exact = genmanip_scene::relations::label_pair(scene, one, other, &self.world.relations);
+                let exact = genmanip_relations::label_pair(scene, one, other, &self.world.relations);
                 let (Some(exact), Some(a), Some(b)) = (exact, clouds.index_of(ids[one]), clouds.index_of(ids[other]))
                 else {
                     continue;

@@ -1,18 +1,23 @@
 //! Runs of any size: what a report of many episodes costs, and how quickly their folder opens and goes on.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::workers;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use genmanip_bench::{ReportSettings, text_table};
+use genmanip_benchmark::ReportSettings;
 use genmanip_core::{Document, Seed, Task};
+use genmanip_pipeline::Run;
+use genmanip_pipeline::RunFolder;
+use genmanip_pipeline::collect::{CollectOptions, collect};
+use genmanip_pipeline::report::{report, report_full};
 use genmanip_rollout::collect::Attempt;
-use genmanip_run::collect::{CollectOptions, collect};
-use genmanip_run::report::{report, report_full};
-use genmanip_run::tasks::Tasks;
-use genmanip_run::{Progress, Run, RunFolder, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::task_spool::Tasks;
+use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::LabError;
@@ -79,7 +84,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     }
 
     let started = Instant::now();
-    let options = CollectOptions { workers: inputs::workers(None), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(None), repair: false, shard: None };
     let collected = collect(out, known, options, progress, &AtomicBool::new(false))?;
     let resume_s = timed("continued", started);
     if collected.finished != episodes {
@@ -90,14 +95,14 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     forget_peak_memory();
     let mut clock = process_clock();
     let page = report(out, None, &ReportSettings::default(), progress)?;
-    inputs::write_file(&out.join("report.html"), page.as_bytes())?;
+    documents::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
     progress.note(&format!(
         "report: {report_cpu_s:.1} s of processor time, {report_bytes} bytes, {}",
         mebibytes(report_rss_mb)
     ));
 
-    let (workers, pages) = (inputs::workers(None), out.join("report"));
+    let (workers, pages) = (workers::workers(None), out.join("report"));
     forget_peak_memory();
     let mut clock = process_clock();
     report_full(out, &pages, &ReportSettings::default(), workers, progress)?;
@@ -154,7 +159,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     let copied = Run { tasks: spooled, episodes_per_task: per_task, settings, seed: Seed::new(0), ..known.clone() };
     let target = RunFolder::begin(out, &copied)?;
     let mark = serde_json::json!({ "copied_from": run.display().to_string(), "episodes": episodes });
-    inputs::write_file(&out.join(MARK), format!("{mark:#}\n").as_bytes())?;
+    documents::write_file(&out.join(MARK), format!("{mark:#}\n").as_bytes())?;
     let (into, scenarios) = (target.store()?, out.join("scenarios"));
     fs::create_dir_all(&scenarios).map_err(unwritable)?;
     let seconds = folder.timings().attempts;

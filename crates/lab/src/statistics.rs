@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_bench::statistics::{
+use genmanip_benchmark::statistics::{
     Rate, StatisticsSettings, mcnemar_exact, paired_difference, permutation_test, sequential,
 };
-use genmanip_bench::text_table;
 use genmanip_core::Seed;
+use genmanip_workspace::text_table;
 use rand::{Rng, RngExt};
 use serde::Serialize;
 

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_bench::statistics::{Mean, Rate};
-use genmanip_bench::text_table;
+use genmanip_benchmark::statistics::{Mean, Rate};
 use genmanip_core::Seed;
-use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate};
-use genmanip_run::{PolicyFactory, Progress};
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 
-use genmanip_run::suites;
+use genmanip_benchmark::suites;
 use serde::Serialize;
 
 use crate::LabError;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
 use genmanip_core::{Atom, ObjectState, PhysicsFactors, Pose, RobotModel, Scenario, World};
-use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
+use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;

@@ -7,7 +7,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, Pose};
-use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+use genmanip_relations::{PosedObject, PosedScene, ShapeCache};
 
 use crate::audit::{leave_alone, left_alone, scene_object};
 use crate::{LayoutSettings, Rejection, visibility};

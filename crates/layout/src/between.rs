@@ -2,7 +2,7 @@
 
 use genmanip_core::Aabb;
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use crate::context::Context;
 use crate::draft::Stance;

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use genmanip_core::glam::DVec2;
 use genmanip_core::{Aabb, Pose, Relation};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use crate::context::Context;
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, Goal, ObjectModel, Relation, RobotModel, Task, Workspace, World};
-use genmanip_scene::relations::{RelationSettings, Window, placement_window};
+use genmanip_relations::{RelationSettings, Window, placement_window};
 
 use crate::LayoutSettings;
 use crate::order::Step;

@@ -3,7 +3,7 @@
 use genmanip_assets::AssetSource;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Aabb, ObjectModel, Pose, Scenario, Seed};
-use genmanip_scene::relations::{PosedObject, ShapeCache};
+use genmanip_relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
 use crate::audit::{AuditError, posed, scene_object, settled};

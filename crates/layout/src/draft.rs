@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, Pose, Relation, Workspace};
-use genmanip_scene::relations::placement_window;
+use genmanip_relations::placement_window;
 use rand::{Rng, RngExt};
 
 use crate::context::Context;

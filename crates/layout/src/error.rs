@@ -2,8 +2,8 @@
 
 use genmanip_assets::AssetError;
 use genmanip_core::{Atom, InterchangeError, PlacedObject};
+use genmanip_relations::Window;
 use genmanip_render::RenderError;
-use genmanip_scene::relations::Window;
 use genmanip_sim::SimError;
 
 use crate::Rejections;

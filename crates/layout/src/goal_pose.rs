@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, Relation, Seed, Unit, Workspace};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
+use genmanip_relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
 use rand::{Rng, RngExt};
 
 use crate::between;

@@ -4,7 +4,7 @@ use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, Pose, Relation, Seed};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair};
+use genmanip_relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair};
 
 use crate::{GoalPoseSettings, GoalSearch, Move};
 

@@ -46,7 +46,7 @@ use genmanip_core::{
     TriedGrasp, Workspace, World,
 };
 use genmanip_motion::Planner;
-use genmanip_scene::relations::{
+use genmanip_relations::{
     PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states, placement_window,
 };
 use placement::Partial;

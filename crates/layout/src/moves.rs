@@ -1,7 +1,7 @@
 //! From a goal to moves: which object goes where, in which order.
 
 use genmanip_core::{Atom, Goal, Relation};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use crate::articulation::joint_changes;
 

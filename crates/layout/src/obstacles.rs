@@ -3,7 +3,7 @@
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Seed, TriedGrasp};
 use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 /// Grasps that held in a smaller share of their trials are not used; chosen: of five trials, which bakes make, one may be
 /// lost.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit};
-use genmanip_scene::relations::{
+use genmanip_relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, Window, contact_below, judge_atom, outlines_apart,
     placement_window,
 };

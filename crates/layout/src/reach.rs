@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, World};
 use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
-use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::GoalSearch;

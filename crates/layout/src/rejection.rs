@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use genmanip_core::Atom;
-use genmanip_scene::relations::PosedObject;
+use genmanip_relations::PosedObject;
 
 /// Reasons listed in a message; more do not help whoever reads it.
 const LISTED: usize = 4;

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Pose, RobotModel, World};
+use genmanip_relations::{PosedObject, PosedScene};
 use genmanip_render::{
     Channels, FrameBuffers, RenderAssets, RenderError, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
-use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};

@@ -9,10 +9,10 @@ use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspFile, GraspLibrar
 use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
 use genmanip_layout::{LayoutError, LayoutSettings, Rejection, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_scene::answer::{RecordedAnswer, check_answer};
-use genmanip_scene::relations::{
+use genmanip_relations::{
     PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, measure_pair,
 };
+use genmanip_tasks::answer::{RecordedAnswer, check_answer};
 
 fn planner() -> &'static Planner {
     static PLANNER: OnceLock<Planner> = OnceLock::new();

@@ -1,31 +1,55 @@
-//! Tasks invented by a language model: asking, checking, asking again, and doing it all again without the model.
+//! Conversations with language models: what is sent and received, recorded and counted, whatever they are about.
 //!
-//! - [`generate`] asks a language model for tasks and returns valid ones or typed refusals.
-//! - [`PromptSet`] holds the prompts, which are files; [`sample_objects`] chooses the objects to offer.
+//! - [`ChatModel`] answers a [`ChatRequest`], whose messages consist of texts and images.
+//! - [`HttpChat`] asks a server in its [`Dialect`]: limits on time, size and retries, structured output with a fallback.
+//! - [`CassetteChat`] records exchanges and replays them, found by the content of the request.
+//! - [`FolderChat`] writes questions into a folder and waits for whoever answers there.
+//! - [`Service`] is the same for services that answer JSON with JSON: over HTTP, recorded, replayed.
+//! - [`Ledger`] counts answers, requests, tokens and cost.
+//! - [`fake`] has a scripted model and a loopback server that misbehaves on request.
 //!
-//! The conversation itself, its server and its recording are those of `genmanip_chat`.
-//! What a model says is never trusted: the only way to a task is `genmanip_scene::answer::check_answer`.
+//! The API key is read from the environment, sent in one header, and is in no file, error or debug text.
 //!
 //! ```
-//! use genmanip_chat::fake::ScriptedChat;
-//! use genmanip_core::{Seed, TaskKind};
-//! use genmanip_llm::{Designer, LlmSettings};
+//! use genmanip_llm::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
 //!
-//! let mut settings = LlmSettings::default();
-//! settings.generation.max_rounds = 1;
-//! let designer = Designer::with_model(ScriptedChat::new(["I would rather not."]), &settings).unwrap();
-//! let outcomes = designer.generate(TaskKind::Spatial, 1, Seed::new(1), &[], &|_| {});
-//! assert!(outcomes[0].refusal().unwrap().contains("the catalogue has 0")); // nothing to offer, nothing asked
+//! let model = ScriptedChat::new(["Bonjour."]);
+//! let request = ChatRequest::new("any", vec![Message::system("Answer in French."), Message::user("Good morning.")]);
+//! assert_eq!(model.chat(&request).unwrap().text, "Bonjour.");
 //! ```
 
-mod designer;
-mod outcome;
-mod prompt;
-mod sampling;
+mod cassette;
+mod dialect;
+mod error;
+pub mod fake;
+pub mod files;
+mod folder;
+mod http;
+mod ledger;
+mod lines;
+mod message;
+mod model;
+mod nearest;
+mod recorded;
+mod reply;
+mod request;
+mod retry;
+mod secret;
+mod service;
 mod settings;
+mod transport;
 
-pub use designer::{Designer, DesignerError, generate};
-pub use outcome::{Designed, GenerationOutcome, Refusal, Round};
-pub use prompt::{KindPrompts, Prompt, PromptError, PromptHead, PromptSet, PromptStamp};
-pub use sampling::{SamplingError, SamplingSettings, sample_objects};
-pub use settings::{GenerationSettings, LlmSettings};
+pub use cassette::{Cassette, CassetteChat, CassetteMode, CassetteSettings, read as read_cassette};
+pub use dialect::Dialect;
+pub use error::{ChatError, ImageError, NearestCassette, SettingsError};
+pub use folder::{FolderChat, FolderMessage, FolderPart, FolderQuestion, FolderSettings};
+pub use http::HttpChat;
+pub use ledger::{Cost, Ledger, ModelUsage, Price};
+pub use message::{Image, MediaType, Message, Part, Role};
+pub use model::ChatModel;
+pub use recorded::{RecordedImage, RecordedMessage, RecordedPart, RecordedText};
+pub use reply::{ChatReply, Structure, Usage};
+pub use request::{ChatRequest, RecordedRequest, ReplySchema};
+pub use secret::ApiKey;
+pub use service::{HttpService, RecordedService, Service, ServiceCassette, ServiceSettings};
+pub use settings::{ServerSettings, from_toml};

@@ -1,105 +1,177 @@
-//! Everything that can be chosen, on one screen; written by people as TOML.
+//! Everything that can be chosen about a server, on one screen; written by people as TOML.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-
-use genmanip_chat::{CassetteSettings, FolderSettings, Price, ServerSettings, SettingsError, from_toml};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
-use crate::sampling::SamplingSettings;
+use crate::dialect::Dialect;
+use crate::error::SettingsError;
+use crate::reply::Structure;
 
-/// Settings of the language-model designer. They name the variable that holds the key, never the key.
-///
-/// ```
-/// use genmanip_llm::LlmSettings;
-/// let settings = LlmSettings::from_toml(r#"
-///     [server]
-///     base_url = "http://127.0.0.1:8080/v1"
-///     model = "qwen2.5-7b-instruct"
-///     [server.parameters]
-///     temperature = 0.7
-/// "#).unwrap();
-/// assert_eq!(settings.server.max_retries, 4);
-/// ```
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LlmSettings {
-    /// The server and how patient to be with it.
-    pub server: ServerSettings,
-    /// A folder in which somebody answers, instead of the server.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub folder: Option<FolderSettings>,
-    /// Recording and replaying.
-    pub cassettes: CassetteSettings,
-    /// How tasks are asked for.
-    pub generation: GenerationSettings,
-    /// What tokens cost, by model name; a model that is not listed costs `unknown`.
-    pub prices: BTreeMap<String, Price>,
-}
-
-/// How tasks are asked for.
+/// The server and how patient to be with it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct GenerationSettings {
-    /// Answers per task: the first and its repairs.
-    pub max_rounds: u32,
-    /// Tasks asked for at the same time; also the limit of open requests.
-    pub workers: usize,
-    /// Smallest number of objects in a scene.
-    pub min_objects: usize,
-    /// Which objects are offered.
-    pub sampling: SamplingSettings,
-    /// Folder with prompt files that replace the built-in ones; none for the built-in ones.
-    pub prompts: Option<PathBuf>,
-    /// Longest answer that is quoted back for repair, bytes; of a longer one the beginning.
-    pub max_quoted_bytes: usize,
+pub struct ServerSettings {
+    /// What the server speaks.
+    pub dialect: Dialect,
+    /// Address up to the path of the dialect (`/chat/completions`); user, password and query are refused, because
+    /// addresses appear in errors.
+    pub base_url: String,
+    /// Model name as the server knows it.
+    pub model: String,
+    /// Environment variable that holds the API key; none for servers that want no key.
+    pub api_key_env: Option<String>,
+    /// Whether the key may travel unencrypted to another machine. (To this machine it always may.)
+    pub allow_key_over_http: bool,
+    /// Limit for making a connection, seconds.
+    pub connect_timeout_s: f64,
+    /// Limit for one whole request, connection included, seconds.
+    pub total_timeout_s: f64,
+    /// Largest image that is sent, bytes of its file; a larger one is an error before anything is sent.
+    pub max_image_bytes: u64,
+    /// Largest request that is sent, bytes of its body with images in base64; a larger one is an error.
+    pub max_request_bytes: u64,
+    /// Largest answer that is read, bytes.
+    pub max_body_bytes: u64,
+    /// Further requests after the first, when it was refused for the moment (408, 429, 5xx), timed out or was cut off.
+    pub max_retries: u32,
+    /// Wait before the first retry, seconds; doubles each time, and is shortened by up to a half at random.
+    pub first_backoff_s: f64,
+    /// Longest such wait, seconds.
+    pub max_backoff_s: f64,
+    /// Longest wait that a server may ask for (`Retry-After`), seconds; asked for more, the client gives up.
+    pub max_retry_after_s: f64,
+    /// Strictest form of structured output to try; looser ones follow when the server refuses it.
+    pub structure: Structure,
+    /// Further fields of the request body, sent as they are, e.g. `temperature`, `max_tokens`, `seed`.
+    pub parameters: Map<String, Value>,
 }
 
-impl Default for GenerationSettings {
+impl Default for ServerSettings {
     fn default() -> Self {
         Self {
-            max_rounds: 3,  // a model that fails twice with the list of faults at hand rarely recovers
-            workers: 4,     // polite to a shared server
-            min_objects: 4, // enough for distractors and indirect places
-            sampling: SamplingSettings::default(),
-            prompts: None,
-            max_quoted_bytes: 32 << 10, // ten times a usual answer
+            dialect: Dialect::OpenAi,                    // what local servers speak
+            base_url: "http://127.0.0.1:8080/v1".into(), // llama.cpp's server as it starts
+            model: "default".into(),                     // servers with one model ignore the name
+            api_key_env: None,                           // local servers want none
+            allow_key_over_http: false,                  // a mistyped address must not publish a key
+            connect_timeout_s: 10.0,                     // a far server answers within one
+            total_timeout_s: 180.0,                      // a thinking model takes a minute or two
+            max_image_bytes: 3_750_000,                  // 5 MB in base64, the least that hosted services take
+            max_request_bytes: 30_000_000,               // hosted services refuse more than 32 MB
+            max_body_bytes: 4 << 20,                     // a hundred times a long answer
+            max_retries: 4,                              // 1 + 2 + 4 + 8 s: outlasts a short overload
+            first_backoff_s: 1.0,
+            max_backoff_s: 30.0,
+            max_retry_after_s: 60.0, // limits per minute are common, limits per day not worth waiting for
+            structure: Structure::JsonSchema, // falls back by itself
+            parameters: Map::new(),  // some models refuse any; the server's defaults are sensible
         }
     }
 }
 
-impl LlmSettings {
-    /// Reads and checks a TOML text.
-    ///
-    /// # Errors
-    /// Names the line or the field; never shows values, since someone may have written a key there.
-    pub fn from_toml(text: &str) -> Result<Self, SettingsError> {
-        let settings: Self = from_toml(text)?;
-        settings.check()?;
-        Ok(settings)
-    }
-
+impl ServerSettings {
     /// Checks what the types do not say.
     ///
     /// # Errors
-    /// Names the first field that makes no sense.
+    /// Names the first field that makes no sense, as in a file where these settings are the table `server`.
     pub fn check(&self) -> Result<(), SettingsError> {
-        self.server.check()?;
-        if let Some(folder) = &self.folder {
-            folder.check()?;
-        }
-        let generation = &self.generation;
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
-        if !(1..=64).contains(&generation.workers) {
-            return invalid("generation.workers", "1 to 64");
+        if let Err(expected) = check_address(&self.base_url) {
+            return invalid("server.base_url", expected);
         }
-        if !(1..=16).contains(&generation.max_rounds) {
-            return invalid("generation.max_rounds", "1 to 16");
+        let https = self.base_url.starts_with("https://");
+        if let Some(variable) = &self.api_key_env {
+            let usual = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b'_';
+            if variable.is_empty() || variable.len() > 64 || !variable.bytes().all(usual) {
+                return invalid("server.api_key_env", "the name of a variable (A-Z, 0-9, _), not the key itself");
+            }
+            if !https && !self.is_loopback() && !self.allow_key_over_http {
+                return invalid("server.base_url", "https:// (or `allow_key_over_http = true`), since a key is sent");
+            }
         }
-        if generation.min_objects < 2 || generation.min_objects > generation.sampling.offered {
-            return invalid("generation.min_objects", "2 up to `generation.sampling.offered`");
+        let positive = [
+            ("server.connect_timeout_s", self.connect_timeout_s),
+            ("server.total_timeout_s", self.total_timeout_s),
+            ("server.first_backoff_s", self.first_backoff_s),
+            ("server.max_backoff_s", self.max_backoff_s),
+        ];
+        for (field, seconds) in positive {
+            if !(seconds > 0.0 && seconds <= 86_400.0) {
+                return invalid(field, "seconds, more than 0 and at most a day");
+            }
         }
-        self.prices.values().try_for_each(Price::check)?;
+        if !(0.0..=86_400.0).contains(&self.max_retry_after_s) {
+            return invalid("server.max_retry_after_s", "seconds, from 0 to a day");
+        }
+        if !(1..=1 << 30).contains(&self.max_body_bytes) {
+            return invalid("server.max_body_bytes", "1 to 1073741824");
+        }
+        if !(1..=1 << 30).contains(&self.max_request_bytes) {
+            return invalid("server.max_request_bytes", "1 to 1073741824");
+        }
+        if !(1..=self.max_request_bytes).contains(&self.max_image_bytes) {
+            return invalid("server.max_image_bytes", "1 up to `server.max_request_bytes`");
+        }
+        if self.max_retries > 20 {
+            return invalid("server.max_retries", "0 to 20");
+        }
+        let reserved = self.dialect.wire().reserved();
+        if reserved.iter().any(|name| self.parameters.contains_key(*name)) {
+            return invalid("server.parameters", &format!("fields other than {}", reserved.join(", ")));
+        }
         Ok(())
     }
+
+    /// Whether the server is on this machine.
+    pub(crate) fn is_loopback(&self) -> bool {
+        is_loopback(&self.base_url)
+    }
+}
+
+/// Checks an address, which appears in errors; `Err` holds what was expected.
+pub(crate) fn check_address(url: &str) -> Result<(), &'static str> {
+    let Some((scheme, rest)) = url.split_once("://").filter(|(scheme, _)| matches!(*scheme, "http" | "https")) else {
+        return Err("an address that begins with http:// or https://");
+    };
+    if scheme == "https" && !cfg!(feature = "https") {
+        return Err("http://, because this program was built without the feature `https`");
+    }
+    if rest.is_empty() || rest.contains(['@', '?', '#']) || rest.contains(char::is_whitespace) {
+        return Err("host and path only: no user, password, query or space");
+    }
+    Ok(())
+}
+
+/// Whether an address is on this machine.
+pub(crate) fn is_loopback(url: &str) -> bool {
+    let authority = url.split("://").nth(1).unwrap_or_default().split('/').next().unwrap_or_default();
+    let host = match authority.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => authority.split(':').next().unwrap_or_default(),
+    };
+    host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+/// Reads settings from a TOML text without ever showing a value: someone may have written a key there.
+///
+/// # Errors
+/// Names the line.
+pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, SettingsError> {
+    toml::from_str(text).map_err(|error| {
+        let start = error.span().map_or(0, |span| span.start);
+        let line = text.get(..start).map_or(1, |before| before.matches('\n').count() + 1);
+        SettingsError::NotSettings { line, message: without_values(error.message()) }
+    })
+}
+
+/// The parser's message without what was written: it quotes values (`string "…"`) and wrong choices (`` variant `…` ``).
+fn without_values(message: &str) -> String {
+    let line = message.lines().next().unwrap_or_default();
+    let hidden = |before: &str, quote: char| {
+        let (start, rest) = line.split_once(before)?;
+        let (_, end) = rest.rsplit_once(quote).filter(|_| quote == '"').or_else(|| rest.split_once(quote))?;
+        Some(format!("{start}(value hidden){end}"))
+    };
+    hidden("\"", '"').or_else(|| hidden("variant `", '`')).unwrap_or_else(|| line.to_owned())
 }

@@ -1,9 +1,9 @@
 //! The goal judged as the paper judges it: on point clouds of the final scene, as the fixed cameras see it.
 
 use genmanip_core::{Atom, Camera, CameraMount, CloudVerdict, Episode, ImageChannels};
+use genmanip_relations::observed::clouds_of_views;
+use genmanip_relations::{CloudScene, Rest};
 use genmanip_render::FIRST_OBJECT;
-use genmanip_scene::observed::clouds_of_views;
-use genmanip_scene::relations::{CloudScene, Rest};
 
 use crate::images::{Exposure, Painter};
 use crate::{RolloutError, Stage};

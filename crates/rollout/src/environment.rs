@@ -14,7 +14,7 @@ use genmanip_core::{
     CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, ObjectState,
     Observation, PrivilegedState, Seed, StrayContact,
 };
-use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
+use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
 use crate::images::{Exposure, Painter, sensor_seed};

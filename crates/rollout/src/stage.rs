@@ -6,8 +6,8 @@ use genmanip_assets::{AssetError, AssetSource};
 use genmanip_core::{
     Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
 };
+use genmanip_relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_render::RenderAssets;
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
 
 use crate::RolloutSettings;

@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_core::{Observation, Pose, RgbdImage};
-use genmanip_remote::numpy::{Array, Numbers};
-use genmanip_run::RunError;
-use genmanip_run::sessions::{Outcome, Saved, Scenes, Session, SessionSettings};
+use genmanip_pipeline::sessions::{Outcome, Saved, Scenes, Session, SessionSettings};
+use genmanip_remote_policies::numpy::{Array, Numbers};
+use genmanip_workspace::RunError;
 use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;

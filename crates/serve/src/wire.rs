@@ -1,6 +1,6 @@
 //! MessagePack that is read as JSON, and JSON that is written as MessagePack.
 
-use genmanip_remote::numpy::Array;
+use genmanip_remote_policies::numpy::Array;
 use rmpv::Value;
 use serde::Serialize;
 use serde_json::{Map, Number, Value as Json};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_chat::{ChatError, ChatModel, ChatReply, ChatRequest, ImageError, Usage};
+use genmanip_llm::{ChatError, ChatModel, ChatReply, ChatRequest, ImageError, Usage};
 use serde_json::{Map, Value};
 
 use super::question::Question;

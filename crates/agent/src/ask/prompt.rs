@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use genmanip_chat::files::read_text;
 use genmanip_core::limits;
+use genmanip_llm::files::read_text;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 

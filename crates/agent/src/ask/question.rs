@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_chat::{ChatRequest, Image, ImageError, Message, Part, ReplySchema};
 use genmanip_core::RgbdImage;
+use genmanip_llm::{ChatRequest, Image, ImageError, Message, Part, ReplySchema};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 

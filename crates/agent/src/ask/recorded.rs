@@ -5,8 +5,8 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use genmanip_chat::Usage;
 use genmanip_core::Document;
+use genmanip_llm::Usage;
 use serde::{Deserialize, Serialize};
 
 use super::model::Answered;

@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_chat::Usage;
 use genmanip_core::Document;
+use genmanip_llm::Usage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

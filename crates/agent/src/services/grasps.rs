@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use genmanip_chat::Service;
 use genmanip_core::grasp::GraspNetGrasp;
 use genmanip_core::{Grasp, Pose};
+use genmanip_llm::Service;
 use genmanip_motion::{CloudTarget, Planner};
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -197,7 +197,7 @@ fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use genmanip_chat::ChatError;
+    use genmanip_llm::ChatError;
     use serde_json::{Value, json};
 
     struct Fixed(Value);

@@ -2,8 +2,8 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use genmanip_chat::Service;
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
+use genmanip_llm::Service;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -232,7 +232,7 @@ fn masks_of(mut reply: SegmentReply, question: &SegmentQuestion) -> Result<Vec<M
 #[cfg(test)]
 mod tests {
     use super::*;
-    use genmanip_chat::ChatError;
+    use genmanip_llm::ChatError;
     use proptest::prelude::*;
     use serde_json::{Value, json};
 

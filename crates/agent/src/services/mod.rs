@@ -4,7 +4,7 @@
 //! - [`grasps`]: `POST /grasp`, for servers like AnyGrasp or Contact-GraspNet.
 //! - [`act`]: `POST /agent`, what the agent itself is asked when it is offered to a camera and an arm.
 //!
-//! The first two ask a [`genmanip_chat::Service`], which is a server, a recording, or a recording of a server.
+//! The first two ask a [`genmanip_llm::Service`], which is a server, a recording, or a recording of a server.
 //! An answer is checked number by number before anything is made of it.
 
 pub mod act;
@@ -29,6 +29,6 @@ fn read<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
 }
 
 /// A failure of the transport with what to do about it.
-fn unanswered(error: &genmanip_chat::ChatError) -> String {
+fn unanswered(error: &genmanip_llm::ChatError) -> String {
     format!("{error} ({})", error.hint())
 }

@@ -7,10 +7,10 @@ use genmanip_agent::ask::{
 };
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
-use genmanip_chat::fake::ScriptedChat;
-use genmanip_chat::{ChatError, ChatModel, ChatReply, ChatRequest};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
+use genmanip_llm::fake::ScriptedChat;
+use genmanip_llm::{ChatError, ChatModel, ChatReply, ChatRequest};
 use proptest::prelude::*;
 
 const REASKS: Reasks = Reasks { most: 2, not_found: true };
@@ -46,7 +46,7 @@ pub fn question(stage: Stage) -> Question {
 
 fn service(answers: &[&str]) -> (Arc<ScriptedChat>, ChatService) {
     let script = Arc::new(ScriptedChat::new(answers.iter().copied()));
-    let chat: Arc<dyn genmanip_chat::ChatModel> = script.clone();
+    let chat: Arc<dyn genmanip_llm::ChatModel> = script.clone();
     (script, ChatService { chat, model: "script".into(), parameters: Default::default() })
 }
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_run::render::Vary;
-use genmanip_run::shard::Choice;
+use genmanip_viz::render::Vary;
+use genmanip_workspace::shard::Choice;
 
 use super::{parse_count, parse_fps, parse_seed};
 

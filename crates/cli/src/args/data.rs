@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_data::lerobot::edit::Condition;
-use genmanip_run::render::Vary;
+use genmanip_viz::render::Vary;
 
 /// Verbs for data sets.
 #[derive(Debug, Subcommand)]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_run::shard::Choice;
+use genmanip_workspace::shard::Choice;
 
 use super::{parse_count, parse_sum};
 

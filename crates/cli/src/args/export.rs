@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
-use genmanip_run::export::FORMATS;
+use genmanip_pipeline::export::FORMATS;
 
 use super::{parse_count, parse_fps};
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_run::render::{LookSeed, Overlay, Vary};
+use genmanip_viz::render::{LookSeed, Overlay, Vary};
 
 /// Arguments of `render`.
 #[derive(Debug, Args)]

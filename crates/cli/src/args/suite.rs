@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use genmanip_bench::suite::ReviewVerdict;
-use genmanip_run::suites::{self, Axis};
+use genmanip_benchmark::suite::ReviewVerdict;
+use genmanip_benchmark::suites::{self, Axis};
 
 use super::parse_count;
 

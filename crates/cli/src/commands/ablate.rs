@@ -1,8 +1,8 @@
 //! `genmanip ablate`.
 
-use genmanip_run::ablate::{ablate, in_words};
-use genmanip_run::evaluate::{EvaluateOptions, Suite};
-use genmanip_run::inputs;
+use genmanip_pipeline::ablate::{ablate, in_words};
+use genmanip_pipeline::evaluate::{EvaluateOptions, Suite};
+use genmanip_workspace::workers;
 
 use crate::args::AblateArguments;
 use crate::error::{ExitStatus, Failed};
@@ -14,7 +14,7 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
         keep_episodes: false,
         shard: None,
         out: Some(arguments.run.clone()),
-        workers: inputs::workers(arguments.asking.workers),
+        workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
     };

@@ -1,11 +1,11 @@
 //! `genmanip agent`.
 
+use genmanip_agent_sim::AgentChoice;
+use genmanip_agent_sim::act_on_files::{ActFiles, act};
 use genmanip_assets::worlds::default_world;
 use genmanip_core::Seed;
 use genmanip_motion::PlannerSettings;
-use genmanip_run::act::{ActFiles, act};
-use genmanip_run::agents::AgentChoice;
-use genmanip_run::inputs;
+use genmanip_workspace::worlds;
 
 use crate::args::{ActArguments, AgentCommand};
 use crate::error::{ExitStatus, Failed};
@@ -16,7 +16,7 @@ pub fn run(command: &AgentCommand, printer: &Printer) -> Result<ExitStatus, Fail
     let ActArguments { vlm, masks, grasps, path, .. } = arguments;
     let choice =
         AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
-    let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
+    let planner = worlds::planner(&default_world(), &PlannerSettings::default())?;
     let files = ActFiles {
         rgb: arguments.rgb.clone(),
         depth: arguments.depth.clone(),

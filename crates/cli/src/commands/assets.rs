@@ -1,5 +1,8 @@
 //! `genmanip assets`.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,14 +10,16 @@ use genmanip_assets::listed::{choose, to_text};
 use genmanip_assets::notes::{geometry_notes, notes};
 use genmanip_assets::search::Filter;
 use genmanip_assets::{Catalogue, Families, Family, GraspLibrary, panda};
-use genmanip_bench::text_table;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
 use genmanip_import::Given;
+use genmanip_import::audit::{self, Finding};
+use genmanip_import::packs::{self, ImportRow, ImportSettings};
 use genmanip_import::raw::Up;
-use genmanip_run::audit::{self, Finding};
-use genmanip_run::packs::{self, ImportRow, ImportSettings};
-use genmanip_run::{Progress, RunError, assets, inputs};
+use genmanip_viz::object_images;
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::text_table;
 use serde_json::json;
 
 use crate::args::{
@@ -70,7 +75,7 @@ fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Resul
 
 fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let catalogue = Catalogue::all();
-    let model = assets::model(catalogue, &arguments.uid)?;
+    let model = object_images::model(catalogue, &arguments.uid)?;
     let (card, geometry, known) = (&model.card, geometry_notes(&model), notes(&model.card));
     let joints: Vec<_> = model.links.iter().filter_map(|link| link.joint.as_ref()).collect();
     let states: Vec<_> =
@@ -78,7 +83,7 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     let grasps = GraspLibrary::builtin()
         .of(&panda(), &model)
         .map_err(|error| Failed::because("the tried grasps cannot be used", &error))?;
-    let hashes = assets::hashes(catalogue, &model)?;
+    let hashes = object_images::hashes(catalogue, &model)?;
     let value = json!({
         "card": card, "notes": known, "split": catalogue.split(&card.uid), "geometry": geometry,
         "joints": joints.iter().map(|joint| json!({
@@ -123,7 +128,7 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     }
     printer.data(&value, &text);
     if let Some(path) = &arguments.picture {
-        inputs::write_file(path, &views(&model, path)?)?;
+        documents::write_file(path, &views(&model, path)?)?;
         printer.say(format!("wrote {}", path.display()));
     }
     Ok(ExitStatus::Done)
@@ -136,16 +141,16 @@ fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, RunError> {
     let directions = [[-0.8, 0.5, 0.6], [-0.8, -0.5, 0.6], [0.8, 0.45, 0.5], [-0.25, 0.0, 1.0]].map(DVec3::from_array);
     let mut pictures = Vec::new();
     for direction in directions {
-        pictures.push(assets::portrait_from(model, &at, &closed, direction, VIEW_PX)?);
+        pictures.push(object_images::portrait_from(model, &at, &closed, direction, VIEW_PX)?);
     }
     for state in &model.joint_states {
-        pictures.push(assets::portrait_from(model, &at, &state.nominal, directions[1], VIEW_PX)?);
+        pictures.push(object_images::portrait_from(model, &at, &state.nominal, directions[1], VIEW_PX)?);
     }
-    assets::tiled(&pictures, 4, VIEW_PX, path)
+    object_images::tiled(&pictures, 4, VIEW_PX, path)
 }
 
 fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
+    let own = arguments.families.as_deref().map(object_images::read_families).transpose()?;
     let families = own.as_ref().unwrap_or_else(|| Families::builtin());
     let models = match &arguments.family {
         Some(name) => new_objects(families, name, arguments.seed, arguments.count.unwrap_or(1))?,
@@ -154,14 +159,14 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
             let index = catalogue.index();
             let limit = arguments.count.unwrap_or(usize::MAX);
             let found = index.search(&arguments.query.join(" "), &Filter::default(), limit);
-            found.iter().map(|one| assets::model(catalogue, &one.card.uid)).collect::<Result<Vec<_>, _>>()?
+            found.iter().map(|one| object_images::model(catalogue, &one.card.uid)).collect::<Result<Vec<_>, _>>()?
         }
     };
     if models.is_empty() {
         return Err(Failed::new("there is nothing to draw").hint("see `genmanip assets list`"));
     }
-    let picture = assets::sheet(&models, arguments.columns, arguments.cell, &arguments.out, printer)?;
-    inputs::write_file(&arguments.out, &picture)?;
+    let picture = object_images::sheet(&models, arguments.columns, arguments.cell, &arguments.out, printer)?;
+    documents::write_file(&arguments.out, &picture)?;
     let columns = arguments.columns.min(models.len());
     let place = |(index, model): (usize, &Arc<ObjectModel>)| {
         json!({"row": index / columns + 1, "column": index % columns + 1, "uid": model.card.uid, "name": model.card.name,
@@ -218,10 +223,10 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
         without_grasps: arguments.no_grasps,
         seed: Seed::new(arguments.seed),
     };
-    let world = inputs::read_world_with(None, Some(&arguments.robot))?;
+    let world = worlds::read_world_with(None, Some(&arguments.robot))?;
     let stop = crate::stop::on_interrupt();
     let found = packs::candidates(&arguments.paths, arguments.root.as_deref())?;
-    let rows = packs::import(&found, &world, &settings, inputs::workers(arguments.workers), printer, &stop)?;
+    let rows = packs::import(&found, &world, &settings, workers::workers(arguments.workers), printer, &stop)?;
     printer.data(&rows, &packs::table(&rows));
     let count = |of: &dyn Fn(&&ImportRow) -> bool| rows.iter().filter(of).count();
     let imported = count(&|row| row.error.is_none());
@@ -238,13 +243,13 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
 }
 
 fn export(arguments: &ExportAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let model = assets::model(Catalogue::all(), &arguments.uid)?;
-    let write = |name: &str, text: &str| inputs::write_file(&arguments.out.join(name), text.as_bytes());
+    let model = object_images::model(Catalogue::all(), &arguments.uid)?;
+    let write = |name: &str, text: &str| documents::write_file(&arguments.out.join(name), text.as_bytes());
     let mtl = format!("{}.mtl", model.card.uid);
-    let (geometry, materials) = assets::obj(&model, &mtl);
+    let (geometry, materials) = object_images::obj(&model, &mtl);
     write(&format!("{}.obj", model.card.uid), &geometry)?;
     write(&mtl, &materials)?;
-    write(&format!("{}.xml", model.card.uid), &assets::mjcf(&model)?)?;
+    write(&format!("{}.xml", model.card.uid), &object_images::mjcf(&model)?)?;
     let described = json!({"card": model.card, "notes": notes(&model.card), "geometry": geometry_notes(&model)});
     write(&format!("{}.json", model.card.uid), &serde_json::to_string_pretty(&described).unwrap_or_default())?;
     let files = ["obj", "mtl", "xml", "json"].map(|end| format!("{}.{end}", model.card.uid));
@@ -257,8 +262,8 @@ fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Fa
     let findings = audit::audit(catalogue, printer)?;
     if let Some(path) = arguments.sheet.as_deref().filter(|_| !findings.is_empty()) {
         let uids = findings.iter().flat_map(|finding| &finding.shown_by);
-        let models: Vec<_> = uids.map(|uid| assets::model(catalogue, uid)).collect::<Result<_, _>>()?;
-        inputs::write_file(path, &assets::sheet(&models, AUDITED_COLUMNS, VIEW_PX, path, printer)?)?;
+        let models: Vec<_> = uids.map(|uid| object_images::model(catalogue, uid)).collect::<Result<_, _>>()?;
+        documents::write_file(path, &object_images::sheet(&models, AUDITED_COLUMNS, VIEW_PX, path, printer)?)?;
         printer.say(format!("wrote {}", path.display()));
     }
     let mut rows = vec![["uid", "name", "what", "got", "expected", "shown by"].map(String::from).to_vec()];
@@ -275,7 +280,7 @@ fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, 
     let of_kind =
         |articulated: bool| known.iter().filter(|card: &&ObjectCard| card.is_articulated == articulated).count();
     let (rigid, articulated) = (arguments.rigid - of_kind(false), arguments.articulated - of_kind(true));
-    let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
+    let own = arguments.families.as_deref().map(object_images::read_families).transpose()?;
     let families = own.as_ref().unwrap_or_else(|| Families::builtin());
     printer.begin("choosing", rigid + articulated);
     let list = choose(families, rigid, articulated, known, &mut || printer.advance())
@@ -287,5 +292,5 @@ fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 fn write_list(path: &Path, text: &str) -> Result<(), RunError> {
-    inputs::write_file(path, text.as_bytes())
+    documents::write_file(path, text.as_bytes())
 }

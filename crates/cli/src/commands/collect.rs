@@ -4,23 +4,24 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_core::Seed;
+use genmanip_pipeline::Run;
+use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
+use genmanip_pipeline::merge::merge;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_run::collect::{CollectOptions, Collected, collect};
-use genmanip_run::merge::merge;
-use genmanip_run::render::Vary;
-use genmanip_run::{Run, inputs};
+use genmanip_viz::render::Vary;
+use genmanip_workspace::{task_files, workers, worlds};
 
 use crate::args::{CollectArguments, MergeArguments, Part};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = inputs::spool_tasks(&arguments.tasks, &arguments.out)?;
+    let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
     let (vary, vary_physics) = varied(arguments)?;
     let images =
         (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
-    let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+    let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
     let corrects = arguments.corrections.clone();
     let settings =
@@ -28,7 +29,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
-    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair, shard };
+    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: arguments.repair, shard };
     let out = shard.map_or_else(|| arguments.out.clone(), |shard| arguments.out.join(shard.name()));
     let collected = collect_run(&out, run, options, printer, &stop)?;
     if let Some(shard) = shard {
@@ -40,7 +41,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
 
 pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let stop = crate::stop::on_interrupt();
-    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
     let merged = merge(&arguments.shards, &arguments.out, arguments.finish, options, printer, &stop)?;
     tell(&merged, printer);
     printer.data(&merged.rows, &merged.table(arguments.each));

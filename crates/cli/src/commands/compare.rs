@@ -1,6 +1,6 @@
 //! `genmanip compare`.
 
-use genmanip_run::compare::{compare_files, in_words};
+use genmanip_benchmark::compare::{compare_files, in_words};
 
 use crate::args::CompareArguments;
 use crate::error::{ExitStatus, Failed};

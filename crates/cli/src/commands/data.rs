@@ -1,10 +1,12 @@
 //! `genmanip data`.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::workers;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::robots;
-use genmanip_bench::{FilmStrip, dataset_page, text_table};
+use genmanip_benchmark::{FilmStrip, dataset_page};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview, Strip};
 use genmanip_data::import::{self, ImportReport, ImportSettings};
@@ -13,10 +15,11 @@ use genmanip_data::lerobot::{
     edit::{self, By},
 };
 use genmanip_data::{DataError, ExportReport};
-use genmanip_run::replay::{self, Replayed};
-use genmanip_run::rerender::{self, RerenderOptions};
-use genmanip_run::{Progress, inputs};
+use genmanip_pipeline::rerender::{self, RerenderOptions};
 use genmanip_s3::{Access, Address, Bucket, Moved, Patience, S3Error};
+use genmanip_viz::replay::{self, Replayed};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 use serde_json::json;
 
 use crate::args::{
@@ -159,7 +162,7 @@ fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<Exit
         look: arguments.look,
         vary: if arguments.plain { Vec::new() } else { super::collect::vary(&arguments.vary) },
         cameras: arguments.cameras.clone(),
-        workers: inputs::workers(arguments.workers),
+        workers: workers::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
     let Some(made) = rerender::rerender(&arguments.dataset, &options, &arguments.out, printer, &stop)? else {
@@ -228,7 +231,7 @@ fn replayed(dataset: &Path, count: usize, printer: &Printer) -> Result<Vec<Findi
         return Err(Failed::new(format!("{} has no {RECORD} to replay", dataset.display()))
             .hint("leave --replays away, or take a dataset that this program collected"));
     }
-    let rows = replay::sample(&record, count, inputs::workers(None), printer)?;
+    let rows = replay::sample(&record, count, workers::workers(None), printer)?;
     let unsound = rows.iter().filter(|row| !row.is_sound());
     let finding = |row: &Replayed| Finding {
         check: "replay",
@@ -270,7 +273,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
         ];
         let sheet = sheet(&arguments.dataset)?;
         let page = dataset_page(&about, &format!("{action}{findings}"), &tables, &sheet);
-        inputs::write_file(path, page.as_bytes())?;
+        documents::write_file(path, page.as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
         return Ok(ExitStatus::Done);
     }

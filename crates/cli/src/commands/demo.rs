@@ -1,16 +1,20 @@
 //! `genmanip demo`: the whole loop on the recorded answers that come with the program.
 
+use genmanip_workspace::task_files;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use genmanip_core::Seed;
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::Run;
+use genmanip_pipeline::collect::CollectOptions;
+use genmanip_pipeline::evaluate::{self, EvaluateOptions, Suite, evaluate};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_run::collect::CollectOptions;
-use genmanip_run::evaluate::{self, EvaluateOptions, Suite, evaluate};
-use genmanip_run::tasks::Tasks;
-use genmanip_run::{PolicyFactory, Run, inputs};
+use genmanip_workspace::task_spool::Tasks;
 
 use crate::args::DemoArguments;
 use crate::commands::{collect, report};
@@ -26,16 +30,16 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
     printer.say("2/4  layouts and demonstrations: every attempt on a layout of its own");
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let settings = CollectSettings { images, ..CollectSettings::in_world(inputs::read_world(None)?) };
+    let settings = CollectSettings { images, ..CollectSettings::in_world(worlds::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
-    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
     let collected = collect::collect_run(out, run, options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);
     }
 
     printer.say("3/4  evaluation on the same scenarios: expert, replay, do nothing");
-    let workers = inputs::workers(arguments.workers);
+    let workers = workers::workers(arguments.workers);
     let options = EvaluateOptions { out: Some(out.clone()), workers, ..EvaluateOptions::default() };
     let reports = evaluate(&Suite::of_run(out)?, &PolicyFactory::all(true)?, &options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
@@ -61,12 +65,12 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
 fn tasks(arguments: &DemoArguments) -> Result<Tasks, Failed> {
     if !arguments.tasks.is_empty() {
-        return Ok(inputs::spool_tasks(&arguments.tasks, &arguments.out)?);
+        return Ok(task_files::spool_tasks(&arguments.tasks, &arguments.out)?);
     }
     let examples = PathBuf::from("examples/tasks");
     if !examples.is_dir() {
         return Err(Failed::new("examples/tasks is not here")
             .hint("run the demo in the project's folder, or name tasks with --tasks"));
     }
-    Ok(inputs::spool_tasks(&[examples], &arguments.out)?)
+    Ok(task_files::spool_tasks(&[examples], &arguments.out)?)
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
-use genmanip_bench::text_table;
 use genmanip_sim::{Scene, Sim};
+use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::error::{ExitStatus, Failed};

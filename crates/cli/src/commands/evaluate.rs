@@ -3,8 +3,9 @@
 use std::sync::atomic::Ordering;
 
 use genmanip_core::Document;
-use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate, table, table_of_traits};
-use genmanip_run::{PolicyFactory, inputs};
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate, table, table_of_traits};
+use genmanip_workspace::{workers, worlds};
 
 use crate::args::EvaluateArguments;
 use crate::error::{ExitStatus, Failed};
@@ -24,7 +25,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         (None, None) => Suite::of_scenarios(&arguments.paths)?,
     };
     for scenario in &suite.scenarios {
-        inputs::check_robot(&scenario.world, arguments.robot.as_deref())?;
+        worlds::check_robot(&scenario.world, arguments.robot.as_deref())?;
     }
     if let Some(file) = &arguments.cameras {
         suite = suite.with_cameras(file)?;
@@ -49,7 +50,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
         shard,
-        workers: inputs::workers(arguments.asking.workers),
+        workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
     };

@@ -2,8 +2,10 @@
 
 use genmanip_data::ExportSettings;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS, action};
-use genmanip_run::export::{ExportOptions, FORMATS, export};
-use genmanip_run::inputs;
+use genmanip_pipeline::export::{ExportOptions, FORMATS, export};
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
+use genmanip_workspace::workers;
 
 use crate::args::{DatasetArguments, ExportArguments};
 use crate::error::{ExitStatus, Failed};
@@ -20,7 +22,7 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         rows: rows(dataset)?,
         keep_failed: dataset.keep_failed,
         out: arguments.out.clone(),
-        workers: inputs::workers(dataset.workers),
+        workers: workers::workers(dataset.workers),
     };
     let stop = crate::stop::on_interrupt();
     let Some(exported) = export(&arguments.source, &options, printer, &stop)? else {
@@ -65,10 +67,10 @@ fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
 }
 
 fn mjcf(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stage = inputs::read_stage(&arguments.source)?;
+    let stage = scenarios::read_stage(&arguments.source)?;
     match &arguments.out {
         Some(path) => {
-            inputs::write_file(path, stage.scene.mjcf().as_bytes())?;
+            documents::write_file(path, stage.scene.mjcf().as_bytes())?;
             printer.say(format!("wrote {}", path.display()));
         }
         None => printer.data(&stage.scene.mjcf(), stage.scene.mjcf()),

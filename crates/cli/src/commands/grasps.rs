@@ -1,12 +1,12 @@
 //! `genmanip grasps bake` and `genmanip grasps show`.
 
 use genmanip_assets::{Catalogue, GraspFile, panda};
-use genmanip_bench::text_table;
 use genmanip_core::grasp::GraspNetGrasp;
 use genmanip_core::{Grasp, Seed, TriedGrasp};
+use genmanip_import::grasps;
 use genmanip_motion::GraspSettings;
 use genmanip_rollout::grasp_trial::TryingSettings;
-use genmanip_run::{grasps, inputs};
+use genmanip_workspace::{text_table, workers, worlds};
 use serde::Serialize;
 
 use crate::args::{BakeArguments, ShowGraspsArguments};
@@ -26,12 +26,12 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
         generator: GraspSettings { max_candidates: arguments.count, ..GraspSettings::default() },
         catalog: arguments.catalog.clone(),
     };
-    let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+    let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
     let stop = crate::stop::on_interrupt();
     let baked = grasps::bake(
         &arguments.out,
         &arguments.objects,
-        &inputs::read_world_with(None, arguments.robot.as_deref())?,
+        &worlds::read_world_with(None, arguments.robot.as_deref())?,
         &settings,
         seed,
         workers,

@@ -1,11 +1,17 @@
 //! `genmanip lab`: one measurement each.
 
+use genmanip_workspace::task_files;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 use std::path::PathBuf;
 
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
+use genmanip_agent_sim::OracleSegmenter;
+use genmanip_agent_sim::{AgentChoice, FailureClass, ModelChoice};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task, TaskKind};
+use genmanip_import::robots;
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
@@ -17,8 +23,7 @@ use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
     readers, relations, render, rendered, scale, segment, statistics, suite,
 };
-use genmanip_run::agents::{AgentChoice, FailureClass, ModelChoice};
-use genmanip_run::{OracleSegmenter, RunError, inputs, robots};
+use genmanip_workspace::RunError;
 
 use crate::args::{self, LabCommand};
 use crate::commands::assets::catalogue;
@@ -29,19 +34,19 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
         LabCommand::Blame(arguments) => {
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = worlds::read_world(arguments.world.as_deref())?;
             let measured = blame::measure(&blame_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &blame::in_words(&measured));
         }
         LabCommand::Agent(arguments) => {
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = worlds::read_world(arguments.world.as_deref())?;
             let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &agent::in_words(&measured));
         }
         LabCommand::Batch(arguments) => {
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = worlds::read_world(arguments.world.as_deref())?;
             let args::BatchArguments { count, at_once, latency, faults, .. } = *arguments;
-            let workers = inputs::workers(arguments.workers);
+            let workers = workers::workers(arguments.workers);
             let batch = BatchArguments { count, at_once, workers, latency_s: latency, faults };
             let measured = batch::measure(&batch, &world, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &batch::in_words(&measured));
@@ -60,7 +65,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = match &arguments.store {
                 Some(path) => environment::measure_store(path, printer)?,
                 None => {
-                    let tasks = inputs::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
+                    let tasks =
+                        task_files::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
                     environment::measure(&tasks, Seed::new(arguments.seed), printer)?
                 }
             };
@@ -69,7 +75,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Data(arguments) => {
             // Made-up episodes take turns with the layouts of a few tasks.
             let count = if arguments.synthetic { 24 } else { arguments.episodes };
-            let tasks = inputs::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
+            let tasks = task_files::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
             let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
             let folder = arguments.out.as_ref().unwrap_or(&temporary);
             let seed = Seed::new(arguments.seed);
@@ -100,17 +106,17 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Expert(arguments) => {
             let tasks = match arguments.tasks.as_slice() {
-                [] => inputs::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?,
-                named => inputs::read_tasks(named)?,
+                [] => task_files::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?,
+                named => task_files::read_tasks(named)?,
             };
-            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+            let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &expert::in_words(&measured));
         }
         LabCommand::Assets(arguments) => {
-            let own = arguments.families.as_deref().map(genmanip_run::assets::read_families).transpose()?;
+            let own = arguments.families.as_deref().map(genmanip_viz::object_images::read_families).transpose()?;
             let families = own.as_ref().unwrap_or_else(|| Families::builtin());
-            let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+            let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
             let objects = match &arguments.imported {
                 Some(folder) => assets::Objects::Imported(folder),
                 None => assets::Objects::New { families, chosen: arguments.family.as_deref(), count: arguments.count },
@@ -120,7 +126,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Layout(arguments) => {
             let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
-            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+            let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
@@ -129,7 +135,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &scale::in_words(&measured));
         }
         LabCommand::Suite(arguments) => {
-            let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+            let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
             let measured = suite::measure(&arguments.suite, arguments.episodes, seed, workers, printer)?;
             printer.data(&measured, &suite::in_words(&measured));
         }
@@ -164,7 +170,7 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
         printer.data(&measured, &relations::in_words(&measured));
         return Ok(());
     }
-    let tasks = inputs::read_tasks(std::slice::from_ref(&arguments.tasks))?;
+    let tasks = task_files::read_tasks(std::slice::from_ref(&arguments.tasks))?;
     let measured = rendered::measure(&tasks, &default_world(), arguments.count, Seed::new(arguments.seed), printer)?;
     printer.data(&measured, &rendered::in_words(&measured));
     Ok(())
@@ -213,9 +219,9 @@ fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Resul
 
 fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64, from: &Catalogue) -> Result<Vec<Task>, Failed> {
     if paths.is_empty() {
-        return Ok(inputs::designed_tasks(count, seed, from)?);
+        return Ok(task_files::designed_tasks(count, seed, from)?);
     }
-    let known = inputs::read_tasks(paths)?;
+    let known = task_files::read_tasks(paths)?;
     Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
 }
 
@@ -241,7 +247,7 @@ fn choice(arguments: &args::AgentChoiceArguments) -> Result<AgentChoice, Failed>
 }
 
 fn kinds(arguments: &args::AgentChoiceArguments) -> Result<Vec<TaskKind>, Failed> {
-    Ok(arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?)
+    Ok(arguments.kinds.iter().map(|kind| task_files::task_kind(kind)).collect::<Result<_, _>>()?)
 }
 
 fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {

@@ -2,9 +2,9 @@
 
 use std::process::Command as Process;
 
+use crate::launch::{Cluster, Container, Job, Need, Sample, measure, script, write};
 use clap::Parser;
-use genmanip_run::inputs;
-use genmanip_run::launch::{Cluster, Container, Job, Need, Sample, measure, script, write};
+use genmanip_workspace::task_files;
 use serde::Serialize;
 
 use crate::args::{Arguments, CollectArguments, Command, LaunchArguments};
@@ -25,7 +25,7 @@ struct Launched {
 
 pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let collect = collecting(&arguments.call)?;
-    let tasks = inputs::count_tasks(&collect.tasks)?;
+    let tasks = task_files::count_tasks(&collect.tasks)?;
     let program = std::env::current_exe().map_err(|error| Failed::because("cannot find this program", &error))?;
     let cluster = match arguments {
         LaunchArguments { slurm: true, .. } => Cluster::Slurm,

@@ -4,19 +4,21 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_core::Seed;
 use genmanip_layout::LayoutSettings;
-use genmanip_run::inputs;
-use genmanip_run::layouts::{self, LayoutOutput, lay_out};
+use genmanip_pipeline::layouts::{self, LayoutOutput, lay_out};
+use genmanip_workspace::task_files;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 
 use crate::args::LayoutArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+    let tasks = task_files::read_tasks(&arguments.tasks)?;
+    let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
-    let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+    let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
     // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
     let never = AtomicBool::new(false);
     let (mut list, count) = (printer.list(), arguments.count);

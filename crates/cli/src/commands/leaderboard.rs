@@ -1,8 +1,8 @@
 //! `genmanip leaderboard`.
 
-use genmanip_bench::{boards, leaderboard_html, leaderboard_markdown};
-use genmanip_run::inputs;
-use genmanip_run::leaderboard::evaluations_below;
+use genmanip_benchmark::leaderboard_files::evaluations_below;
+use genmanip_benchmark::{boards, leaderboard_html, leaderboard_markdown};
+use genmanip_workspace::documents;
 
 use crate::args::LeaderboardArguments;
 use crate::error::{ExitStatus, Failed};
@@ -11,7 +11,7 @@ use crate::printer::Printer;
 pub fn run(arguments: &LeaderboardArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let boards = boards(&evaluations_below(&arguments.folder, printer)?);
     if let Some(file) = &arguments.html {
-        inputs::write_file(file, leaderboard_html(&boards).as_bytes())?;
+        documents::write_file(file, leaderboard_html(&boards).as_bytes())?;
     }
     printer.data(&boards, &leaderboard_markdown(&boards));
     Ok(ExitStatus::Done)

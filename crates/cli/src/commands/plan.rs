@@ -4,33 +4,34 @@ use std::path::Path;
 
 use genmanip_core::Seed;
 use genmanip_motion::PlannerSettings;
-use genmanip_run::plan::{MotionRequest, Target, plan};
-use genmanip_run::{inputs, motion_pictures};
+use genmanip_pipeline::plan::{MotionRequest, Target, plan};
+use genmanip_viz::motion_images;
+use genmanip_workspace::{documents, scenarios, worlds};
 
 use crate::args::PlanArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stage = inputs::read_stage(&arguments.scenario)?;
-    inputs::check_robot(&stage.scenario.world, arguments.robot.as_deref())?;
+    let stage = scenarios::read_stage(&arguments.scenario)?;
+    worlds::check_robot(&stage.scenario.world, arguments.robot.as_deref())?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
-    let planner = inputs::planner(&stage.scenario.world, &settings)?;
+    let planner = worlds::planner(&stage.scenario.world, &settings)?;
     let request =
         MotionRequest { target: target(arguments), from: arguments.from.clone(), gripper_width_m: arguments.gripper };
     let motion = plan(&stage, &planner, &request, Seed::new(arguments.seed), &mut genmanip_lab::cpu_clock())?;
     let (drawn, camera) = (motion.drawn(&stage, &planner), arguments.camera.as_deref());
     let write = |path: &Path, bytes: Vec<u8>| -> Result<(), Failed> {
-        inputs::write_file(path, &bytes)?;
+        documents::write_file(path, &bytes)?;
         printer.say(format!("wrote {}", path.display()));
         Ok(())
     };
     if let Some(path) = &arguments.picture {
-        write(path, motion_pictures::picture(&drawn, path, camera)?)?;
+        write(path, motion_images::picture(&drawn, path, camera)?)?;
     }
     if let Some(path) = arguments.animation.as_ref().filter(|_| motion.solved) {
-        write(path, motion_pictures::animation(&drawn, path, camera)?)?;
+        write(path, motion_images::animation(&drawn, path, camera)?)?;
     }
     printer.data(&motion, &motion.headline());
     Ok(if motion.solved { ExitStatus::Done } else { ExitStatus::NotMet })

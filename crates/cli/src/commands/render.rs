@@ -2,8 +2,8 @@
 
 use genmanip_core::ImageChannels;
 use genmanip_core::sensor::SensorPreset;
-use genmanip_run::inputs;
-use genmanip_run::render::{self, Look, RenderOptions};
+use genmanip_viz::render::{self, Look, RenderOptions};
+use genmanip_workspace::workers;
 
 use super::collect::vary;
 use crate::args::RenderArguments;
@@ -33,7 +33,7 @@ pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus,
         shutter_s: arguments.shutter,
         distortion: arguments.distortion,
         paths: (arguments.quality == "reference").then_some(arguments.paths),
-        workers: inputs::workers(arguments.workers),
+        workers: workers::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
     let rendered = render::render(&arguments.source, &arguments.out, &options, printer, &stop)?;

@@ -1,14 +1,14 @@
 //! `genmanip replay`.
 
-use genmanip_run::inputs;
-use genmanip_run::replay::{self, Replayed};
+use genmanip_viz::replay::{self, Replayed};
+use genmanip_workspace::workers;
 
 use crate::args::ReplayArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let workers = inputs::workers(arguments.workers);
+    let workers = workers::workers(arguments.workers);
     let mut list = printer.list();
     let (path, strip) = (&arguments.episodes, arguments.strip.as_deref());
     let rows = replay::check(path, arguments.check, strip, workers, printer, &mut |row| list.add(row))?;

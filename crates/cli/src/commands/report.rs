@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use genmanip_bench::ReportSettings;
-use genmanip_run::inputs;
-use genmanip_run::report::{report, report_full};
+use genmanip_benchmark::ReportSettings;
+use genmanip_pipeline::report::{report, report_full};
+use genmanip_workspace::documents;
+use genmanip_workspace::workers;
 
 use crate::args::ReportArguments;
 use crate::error::{ExitStatus, Failed};
@@ -13,7 +14,7 @@ use crate::printer::Printer;
 pub fn run(arguments: &ReportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if arguments.full {
         let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join("report"));
-        let workers = inputs::workers(arguments.workers);
+        let workers = workers::workers(arguments.workers);
         let full = report_full(&arguments.run, &out, &ReportSettings::default(), workers, printer)?;
         printer.say(format!("{} pages, {} of them made now", full.pages, full.made));
         let index = full.index.display().to_string();
@@ -30,6 +31,6 @@ pub fn write(run: &Path, only: Option<&str>, out: Option<&Path>, printer: &Print
     let html = report(run, only, &ReportSettings::default(), printer)?;
     let name = only.map_or("report.html".into(), |id| format!("report-{id}.html"));
     let path = out.map_or_else(|| run.join(name), Path::to_owned);
-    inputs::write_file(&path, html.as_bytes())?;
+    documents::write_file(&path, html.as_bytes())?;
     Ok(path)
 }

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use genmanip_agent::segmentation::RgbdSegmenter;
+use genmanip_agent_sim::AgentChoice;
 use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
-use genmanip_run::agents::AgentChoice;
-use genmanip_run::evaluate::Suite;
-use genmanip_run::inputs;
-use genmanip_run::sessions::Scenes;
+use genmanip_pipeline::evaluate::Suite;
+use genmanip_pipeline::sessions::Scenes;
 use genmanip_serve::{AgentOffer, EnvOffer, Offer, ServeSettings, Server, openapi};
+use genmanip_workspace::worlds;
 
 use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};
 use crate::error::{ExitStatus, Failed};
@@ -19,7 +19,7 @@ pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Fail
     match command {
         ServeCommand::Segment(arguments) => serve(Offer::Segment(RgbdSegmenter::default()), arguments, printer),
         ServeCommand::Grasp(arguments) => {
-            let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
+            let planner = worlds::planner(&default_world(), &PlannerSettings::default())?;
             serve(Offer::Grasp(planner), arguments, printer)
         }
         ServeCommand::Env(arguments) => serve(Offer::Env(environments(arguments)?), &arguments.serve, printer),
@@ -40,7 +40,7 @@ fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {
     let ServeAgentArguments { vlm, masks, grasps, path, .. } = arguments;
     let choice =
         AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
-    let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
+    let planner = worlds::planner(&default_world(), &PlannerSettings::default())?;
     // What cannot be made is told now, not to whoever asks first.
     choice.for_one_image(&planner)?;
     let own = Arc::clone(&planner);

@@ -2,9 +2,13 @@
 
 use std::path::Path;
 
+use genmanip_benchmark::suites::{self, TrainingOptions};
 use genmanip_core::Seed;
-use genmanip_run::inputs;
-use genmanip_run::suites::{self, BuildOptions, PerturbOptions, TrainingOptions};
+use genmanip_pipeline::suites::{self as suite_steps, BuildOptions, PerturbOptions};
+use genmanip_workspace::documents;
+use genmanip_workspace::task_files;
+use genmanip_workspace::workers;
+use genmanip_workspace::worlds;
 
 use crate::args::{
     SuiteBuildArguments, SuiteCommand, SuitePerturbArguments, SuiteReviewArguments, SuiteTrainArguments,
@@ -19,7 +23,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Perturb(arguments) => return perturb(arguments, printer),
         SuiteCommand::Train(arguments) => return train(arguments, printer),
         SuiteCommand::Check(arguments) => {
-            let (workers, stop) = (inputs::workers(arguments.workers), crate::stop::on_interrupt());
+            let (workers, stop) = (workers::workers(arguments.workers), crate::stop::on_interrupt());
             let Some(checked) = suites::check(&arguments.folder, workers, printer, &stop)? else {
                 return Ok(ExitStatus::NotMet);
             };
@@ -38,7 +42,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             printer.data(&difference, &suites::diff_in_words(&difference));
         }
         SuiteCommand::Freeze(arguments) => {
-            let (workers, stop) = (inputs::workers(arguments.workers), crate::stop::on_interrupt());
+            let (workers, stop) = (workers::workers(arguments.workers), crate::stop::on_interrupt());
             return match suites::freeze(&arguments.folder, workers, printer, &stop)? {
                 Some(_) => show(&arguments.folder, printer),
                 None => Ok(ExitStatus::NotMet),
@@ -51,7 +55,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
 
 fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let options = BuildOptions {
-        name: arguments.name.clone().unwrap_or_else(|| inputs::stem(&arguments.out)),
+        name: arguments.name.clone().unwrap_or_else(|| documents::stem(&arguments.out)),
         out: arguments.out.clone(),
         per_kind: arguments.per_kind,
         candidates: arguments.candidates,
@@ -59,13 +63,13 @@ fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatu
         catalogue: catalogue(&arguments.catalog.catalog),
         tasks: match arguments.tasks.as_slice() {
             [] => Vec::new(),
-            paths => inputs::read_tasks(paths)?,
+            paths => task_files::read_tasks(paths)?,
         },
-        world: inputs::read_world(None)?,
-        workers: inputs::workers(arguments.workers),
+        world: worlds::read_world(None)?,
+        workers: workers::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
-    match suites::build(&options, printer, &stop)? {
+    match suite_steps::build(&options, printer, &stop)? {
         Some(_) => show(&arguments.out, printer),
         None => Ok(ExitStatus::NotMet),
     }
@@ -75,14 +79,14 @@ fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitS
     let options = PerturbOptions {
         suite: arguments.folder.clone(),
         out: arguments.out.clone(),
-        name: arguments.name.clone().unwrap_or_else(|| inputs::stem(&arguments.out)),
+        name: arguments.name.clone().unwrap_or_else(|| documents::stem(&arguments.out)),
         axis: arguments.axis,
         dial: arguments.dial,
         seed: Seed::new(arguments.seed),
-        workers: inputs::workers(arguments.workers),
+        workers: workers::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
-    match suites::perturb(&options, printer, &stop)? {
+    match suite_steps::perturb(&options, printer, &stop)? {
         Some(_) => show(&arguments.out, printer),
         None => Ok(ExitStatus::NotMet),
     }

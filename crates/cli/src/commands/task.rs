@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_bench::MOST_ROWS;
 use genmanip_core::{Document, Task};
-use genmanip_run::checks::{self, BareAnswers, Checked};
-use genmanip_run::folder::listed;
-use genmanip_run::inputs;
-use genmanip_scene::answer::Verdict;
+use genmanip_tasks::answer::Verdict;
+use genmanip_workspace::MOST_ROWS;
+use genmanip_workspace::difference::listed;
+use genmanip_workspace::documents;
+use genmanip_workspace::task_checks::{self, BareAnswers, Checked};
+use genmanip_workspace::task_files;
 
 use crate::args::{CheckArguments, ShowArguments};
 use crate::error::{ExitStatus, Failed};
@@ -23,7 +24,7 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
     let mut list = printer.list();
     let (mut verdicts, mut flaws): (BTreeMap<&str, usize>, BTreeMap<String, usize>) = Default::default();
     let (mut lines, mut ids) = (Vec::new(), BTreeMap::<String, usize>::new());
-    checks::check_each(&arguments.files, (!bare.objects.is_empty()).then_some(bare), &mut |checked| {
+    task_checks::check_each(&arguments.files, (!bare.objects.is_empty()).then_some(bare), &mut |checked| {
         *verdicts.entry(checked.verdict).or_default() += 1;
         let own: BTreeSet<&String> = checked.flaws.iter().collect();
         own.into_iter().for_each(|flaw| *flaws.entry(flaw.clone()).or_default() += 1);
@@ -86,9 +87,9 @@ fn describe(checked: &Checked) -> String {
 }
 
 pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let task = inputs::read_task(&arguments.file)?;
+    let task = task_files::read_task(&arguments.file)?;
     if let Some(path) = &arguments.svg {
-        inputs::write_file(path, genmanip_bench::graph_svg(&task).as_str().as_bytes())?;
+        documents::write_file(path, genmanip_viz::graph_svg(&task).as_str().as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
     }
     printer.data(&task.to_value(), &in_words(&task));

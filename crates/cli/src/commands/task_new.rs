@@ -1,18 +1,21 @@
 //! `genmanip task new`: by rules, or by a language model.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::task_files;
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_assets::search::Filter;
-use genmanip_bench::{MOST_ROWS, text_table};
-use genmanip_chat::CassetteMode;
 use genmanip_core::limits;
 use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
-use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
-use genmanip_run::designs::{self, Design, NewTask, design_into};
-use genmanip_run::{Progress, inputs};
-use genmanip_scene::designer::DesignSettings;
+use genmanip_llm::CassetteMode;
+use genmanip_task_writer::{Designer, GenerationOutcome, LlmSettings};
+use genmanip_tasks::designer::DesignSettings;
+use genmanip_workspace::Progress;
+use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
+use genmanip_workspace::{MOST_ROWS, text_table};
 
 use crate::args::NewArguments;
 use crate::commands::assets::catalogue;
@@ -25,7 +28,7 @@ const ROUNDS: &str = "rounds";
 pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let kinds = match arguments.kind.as_str() {
         "all" => TaskKind::ALL.to_vec(),
-        name => vec![inputs::task_kind(name)?],
+        name => vec![task_files::task_kind(name)?],
     };
     let is_rules = arguments.designer == "rules";
     if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some() || arguments.folder.is_some()) {
@@ -98,7 +101,7 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
             Failed::because("the language model cannot be asked", &error)
                 .hint("docs/guides/language-models.md says what settings, prompts and cassettes hold")
         })?
-        .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
+        .with_surfaces(worlds::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let cards = cards(arguments)?;
     let mut rows = Vec::new();
@@ -124,7 +127,7 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
     let mut settings = match (arguments.settings.as_deref(), &arguments.folder) {
         (Some(path), _) => {
-            let text = inputs::read_text(path, limits::SETTINGS)?;
+            let text = documents::read_text(path, limits::SETTINGS)?;
             LlmSettings::from_toml(&text).map_err(|error| {
                 Failed::because(format!("cannot use the settings in {}", path.display()), &error)
                     .hint("expected TOML as in docs/guides/language-models.md")
@@ -155,9 +158,9 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
 
 fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<NewTask, Failed> {
     let rounds = folder.join(ROUNDS).join(format!("{}.json", outcome.id));
-    inputs::write_file(&rounds, outcome.to_json().as_bytes())?;
+    documents::write_file(&rounds, outcome.to_json().as_bytes())?;
     match outcome.task() {
-        Some(task) => Ok(designs::write(task, folder)?),
+        Some(task) => Ok(designed_tasks::write(task, folder)?),
         None => Ok(NewTask {
             task: outcome.id.clone(),
             kind: outcome.kind.name(),

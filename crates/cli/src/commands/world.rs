@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use genmanip_assets::worlds::DEFAULT_TEXT;
-use genmanip_bench::text_table;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, CameraMount, Document};
-use genmanip_run::inputs;
-use genmanip_run::views;
-use genmanip_run::worlds::{self, CameraChange, CameraEdit, Setting};
+use genmanip_viz::views;
+use genmanip_workspace::documents;
+use genmanip_workspace::text_table;
+use genmanip_workspace::worlds::{self, CameraChange, CameraEdit, Setting};
 use serde_json::json;
 
 use crate::args::{CameraCommand, CameraEditArguments, WorldCommand};
@@ -57,14 +57,14 @@ fn init(out: Option<&Path>, printer: &Printer) -> Result<ExitStatus, Failed> {
             return Err(Failed::new(format!("{} exists", path.display())).hint("choose another --out file"));
         }
         Some(path) if path.extension().is_some_and(|extension| extension == "json") => {
-            inputs::write_file(path, inputs::read_world(None)?.to_json().as_bytes())?;
+            documents::write_file(path, worlds::read_world(None)?.to_json().as_bytes())?;
             printer.say(format!("wrote {}", path.display()));
         }
         Some(path) => {
-            inputs::write_file(path, DEFAULT_TEXT.as_bytes())?;
+            documents::write_file(path, DEFAULT_TEXT.as_bytes())?;
             printer.say(format!("wrote {}", path.display()));
         }
-        None => printer.data(&inputs::read_world(None)?.to_value(), DEFAULT_TEXT),
+        None => printer.data(&worlds::read_world(None)?.to_value(), DEFAULT_TEXT),
     }
     Ok(ExitStatus::Done)
 }
@@ -111,7 +111,7 @@ fn show(file: &Path, picture: Option<&Path>, printer: &Printer) -> Result<ExitSt
         cameras_table(&world.cameras),
     );
     if let Some(path) = picture {
-        inputs::write_file(path, &views::picture(&setting, &setting.from_above())?)?;
+        documents::write_file(path, &views::picture(&setting, &setting.from_above())?)?;
         printer.say(format!("wrote {}", path.display()));
     }
     printer.data(&json!({"world": world, "hashes": hashes}), &text);

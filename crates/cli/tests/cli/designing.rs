@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use genmanip_assets::Catalogue;
-use genmanip_chat::fake::{Behaviour, FakeServer};
+use genmanip_llm::fake::{Behaviour, FakeServer};
 use serde_json::{Value, json};
 
 use crate::{Outcome, genmanip, times, tree};

@@ -98,7 +98,7 @@ fn example(name: &str) -> String {
 
 /// Path of a recorded answer, sound or flawed.
 fn recorded(name: &str) -> String {
-    format!("{REPOSITORY}/crates/scene/testdata/responses/{name}.json")
+    format!("{REPOSITORY}/crates/tasks/testdata/responses/{name}.json")
 }
 
 /// `collect` of the quick tasks into `run`, with more arguments.

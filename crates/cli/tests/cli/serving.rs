@@ -6,9 +6,9 @@ use std::process::{Child, Stdio};
 
 use genmanip_agent::segmentation::SegmentQuestion;
 use genmanip_agent::services::masks::SegmentRequest;
-use genmanip_chat::fake::answering;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
+use genmanip_llm::fake::answering;
 use serde_json::{Value, json};
 
 use super::{example, genmanip, program};

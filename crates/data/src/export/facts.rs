@@ -1,7 +1,7 @@
 //! What is told of an episode as a whole.
 
 use genmanip_core::{Document, EpisodeResult, Seed};
-use genmanip_scene::wording;
+use genmanip_tasks::wording;
 
 use super::steps::Steps;
 use super::{ExportSettings, Source};

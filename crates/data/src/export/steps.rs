@@ -1,7 +1,7 @@
 //! The steps of an episode: which thing the arm works on, from when to when, and what that is called.
 
 use genmanip_core::{Episode, Frame};
-use genmanip_scene::wording;
+use genmanip_tasks::wording;
 
 /// Fewest control steps for which a thing is worked on, 0.1 s at 60 Hz; chosen: the fingers may brush a neighbour.
 const SHORTEST: usize = 6;

@@ -3,6 +3,7 @@
 mod playback;
 mod synthetic;
 
+use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,16 +11,16 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use genmanip_assets::worlds::default_world;
-use genmanip_bench::text_table;
 use genmanip_core::{CameraRequest, Episode, ImageChannels, Seed, Task};
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder, check};
+use genmanip_pipeline::export::{FORMATS, Format};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::{Exposure, ImageSettings, Painter};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
-use genmanip_run::export::{FORMATS, Format};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
+use genmanip_workspace::text_table;
 use serde::Serialize;
 
 use crate::LabError;
@@ -83,7 +84,7 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
     let settings = CollectSettings::in_world((*default_world()).clone());
-    let planner = inputs::planner(&settings.world, &settings.planner)?;
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let store = EpisodeStore::create(folder.join("episodes")).map_err(broke)?;
     let mut cpu_s = CpuSeconds::default();

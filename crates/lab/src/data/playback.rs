@@ -1,5 +1,6 @@
 //! Exported actions, played back open loop through the policy interface.
 
+use genmanip_workspace::workers;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -12,10 +13,11 @@ use genmanip_data::export::choice::{ACTIONS, RATES, ROTATIONS, action};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
+use genmanip_pipeline::PolicyFactory;
+use genmanip_pipeline::policies::PolicyContext;
 use genmanip_rollout::collect::{CollectSettings, in_parallel};
 use genmanip_rollout::{Stage, run_episode};
-use genmanip_run::policies::PolicyContext;
-use genmanip_run::{PolicyFactory, Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use crate::LabError;
@@ -68,7 +70,7 @@ pub(super) fn measure(
             let why = played.result.failure().map_or_else(String::new, |failure| failure.to_string());
             Ok((!played.result.success).then(|| Missed { action: name.clone(), episode: id.clone(), why }))
         };
-        let failures: Vec<Missed> = in_parallel(recorded, inputs::workers(None), &AtomicBool::new(false), &play)?
+        let failures: Vec<Missed> = in_parallel(recorded, workers::workers(None), &AtomicBool::new(false), &play)?
             .into_iter()
             .flatten()
             .collect();

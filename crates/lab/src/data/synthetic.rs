@@ -1,5 +1,6 @@
 //! A large data set of made-up episodes: what checking and opening one costs.
 
+use genmanip_workspace::worlds;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use genmanip_core::{
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{CameraTrack, DataError, ExportSettings, TrackRecorder, VideoSettings, check};
 use genmanip_rollout::collect::{CollectSettings, Resources};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 
 use super::{CpuSeconds, Measured, broke, bytes_below};
 use crate::LabError;
@@ -43,7 +44,7 @@ pub fn measure(
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
     let settings = CollectSettings::in_world((*default_world()).clone());
-    let planner = inputs::planner(&settings.world, &settings.planner)?;
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
     let robot = planner.robot();
     let mut scenarios = Vec::new();
     for task in tasks {

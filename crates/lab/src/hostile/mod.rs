@@ -12,13 +12,14 @@ mod mutate;
 mod readers;
 mod starts;
 
+use genmanip_workspace::documents;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::Seed;
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use rand::RngExt;
 use serde::Serialize;
 
@@ -148,7 +149,7 @@ pub fn measure(
         measured.starts = Some(starts::measure(arguments, &room, seed, progress, stop)?);
     }
     if let Some(path) = &arguments.refusals {
-        inputs::write_file(path, refusals.as_bytes())?;
+        documents::write_file(path, refusals.as_bytes())?;
     }
     Ok(measured)
 }
@@ -268,7 +269,7 @@ fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -
             fs::copy(&from, &to).map_err(|error| LabError::file("write", &to, error))?;
         }
     }
-    inputs::write_file(&folder.join("call.txt"), case.in_words().as_bytes())?;
+    documents::write_file(&folder.join("call.txt"), case.in_words().as_bytes())?;
     Ok(format!(" ({})", folder.display()))
 }
 

@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::Seed;
-use genmanip_run::Progress;
+use genmanip_workspace::Progress;
 use serde::Serialize;
 use serde_json::Value;
 

@@ -5,6 +5,7 @@ mod generate;
 mod kinematics;
 mod problems;
 
+use genmanip_workspace::documents;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 pub use depth::Depth;
 use depth::DepthTally;
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 pub use kinematics::Kinematics;
 use problems::Problem;
 
@@ -194,7 +195,7 @@ fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Proble
     if let Some(path) = out {
         let text =
             serde_json::to_string(&made).map_err(|error| LabError::broken("cannot write the problems", error))?;
-        inputs::write_file(path, text.as_bytes())?;
+        documents::write_file(path, text.as_bytes())?;
     }
     made.compile().map_err(|error| LabError::broken("the problems cannot be built", error))
 }

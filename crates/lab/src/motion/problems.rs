@@ -1,5 +1,6 @@
 //! The file of motion problems.
 
+use genmanip_workspace::documents;
 use std::path::Path;
 
 use genmanip_core::glam::DVec3;
@@ -9,7 +10,7 @@ use genmanip_motion::{CollisionWorld, GeometryError};
 use serde::{Deserialize, Serialize};
 
 use crate::LabError;
-use genmanip_run::{Cause, inputs};
+use genmanip_workspace::Cause;
 
 /// What such a file holds.
 #[derive(Serialize, Deserialize)]
@@ -72,7 +73,7 @@ pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabEr
              \"size\": [m], \"pos\": [m], \"yaw\": rad}]}]}",
         )
     };
-    let text = inputs::read_text(path, limits::PROBLEMS)?;
+    let text = documents::read_text(path, limits::PROBLEMS)?;
     // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
     json::parse(&text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };

@@ -4,6 +4,7 @@
 //! MuJoCo's renderer and PyBullet's TinyRenderer are asked by `docs/benchmark/against_renderers.py` in a Python that has
 //! them; what that program draws and what it leaves out stands there.
 
+use genmanip_workspace::documents;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,7 +15,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::{Camera, Seed};
 use genmanip_render::posed::PosedMesh;
 use genmanip_render::{FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -188,7 +189,7 @@ fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, 
     Renderer::new(Arc::clone(assets), variation.clone()).render(&[job], &mut out).map_err(not_drawn)?;
     let [FrameBuffers { depth_m, instance, .. }] = out;
     let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
-    let write = |name: &str, bytes: Vec<u8>| inputs::write_file(&folder.join(name), &bytes);
+    let write = |name: &str, bytes: Vec<u8>| documents::write_file(&folder.join(name), &bytes);
     write("depth.f32", bytes(&depth_m))?;
     write("ids.u16", instance.iter().flat_map(|id| id.to_le_bytes()).collect())?;
     let mut meshes = Vec::new();

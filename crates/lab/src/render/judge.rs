@@ -1,5 +1,7 @@
 //! How far the rasteriser's pictures are from traced ones: LDR-FLIP with matched exposure.
 
+use genmanip_workspace::documents;
+use genmanip_workspace::workers;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,7 +11,7 @@ use genmanip_core::Seed;
 use genmanip_render::flip::mean_flip;
 use genmanip_render::reference::{ReferenceSettings, trace};
 use genmanip_render::{FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use super::{CHANNELS, GRID, OBJECTS, episode, not_drawn, objects, sized};
@@ -69,7 +71,7 @@ pub fn judge(
         let job = ViewJob::new(&frames[frames.len() / 2], &camera, CHANNELS);
         let mut drawn = [FrameBuffers::default()];
         Renderer::new(Arc::clone(&assets), variation.clone()).render(&[job], &mut drawn).map_err(not_drawn)?;
-        let settings = ReferenceSettings { paths, seed: seed.fork("light paths"), threads: inputs::workers(None) };
+        let settings = ReferenceSettings { paths, seed: seed.fork("light paths"), threads: workers::workers(None) };
         let traced = trace(&assets, &variation, &job, &settings).map_err(not_drawn)?;
         let [FrameBuffers { rgb, .. }] = &drawn;
         let exposure = traced.exposure_like(rgb);
@@ -79,7 +81,7 @@ pub fn judge(
             let Some(folder) = out else { continue };
             let failed = |error| LabError::broken("a picture cannot be encoded", error);
             let png = encode::png_rgb(SIZE[0], SIZE[1], rgb).map_err(failed)?;
-            inputs::write_file(&folder.join(format!("{index:02}_{name}_{kind}.png")), &png)?;
+            documents::write_file(&folder.join(format!("{index:02}_{name}_{kind}.png")), &png)?;
         }
         flip.scenes.push(FlipScene { camera: name, flip: value, exposure });
         progress.advance();

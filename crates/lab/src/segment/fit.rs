@@ -1,5 +1,6 @@
 //! The weights by which regions are joined, fitted to regions of rendered scenes.
 
+use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -8,7 +9,7 @@ use genmanip_agent::segmentation::rgbd::merge::{FEATURES, Features};
 use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion};
 use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use super::scenes::{Scenes, SegmentView};
@@ -47,7 +48,7 @@ pub fn fit_weights(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Fitted, LabError> {
-    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
+    let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
     let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);

@@ -5,6 +5,7 @@ mod pictures;
 mod scenes;
 mod sensor;
 
+use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,12 +13,12 @@ use std::sync::Arc;
 use genmanip_agent::segmentation::{Mask, SegmentQuestion, Segmenter};
 use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
-use genmanip_run::{Progress, inputs};
+use genmanip_workspace::Progress;
 use serde::Serialize;
 
 use crate::LabError;
 use crate::clock::cpu_clock;
-use genmanip_bench::text_table;
+use genmanip_workspace::text_table;
 use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
@@ -107,7 +108,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
+    let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
     let mut clock = cpu_clock();
     let (mut ious, mut masks_made, mut spurious, mut cpu_ms) = (Vec::new(), 0, 0, Vec::new());

@@ -7,11 +7,11 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Camera, Pose, RgbdImage, Scenario, Seed, Task, World};
 use genmanip_layout::{LayoutSettings, lay_out, posed};
 use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_relations::{Label, PosedObject, PosedScene, ShapeCache, label_pair};
 use genmanip_render::{
     Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
-use genmanip_run::inputs;
-use genmanip_scene::relations::{Label, PosedObject, PosedScene, ShapeCache, label_pair};
+use genmanip_workspace::worlds;
 
 use super::Stratum;
 use crate::LabError;
@@ -60,7 +60,7 @@ pub struct Scenes {
 
 impl Scenes {
     pub fn new(world: &Arc<World>, seed: Seed) -> Result<Self, LabError> {
-        let planner = inputs::planner(world, &PlannerSettings::default())?;
+        let planner = worlds::planner(world, &PlannerSettings::default())?;
         let silhouette = RobotSilhouette::new(planner.robot())
             .map_err(|error| LabError::broken("the robot cannot be drawn", error))?;
         Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed })

@@ -13,7 +13,7 @@ pub use contacts::JointContact;
 pub use sweep::{JointSweep, Sweeper};
 
 use genmanip_core::{Aabb, JointKind, Pose};
-use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_relations::{PosedObject, PosedScene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -2,7 +2,7 @@
 
 use genmanip_core::{Failure, FailureCause, JointKind, Pose};
 use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
-use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
 use super::contacts::of_link;

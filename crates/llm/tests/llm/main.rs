@@ -1,53 +1,22 @@
-//! Generation against recorded answers over a server on loopback and from cassettes, prompts and settings.
+//! The client against a real server on loopback, dialects, images, cassettes and secrets.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod cassettes;
-mod generation;
-mod guide;
-mod prompts;
+mod client;
+mod dialects;
+mod folder;
+mod images;
 mod secrets;
+mod services;
 
-use genmanip_chat::ServerSettings;
-use genmanip_core::ObjectCard;
-use genmanip_llm::LlmSettings;
-use genmanip_scene::answer::RecordedAnswer;
-
-/// The recorded answers belong to the crate that judges them.
-const SCENE_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scene/testdata");
-
-/// The built-in catalogue, read as a file: this crate knows no assets.
-const CATALOGUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/data/catalog.json");
-
-fn catalogue() -> Vec<ObjectCard> {
-    let text = std::fs::read_to_string(CATALOGUE).unwrap();
-    let records: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
-    let card = |mut record: serde_json::Map<String, serde_json::Value>| {
-        let asset = serde_json::json!({"source": "builtin", "uid": record["uid"], "version": record["version"]});
-        record.insert("asset".into(), asset);
-        for more in ["version", "looks", "fragile", "upright_only", "affordances", "recipe"] {
-            record.remove(more);
-        }
-        serde_json::from_value(record.into()).unwrap()
-    };
-    records.into_iter().map(card).collect()
-}
-
-/// File name without ending, and answer, in order.
-fn recorded_answers() -> Vec<(String, RecordedAnswer)> {
-    let folder = std::fs::read_dir(format!("{SCENE_TESTDATA}/responses")).unwrap();
-    let mut paths: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
-    paths.sort();
-    let read = |path: std::path::PathBuf| {
-        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        (name, RecordedAnswer::from_json(&std::fs::read_to_string(&path).unwrap()).unwrap())
-    };
-    paths.into_iter().map(read).collect()
-}
+use genmanip_core::Seed;
+use genmanip_llm::fake::FakeServer;
+use genmanip_llm::{ChatRequest, HttpChat, Message, ReplySchema, ServerSettings};
 
 /// Settings for a server on loopback that does not let a test wait.
-fn impatient(base_url: String) -> LlmSettings {
-    let server = ServerSettings {
+fn impatient(base_url: String) -> ServerSettings {
+    ServerSettings {
         base_url,
         model: "scripted".into(),
         connect_timeout_s: 2.0,
@@ -57,6 +26,18 @@ fn impatient(base_url: String) -> LlmSettings {
         max_backoff_s: 0.02,
         max_retry_after_s: 2.0,
         ..ServerSettings::default()
-    };
-    LlmSettings { server, ..LlmSettings::default() }
+    }
+}
+
+fn client(server: &FakeServer) -> HttpChat {
+    HttpChat::new(impatient(server.base_url()), None, Seed::new(1)).unwrap()
+}
+
+fn question(text: &str) -> ChatRequest {
+    ChatRequest::new("scripted", vec![Message::system("Answer."), Message::user(text)])
+}
+
+fn structured_question() -> ChatRequest {
+    let schema = serde_json::json!({"type": "object", "properties": {}, "additionalProperties": false});
+    ChatRequest { reply_schema: Some(ReplySchema { name: "empty".into(), schema }), ..question("?") }
 }

@@ -6,7 +6,7 @@ use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
 use genmanip_layout::{Move, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{Allowed, Path, PlanningScene};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use super::{Expert, pick::grasp_direction};
 

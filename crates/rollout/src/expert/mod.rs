@@ -25,7 +25,7 @@ use genmanip_core::{
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
-use genmanip_scene::relations::{PosedScene, judge_atom};
+use genmanip_relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
 

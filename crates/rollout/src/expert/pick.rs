@@ -7,7 +7,7 @@ use genmanip_motion::commands;
 use genmanip_motion::{
     FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, PickMotions, PickQuery, PickedObject, PlaceGoal,
 };
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use super::Expert;
 

@@ -4,7 +4,7 @@ use genmanip_core::{Failure, FailureCause, Piece, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{CollisionWorld, PlaceGoal, PlaceQuery, Release};
-use genmanip_scene::relations::PosedScene;
+use genmanip_relations::PosedScene;
 
 use super::{Expert, Hand};
 

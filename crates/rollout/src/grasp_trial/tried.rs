@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
 use genmanip_layout::obstacles;
-use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+use genmanip_relations::{PosedObject, PosedScene, ShapeCache};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 

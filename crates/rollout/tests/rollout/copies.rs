@@ -2,9 +2,9 @@
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{GoalVerdict, Seed, Task, TaskKind};
+use genmanip_relations::Rest;
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
-use genmanip_scene::answer::{RecordedAnswer, Verdict, check_answer};
-use genmanip_scene::relations::Rest;
+use genmanip_tasks::answer::{RecordedAnswer, Verdict, check_answer};
 use serde_json::{Value, json};
 
 use crate::{expert, scenario, stage};
@@ -59,7 +59,7 @@ fn judged(stage: &Stage, carried: &str) -> GoalVerdict {
         run_episode(&carrying, &mut expert(&carrying), "copies", Seed::new(5), &RolloutSettings::default()).unwrap();
     assert!(episode.result.success, "{:?}", episode.result.failures);
     let scene = stage.posed(&episode.frames.last().unwrap().objects);
-    genmanip_scene::relations::judge_goal(&scene, &stage.goal, &Rest::default(), &stage.relations)
+    genmanip_relations::judge_goal(&scene, &stage.goal, &Rest::default(), &stage.relations)
 }
 
 #[test]

@@ -28,7 +28,7 @@ use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::collect::{Attempt, Resources};
 use genmanip_rollout::expert::{Expert, ExpertSettings};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
-use genmanip_scene::answer::{RecordedAnswer, check_answer};
+use genmanip_tasks::answer::{RecordedAnswer, check_answer};
 
 /// A fruit on a plate, a cube on a cube, and a cube chosen by its place.
 const TASKS: [&str; 3] = ["017_pick_and_place", "024_appearance", "021_spatial"];

@@ -1,8 +1,8 @@
 //! No weld, no teleport, no gravity tricks; the robot within what its maker publishes.
 
 use genmanip_core::{Atom, Episode, Frame, ObjectState, Relation};
+use genmanip_relations::judge_goal;
 use genmanip_rollout::{RolloutSettings, Stage};
-use genmanip_scene::relations::judge_goal;
 use genmanip_sim::{BodyId, ContactReport, Sim};
 use std::collections::BTreeSet;
 use std::sync::Arc;

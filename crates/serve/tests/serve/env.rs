@@ -5,8 +5,8 @@ use std::net::TcpStream;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use genmanip_remote::numpy::Array;
-use genmanip_run::sessions::Scenes;
+use genmanip_pipeline::sessions::Scenes;
+use genmanip_remote_policies::numpy::Array;
 use genmanip_serve::{EnvOffer, Offer, ServeSettings, Server, openapi};
 use rmpv::Value;
 use serde_json::json;

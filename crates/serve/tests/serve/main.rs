@@ -9,9 +9,9 @@ use std::net::TcpStream;
 
 use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion, Segmenter};
 use genmanip_agent::services::ServiceMasks;
-use genmanip_chat::{HttpService, Service, ServiceSettings};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
+use genmanip_llm::{HttpService, Service, ServiceSettings};
 use genmanip_serve::{Offer, ServeSettings, Server, openapi};
 use serde_json::{Value, json};
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use genmanip_core::Seed;
-use genmanip_run::Progress;
+use genmanip_workspace::Progress;
 use rand::RngExt;
 
 use super::{HostileArguments, Room, Starts, TASK, collect, start};

@@ -1,0 +1,109 @@
+//! One pick and one placement from files: what `genmanip agent act` does.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_agent::ask::Transcribed;
+use genmanip_agent::picture::Picture;
+use genmanip_agent::{ActQuestion, Acted, Agent, act_once};
+use genmanip_core::limits::Limit;
+use genmanip_core::{Intrinsics, Pose, RgbdImage, Seed, limits};
+use genmanip_data::depth::decode_depth_png;
+use genmanip_motion::Planner;
+use serde::Deserialize;
+
+use crate::{AgentChoice, keep};
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Colour or depth of one image, as a file.
+const PICTURE: Limit = Limit { what: "a picture", bytes: 64 << 20 };
+
+/// Files and words from which is acted.
+#[derive(Clone, Debug)]
+pub struct ActFiles {
+    /// Colour: 8-bit PNG.
+    pub rgb: PathBuf,
+    /// Depth: 16-bit grey PNG, millimetres along the optical axis, 0 for none.
+    pub depth: PathBuf,
+    /// `intrinsics` and `world_from_camera`: JSON.
+    pub camera: PathBuf,
+    /// Arm joint positions, rad.
+    pub joints: Vec<f64>,
+    /// Opening of the gripper, m.
+    pub gripper_width_m: f64,
+    /// What is to be done.
+    pub instruction: String,
+    /// Of the searches.
+    pub seed: Seed,
+    /// Folder for the pictures of each stage, the transcript and the motions.
+    pub out: PathBuf,
+}
+
+/// A camera as its file says.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    intrinsics: Intrinsics,
+    world_from_camera: Pose,
+}
+
+/// Plans from files and writes everything into `out`; nothing is moved.
+///
+/// # Errors
+/// Files that cannot be used together, an agent that needs the simulator, and a model that does not answer.
+pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Result<Acted, RunError> {
+    let image = read(files)?;
+    let dof = planner.robot().arm_dof();
+    if files.joints.len() != dof || !files.joints.iter().all(|joint| joint.is_finite()) {
+        return Err(RunError::input(format!("{} joint positions, and the arm has {dof} joints", files.joints.len()))
+            .with_hint("expected --joints with one number per joint, rad, separated by commas"));
+    }
+    let question = ActQuestion {
+        image,
+        joints: files.joints.clone(),
+        gripper_width_m: files.gripper_width_m,
+        instruction: files.instruction.clone(),
+        seed: files.seed,
+    };
+    let (mut agent, transcribed): (Agent, Transcribed) = choice.for_one_image(planner)?;
+    let acted = act_once(&mut agent, &transcribed, planner, &question);
+    keep(&transcribed, 0, &files.out)?;
+    let acted = acted.map_err(|error| RunError::broken("the agent cannot act on these files", error))?;
+    let text = serde_json::to_string_pretty(&acted).map_err(|error| RunError::broken("cannot write", error))?;
+    documents::write_file(&files.out.join("motions.json"), text.as_bytes())?;
+    Ok(acted)
+}
+
+fn read(files: &ActFiles) -> Result<RgbdImage, RunError> {
+    let text = documents::read_text(&files.camera, limits::CAMERAS)?;
+    let camera: CameraFile = serde_json::from_str(&text).map_err(|error| {
+        RunError::file("read", &files.camera, error)
+            .with_hint("expected {\"intrinsics\": {…}, \"world_from_camera\": {\"position_m\", \"orientation_wxyz\"}}")
+    })?;
+    let Intrinsics { width, height, .. } = camera.intrinsics;
+    let of_size = |path: &Path, found: (u32, u32)| match found == (width, height) {
+        true => Ok(()),
+        false => Err(RunError::input(format!("{} has {} x {} pixels", path.display(), found.0, found.1))
+            .with_hint(format!("expected {width} x {height}, as the camera's intrinsics say"))),
+    };
+    let bytes = documents::read_bytes(&files.depth, PICTURE)?;
+    let (columns, rows, depth_mm) =
+        decode_depth_png(&bytes).map_err(|error| RunError::file("read", &files.depth, error))?;
+    of_size(&files.depth, (columns, rows))?;
+    let bytes = documents::read_bytes(&files.rgb, PICTURE)?;
+    let picture = Picture::of_png(&bytes).map_err(|error| RunError::file("read", &files.rgb, error))?;
+    of_size(&files.rgb, (picture.width, picture.height))?;
+    let depth_m = depth_mm.into_iter().map(|depth| f32::from(depth) / 1000.0).collect();
+    let image =
+        RgbdImage { rgb: picture.rgb, ..RgbdImage::of_depth(camera.intrinsics, camera.world_from_camera, depth_m) };
+    let Pose { position, rotation } = camera.world_from_camera;
+    let is_pose = position.is_finite() && (rotation.length() - 1.0).abs() < 1e-3;
+    let Intrinsics { fx, fy, cx, cy, .. } = camera.intrinsics;
+    let is_projection = fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite();
+    if !(is_pose && is_projection) {
+        return Err(RunError::input(format!("{} is no camera", files.camera.display()))
+            .with_hint("expected a unit quaternion, finite numbers and positive focal lengths"));
+    }
+    Ok(image)
+}

@@ -1,0 +1,475 @@
+//! Which agent: its settings and its services, by name.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use genmanip_agent::ask::{PromptSet, Stage, Transcribed, VisionModel};
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
+use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, ServiceMasks};
+use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
+use genmanip_assets::GraspLibrary;
+use genmanip_core::{
+    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Scenario, World,
+};
+use genmanip_llm::{HttpService, ServiceSettings};
+use genmanip_motion::Planner;
+use genmanip_rollout::{Cores, Stage as Scene};
+
+use super::failure::{FailureClass, Heard};
+use super::grasps::FlawedGrasps;
+use super::model::{ModelFile, SharedModel};
+use super::{Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, WithTruth, Witness};
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Largest error of depth at 1 m that makes sense, m: with more, nothing on a table can be told from it.
+const MOST_DEPTH_ERROR_M: f64 = 0.05;
+
+/// An agent that can be made for any episode.
+#[derive(Clone)]
+pub struct AgentChoice {
+    /// How it works.
+    pub settings: AgentSettings,
+    /// Who answers its questions.
+    pub model: ModelChoice,
+    /// Where its masks come from.
+    pub masks: MaskChoice,
+    /// Where its grasps come from.
+    pub grasps: GraspChoice,
+    /// What the oracle does wrong on purpose.
+    pub dials: Dials,
+    /// Whether answers are judged by the simulator's truth also where no oracle serves the agent; results then say
+    /// oracle. With an oracle they always are.
+    pub is_analysed: bool,
+    /// Whether the agent before each of its turns is kept, so that an episode can be taken up again.
+    pub keeps_turns: bool,
+    /// Folder in which answers are recorded, one file per scenario, and from which they are given again.
+    pub answers: Option<PathBuf>,
+    /// Folder of prompt files that replace the built-in ones.
+    pub prompts: Option<PathBuf>,
+    /// Whether pictures are kept with the transcript.
+    pub keeps_pictures: bool,
+}
+
+/// Who answers the agent's questions.
+#[derive(Clone)]
+pub enum ModelChoice {
+    /// The simulator's truth; results say oracle.
+    Oracle,
+    /// A chat server, a person or recorded answers, as a settings file says.
+    Chat(Arc<SharedModel>),
+    /// Chance: any of the marks that were drawn, the control for tables.
+    Random,
+    /// Nobody: what was recorded of each episode is answered again, see [`Recording`].
+    Recorded,
+}
+
+/// Where the agent's masks come from.
+#[derive(Clone)]
+pub enum MaskChoice {
+    /// Colour and depth alone.
+    Rgbd,
+    /// The renderer's ids; results say oracle.
+    Oracle,
+    /// A server, see `genmanip_agent::services::masks`.
+    Http(Arc<ServiceMasks<HttpService>>),
+}
+
+/// Where the agent's grasps come from.
+#[derive(Clone)]
+pub enum GraspChoice {
+    /// Our sampler, on the points of the thing.
+    Rgbd,
+    /// A server, see `genmanip_agent::services::grasps`.
+    Http(Arc<ServiceGrasps<HttpService>>),
+}
+
+impl GraspChoice {
+    /// `rgbd` or `http:URL`; `known` are the names that may be said here.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and a URL that cannot be asked.
+    pub fn named(name: &str, known: &[&str]) -> Result<Self, RunError> {
+        match (name, name.strip_prefix("http:")) {
+            ("rgbd", _) => Ok(Self::Rgbd),
+            (_, Some(url)) => Ok(Self::Http(Arc::new(ServiceGrasps::new(http(url)?)))),
+            _ => Err(RunError::unknown("source of grasps", "sources of grasps", name, known)),
+        }
+    }
+
+    /// Grasps for the gripper of a planner.
+    pub fn source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
+        match self {
+            Self::Rgbd => Arc::new(SampledGrasps::new(Arc::clone(planner))),
+            Self::Http(service) => Arc::clone(service) as Arc<dyn GraspSource>,
+        }
+    }
+}
+
+/// An agent made for one episode.
+pub struct MadeAgent {
+    /// The policy.
+    pub policy: Box<dyn Policy>,
+    /// What it asks and does.
+    pub transcribed: Transcribed,
+    /// What its oracle services know, where it has any.
+    pub truth: Option<Truth>,
+    /// What its answers were worth, where the truth is known.
+    pub heard: Arc<Mutex<Heard>>,
+    /// The agent before each of its turns, where they are kept.
+    pub turns: Option<Turns>,
+}
+
+impl AgentChoice {
+    /// Oracle services and the settings of a preset.
+    pub fn oracle(preset: Preset, path: PathKind) -> Self {
+        Self {
+            settings: AgentSettings { path, ..AgentSettings::preset(preset) },
+            model: ModelChoice::Oracle,
+            masks: MaskChoice::Oracle,
+            grasps: GraspChoice::Rgbd,
+            dials: Dials::default(),
+            is_analysed: false,
+            keeps_turns: false,
+            answers: None,
+            prompts: None,
+            keeps_pictures: false,
+        }
+    }
+
+    /// From names: `oracle`, `random`, `recorded` or a settings file for the model, `rgbd`, `oracle` or `http:URL` for the masks, `p2p` or
+    /// `grid`, `full` or `paper`.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and a settings file that cannot be used.
+    pub fn named(model: &str, masks: &str, path: &str, preset: &str) -> Result<Self, RunError> {
+        let preset = match preset {
+            "full" => Preset::Full,
+            "paper" => Preset::Paper,
+            _ => return Err(RunError::unknown("preset", "presets", preset, &["full", "paper"])),
+        };
+        let path = match path {
+            "p2p" => PathKind::P2p,
+            "grid" => PathKind::Grid,
+            _ => return Err(RunError::unknown("path", "paths", path, &["p2p", "grid"])),
+        };
+        let model = match model {
+            "oracle" => ModelChoice::Oracle,
+            "random" => ModelChoice::Random,
+            "recorded" => ModelChoice::Recorded,
+            file => ModelChoice::Chat(Arc::new(SharedModel::open(&ModelFile::read(Path::new(file))?)?)),
+        };
+        let masks = match (masks, masks.strip_prefix("http:")) {
+            ("rgbd", _) => MaskChoice::Rgbd,
+            ("oracle", _) => MaskChoice::Oracle,
+            (_, Some(url)) => MaskChoice::Http(Arc::new(ServiceMasks::new(http(url)?))),
+            _ => {
+                let known = ["oracle", "rgbd", "http:URL"];
+                return Err(RunError::unknown("source of masks", "sources of masks", masks, &known));
+            }
+        };
+        Ok(Self { model, masks, ..Self::oracle(preset, path) })
+    }
+
+    /// The same with grasps from `rgbd` or `http:URL`.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and an address that cannot be used.
+    pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
+        let grasps = GraspChoice::named(name, &["rgbd", "http:URL"])?;
+        Ok(Self { grasps, ..self })
+    }
+
+    /// The same for cameras whose depth of 1 m has this standard deviation, m; cameras of a world tell it themselves.
+    ///
+    /// # Errors
+    /// A number that is no such error.
+    pub fn with_depth_error(mut self, error_m: f64) -> Result<Self, RunError> {
+        if !(0.0..=MOST_DEPTH_ERROR_M).contains(&error_m) {
+            let what = format!("depth error of {error_m} m: expected 0 to {MOST_DEPTH_ERROR_M} m at a distance of 1 m");
+            return Err(RunError::input(what).with_hint("0.0036 is that of a RealSense D435, 0.0014 that of a D415"));
+        }
+        self.settings.depth_error_m = error_m;
+        Ok(self)
+    }
+
+    /// The same with answers recorded in a folder, and given again from it.
+    ///
+    /// # Errors
+    /// Without a folder where nobody else answers.
+    pub fn with_answers(self, folder: Option<PathBuf>) -> Result<Self, RunError> {
+        if folder.is_none() && matches!(self.model, ModelChoice::Recorded) {
+            return Err(RunError::input("recorded answers lie in a folder, and none is named")
+                .with_hint("expected agent:vlm=recorded,answers=FOLDER"));
+        }
+        Ok(Self { answers: folder, ..self })
+    }
+
+    /// What proposes grasps for the robot of a planner.
+    pub fn grasp_source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
+        self.grasps.source(planner)
+    }
+
+    /// Lets the oracle err: `STAGE=SHARE`, e.g. `object=0.2`.
+    ///
+    /// # Errors
+    /// An unknown stage, or a share outside of 0 to 1.
+    pub fn add_error(&mut self, text: &str) -> Result<(), RunError> {
+        let (name, share) = text.split_once('=').unwrap_or((text, ""));
+        let known = Stage::ALL.map(Stage::name);
+        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == name);
+        let stage = stage.ok_or_else(|| RunError::unknown("stage", "stages", name, &known))?;
+        let share = share.parse().ok().filter(|share| (0.0..=1.0).contains(share)).ok_or_else(|| {
+            RunError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
+        })?;
+        self.dials.rates.insert(stage, share);
+        Ok(())
+    }
+
+    /// The name in results: what serves the agent, and how it works.
+    pub fn name(&self) -> String {
+        let AgentSettings { preset, path, ctof, arrows, reasoning, .. } = &self.settings;
+        let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
+        let mut name =
+            format!("agent vlm={} masks={} path={path} preset={}", self.model.name(), self.masks.name(), preset.name());
+        if let GraspChoice::Http(_) = self.grasps {
+            name += " grasps=http";
+        }
+        name += if *ctof { " ctof" } else { "" };
+        name += if *arrows { "" } else { " no arrows" };
+        name += if *reasoning { " reasoning" } else { "" };
+        name += if self.settings.rounds == 1 { " open loop" } else { "" };
+        match self.settings.cameras.first() {
+            Some(camera) if *camera != AgentSettings::preset(*preset).cameras[0] => {
+                name += &format!(" camera={camera}")
+            }
+            _ => {}
+        }
+        if let Some(class) = self.dials.once {
+            name += &format!(" flaw={}", class.name());
+        }
+        for (stage, rate) in self.dials.rates.iter().filter(|(_, rate)| **rate > 0.0) {
+            name += &format!(" err_{}={rate}", stage.name());
+        }
+        name
+    }
+
+    /// The agent for one episode; while it waits for a model, its thread lends its core to the others of `cores`.
+    ///
+    /// # Errors
+    /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
+    pub fn make(
+        &self,
+        stage: &Scene,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+        cores: Option<&Arc<Cores>>,
+    ) -> Result<MadeAgent, RunError> {
+        let truth = Truth::new(stage);
+        let oracle = match self.model {
+            ModelChoice::Oracle => Some(Arc::new(self.oracle_of(&truth, planner, grasps)?)),
+            _ => None,
+        };
+        let model = self.answering(oracle, &stage.scenario, cores)?;
+        self.make_asking(model, truth, planner)
+    }
+
+    /// Who answers the questions of an episode; `oracle` where it is the oracle.
+    ///
+    /// # Errors
+    /// Recorded answers that cannot be read.
+    pub fn answering(
+        &self,
+        oracle: Option<Arc<Oracle>>,
+        scenario: &Scenario,
+        cores: Option<&Arc<Cores>>,
+    ) -> Result<Arc<dyn VisionModel>, RunError> {
+        let model: Option<Arc<dyn VisionModel>> = match &self.model {
+            ModelChoice::Oracle => oracle.map(|oracle| oracle as Arc<dyn VisionModel>),
+            ModelChoice::Chat(shared) => Some(Arc::new(shared.service(cores))),
+            ModelChoice::Random => Some(Arc::new(RandomMarks(scenario.seed))),
+            ModelChoice::Recorded => None,
+        };
+        match (&self.answers, model) {
+            (Some(folder), model) => Ok(Arc::new(Recording::open(folder, &scenario.id, model)?)),
+            (None, Some(model)) => Ok(model),
+            (None, None) => Err(RunError::input("nobody answers the agent's questions")),
+        }
+    }
+
+    /// The oracle of one episode.
+    ///
+    /// # Errors
+    /// Grasps that were tried with other physics.
+    pub fn oracle_of(&self, truth: &Truth, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<Oracle, RunError> {
+        let tried = truth.stage().models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+        let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
+        let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
+        Ok(Oracle::new(truth.clone(), planner, tried, self.dials.clone()))
+    }
+
+    /// The agent for one image, which needs no simulator.
+    ///
+    /// # Errors
+    /// Oracle services, which do; a prompt file or a setting that cannot be used.
+    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, Transcribed), RunError> {
+        let needs_simulator = |what: &str| {
+            let hint = "expected --vlm FILE, and --masks rgbd or http:URL";
+            Err(RunError::input(format!("{what} are the simulator's, and here is none")).with_hint(hint))
+        };
+        let model: Arc<dyn VisionModel> = match &self.model {
+            ModelChoice::Chat(shared) => Arc::new(shared.service(None)),
+            ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => {
+                return needs_simulator("the oracle's answers");
+            }
+        };
+        let segmenter: Arc<dyn Segmenter> = match &self.masks {
+            MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
+            MaskChoice::Http(service) => Arc::clone(service) as Arc<dyn Segmenter>,
+            MaskChoice::Oracle => return needs_simulator("the oracle's masks"),
+        };
+        let prompts = Arc::new(self.prompt_set()?);
+        let transcribed = Transcribed::new(true);
+        let services = Services { model, segmenter, grasps: self.grasp_source(planner), prompts };
+        let agent = Agent::new(self.settings.clone().for_one_image(), services, planner, transcribed.clone());
+        Ok((agent.map_err(|error| RunError::broken("the agent cannot be made", error))?, transcribed))
+    }
+
+    fn prompt_set(&self) -> Result<PromptSet, RunError> {
+        PromptSet::load(self.prompts.as_deref())
+            .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))
+    }
+
+    /// The agent for one episode with any other model.
+    ///
+    /// # Errors
+    /// A prompt file or a setting that cannot be used.
+    pub fn make_asking(
+        &self,
+        model: Arc<dyn VisionModel>,
+        truth: Truth,
+        planner: &Arc<Planner>,
+    ) -> Result<MadeAgent, RunError> {
+        let is_served = matches!(self.model, ModelChoice::Oracle) || matches!(self.masks, MaskChoice::Oracle);
+        let knows = is_served || self.is_analysed;
+        let segmenter: Arc<dyn Segmenter> = match &self.masks {
+            MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
+            MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),
+            MaskChoice::Http(service) => Arc::clone(service) as Arc<dyn Segmenter>,
+        };
+        let transcribed = Transcribed::new(self.keeps_pictures);
+        let mut grasps = self.grasp_source(planner);
+        if self.dials.once == Some(FailureClass::GraspProposal) {
+            let (truth, asks) = (truth.clone(), transcribed.clone());
+            grasps = Arc::new(FlawedGrasps { source: grasps, truth, asks });
+        }
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        let (mut model, mut grasps) = (model, grasps);
+        if knows {
+            let witness = Witness::new(model, truth.clone(), planner, Arc::clone(&heard));
+            grasps = Arc::new(witness.of_grasps(grasps));
+            model = Arc::new(witness);
+        }
+        let prompts = self.prompt_set()?;
+        let services = Services { model, segmenter, grasps, prompts: Arc::new(prompts) };
+        let told_m = depth_error_m(&truth.stage().scenario.world, &self.settings.cameras);
+        let depth_error_m = told_m.max(self.settings.depth_error_m);
+        let settings = AgentSettings { depth_error_m, ..self.settings.clone() };
+        let agent = Agent::new(settings, services, planner, transcribed.clone())
+            .map_err(|error| RunError::broken("the agent cannot be made", error))?
+            .named(self.name());
+        if !knows {
+            return Ok(MadeAgent { policy: Box::new(agent), transcribed, truth: None, heard, turns: None });
+        }
+        let turns = self.keeps_turns.then(Turns::default);
+        let jams = self.dials.once == Some(FailureClass::GraspExecution);
+        let policy = WithTruth::new(agent, truth.clone()).jamming(jams).remembered_in(turns.clone());
+        Ok(MadeAgent { policy: Box::new(policy), transcribed, truth: Some(truth), heard, turns })
+    }
+}
+
+impl ModelChoice {
+    /// Its name in results.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Oracle => "oracle",
+            Self::Chat(_) => "chat",
+            Self::Random => "random",
+            Self::Recorded => "recorded",
+        }
+    }
+}
+
+impl MaskChoice {
+    /// Its name in results.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Rgbd => "rgbd",
+            Self::Oracle => "oracle",
+            Self::Http(_) => "http",
+        }
+    }
+}
+
+/// Standard deviation of a depth of 1 m of the worst of these cameras, m, as its maker tells; 0 where all are perfect.
+fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
+    let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
+    sensors.map(|depth| depth.error_at_1_m()).fold(0.0, f64::max)
+}
+
+/// A client of a service; the address is checked, and nothing is sent.
+fn http(url: &str) -> Result<HttpService, RunError> {
+    // `http:URL`, and also just `http://…`.
+    let url = if url.starts_with("//") { format!("http:{url}") } else { url.to_owned() };
+    HttpService::new(ServiceSettings::at(&url))
+        .map_err(|error| RunError::input(format!("the service {url} cannot be asked")).because(error))
+}
+
+/// A policy whose agent's transcript is written after each of its turns.
+pub struct Transcribing {
+    policy: Box<dyn Policy>,
+    transcribed: Transcribed,
+    folder: PathBuf,
+    /// Pictures that were written.
+    written: usize,
+}
+
+impl Transcribing {
+    /// Writes into `folder`.
+    pub fn new(made: MadeAgent, folder: PathBuf) -> Self {
+        Self { policy: made.policy, transcribed: made.transcribed, folder, written: 0 }
+    }
+}
+
+impl Policy for Transcribing {
+    fn spec(&self) -> PolicySpec {
+        self.policy.spec()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.written = 0;
+        self.policy.reset(start)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let chunk = self.policy.act(observation);
+        let kept = keep(&self.transcribed, self.written, &self.folder);
+        self.written = kept.map_err(|error| PolicyError::Unsuited(format!("its transcript: {error}")))?;
+        chunk
+    }
+}
+
+/// Writes a transcript and its pictures from number `first` on into a folder; returns how many pictures there are.
+///
+/// # Errors
+/// When a file cannot be written or a picture not be encoded.
+pub fn keep(transcribed: &Transcribed, first: usize, folder: &Path) -> Result<usize, RunError> {
+    let pictures = transcribed.pictures();
+    for (name, picture) in pictures.iter().skip(first) {
+        let path = folder.join(name);
+        let png = picture.png().map_err(|error| RunError::file("write", &path, error))?;
+        documents::write_file(&path, &png)?;
+    }
+    documents::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())?;
+    Ok(pictures.len())
+}

@@ -1,0 +1,44 @@
+//! Grasps of demonstrations from rendered depth images: our sampler, or a server.
+
+use std::sync::Arc;
+
+use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
+use genmanip_core::{Grasp, PolicyError};
+use genmanip_motion::Planner;
+use genmanip_rollout::collect::MESH;
+use genmanip_rollout::expert::{SeenGrasps, SeenObject};
+
+use crate::GraspChoice;
+use genmanip_workspace::RunError;
+
+/// Who proposes the expert's grasps, by name: `mesh` (nobody: geometry is enough), `rgbd` or `http:URL`.
+///
+/// # Errors
+/// A name that nobody knows, and a URL that cannot be asked.
+pub fn choice(name: &str) -> Result<Option<GraspChoice>, RunError> {
+    if name == MESH {
+        return Ok(None);
+    }
+    GraspChoice::named(name, &[MESH, "rgbd", "http:URL"]).map(Some)
+}
+
+/// What is chosen, for the gripper of a planner.
+pub fn source(choice: &GraspChoice, planner: &Arc<Planner>) -> Arc<dyn SeenGrasps> {
+    Arc::new(OfCloud(choice.source(planner)))
+}
+
+struct OfCloud(Arc<dyn GraspSource>);
+
+impl SeenGrasps for OfCloud {
+    fn grasps(&self, seen: &SeenObject) -> Result<Vec<Grasp>, PolicyError> {
+        let SeenObject { points, scene, world_from_camera, eyes, table_height } = seen;
+        let question =
+            GraspQuestion { points, scene, world_from_camera: *world_from_camera, eyes, table_height: *table_height };
+        match self.0.grasps(&question) {
+            Ok(grasps) => Ok(grasps),
+            // Too few points to work with: the object cannot be grasped from what is seen of it.
+            Err(GraspError::Unsuited(_)) => Ok(Vec::new()),
+            Err(error @ GraspError::Service(_)) => Err(PolicyError::Unreachable(error.to_string())),
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! The agent on the simulator: its services by name, and the oracle services that know what it never sees.
+//!
+//! The agent itself sees images, cameras and joint positions.
+//! Where an oracle serves it, [`WithTruth`] tells the oracle, and only the oracle, where everything is; the policy is
+//! then privileged, so that every result made with it says `oracle`.
+
+pub mod act_on_files;
+mod choice;
+mod counterfactual;
+pub mod demonstration_grasps;
+mod failure;
+mod grasps;
+mod masks;
+mod model;
+mod oracle;
+mod oracle_segmenter;
+mod random;
+mod recording;
+mod truth;
+mod witness;
+mod words;
+
+pub use choice::{AgentChoice, GraspChoice, MadeAgent, MaskChoice, ModelChoice, Transcribing, keep};
+pub use counterfactual::Counterfactual;
+pub use failure::{Blamed, FailureClass, GRASPS, Heard, Testimony, classify};
+pub use masks::OracleMasks;
+pub use model::{Account, ModelFile, SharedModel};
+pub use oracle::{Dials, ErrorRates, Oracle};
+pub use oracle_segmenter::OracleSegmenter;
+pub use random::RandomMarks;
+pub use recording::Recording;
+pub use truth::{Planted, Truth, Turns, WithTruth};
+pub use witness::{GraspWitness, Witness};

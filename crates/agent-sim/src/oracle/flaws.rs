@@ -1,0 +1,213 @@
+//! Answers that are wrong on purpose, as a model might get them wrong, for testing the failure analysis.
+//!
+//! Each is made from what the oracle means to answer, never with the analysis that is to find it.
+
+use genmanip_agent::ask::{Marks, Question, Stage};
+use genmanip_agent::grid::Cell;
+use genmanip_agent::sight::on_plane;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Atom, Relation};
+use genmanip_layout::Move;
+use genmanip_relations::{PosedScene, judge_atom};
+
+use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
+use crate::failure::FailureClass;
+use crate::witness::distance;
+
+/// A model that does not keep to the form.
+const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";
+/// The table's top, world z, m.
+const TABLE_M: f64 = 0.0;
+/// Room that a wrong place has, as a right one.
+const ROOMS: [Room; 2] = [Room::Ample, Room::Little];
+
+/// An answer that makes `class` fail; `None` where this question leaves no such answer.
+pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) -> Option<String> {
+    let answer = match (class, question.stage) {
+        (FailureClass::Format, _) => return Some(PROSE.into()),
+        (FailureClass::Decomposition, Stage::Decompose) => decomposition(oracle, question),
+        (FailureClass::GraspGrounding, Stage::Object) => other_mask(oracle, question),
+        (FailureClass::GraspProposal, Stage::Part) => {
+            let parts = oracle.parts(question).into_iter();
+            parts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, part)| part_named(part))
+        }
+        (FailureClass::GraspProposal, Stage::GrabPoint) => {
+            let points = oracle.points(question).into_iter();
+            let worst = points.min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
+            worst.map(|(_, point)| serde_json::json!({"selected_point": point + 1, "reason": "it looks firm"}))
+        }
+        (FailureClass::PlanGrounding, Stage::GridPath | Stage::PointToPoint) => other_reference(oracle, question),
+        (FailureClass::PlanLocation, Stage::GridPath | Stage::PointToPoint) => other_relation(oracle, question),
+        (FailureClass::PlanMotion, Stage::GridPath) => out_of_reach(oracle, question),
+        (FailureClass::Checker, Stage::Check) => {
+            let verdict = oracle.truth.verdict();
+            // What is done stays done when the check overlooks it: only the other mistake makes an episode fail.
+            let is_fatal = oracle.dials.once.is_none() || !verdict.success;
+            is_fatal.then(|| checked(!verdict.success, verdict.score, serde_json::json!([])))
+        }
+        _ => None,
+    };
+    answer.map(|answer| answer.to_string())
+}
+
+/// The right sub-tasks, but the first names another thing or another reference.
+fn decomposition(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
+    let scene = oracle.truth.scene();
+    let mut plan = oracle.plan(&scene);
+    let step = plan.first()?.clone();
+    let stage = oracle.truth.stage();
+    let wanted: Vec<usize> = oracle.truth.undone(&scene).iter().flatten().map(|step| step.object).collect();
+    let name = |object: usize| stage.name(object);
+    let stands_apart = |other: &usize| !is_reference(&step, *other, &scene);
+    let things = (0..scene.objects().len()).filter(stands_apart);
+    let things = things.filter(|&other| wanted.iter().all(|&wanted| name(wanted) != name(other)));
+    let mut wrong: Vec<Move> = things.map(|other| oracle.truth.about(&step, other)).collect();
+    wrong.extend(to_others(oracle, &step, &scene));
+    let chosen = oracle.draw(question, wrong.len());
+    *plan.first_mut()? = wrong.into_iter().nth(chosen)?;
+    Some(oracle.worded(plan))
+}
+
+fn is_reference(step: &Move, object: usize, scene: &PosedScene) -> bool {
+    step.atoms.iter().flat_map(genmanip_layout::references).any(|id| scene.index_of(id) == Some(object))
+}
+
+/// The move with other first references, whose names differ from the right ones.
+fn to_others(oracle: &Oracle, step: &Move, scene: &PosedScene) -> Vec<Move> {
+    let stage = oracle.truth.stage();
+    let Some(Atom::Relation { reference, .. }) = step.atoms.first() else { return Vec::new() };
+    let Some(right) = scene.index_of(reference) else { return Vec::new() };
+    let fits = |other: &usize| {
+        *other != step.object && !is_reference(step, *other, scene) && stage.name(*other) != stage.name(right)
+    };
+    let aimed = |other: usize| {
+        let id = scene.objects().nth(other).map(|posed| posed.id.clone()).unwrap_or_default();
+        let atom = |atom: &Atom| match atom {
+            Atom::Relation { subject, relation, reference: known, second_reference } if known == reference => {
+                let (subject, second_reference) = (subject.clone(), second_reference.clone());
+                Atom::Relation { subject, relation: *relation, reference: id.clone(), second_reference }
+            }
+            other => other.clone(),
+        };
+        Move { object: step.object, atoms: step.atoms.iter().map(atom).collect() }
+    };
+    (0..scene.objects().len()).filter(fits).map(aimed).collect()
+}
+
+/// The mask of a thing that need not move.
+fn other_mask(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
+    let (Some(step), Marks::Masks(drawn)) = (oracle.step(&question.instruction), &question.marks) else { return None };
+    let known = oracle.truth.masks(&question.view)?;
+    let wanted: Vec<usize> =
+        oracle.truth.undone(&oracle.truth.scene()).iter().flatten().map(|step| step.object).collect();
+    let others = known.iter().filter(|(object, _)| *object != step.object && !wanted.contains(object));
+    let masks: Vec<usize> = others.filter_map(|(_, mask)| best_mask(drawn, mask)).collect();
+    // The model is sure that it is the right thing, and says so.
+    masks.get(oracle.draw(question, masks.len())).map(|&mask| oracle.named(mask, step.object))
+}
+
+/// What was taken, and the move that it is part of.
+fn taken_step(oracle: &Oracle, question: &Question) -> Option<Move> {
+    let Marks::Grid { moved, .. } = &question.marks else { return None };
+    let step = oracle.step(&question.instruction)?;
+    let object = oracle.taken(question, moved)?;
+    (object == step.object).then_some(step)
+}
+
+/// Whether a move would be done if what it moves came to rest over a point.
+fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> bool {
+    let mut after = scene.clone();
+    let Some(bounds) = scene.bounds(step.object) else { return false };
+    after.shift(step.object, point - bounds.center().with_z(bounds.min.z));
+    let relations = &oracle.truth.stage().relations;
+    let holds = |atom: &Atom| match atom {
+        // Where it falls to is not known; over what carries it, it may well get there.
+        Atom::Relation { relation, reference, .. } if relation.is_support() => {
+            let carrier = after.index_of(reference).and_then(|carrier| after.bounds(carrier));
+            carrier.is_some_and(|carrier| {
+                (carrier.min.x..carrier.max.x).contains(&point.x) && (carrier.min.y..carrier.max.y).contains(&point.y)
+            })
+        }
+        _ => judge_atom(&after, atom, relations).holds,
+    };
+    step.atoms.iter().all(holds)
+}
+
+/// A cell that does the move, but for another reference that is nearer to it than the right one: nearer to the right one
+/// it would as well be a wrong place there.
+fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
+    let step = taken_step(oracle, question)?;
+    let scene = oracle.truth.scene();
+    let Marks::Grid { targets, .. } = &question.marks else { return None };
+    let apart = |to: &Move, cell: &Cell| {
+        let reference = to.atoms.iter().flat_map(genmanip_layout::references).next();
+        let bounds = reference.and_then(|id| scene.index_of(id)).and_then(|object| scene.bounds(object));
+        bounds.zip(targets.get(cell)).map(|(bounds, point)| distance(&bounds, *point))
+    };
+    let nearer = |other: &Move| {
+        let cells = cells_of(oracle, question, &step, std::slice::from_ref(other), &scene);
+        cells.into_iter().find(|cell| apart(other, cell).zip(apart(&step, cell)).is_some_and(|(it, right)| it < right))
+    };
+    let cells: Vec<Cell> = to_others(oracle, &step, &scene).iter().filter_map(nearer).collect();
+    let chosen = cells.get(oracle.draw(question, cells.len()))?;
+    Some(oracle.sent_to(question, *chosen, None))
+}
+
+/// A cell at the right reference, but in another relation to it.
+fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
+    let step = taken_step(oracle, question)?;
+    let scene = oracle.truth.scene();
+    let Some(Atom::Relation { relation, .. }) = step.atoms.first() else { return None };
+    let sides = [Relation::Left, Relation::Right, Relation::Front, Relation::Back];
+    let confused: &[Relation] = match relation {
+        Relation::Left => &[Relation::Right],
+        Relation::Right => &[Relation::Left],
+        Relation::Front => &[Relation::Back],
+        Relation::Back => &[Relation::Front],
+        Relation::Top | Relation::On | Relation::In => &[Relation::Near],
+        Relation::Near | Relation::Between => &sides,
+    };
+    let other = |relation: &Relation| {
+        let atom = |atom: &Atom| match atom {
+            Atom::Relation { subject, reference, .. } => Atom::Relation {
+                subject: subject.clone(),
+                relation: *relation,
+                reference: reference.clone(),
+                second_reference: None,
+            },
+            state @ Atom::State { .. } => state.clone(),
+        };
+        // Of several conditions the first is what the words say.
+        Move { object: step.object, atoms: step.atoms.iter().take(1).map(atom).collect() }
+    };
+    let others: Vec<Move> = confused.iter().map(other).collect();
+    let cells = cells_of(oracle, question, &step, &others, &scene);
+    let chosen = cells.get(oracle.draw(question, cells.len()))?;
+    Some(oracle.sent_to(question, *chosen, None))
+}
+
+/// Cells that do one of `others`, and not what is to be done.
+fn cells_of(oracle: &Oracle, question: &Question, step: &Move, others: &[Move], scene: &PosedScene) -> Vec<Cell> {
+    let Marks::Grid { targets, .. } = &question.marks else { return Vec::new() };
+    let undone = oracle.truth.undone(scene);
+    let wanted: Vec<&Move> =
+        undone.iter().flatten().filter(|wanted| wanted.object == step.object).chain([step]).collect();
+    let fits = |other: &Move| {
+        let cell = oracle.cell_for(question, other, &ROOMS)?;
+        let point = *targets.get(&cell)?;
+        let is_meant = would_do(oracle, other, point, scene);
+        (is_meant && !wanted.iter().any(|wanted| would_do(oracle, wanted, point, scene))).then_some(cell)
+    };
+    others.iter().filter_map(fits).collect()
+}
+
+/// The right path with a cell on the way that the arm does not reach at the height that is asked for.
+fn out_of_reach(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
+    let Marks::Grid { grid, .. } = &question.marks else { return None };
+    let goal = oracle.cell(question)?;
+    let over = |cell: Cell| Some(on_plane(&question.view, grid.center(cell), TABLE_M)? + DVec3::Z * HIGHEST_M);
+    let far = grid.cells().filter_map(|cell| Some((over(cell)?, cell)));
+    let far = far.filter(|(point, _)| !oracle.planner.reaches_from_above(*point));
+    let (_, farthest) = far.max_by(|a, b| a.0.length().total_cmp(&b.0.length()))?;
+    Some(oracle.sent_to(question, goal, Some(farthest)))
+}

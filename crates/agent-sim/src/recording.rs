@@ -1,0 +1,91 @@
+//! A model whose answers are recorded, one file per scenario, and given again to the same questions.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use genmanip_agent::ask::{Answered, Question, RecordedAnswer, RecordedAnswers, ServiceError, Tolerance, VisionModel};
+use genmanip_core::{Document, limits};
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Answers of one episode, before a model or without one.
+///
+/// What is recorded is answered from the file, at no cost; what is not is asked of the model and kept at once, so that
+/// nothing that was paid for is lost. A question that differs from the recorded one has no answer: the episode is not
+/// run, and the reason says what differs.
+pub struct Recording {
+    model: Option<Arc<dyn VisionModel>>,
+    path: PathBuf,
+    tolerance: Tolerance,
+    kept: Mutex<RecordedAnswers>,
+}
+
+impl Recording {
+    /// The answers of a scenario in a folder; `model` answers what is not recorded.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is of another scenario.
+    pub fn open(folder: &Path, scenario: &str, model: Option<Arc<dyn VisionModel>>) -> Result<Self, RunError> {
+        let path = folder.join(format!("{scenario}.json"));
+        let kept = match path.exists() {
+            false => RecordedAnswers { scenario: scenario.into(), answers: Vec::new() },
+            true => {
+                let text = documents::read_text(&path, limits::CASSETTE)?;
+                RecordedAnswers::from_json(&text).map_err(|error| RunError::file("read", &path, error))?
+            }
+        };
+        if kept.scenario != scenario {
+            let found = &kept.scenario;
+            return Err(RunError::input(format!("{} holds answers of scenario {found}", path.display()))
+                .with_hint(format!("expected those of {scenario}")));
+        }
+        Ok(Self { model, path, tolerance: Tolerance::default(), kept: Mutex::new(kept) })
+    }
+}
+
+impl Recording {
+    /// What the file says to a question; `None` where it has to be asked of the model.
+    fn recorded(&self, question: &Question) -> Option<Result<Answered, ServiceError>> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);
+        let recorded = (is_known || self.model.is_none()).then(|| kept.answer(question, &self.tolerance))?;
+        Some(recorded.map_err(|mismatch| self.unanswered(&mismatch)))
+    }
+
+    fn keep(&self, question: &Question, answered: &Answered) -> Result<(), ServiceError> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.answers.push(RecordedAnswer::new(question, answered));
+        documents::write_file(&self.path, kept.to_json().as_bytes()).map_err(|error| self.unanswered(&error))
+    }
+
+    fn unanswered(&self, why: &dyn std::fmt::Display) -> ServiceError {
+        ServiceError::Unreachable(format!("{}: {why}", self.path.display()))
+    }
+}
+
+impl VisionModel for Recording {
+    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let recorded: Vec<_> = questions.iter().map(|question| self.recorded(question)).collect();
+        let open = questions.iter().zip(&recorded).filter(|(_, recorded)| recorded.is_none());
+        let open: Vec<&Question> = open.map(|(question, _)| *question).collect();
+        let mut asked = match &self.model {
+            Some(model) if !open.is_empty() => model.answer_each(&open),
+            _ => Vec::new(),
+        }
+        .into_iter();
+        let answer = |(question, recorded): (&&Question, Option<_>)| match recorded {
+            Some(recorded) => recorded,
+            None => {
+                let answered = asked.next().unwrap_or_else(|| Err(self.unanswered(&"nobody answers")))?;
+                self.keep(question, &answered)?;
+                Ok(answered)
+            }
+        };
+        questions.iter().zip(recorded).map(answer).collect()
+    }
+}

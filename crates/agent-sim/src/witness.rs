@@ -1,0 +1,385 @@
+//! What was wrong with an answer, from truth that the agent never sees: the failure analysis of an episode.
+//!
+//! A [`Witness`] stands between the agent and its model, passes everything on unchanged, and notes for each answer
+//! whether it was right as things stood. It knows nothing of errors that an oracle makes on purpose, so that its labels
+//! can be tested against those.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use genmanip_agent::ask::{Answer, Answered, Marks, PathCell, Question, ServiceError, Stage, VisionModel, parse};
+use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
+use genmanip_agent::sight::on_plane;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Aabb, Atom, Grasp, Relation};
+use genmanip_layout::Move;
+use genmanip_motion::Planner;
+use genmanip_relations::{PosedScene, judge_atom};
+
+use super::Truth;
+use super::failure::{FailureClass, GRASPS, Heard, Testimony};
+use super::words;
+
+/// Passes questions on and notes what the answers are worth.
+pub struct Witness {
+    model: Arc<dyn VisionModel>,
+    truth: Truth,
+    planner: Arc<Planner>,
+    heard: Arc<Mutex<Heard>>,
+    memory: Arc<Mutex<Memory>>,
+}
+
+/// What the witness remembers of the questions before.
+#[derive(Clone, Debug, Default)]
+struct Memory {
+    /// Times that the task was split, and the ask that split it last.
+    rounds: usize,
+    split: Option<usize>,
+    /// Sub-tasks of the round that are not checked yet.
+    open: usize,
+    /// The check that ended a round, and the sub-tasks that it says remain.
+    remaining: Option<(usize, Vec<String>)>,
+    /// The object that was chosen last, and the sub-task.
+    taken: Option<usize>,
+    subtask: String,
+    ask: usize,
+}
+
+impl Witness {
+    /// Between an agent and a model; `heard` is filled as they talk.
+    pub fn new(model: Arc<dyn VisionModel>, truth: Truth, planner: &Arc<Planner>, heard: Arc<Mutex<Heard>>) -> Self {
+        Self { model, truth, planner: Arc::clone(planner), heard, memory: Arc::default() }
+    }
+
+    /// The same between the agent and its source of grasps.
+    pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspWitness {
+        let (truth, heard, memory) = (self.truth.clone(), Arc::clone(&self.heard), Arc::clone(&self.memory));
+        GraspWitness { source, truth, heard, memory }
+    }
+
+    fn testify(&self, question: &Question, answer: &Answer) -> (Option<FailureClass>, String) {
+        let scene = self.truth.scene();
+        match answer {
+            Answer::Decompose(answer) => {
+                let mut memory = lock(&self.memory);
+                (memory.split, memory.open) = (Some(question.ask), answer.subtasks.len());
+                self.split(&answer.subtasks, &scene)
+            }
+            Answer::Mark(answer) if question.stage == Stage::Object => self.object(question, answer.mask, &scene),
+            Answer::Point(answer) => self.place(question, answer.cell, &scene),
+            Answer::Path(answer) => match answer.cells.split_last() {
+                Some((last, way)) => match self.place(question, last.cell, &scene) {
+                    (None, right) => self
+                        .way(question, way)
+                        .map_or((None, right), |blocked| (Some(FailureClass::PlanMotion), blocked)),
+                    wrong => wrong,
+                },
+                None => (None, String::new()),
+            },
+            Answer::Check(answer) => {
+                let holds = self.truth.verdict().success;
+                lock(&self.heard).checks[usize::from(holds)][usize::from(answer.finished)] += 1;
+                let wrong = (holds != answer.finished).then_some(FailureClass::Checker);
+                (wrong, format!("said finished: {}, the goal holds: {holds}", answer.finished))
+            }
+            Answer::Mark(_) | Answer::GrabPoint(_) => (None, String::new()),
+        }
+    }
+
+    /// Whether each sub-task names a thing that must move and what it must stand to; words that name nothing are not
+    /// judged here, but what comes of them is.
+    fn split(&self, subtasks: &[String], scene: &PosedScene) -> (Option<FailureClass>, String) {
+        let stage = self.truth.stage();
+        let names: Vec<String> = (0..scene.objects().len()).map(|object| stage.name(object).to_owned()).collect();
+        let undone = self.undone(scene);
+        for subtask in subtasks {
+            let named = words::named(subtask, &names);
+            let Some((thing, references)) = named.split_first() else { continue };
+            let steps: Vec<&Move> = undone.iter().filter(|step| names[step.object] == names[*thing]).collect();
+            if steps.is_empty() {
+                return (
+                    Some(FailureClass::Decomposition),
+                    format!("{}, which need not move, is named", names[*thing]),
+                );
+            }
+            let fits = |step: &&Move| {
+                let wanted: Vec<&String> = (step.atoms.iter().flat_map(genmanip_layout::references))
+                    .filter_map(|id| Some(&names[scene.index_of(id)?]))
+                    .collect();
+                references.iter().all(|reference| wanted.contains(&&names[*reference]))
+            };
+            if !steps.iter().any(fits) {
+                let said: Vec<&str> = references.iter().map(|reference| names[*reference].as_str()).collect();
+                let evidence = format!("{} has no place at {}", names[*thing], said.join(" and "));
+                return (Some(FailureClass::Decomposition), evidence);
+            }
+        }
+        (None, String::new())
+    }
+
+    /// The first cell on the way over which the arm cannot be at the height that was answered.
+    fn way(&self, question: &Question, way: &[PathCell]) -> Option<String> {
+        let Marks::Grid { grid, .. } = &question.marks else { return None };
+        let over = |step: &PathCell| {
+            let table_m = 0.0; // the world's z is 0 on the table
+            Some(on_plane(&question.view, grid.center(step.cell), table_m)? + DVec3::Z * step.height_m)
+        };
+        // The first cell is where the thing is.
+        let beyond =
+            way.iter().skip(1).find(|step| over(step).is_some_and(|point| !self.planner.reaches_from_above(point)));
+        beyond.map(|step| format!("the arm is not over {} at {} m", step.cell, step.height_m))
+    }
+
+    /// Moves of every alternative that are not done.
+    fn undone(&self, scene: &PosedScene) -> Vec<Move> {
+        self.truth.undone(scene).into_iter().flatten().collect()
+    }
+
+    fn object(&self, question: &Question, mask: usize, scene: &PosedScene) -> (Option<FailureClass>, String) {
+        let Marks::Masks(drawn) = &question.marks else { return (None, String::new()) };
+        let known = self.truth.masks(&question.view).unwrap_or_default();
+        let chosen = drawn.get(mask);
+        let covered = chosen.and_then(|chosen| {
+            let overlaps = known.iter().map(|(object, mask)| (mask.iou(chosen), *object));
+            overlaps.max_by(|a, b| a.0.total_cmp(&b.0))
+        });
+        let taken = covered.map(|(_, object)| object);
+        lock(&self.memory).taken = taken;
+        let name = taken.map_or("nothing", |object| self.truth.stage().name(object));
+        let wanted: Vec<usize> = self.undone(scene).iter().map(|step| step.object).collect();
+        if taken.is_some_and(|object| wanted.contains(&object)) {
+            return (None, format!("the mask is that of {name}"));
+        }
+        // What the sub-task names was chosen; then the sub-task is wrong.
+        let is_named = question.instruction.to_lowercase().contains(&format!("pick up the {}", name.to_lowercase()));
+        match taken.is_some() && is_named {
+            true => {
+                self.blame_split(format!("the sub-task names {name}, which need not move"));
+                (None, format!("the mask is that of {name}, as the sub-task says"))
+            }
+            false => (Some(FailureClass::GraspGrounding), format!("the mask is that of {name}")),
+        }
+    }
+
+    /// Says of the answer that split the task that it was wrong.
+    fn blame_split(&self, evidence: String) {
+        let split = lock(&self.memory).split;
+        let mut heard = lock(&self.heard);
+        let is_split =
+            |testimony: &&mut Testimony| Some(testimony.ask) == split && testimony.stage == Stage::Decompose.name();
+        let testimony = heard.testimonies.iter_mut().find(is_split);
+        if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
+            (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);
+        }
+    }
+
+    /// Whether the goal's conditions on the taken thing would hold if it came to rest where it is sent.
+    fn place(
+        &self,
+        question: &Question,
+        cell: genmanip_agent::grid::Cell,
+        scene: &PosedScene,
+    ) -> (Option<FailureClass>, String) {
+        let Marks::Grid { targets, .. } = &question.marks else { return (None, String::new()) };
+        let taken = lock(&self.memory).taken;
+        lock(&self.heard).sent.extend(taken.map(|object| (question.ask, object)));
+        let (Some(point), Some(object)) = (targets.get(&cell), taken) else { return (None, String::new()) };
+        let steps: Vec<Move> = self.undone(scene).into_iter().filter(|step| step.object == object).collect();
+        if steps.is_empty() {
+            return (None, "the wrong thing is placed".into());
+        }
+        let would_hold = |atoms: &[Atom]| {
+            let after = put(scene, object, *point);
+            atoms.iter().all(|atom| is_met(&after, atom, *point, &self.truth))
+        };
+        let is_right = steps.iter().any(|step| would_hold(&step.atoms));
+        if let Some((meant, came)) = came_to(&steps, is_right, &would_hold) {
+            lock(&self.heard).placed.push((meant, came));
+        }
+        if is_right {
+            return (None, format!("{} would serve in {cell}", self.truth.stage().name(object)));
+        }
+        // The same relation to another thing that is nearer than the right one: the wrong reference.
+        let apart = |other: usize| scene.bounds(other).map_or(f64::INFINITY, |bounds| distance(&bounds, *point));
+        let right = steps.iter().flat_map(|step| &step.atoms).flat_map(genmanip_layout::references);
+        let right = right.filter_map(|id| scene.index_of(id)).map(apart).fold(f64::INFINITY, f64::min);
+        let others = (0..scene.objects().len()).filter(|other| *other != object && apart(*other) < right);
+        for other in others {
+            let id = scene.objects().nth(other).map(|posed| posed.id.clone()).unwrap_or_default();
+            let to_other = |step: &Move| -> Vec<Atom> { step.atoms.iter().map(|atom| aimed_at(atom, &id)).collect() };
+            if steps.iter().any(|step| to_other(step) != step.atoms && would_hold(&to_other(step))) {
+                let name = self.truth.stage().name(other);
+                return (Some(FailureClass::PlanGrounding), format!("in {cell} it would stand so to {name}"));
+            }
+        }
+        (Some(FailureClass::PlanLocation), format!("in {cell} no condition on it would hold"))
+    }
+}
+
+/// The relation that is meant, and the one to the same reference that a place comes to: that one where the move would be
+/// done, else the first other that would hold.
+fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> Option<(Relation, Option<Relation>)> {
+    let Some(Atom::Relation { subject, relation, reference, .. }) = steps.first()?.atoms.first() else { return None };
+    if is_right {
+        return Some((*relation, Some(*relation)));
+    }
+    let other = |other: &Relation| {
+        let (subject, reference) = (subject.clone(), reference.clone());
+        holds(&[Atom::Relation { subject, relation: *other, reference, second_reference: None }])
+    };
+    let others = Relation::OF_PAIRS.into_iter().filter(|other| other != relation);
+    Some((*relation, others.into_iter().find(|relation| other(relation))))
+}
+
+/// Distance in the plane between a point and a box, m.
+pub(super) fn distance(bounds: &Aabb, point: DVec3) -> f64 {
+    (point.clamp(bounds.min, bounds.max) - point).truncate().length()
+}
+
+/// The scene with a thing moved over a point.
+fn put(scene: &PosedScene, object: usize, point: DVec3) -> PosedScene {
+    let mut after = scene.clone();
+    if let Some(bounds) = scene.bounds(object) {
+        after.shift(object, point - bounds.center().with_z(bounds.min.z));
+    }
+    after
+}
+
+/// Whether a condition would be met; in what carries it a thing may still fall or tip, so there only the plane counts.
+fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &Truth) -> bool {
+    match atom {
+        Atom::Relation { relation, reference, .. } if relation.is_support() => {
+            let bounds = after.index_of(reference).and_then(|carrier| after.bounds(carrier));
+            bounds.is_some_and(|bounds| {
+                let inner = (bounds.max - bounds.min) * 0.1;
+                point.x > bounds.min.x + inner.x
+                    && point.x < bounds.max.x - inner.x
+                    && point.y > bounds.min.y + inner.y
+                    && point.y < bounds.max.y - inner.y
+            })
+        }
+        _ => judge_atom(after, atom, &truth.stage().relations).holds,
+    }
+}
+
+/// The same condition with another first reference.
+fn aimed_at(atom: &Atom, id: &str) -> Atom {
+    match atom {
+        Atom::Relation { subject, relation, second_reference, .. } => Atom::Relation {
+            subject: subject.clone(),
+            relation: *relation,
+            reference: id.to_owned(),
+            second_reference: second_reference.clone(),
+        },
+        other @ Atom::State { .. } => other.clone(),
+    }
+}
+
+impl VisionModel for Witness {
+    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let answers = self.model.answer_each(questions);
+        for (question, answered) in questions.iter().zip(&answers) {
+            if let Ok(answered) = answered {
+                self.hear(question, answered);
+            }
+        }
+        answers
+    }
+}
+
+impl Witness {
+    fn hear(&self, question: &Question, answered: &Answered) {
+        self.hear_of_split(question);
+        let round = {
+            let mut memory = lock(&self.memory);
+            if question.stage == Stage::Decompose && question.refused.is_empty() {
+                memory.rounds += 1;
+            }
+            if question.stage == Stage::Object {
+                memory.subtask.clone_from(&question.instruction);
+            }
+            memory.ask = question.ask;
+            memory.rounds
+        };
+        let answer = parse(question, &answered.text);
+        let (wrong, evidence) = match &answer {
+            Ok(answer) => self.testify(question, answer),
+            Err(complaint) => (Some(FailureClass::Format), complaint.to_string()),
+        };
+        let (stage, subtask) = (question.stage.name(), question.instruction.clone());
+        let mut heard = lock(&self.heard);
+        heard.answers.insert(question.ask, answered.text.clone());
+        heard.testimonies.push(Testimony { ask: question.ask, round, stage, subtask, wrong, evidence });
+        drop(heard);
+        if let Ok(Answer::Check(answer)) = answer {
+            let mut memory = lock(&self.memory);
+            memory.open = memory.open.saturating_sub(1);
+            let splits = memory.open == 0 && !answer.finished && !answer.remaining.is_empty();
+            memory.remaining = splits.then_some((question.ask, answer.remaining));
+        }
+    }
+
+    /// A check split the task anew when the next question is about one of the sub-tasks that it said remain.
+    fn hear_of_split(&self, question: &Question) {
+        let (round, ask, subtasks) = {
+            let mut memory = lock(&self.memory);
+            let Some((ask, subtasks)) = memory.remaining.take() else { return };
+            if question.stage != Stage::Object {
+                return;
+            }
+            memory.rounds += 1;
+            (memory.split, memory.open) = (Some(ask), subtasks.len());
+            (memory.rounds, ask, subtasks)
+        };
+        let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());
+        let (stage, subtask) = (Stage::Decompose.name(), String::new());
+        lock(&self.heard).testimonies.push(Testimony { ask, round, stage, subtask, wrong, evidence });
+    }
+}
+
+/// Notes what proposed grasps are worth.
+pub struct GraspWitness {
+    source: Arc<dyn GraspSource>,
+    truth: Truth,
+    heard: Arc<Mutex<Heard>>,
+    memory: Arc<Mutex<Memory>>,
+}
+
+/// Half of what closes on a thing at a grasp: across the fingers, and along them, m; the pads of the built-in hand are
+/// 2 cm wide and reach that far.
+const CLOSING_HALF_M: [f64; 2] = [0.011, 0.011];
+
+impl GraspSource for GraspWitness {
+    fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
+        let grasps = self.source.grasps(question)?;
+        let Memory { rounds, taken, subtask, ask, .. } = lock(&self.memory).clone();
+        let Some(object) = taken.filter(|_| !grasps.is_empty()) else { return Ok(grasps) };
+        let surface = self.truth.scene().surface_points(object);
+        let holds = |grasp: &Grasp| {
+            let tcp_from_world = grasp.pose.inverse();
+            surface.iter().any(|point| {
+                let inside = tcp_from_world.transform_point(*point).abs();
+                let [across, along] = CLOSING_HALF_M;
+                inside.x <= across && inside.y <= 0.5 * grasp.width.max(0.01) && inside.z <= along
+            })
+        };
+        let sound = grasps.iter().filter(|grasp| holds(grasp)).count();
+        let testimony = Testimony {
+            ask,
+            round: rounds,
+            stage: GRASPS,
+            subtask,
+            wrong: (sound == 0).then_some(FailureClass::GraspProposal),
+            evidence: format!("{sound} of {} proposed grasps have the thing between the fingers", grasps.len()),
+        };
+        lock(&self.heard).testimonies.push(testimony);
+        Ok(grasps)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,220 @@
+//! Two evaluations of one suite, compared episode by episode.
+
+use std::path::Path;
+
+use crate::statistics::{PairedComparison, detectable_difference};
+use crate::suite::Perturbation;
+use crate::{EvaluationReport, StatisticsSettings, compare as compare_results};
+use genmanip_core::{EpisodeResult, TaskKind, limits};
+use genmanip_workspace::text_table;
+use serde::Serialize;
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Numbers of scenarios for which it is said what a comparison could find.
+const SIZES: [usize; 6] = [50, 100, 200, 400, 800, 1600];
+
+/// What two evaluations say about each other.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Name of the suite.
+    pub suite: String,
+    /// Hash of its scenarios.
+    pub suite_hash: String,
+    /// Whether the first, or the second, read simulator truth.
+    pub oracle: [bool; 2],
+    /// Over all episodes that both ran.
+    pub overall: PairedComparison,
+    /// The same by kind of task; their p-values are not corrected for there being several.
+    pub kinds: Vec<KindComparison>,
+    /// Differences that suites of other sizes would find.
+    pub power: Vec<PowerRow>,
+}
+
+/// The comparison on the tasks of one kind.
+#[derive(Clone, Debug, Serialize)]
+pub struct KindComparison {
+    /// The kind.
+    pub kind: TaskKind,
+    /// What it says.
+    #[serde(flatten)]
+    pub pair: PairedComparison,
+}
+
+/// What a number of scenarios could find.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PowerRow {
+    /// Scenarios, one episode each.
+    pub scenarios: usize,
+    /// Smallest difference that is found with a probability of 80 %, where episodes differ as often as in this
+    /// comparison; `None` where none is.
+    pub detectable_difference: Option<f64>,
+}
+
+/// Compares the evaluations in two files.
+///
+/// # Errors
+/// When a file is no evaluation, the two are of different suites, or no episode is in both.
+pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError> {
+    let read = |path: &Path| -> Result<EvaluationReport, RunError> {
+        if path.is_dir() {
+            return Err(RunError::input(format!("{} is a folder", path.display()))
+                .with_hint("name an evaluation, such as RUN/evaluation/expert.json"));
+        }
+        documents::read_document(path, limits::EVALUATION)
+    };
+    let reports = [read(first)?, read(second)?];
+    if origin(&reports[0]) != origin(&reports[1]) {
+        let of = |report: &EvaluationReport| format!("suite {} ({})", report.suite, report.suite_hash);
+        let [ours, theirs] = [of(&reports[0]), of(&reports[1])];
+        return Err(RunError::input(format!("{} is of {ours}, {} of {theirs}", first.display(), second.display()))
+            .with_hint("evaluate both policies on the same scenarios: only then can episodes be paired"));
+    }
+    compare_reports(&reports).map_err(|error| match error {
+        None => RunError::input(format!("no episode is in both {} and {}", first.display(), second.display()))
+            .with_hint("expected evaluations with the same scenarios and seeds"),
+        Some(error) => RunError::broken("the evaluations cannot be compared", error),
+    })
+}
+
+/// Hash of the suite that a report is of, or that its suite was made from: a perturbed suite has the scenarios of its
+/// control arm, each changed in one respect.
+fn origin(report: &EvaluationReport) -> &str {
+    report.perturbation.as_ref().map_or(&report.suite_hash, |perturbation| &perturbation.of_hash)
+}
+
+/// `Err(None)` where no episode is in both.
+fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option<crate::StatisticsError>> {
+    let [first, second] = reports;
+    let settings = StatisticsSettings::default();
+    let of = |report: &EvaluationReport, kind: Option<TaskKind>| -> Vec<EpisodeResult> {
+        let is_meant =
+            |result: &&EpisodeResult| kind.is_none_or(|kind| report.kinds.get(&result.task_id) == Some(&kind));
+        // Evaluations are told apart by their labels, which also name cameras.
+        let label = arm(report);
+        let named = |result: &EpisodeResult| EpisodeResult { policy: label.clone(), ..result.clone() };
+        report.results.iter().filter(is_meant).map(named).collect()
+    };
+    let paired = |kind| compare_results(&of(first, kind), &of(second, kind), &settings).map_err(Some);
+    let overall = paired(None)?;
+    if overall.pairs == 0 {
+        return Err(None);
+    }
+    let mut kinds = Vec::new();
+    for kind in TaskKind::ALL {
+        let pair = paired(Some(kind))?;
+        if pair.pairs > 0 {
+            kinds.push(KindComparison { kind, pair });
+        }
+    }
+    let share = (overall.only_first + overall.only_second) as f64 / overall.pairs as f64;
+    let row = |&scenarios: &usize| PowerRow {
+        scenarios,
+        detectable_difference: detectable_difference(scenarios, share, 1.0 - settings.coverage),
+    };
+    Ok(Comparison {
+        suite: first.suite.clone(),
+        suite_hash: first.suite_hash.clone(),
+        oracle: [first.oracle, second.oracle],
+        power: SIZES.iter().map(row).collect(),
+        overall,
+        kinds,
+    })
+}
+
+/// Label of an evaluation, with what was changed of its suite.
+fn arm(report: &EvaluationReport) -> String {
+    let changed = |it: &Perturbation| format!("{} ({} {})", report.label, it.axis, it.dial);
+    report.perturbation.as_ref().map_or_else(|| report.label.clone(), changed)
+}
+
+/// The same in words.
+pub fn in_words(comparison: &Comparison) -> String {
+    let all = &comparison.overall;
+    let oracle = |index: usize| if comparison.oracle[index] { " (oracle)" } else { "" };
+    let mut text = format!(
+        "{}: {} scenarios, {} episodes that both ran\nA  {}{}: {}\nB  {}{}: {}\n\n",
+        comparison.suite,
+        all.scenarios,
+        all.pairs,
+        all.first,
+        oracle(0),
+        all.first_success,
+        all.second,
+        oracle(1),
+        all.second_success,
+    );
+    let head = ["kind", "episodes", "A", "B", "A - B", "95 %", "only A, only B", "p"];
+    let mut rows = vec![head.map(String::from).to_vec(), row("all", all)];
+    rows.extend(comparison.kinds.iter().map(|kind| row(kind.kind.name(), &kind.pair)));
+    text += &text_table(&rows);
+    text += &format!("\n{}\n", verdict(comparison));
+    if all.unpaired > 0 {
+        text += &format!("{} episodes of only one of them are left out\n", all.unpaired);
+    }
+    text + &power_in_words(&comparison.power)
+}
+
+fn row(name: &str, pair: &PairedComparison) -> Vec<String> {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let points = |share: f64| format!("{:+.1}", 100.0 * share);
+    vec![
+        name.to_owned(),
+        pair.pairs.to_string(),
+        percent(pair.first_success.value),
+        percent(pair.second_success.value),
+        points(pair.difference.value),
+        format!("{} to {}", points(pair.difference.low), points(pair.difference.high)),
+        format!("{}, {}", pair.only_first, pair.only_second),
+        if pair.p_value < 1e-4 { "< 0.0001".into() } else { format!("{:.4}", pair.p_value) },
+    ]
+}
+
+/// What may be concluded, in one or two sentences.
+fn verdict(comparison: &Comparison) -> String {
+    let all = &comparison.overall;
+    let alpha = 1.0 - StatisticsSettings::default().coverage;
+    let test = if all.scenarios == all.pairs { "exact McNemar test" } else { "exact permutation test by scenario" };
+    let better = if all.difference.value > 0.0 { "A" } else { "B" };
+    let mut text = match (all.p_value <= alpha, all.detectable_difference) {
+        (true, _) => format!("{better} is better ({test}, p = {})", Short(all.p_value)),
+        (false, Some(least)) => format!(
+            "no difference found ({test}, p = {:.3}); one of {:.1} points would have been, four times in five",
+            all.p_value,
+            100.0 * least
+        ),
+        (false, None) => {
+            format!("no difference found ({test}, p = {:.3}); these scenarios are too few to find any", all.p_value)
+        }
+    };
+    if let Some(count) = all.sequential.decided_after {
+        text += &format!("\nlooked at after every scenario, {count} of {} would have been enough", all.scenarios);
+    }
+    text
+}
+
+/// A p-value of two digits, also where it is tiny.
+struct Short(f64);
+
+impl std::fmt::Display for Short {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 < 1e-3 {
+            true => write!(f, "{:.1e}", self.0),
+            false => write!(f, "{:.3}", self.0),
+        }
+    }
+}
+
+fn power_in_words(power: &[PowerRow]) -> String {
+    let head = ["scenarios", "difference found four times in five"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for row in power {
+        let least = row.detectable_difference;
+        rows.push(vec![
+            row.scenarios.to_string(),
+            least.map_or_else(|| "none".into(), |least| format!("{:.1} points", 100.0 * least)),
+        ]);
+    }
+    format!("\nwhere policies differ as often as these two:\n{}", text_table(&rows))
+}

@@ -1,0 +1,36 @@
+//! Benchmark suites, statistics of results, comparisons, leaderboards and the report.
+//!
+//! Statistics and pages are pure functions from values to text; [`suites`], [`compare`] and [`leaderboard_files`] read
+//! and write files. Nothing here runs a policy: `genmanip-pipeline` does, also to build and to perturb suites.
+//!
+//! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
+//! - [`evaluation`]: the results of one policy on one suite as a versioned file.
+//! - [`suite`]: scenarios that are frozen to be evaluated on, and how they are chosen.
+//! - [`rows`]: every episode of a run as a row, totals over rows, and which episodes are worth a picture.
+//! - [`report`]: one self-contained HTML page.
+//! - [`leaderboard_html`]: how policies did on the same suites.
+//! - [`failure_page`]: why a policy that asks failed, with what it was shown.
+//! - [`suites`]: the folders of suites: check, freeze, review, differences, training tasks.
+//! - [`compare`]: two evaluations of one suite, in pairs.
+
+pub mod compare;
+mod dataset_page;
+pub mod evaluation;
+mod failure_page;
+mod leaderboard;
+pub mod leaderboard_files;
+pub mod report;
+pub mod rows;
+pub mod statistics;
+pub mod suite;
+pub mod suites;
+
+pub use dataset_page::{FilmStrip, dataset_page};
+pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
+pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
+pub use leaderboard::{Board, Entry, boards, leaderboard_html, leaderboard_markdown};
+pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
+pub use rows::{EpisodeRow, Outcome, TaskRow};
+pub use statistics::{
+    PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
+};

@@ -1,0 +1,259 @@
+//! One HTML page that a person reads: self-contained, calm, complete without scripts.
+
+mod distributions;
+mod episodes;
+mod overview;
+mod page;
+pub(crate) mod tables;
+mod task;
+
+use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
+
+pub use page::{EpisodePage, episode_page};
+
+use crate::rows::cases::{Shows, Why};
+use crate::rows::{EpisodeRow, TaskRow};
+use crate::statistics::{PairedComparison, StatisticsSettings, SuiteSummary};
+use genmanip_viz::drawing::Svg;
+use genmanip_viz::markup::{base64, base64_length, escape};
+
+/// Everything the page shows. Totals and the table of episodes are made from the rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReportInput {
+    /// Heading of the page.
+    pub title: String,
+    /// Program and version that made it.
+    pub generated_by: String,
+    /// Seed of the run.
+    pub seed: Seed,
+    /// Commands that make it again.
+    pub commands: Vec<String>,
+    /// What it was made with, e.g. (`physics`, `mujoco 3.17.0`).
+    pub versions: Vec<(String, String)>,
+    /// One per policy.
+    pub summaries: Vec<SuiteSummary>,
+    /// Name of the policy that must never succeed, if one was run.
+    pub control: Option<String>,
+    /// Policies compared in pairs.
+    pub comparisons: Vec<PairedComparison>,
+    /// Wall-clock times, may be empty.
+    pub timings: Vec<Timing>,
+    /// Sentences the reader must know, e.g. that the expert reads simulator truth.
+    pub notes: Vec<String>,
+    /// All tasks of the run.
+    pub tasks: Vec<TaskRow>,
+    /// All episodes, collected and evaluated.
+    pub episodes: Vec<EpisodeRow>,
+    /// The tasks that are drawn, in the order of the page.
+    pub cases: Vec<TaskSection>,
+    /// The rule by which those were chosen; `None` when they are all.
+    pub rule: Option<String>,
+    /// Whether the page is the overview of a folder in which episodes have pages of their own, see [`EpisodeRow::page`].
+    pub has_pages: bool,
+}
+
+/// A phase and how long it took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// The phase.
+    pub phase: String,
+    /// Wall-clock time, s.
+    pub seconds: f64,
+}
+
+/// One task with what became of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaskSection {
+    /// The task.
+    pub task: Task,
+    /// What it is an example of; `None` when all tasks are shown.
+    pub why: Option<Why>,
+    /// Index of the shown episode among those of the page.
+    pub episode: Option<usize>,
+    /// Scenario of the shown episode.
+    pub scenario: Option<Scenario>,
+    /// From [`genmanip_viz::graph_svg`].
+    pub graph: Svg,
+    /// From [`genmanip_viz::layout_svg`]; `None` when there is no layout.
+    pub layout: Option<Svg>,
+    /// First image of the shown episode, JPEG.
+    pub first_image: Option<Vec<u8>>,
+    /// Last image of the shown episode, JPEG.
+    pub last_image: Option<Vec<u8>>,
+    /// Images in between.
+    pub film: Vec<FilmFrame>,
+    /// The shown episode, usually of the expert.
+    pub shown: Option<EpisodeResult>,
+    /// Every attempt to collect a demonstration, failed ones too.
+    pub attempts: Vec<AttemptRow>,
+    /// Episodes of all policies on this task.
+    pub results: Vec<EpisodeResult>,
+}
+
+/// An image of an episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilmFrame {
+    /// Time since the start of the episode.
+    pub time_s: f64,
+    /// JPEG.
+    pub jpeg: Vec<u8>,
+}
+
+/// One attempt to collect a demonstration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AttemptRow {
+    /// Id of the scenario or episode.
+    pub id: String,
+    /// Verified, or why not.
+    pub outcome: AttemptOutcome,
+    /// Wall-clock time, s.
+    pub seconds: f64,
+}
+
+/// How the page is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReportSettings {
+    /// Largest size of the page; film strips are thinned until it fits.
+    pub max_bytes: usize,
+    /// For the intervals of the yield.
+    pub statistics: StatisticsSettings,
+}
+
+impl Default for ReportSettings {
+    fn default() -> Self {
+        // 15 MB still opens at once from a mail or a CI artefact.
+        Self { max_bytes: 15_000_000, statistics: StatisticsSettings::default() }
+    }
+}
+
+/// Why there is no page.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReportError {
+    /// Too large even without film strips and thumbnails.
+    #[error(
+        "the report needs {got} bytes without film strips, more than the {limit} allowed; allow more, or show less with `--only`"
+    )]
+    TooLarge {
+        /// The limit.
+        limit: usize,
+        /// Size of the smallest version.
+        got: usize,
+    },
+}
+
+/// Which images are shown, so that the page stays within its size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ImagePlan {
+    /// Every how many-th image of a film strip is shown; `None` shows no strip.
+    film_step: Option<usize>,
+    /// Whether the index has pictures.
+    thumbnails: bool,
+}
+
+const PLANS: [ImagePlan; 9] = [
+    ImagePlan { film_step: Some(1), thumbnails: true },
+    ImagePlan { film_step: Some(2), thumbnails: true },
+    ImagePlan { film_step: Some(3), thumbnails: true },
+    ImagePlan { film_step: Some(4), thumbnails: true },
+    ImagePlan { film_step: Some(6), thumbnails: true },
+    ImagePlan { film_step: Some(8), thumbnails: true },
+    ImagePlan { film_step: Some(12), thumbnails: true },
+    ImagePlan { film_step: None, thumbnails: true },
+    ImagePlan { film_step: None, thumbnails: false },
+];
+
+/// The page as the text of an HTML file (also well-formed XML): no external resource, complete without scripts,
+/// the same bytes for the same input.
+///
+/// # Errors
+/// [`ReportError::TooLarge`] when even the page without film strips exceeds the limit.
+pub fn report_html(input: &ReportInput, settings: &ReportSettings) -> Result<String, ReportError> {
+    let mut smallest = None;
+    for plan in PLANS {
+        // Pages that cannot fit are not worth writing, except the last, whose size is told.
+        if image_bytes(input, plan) > settings.max_bytes && plan != PLANS[PLANS.len() - 1] {
+            continue;
+        }
+        let page = page(input, settings, plan);
+        if page.len() <= settings.max_bytes {
+            return Ok(page);
+        }
+        smallest = Some(page.len());
+    }
+    Err(ReportError::TooLarge { limit: settings.max_bytes, got: smallest.unwrap_or(0) })
+}
+
+fn page(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
+    let sections: String = input
+        .cases
+        .iter()
+        .enumerate()
+        .map(|(index, section)| task::section(index, section, input.control.as_deref(), plan))
+        .collect();
+    format!(
+        concat!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n",
+            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\" />\n",
+            "<meta name=\"color-scheme\" content=\"light dark\" />\n",
+            "<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n",
+            "{overview}<main>\n{sections}</main>\n<footer>{footer}</footer>\n<script>\n{script}</script>\n</body>\n</html>\n"
+        ),
+        title = escape(&input.title),
+        style = include_str!("style.css"),
+        overview = overview::overview(input, settings, plan),
+        sections = sections,
+        footer = escape(&format!("Made by {}, seed {}.", input.generated_by, input.seed)),
+        script = include_str!("script.js"),
+    )
+}
+
+fn image_bytes(input: &ReportInput, plan: ImagePlan) -> usize {
+    let length = |image: &Option<Vec<u8>>| image.as_ref().map_or(0, |jpeg| base64_length(jpeg.len()));
+    let of_section = |section: &TaskSection| {
+        let film: usize = plan.film(section).map(|frame| base64_length(frame.jpeg.len())).sum();
+        let thumbnail = if plan.thumbnails { length(section.thumbnail()) } else { 0 };
+        film + thumbnail + length(&section.first_image) + length(&section.last_image)
+    };
+    input.cases.iter().map(of_section).sum()
+}
+
+impl ImagePlan {
+    fn film<'a>(&self, section: &'a TaskSection) -> impl Iterator<Item = &'a FilmFrame> {
+        let shown = if self.film_step.is_some() { usize::MAX } else { 0 };
+        section.film.iter().step_by(self.film_step.unwrap_or(1)).take(shown)
+    }
+}
+
+impl TaskSection {
+    fn thumbnail(&self) -> &Option<Vec<u8>> {
+        if self.last_image.is_some() { &self.last_image } else { &self.first_image }
+    }
+
+    fn verified(&self) -> usize {
+        self.attempts.iter().filter(|attempt| attempt.outcome == AttemptOutcome::Verified).count()
+    }
+}
+
+/// An image as an element.
+fn image(jpeg: &[u8], alternative: &str) -> String {
+    let (data, alternative) = (base64(jpeg), escape(alternative));
+    format!("<img src=\"data:image/jpeg;base64,{data}\" alt=\"{alternative}\" />")
+}
+
+/// A small coloured word; `class` is one of `good`, `bad`, `plain`, `warn`.
+fn chip(class: &str, text: &str) -> String {
+    format!(" <span class=\"chip {class}\">{}</span>", escape(text))
+}
+
+/// `pick_and_place` as people write it.
+fn words(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// What a case is an example of, in words.
+fn shows(shows: Shows) -> String {
+    match shows {
+        Shows::Failure(cause) => format!("failure: {}", words(cause.name())),
+        Shows::Success(kind) => format!("success: {}", words(kind.name())),
+    }
+}

@@ -1,0 +1,215 @@
+//! Results of policies, summarised.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{EpisodeResult, FailureCause, Seed, TaskKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::StatisticsSettings;
+use super::interval::{Mean, Rate, mean_with_interval};
+use super::traits::TraitSummary;
+
+/// How one policy did on one suite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SuiteSummary {
+    /// Name of the policy.
+    pub policy: String,
+    /// Whether any of its results was made with simulator truth.
+    pub oracle: bool,
+    /// The goal held at the end, after settling: the headline.
+    pub success: Rate,
+    /// The goal held at some control step.
+    pub success_once: Rate,
+    /// Fraction of the goal reached, 0-1.
+    pub score: Mean,
+    /// Success weighted by path length, over the episodes whose scenario has a reference length; `count` says how many
+    /// those are. Absent where none has.
+    pub spl: Option<Mean>,
+    /// Distance the tool travelled, m.
+    pub tcp_path_m: Mean,
+    /// Simulated length of the episodes, s.
+    pub duration_s: Mean,
+    /// Episodes in which the robot struck something.
+    pub collisions: Rate,
+    /// Success as point clouds of the final scene say, over the episodes that were judged so; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloud_success: Option<Rate>,
+    /// Episodes of which clouds and geometry say different things, by id.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cloud_disagreements: Vec<String>,
+    /// The same per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are left out.
+    pub kinds: Vec<KindSummary>,
+    /// The same by what scenarios are like, of suites that say so.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub traits: Vec<TraitSummary>,
+    /// Causes of failure, most frequent first.
+    pub failures: Vec<FailureCount>,
+}
+
+/// How one policy did on the tasks of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KindSummary {
+    /// The kind.
+    pub kind: TaskKind,
+    /// The goal held at the end.
+    pub success: Rate,
+    /// The goal held at some control step.
+    pub success_once: Rate,
+    /// Fraction of the goal reached.
+    pub score: Mean,
+}
+
+/// How often something went wrong for one reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct FailureCount {
+    /// The cause.
+    pub cause: FailureCause,
+    /// Number of episodes or attempts.
+    pub count: usize,
+}
+
+/// Why results cannot be summarised.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StatisticsError {
+    /// A result of a task whose kind is not given.
+    #[error("result {result} is of task {task}, whose kind is not known; known tasks: {known}")]
+    UnknownTask {
+        /// Id of the result.
+        result: String,
+        /// Id of the task.
+        task: String,
+        /// Ids of the known tasks, at most eight.
+        known: String,
+    },
+    /// The same episode twice.
+    #[error("policy {policy} has two results for scenario {scenario} with seed {seed}")]
+    RepeatedEpisode {
+        /// Name of the policy.
+        policy: String,
+        /// Id of the scenario.
+        scenario: String,
+        /// Seed of the episode.
+        seed: Seed,
+    },
+}
+
+/// Summarises results per policy, in the order in which the policies first occur.
+///
+/// `kinds` gives the kind of each task by its id.
+/// `reference_paths_m` gives, by scenario id, the length that a good solution needs (usually the shortest verified one
+/// of the expert); an episode whose scenario has none says nothing about SPL, and without any the policy gets no SPL.
+/// The order of the results of one policy does not matter.
+///
+/// # Errors
+/// [`StatisticsError::UnknownTask`] when a task's kind is missing.
+pub fn summarise(
+    results: &[EpisodeResult],
+    kinds: &BTreeMap<String, TaskKind>,
+    reference_paths_m: &BTreeMap<String, f64>,
+    settings: &StatisticsSettings,
+) -> Result<Vec<SuiteSummary>, StatisticsError> {
+    let mut policies: Vec<&str> = Vec::new();
+    for result in results {
+        if !kinds.contains_key(&result.task_id) {
+            let known: Vec<&str> = kinds.keys().take(8).map(String::as_str).collect();
+            let (result, task) = (result.id.clone(), result.task_id.clone());
+            return Err(StatisticsError::UnknownTask { result, task, known: known.join(", ") });
+        }
+        if !policies.contains(&result.policy.as_str()) {
+            policies.push(&result.policy);
+        }
+    }
+    Ok(policies
+        .into_iter()
+        .map(|policy| {
+            let mut own: Vec<&EpisodeResult> = results.iter().filter(|result| result.policy == policy).collect();
+            // Sums and resamples depend on the order of their terms.
+            own.sort_by_key(|result| (&result.scenario_id, result.seed, &result.id));
+            summarise_policy(policy, &own, kinds, reference_paths_m, settings)
+        })
+        .collect())
+}
+
+fn summarise_policy(
+    policy: &str,
+    results: &[&EpisodeResult],
+    kinds: &BTreeMap<String, TaskKind>,
+    reference_paths_m: &BTreeMap<String, f64>,
+    settings: &StatisticsSettings,
+) -> SuiteSummary {
+    let mean = |label: &str, results: &[&EpisodeResult], value: &dyn Fn(&EpisodeResult) -> f64| {
+        let values: Vec<f64> = results.iter().map(|result| value(result)).collect();
+        mean_with_interval(&values, settings, settings.seed.fork(label))
+    };
+    let rate = |results: &[&EpisodeResult], flag: &dyn Fn(&EpisodeResult) -> bool| {
+        let mut scenarios: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        for result in results {
+            let (successes, trials) = scenarios.entry(&result.scenario_id).or_default();
+            *successes += usize::from(flag(result));
+            *trials += 1;
+        }
+        Rate::clustered(&scenarios.into_values().collect::<Vec<_>>(), settings)
+    };
+    let spl_values: Vec<f64> = results
+        .iter()
+        .filter_map(|result| Some(spl(result.success, result.tcp_path_m, *reference_paths_m.get(&result.scenario_id)?)))
+        .collect();
+    let of_kind = |kind: TaskKind| {
+        let own: Vec<&EpisodeResult> =
+            results.iter().copied().filter(|result| kinds.get(&result.task_id) == Some(&kind)).collect();
+        (!own.is_empty()).then(|| KindSummary {
+            kind,
+            success: rate(&own, &|result| result.success),
+            success_once: rate(&own, &|result| result.success_once),
+            score: mean("score", &own, &|result| result.verdict.score),
+        })
+    };
+    let judged: Vec<&EpisodeResult> = results.iter().copied().filter(|result| result.cloud.is_some()).collect();
+    let differ = |result: &&&EpisodeResult| result.cloud.as_ref().is_some_and(|cloud| cloud.success != result.success);
+    let disagreements = judged.iter().filter(differ);
+    SuiteSummary {
+        policy: policy.into(),
+        oracle: results.iter().any(|result| result.oracle),
+        success: rate(results, &|result| result.success),
+        success_once: rate(results, &|result| result.success_once),
+        score: mean("score", results, &|result| result.verdict.score),
+        spl: (!spl_values.is_empty()).then(|| mean_with_interval(&spl_values, settings, settings.seed.fork("spl"))),
+        tcp_path_m: mean("path", results, &|result| result.tcp_path_m),
+        duration_s: mean("duration", results, &|result| result.duration_s),
+        collisions: rate(results, &|result| result.max_stray_contact_n >= settings.collision_n),
+        cloud_success: (!judged.is_empty())
+            .then(|| rate(&judged, &|result| result.cloud.as_ref().is_some_and(|cloud| cloud.success))),
+        cloud_disagreements: disagreements.map(|result| result.id.clone()).collect(),
+        kinds: TaskKind::ALL.into_iter().filter_map(of_kind).collect(),
+        traits: Vec::new(),
+        failures: failure_counts(results.iter().filter_map(|result| Some(result.failures.first()?.cause))),
+    }
+}
+
+/// Success weighted by path length (Anderson et al. 2018): success · reference / max(path, reference).
+///
+/// ```
+/// assert_eq!(genmanip_benchmark::spl(true, 2.0, 1.5), 0.75);
+/// assert_eq!(genmanip_benchmark::spl(true, 1.0, 1.5), 1.0);
+/// assert_eq!(genmanip_benchmark::spl(false, 1.0, 1.5), 0.0);
+/// ```
+pub fn spl(success: bool, path_m: f64, reference_m: f64) -> f64 {
+    let longest = path_m.max(reference_m);
+    match success {
+        true if longest > 0.0 => (reference_m.max(0.0) / longest).clamp(0.0, 1.0),
+        success => f64::from(u8::from(success)),
+    }
+}
+
+/// Counts causes, most frequent first, equals in the order of [`FailureCause`].
+pub fn failure_counts(causes: impl IntoIterator<Item = FailureCause>) -> Vec<FailureCount> {
+    let mut counts: BTreeMap<FailureCause, usize> = BTreeMap::new();
+    for cause in causes {
+        *counts.entry(cause).or_default() += 1;
+    }
+    let mut counts: Vec<FailureCount> =
+        counts.into_iter().map(|(cause, count)| FailureCount { cause, count }).collect();
+    counts.sort_by_key(|entry| std::cmp::Reverse(entry.count));
+    counts
+}

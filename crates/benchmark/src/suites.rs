@@ -1,0 +1,135 @@
+//! Suites: scenarios chosen by rules, certified by the expert, and frozen in a folder.
+//!
+//! ```text
+//! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
+//! NAME/scenarios/*.json  the scenarios
+//! NAME/assets/*.json.gz  their objects, once `freeze` has put them there
+//! NAME/review.json       what people said of its scenarios; not frozen
+//! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
+//! ```
+
+mod assets;
+pub mod candidates;
+mod check;
+mod diff;
+mod freeze;
+pub mod frozen;
+pub mod perturb;
+mod pictures;
+mod review;
+mod training;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::suite::{Marginal, Review, ReviewFile, SuiteFile, marginals};
+use genmanip_core::{TaskKind, limits};
+use genmanip_workspace::text_table;
+use serde::Serialize;
+
+pub use assets::SuiteAssets;
+pub use check::{Checked, check, in_words as check_in_words};
+pub use diff::{Difference, diff, in_words as diff_in_words};
+pub use freeze::freeze;
+pub use perturb::Axis;
+pub use review::{in_words as review_in_words, review, reviews};
+pub use training::{Training, TrainingOptions, shared, training};
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Kinds of tasks of a suite: those of the paper's benchmark.
+pub const KINDS: [TaskKind; 4] =
+    [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
+
+/// Folder of a suite that is named by its folder, or by its name where `suites/NAME` lies in the current folder.
+pub fn folder_of(name: &Path) -> PathBuf {
+    let shipped = Path::new("suites").join(name);
+    if !name.exists() && shipped.join("suite.json").is_file() { shipped } else { name.to_owned() }
+}
+
+/// Reads the file of a suite's folder.
+///
+/// # Errors
+/// When there is none, or it is damaged.
+pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
+    let path = folder.join("suite.json");
+    if !path.is_file() {
+        return Err(RunError::input(format!("there is no suite at {}", folder.display()))
+            .with_hint("expected a folder with suite.json, as `genmanip suite build --out DIR` makes it"));
+    }
+    documents::read_document(&path, limits::SUITE)
+}
+
+/// The file of a scenario in a suite's folder.
+pub fn scenario_file(folder: &Path, id: &str) -> PathBuf {
+    folder.join("scenarios").join(format!("{id}.json"))
+}
+
+/// What a suite is like.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shown {
+    /// Its file.
+    #[serde(flatten)]
+    pub file: SuiteFile,
+    /// How its traits are spread.
+    pub marginals: Vec<Marginal>,
+    /// What people said of its scenarios.
+    pub reviews: Vec<Review>,
+}
+
+/// What a suite is like, from its file.
+///
+/// # Errors
+/// As [`open`].
+pub fn show(folder: &Path) -> Result<Shown, RunError> {
+    let file = open(folder)?;
+    let marginals = marginals(file.scenarios.iter().map(|entry| &entry.traits));
+    Ok(Shown { file, marginals, reviews: reviews(folder)?.reviews })
+}
+
+/// The same in words.
+pub fn show_in_words(shown: &Shown) -> String {
+    let file = &shown.file;
+    let mut text = format!(
+        "{} ({}): {} scenarios, seed {}, genmanip {}, {}\n\n",
+        file.name,
+        file.suite_hash,
+        file.scenarios.len(),
+        file.seed,
+        file.genmanip_version,
+        file.engine
+    );
+    if let Some(changed) = &file.perturbation {
+        text.truncate(text.trim_end().len());
+        text += &format!(
+            "\n{} with another {}, dial {}, seed {}; the control arm is suite {}\n\n",
+            changed.of, changed.axis, changed.dial, changed.seed, changed.of_hash
+        );
+    }
+    let kinds = KINDS.map(|kind| kind.name());
+    let mut rows = vec![std::iter::once("candidates that passed").chain(kinds).map(String::from).collect::<Vec<_>>()];
+    for stage in &file.funnel {
+        let of = |kind: &&str| stage.passed.get(*kind).copied().unwrap_or(0).to_string();
+        rows.push(std::iter::once(stage.asked.clone()).chain(kinds.iter().map(of)).collect());
+    }
+    text += &text_table(&rows);
+    let refused = file.funnel.iter().flat_map(|stage| &stage.refused);
+    let reasons: Vec<String> = refused.map(|(reason, count)| format!("  {count:5}  {reason}\n")).collect();
+    if !reasons.is_empty() {
+        text += &format!("\nrefused\n{}", reasons.concat());
+    }
+    let mut spread: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for marginal in &shown.marginals {
+        let cell = format!("{} {:.0} %", marginal.value, 100.0 * marginal.share);
+        spread.entry(&marginal.name).or_default().push(cell);
+    }
+    if !shown.reviews.is_empty() {
+        text += &format!("\n{}", review_in_words(&ReviewFile { reviews: shown.reviews.clone() }));
+    }
+    text += "\nspread\n";
+    for (name, cells) in spread {
+        text += &format!("  {name:10} {}\n", cells.join(", "));
+    }
+    text
+}

@@ -1,0 +1,237 @@
+//! Whether a suite is what its file says.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::suite::{Marginal, SuiteFile, marginals, sha256, template};
+use crate::suite_hash;
+use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
+use genmanip_core::{Scenario, limits};
+use genmanip_rollout::Stage;
+use genmanip_tasks::designer::RULES;
+use genmanip_tasks::references::{self, Clue, Mismatch, is_needless};
+use serde::Serialize;
+
+use super::pictures::draw;
+use super::{SuiteAssets, open, scenario_file};
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
+use genmanip_workspace::worlds;
+
+/// Most places that are named of one object.
+const MOST_PLACES: usize = 3;
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Checked {
+    /// Name of the suite.
+    pub name: String,
+    /// Scenarios that were read.
+    pub scenarios: usize,
+    /// Largest deviation of a trait's value from its even share, as a part of that.
+    pub worst_marginal: f64,
+    /// Share of the sentence that is most frequent once what it is about is left blank.
+    pub template_share: f64,
+    /// What is worth knowing and no fault, a line each: frozen objects that the catalogue makes otherwise by now, and
+    /// sentences of recorded answers that the independent reader does not follow.
+    pub notes: Vec<String>,
+    /// What is wrong, a line each; empty for a sound suite.
+    pub faults: Vec<String>,
+}
+
+/// Checks every scenario of a suite: its bytes, its objects, that its sentence means its goal, and that it needs what
+/// its kind is about; `None` when it was stopped.
+///
+/// # Errors
+/// When the suite's file cannot be read; a scenario that cannot be is a fault.
+pub fn check(
+    folder: &Path,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<Checked>, RunError> {
+    let suite = open(folder)?;
+    let mut notes = Vec::new();
+    let mut faults =
+        strangers(folder, "scenarios", &suite.scenarios.iter().map(|it| format!("{}.json", it.id)).collect())?;
+    if !suite.assets.is_empty() {
+        faults.extend(strangers(folder, "assets", &suite.assets.iter().map(|it| it.file.clone()).collect())?);
+    }
+    let own = SuiteAssets::of(folder, &suite);
+    let source: &dyn AssetSource = own.as_ref().map_or(Catalogue::builtin(), |own| own);
+    let mut scenarios = Vec::new();
+    for entry in &suite.scenarios {
+        let mut fault = |what: String| faults.push(format!("{}: {what}", entry.id));
+        let path = scenario_file(folder, &entry.id);
+        let sha256 = match documents::read_bytes(&path, limits::SCENARIO) {
+            Ok(bytes) => sha256(&bytes),
+            Err(error) => {
+                fault(error.to_string());
+                continue;
+            }
+        };
+        if sha256 != entry.sha256 {
+            fault(format!("is not as it was frozen: its SHA-256 begins with {:.12}, not {:.12}", sha256, entry.sha256));
+        }
+        let scenario = match scenarios::read_scenario(&path) {
+            Ok(scenario) => scenario,
+            Err(error) => {
+                fault(error.to_string());
+                continue;
+            }
+        };
+        if scenario.id != entry.id {
+            fault(format!("calls itself {}", scenario.id));
+        }
+        match references::check(&scenario.task) {
+            Ok(()) => {}
+            // What people or language models say may be beyond the reader.
+            Err(mismatch @ Mismatch::Unreadable { .. }) if scenario.task.source != RULES => {
+                notes.push(format!("{}: the reader does not follow: {mismatch}", entry.id));
+            }
+            Err(mismatch) => fault(format!("its sentence does not mean its goal: {mismatch}")),
+        }
+        // Another request is one of pick and place, which needs nothing.
+        if Clue::of(scenario.task.kind).is_some_and(|clue| is_needless(&scenario.task, clue)) {
+            fault("its goal is clear without what its kind is about".into());
+        }
+        if entry.certificate.verified < entry.certificate.episodes || entry.certificate.episodes == 0 {
+            fault("has no certificate".into());
+        }
+        // Physics of its objects, by their hashes.
+        let robot = worlds::robot(&scenario.world)?;
+        if let Err(error) = Stage::open(Arc::new(scenario.clone()), source, &robot) {
+            fault(error.to_string());
+        }
+        scenarios.push(scenario);
+    }
+    if suite_hash(&scenarios) != suite.suite_hash {
+        faults.push(format!("the scenarios together are not those of suite {}", suite.suite_hash));
+    }
+    for review in super::reviews(folder)?.stale(&suite) {
+        faults.push(format!("{}: {} looked at another one of this name", review.scenario, review.reviewer));
+    }
+    let differences = match &own {
+        Some(own) => differences(folder, &suite, own, &scenarios, workers, progress, stop)?,
+        None => Differences::default(),
+    };
+    faults.extend(differences.faults);
+    let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
+    let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
+    let template_share = template_share(&scenarios);
+    notes.extend(differences.notes);
+    let name = suite.name;
+    // What was not looked at any more is not sound.
+    let checked = Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults };
+    Ok((!stop.load(Ordering::Relaxed)).then_some(checked))
+}
+
+/// What is not as it was frozen, and what the catalogue makes otherwise by now, which is no fault.
+#[derive(Default)]
+struct Differences {
+    faults: Vec<String>,
+    notes: Vec<String>,
+}
+
+/// Compares the frozen objects with their files and with the catalogue, and the pictures with those drawn now.
+fn differences(
+    folder: &Path,
+    suite: &SuiteFile,
+    source: &SuiteAssets,
+    scenarios: &[Scenario],
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Differences, RunError> {
+    let mut found = Differences::default();
+    for file in &suite.assets {
+        let frozen = match SuiteAssets::read(folder, file) {
+            Ok(frozen) => frozen,
+            Err(fault) => {
+                found.faults.push(fault);
+                continue;
+            }
+        };
+        if let Err(error) = source.model(&file.asset) {
+            found.faults.push(error.to_string());
+        }
+        match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
+            Ok(mut today) => {
+                // Drawn by all triangles, as suites once were frozen, it is still the catalogue's.
+                if Catalogue::builtin().measured_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash) {
+                    today.looks_hash.clone_from(&frozen.looks_hash);
+                }
+                let places = frozen.differences(&today, MOST_PLACES);
+                if !places.is_empty() {
+                    found.notes.push(format!("assets/{}: the catalogue has another {}", file.file, places.join(", ")));
+                }
+            }
+            Err(error) => found.notes.push(format!("assets/{}: {error}", file.file)),
+        }
+    }
+    if found.faults.is_empty()
+        && let Some(pictures) = draw(scenarios, source, workers, progress, stop)?
+    {
+        for (scenario, pictures) in scenarios.iter().zip(pictures) {
+            let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
+            // Also of cameras that only one of the two has.
+            let all = pictures.keys().chain(entry.pictures.keys()).collect::<BTreeSet<_>>();
+            let other = all.into_iter().filter(|camera| pictures.get(*camera) != entry.pictures.get(*camera));
+            let cameras: Vec<&str> = other.map(String::as_str).collect();
+            if !cameras.is_empty() {
+                found.faults.push(format!("{}: looks otherwise through {}", scenario.id, cameras.join(", ")));
+            }
+        }
+    }
+    Ok(found)
+}
+
+fn template_share(scenarios: &[Scenario]) -> f64 {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for scenario in scenarios {
+        *counts.entry(template(&scenario.task.instruction)).or_default() += 1;
+    }
+    counts.values().max().map_or(0.0, |&most| most as f64 / scenarios.len() as f64)
+}
+
+/// Files in a folder of the suite that it does not name.
+fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, RunError> {
+    let path = folder.join(inside);
+    let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
+    let entries = entries.map_err(|error| RunError::file("list", &path, error))?;
+    let mut faults = Vec::new();
+    for entry in entries {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if !wanted.contains(&name) {
+            faults.push(format!("{inside}/{name} belongs to no scenario of the suite"));
+        }
+    }
+    faults.sort();
+    Ok(faults)
+}
+
+/// The same in words.
+pub fn in_words(checked: &Checked) -> String {
+    let mut text = format!(
+        "{}: {} scenarios, worst marginal {:.0} % of its share, most frequent sentence {:.1} %\n",
+        checked.name,
+        checked.scenarios,
+        100.0 * checked.worst_marginal,
+        100.0 * checked.template_share
+    );
+    for note in &checked.notes {
+        text += &format!("  note: {note}\n");
+    }
+    for fault in &checked.faults {
+        text += &format!("  {fault}\n");
+    }
+    if checked.faults.is_empty() {
+        text += "every scenario is as it was frozen\n";
+    }
+    text
+}

@@ -1,0 +1,59 @@
+//! Freezing what a suite's scenarios are made of: objects, and hashes of what its cameras see.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use crate::suite::{FrozenFile, SuiteEntry, SuiteFile, sha256};
+use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
+use genmanip_core::{Document, Scenario};
+
+use super::assets::{SuiteAssets, distinct, path, to_bytes};
+use super::pictures::draw;
+use super::{open, scenario_file};
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
+
+/// Puts the objects of a suite's scenarios and hashes of its pictures beside them; `None` when it was stopped.
+///
+/// From then on the suite is evaluated on with these objects, whatever the catalogue makes of their names.
+///
+/// # Errors
+/// When the suite is frozen so already or is not as it was built, an object cannot be kept, or a file cannot be written.
+pub fn freeze(
+    folder: &Path,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
+    let mut suite = open(folder)?;
+    if !suite.assets.is_empty() {
+        return Err(RunError::input(format!("{} holds its objects and pictures already", folder.display()))
+            .with_hint("a suite is frozen once; `genmanip suite check` says whether it still is what it was"));
+    }
+    let Some(checked) = super::check(folder, workers, progress, stop)? else { return Ok(None) };
+    if let Some(fault) = checked.faults.first() {
+        return Err(RunError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
+    }
+    let read = |entry: &SuiteEntry| scenarios::read_scenario(&scenario_file(folder, &entry.id));
+    let scenarios: Vec<Scenario> = suite.scenarios.iter().map(read).collect::<Result<_, _>>()?;
+    let catalogue = Catalogue::builtin();
+    let cannot = |error| RunError::broken("an object cannot be frozen", error);
+    let placed = scenarios.iter().flat_map(|scenario| &scenario.objects).map(|object| &object.asset);
+    let uid = |asset: &_| catalogue.model(asset).map(|model| model.card.uid.clone());
+    for (file, asset) in distinct(placed, uid).map_err(cannot)? {
+        let bytes = to_bytes(&FrozenAsset::of(&asset, catalogue).map_err(cannot)?)
+            .map_err(|error| RunError::broken("an object cannot be packed", error))?;
+        let frozen = FrozenFile { asset, file, sha256: sha256(&bytes) };
+        documents::write_file(&path(folder, &frozen), &bytes)?;
+        suite.assets.push(frozen);
+    }
+    let Some(source) = SuiteAssets::of(folder, &suite) else { return Ok(Some(suite)) };
+    let Some(pictures) = draw(&scenarios, &source, workers, progress, stop)? else { return Ok(None) };
+    for (entry, pictures) in suite.scenarios.iter_mut().zip(pictures) {
+        entry.pictures = pictures;
+    }
+    documents::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
+    Ok(Some(suite))
+}

@@ -1,0 +1,223 @@
+//! One scenario, changed along one axis.
+//!
+//! Ranges at dial 1 are chosen: as large as what a laboratory sees from one day to the next, and still solvable. Smaller
+//! dials shrink them in proportion.
+
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, GraspLibrary};
+use genmanip_core::sensor::SensorPreset;
+use genmanip_core::{
+    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PlacedObject, Relation,
+    Request, Scenario, Seed, TaskKind, Vary, World,
+};
+use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
+use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
+use genmanip_relations::{Rest, ShapeCache, judge_goal};
+use genmanip_render::sampling::jittered;
+use genmanip_rollout::physics_variation::vary_physics;
+use genmanip_tasks::references;
+use genmanip_tasks::wording::{from_the_camera, paraphrases};
+use rand::{Rng, RngExt};
+
+use super::Axis;
+use genmanip_workspace::RunError;
+use genmanip_workspace::worlds;
+
+/// Largest shift of a camera along each axis, m, and turn about each, rad, by its mount.
+const CAMERA: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.06, 0.06), (CameraMount::Hand, 0.01, 0.03)];
+/// Largest turn of each arm joint from its home, rad.
+const START_RAD: f64 = 0.25;
+/// Postures that are drawn until the arm is free in one.
+const POSTURES: usize = 100;
+/// Room left to the limits of the joints, rad.
+const LIMIT_RAD: f64 = 0.05;
+/// Largest change of the exposure, stops, and of the white balance's factors.
+const EXPOSURE_STOPS: f64 = 0.7;
+const WHITE_BALANCE: f64 = 0.12;
+/// Least quality of the JPEG.
+const JPEG_QUALITY: f64 = 40.0;
+/// Things that are added.
+const DISTRACTORS: f64 = 5.0;
+/// Paraphrases to choose from.
+const PARAPHRASES: usize = 8;
+/// Other requests that are drawn until the reader understands one.
+const REQUESTS: usize = 200;
+
+/// Perturbs scenarios along one axis; planner and settings are built once.
+pub struct Workshop {
+    axis: Axis,
+    dial: f64,
+    /// Planner of the robot in the world of the suite.
+    pub planner: Arc<Planner>,
+    layout: LayoutSettings,
+}
+
+impl Workshop {
+    /// A workshop for scenarios of a world; `dial` in (0, 1] is the strength of the perturbation.
+    ///
+    /// # Errors
+    /// When the robot of the world is unknown.
+    pub fn new(world: &World, axis: Axis, dial: f64) -> Result<Self, RunError> {
+        let planner = worlds::planner(world, &PlannerSettings::default())?;
+        Ok(Self { axis, dial, planner, layout: LayoutSettings::default() })
+    }
+
+    /// The perturbed scenario, with the id and seed of the original.
+    ///
+    /// # Errors
+    /// The reason why it cannot be perturbed.
+    pub fn change(&self, scenario: &Scenario, seed: Seed) -> Result<Scenario, String> {
+        let mut changed = scenario.clone();
+        let (world, rng) = (&mut changed.world, &mut seed.rng());
+        match self.axis {
+            Axis::Layout => changed.objects = self.laid_out_anew(scenario, seed)?,
+            Axis::Camera => world.cameras.iter_mut().for_each(|camera| self.shift(camera, rng)),
+            Axis::RobotStart => world.robot.start = Some(self.posture(scenario, rng)?),
+            Axis::Light => world.look = Some(self.look(Vary::Light, seed)),
+            Axis::Background => world.look = Some(self.look(Vary::Background, seed)),
+            Axis::Texture => world.look = Some(self.look(Vary::Material, seed)),
+            Axis::Paint => world.look = Some(self.look(Vary::Objects, seed)),
+            Axis::Sensor => {
+                let sensor = self.sensor(rng);
+                world.cameras.iter_mut().for_each(|camera| camera.sensor = Some(sensor));
+            }
+            Axis::Physics => vary_physics(&mut changed, seed, self.dial),
+            Axis::Distractors => {
+                let count = (self.dial * DISTRACTORS).ceil() as usize;
+                let more = add_distractors(scenario, Catalogue::builtin(), count, seed, &self.layout);
+                let more = more.map_err(|error| error.to_string())?;
+                changed.objects = more.ok_or("there is no room for more things")?.objects;
+            }
+            Axis::Wording => {
+                let mut all = paraphrases(&scenario.task, PARAPHRASES);
+                all.extend(from_the_camera(&scenario.task));
+                let chosen = (!all.is_empty()).then(|| rng.random_range(0..all.len()));
+                let chosen = chosen.ok_or("the reader accepts no other wording")?;
+                changed.task.instruction.clone_from(&all[chosen]);
+            }
+            Axis::Instruction => exchange(&mut changed, rng)?,
+        }
+        Ok(changed)
+    }
+
+    fn laid_out_anew(&self, scenario: &Scenario, seed: Seed) -> Result<Vec<PlacedObject>, String> {
+        let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
+        let (task, world) = (&scenario.task, &scenario.world);
+        let anew = lay_out(task, catalogue, world, &self.planner, grasps, seed, &self.layout);
+        anew.map(|anew| anew.objects).map_err(|error| match error.is_defect() {
+            true => error.to_string(),
+            false => "there is no other layout".into(),
+        })
+    }
+
+    fn shift(&self, camera: &mut Camera, rng: &mut impl Rng) {
+        if let Some((_, shift_m, turn_rad)) = CAMERA.iter().find(|(mount, ..)| *mount == camera.mount) {
+            *camera = jittered(camera, self.dial * shift_m, self.dial * turn_rad, rng);
+        }
+    }
+
+    /// A posture near home that touches nothing.
+    fn posture(&self, scenario: &Scenario, rng: &mut impl Rng) -> Result<Vec<f64>, String> {
+        let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
+        let around = obstacles::around(&scene.map_err(|error| error.to_string())?, None);
+        let robot = self.planner.robot();
+        let nothing = Allowed::none();
+        let gripper_width = robot.gripper.max_width;
+        let around = PlanningScene { world: &around, attached: None, allowed: &nothing, gripper_width };
+        let draw = |rng: &mut dyn FnMut() -> f64| -> Vec<f64> {
+            let joints = robot.arm_joints().zip(&robot.home);
+            let near = joints.map(|(joint, &home)| {
+                (home + self.dial * START_RAD * (2.0 * rng() - 1.0))
+                    .clamp(joint.lower + LIMIT_RAD, joint.upper - LIMIT_RAD)
+            });
+            near.collect()
+        };
+        let mut postures = (0..POSTURES).map(|_| draw(&mut || rng.random::<f64>()));
+        let free = postures.find(|posture| self.planner.check(&around, posture).is_none());
+        free.ok_or_else(|| "the arm touches something in every posture that was drawn".into())
+    }
+
+    fn look(&self, vary: Vary, seed: Seed) -> Look {
+        Look { strength: self.dial, ..Look::new(seed, vec![vary]) }
+    }
+
+    /// A D435's noise with an exposure and a white balance that are off.
+    fn sensor(&self, rng: &mut impl Rng) -> CameraSensor {
+        let usual = SensorPreset::named("d435").map(|preset| preset.sensor).unwrap_or_default();
+        let mut within = |most: f64| self.dial * most * (2.0 * rng.random::<f64>() - 1.0);
+        let color = usual.color.map(|color| ColorSensor {
+            exposure_stops: within(EXPOSURE_STOPS),
+            white_balance: [1.0 + within(WHITE_BALANCE), 1.0, 1.0 + within(WHITE_BALANCE)],
+            read_noise_e: color.read_noise_e * (1.0 + 3.0 * self.dial),
+            jpeg_quality: Some((100.0 - self.dial * (100.0 - JPEG_QUALITY)) as u8),
+            ..color
+        });
+        let depth =
+            usual.depth.map(|depth| DepthSensor { disparity_error_px: depth.disparity_error_px * self.dial, ..depth });
+        CameraSensor { depth, color }
+    }
+}
+
+/// How a relation is asked for.
+const ASKED: [(Relation, &str); 5] = [
+    (Relation::Near, "next to"),
+    (Relation::Left, "to the left of"),
+    (Relation::Right, "to the right of"),
+    (Relation::Front, "in front of"),
+    (Relation::In, "into"),
+];
+
+/// Room around a thing that is to go into another one, m; chosen.
+const AROUND_M: f64 = 0.01;
+
+/// Whether the first thing, as it stands, goes into the hollow of the second.
+fn fits((thing, hollow): (&ObjectCard, &ObjectCard)) -> bool {
+    let size = thing.size_m.truncate().max_element() + AROUND_M;
+    hollow.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
+}
+
+/// Asks for something else that the reader understands and that is not so yet; what was asked for is judged beside it.
+fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
+    let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default()).map_err(|error| error.to_string())?;
+    let task = &scenario.task;
+    let known = task.judged_goal().into_owned();
+    // A copy among several has no name of its own.
+    let is_single = |id: &str| !id.contains('#');
+    let ids: Vec<&str> =
+        task.scene_graph.nodes.iter().map(|node| node.id.as_str()).filter(|id| is_single(id)).collect();
+    let movable: Vec<&str> =
+        ids.iter().copied().filter(|id| task.card(id).is_some_and(|card| card.can_grasp)).collect();
+    if movable.is_empty() || ids.len() < 2 {
+        return Err("there is nothing else to ask for".into());
+    }
+    for _ in 0..REQUESTS {
+        let subject = movable[rng.random_range(0..movable.len())];
+        let reference = ids[rng.random_range(0..ids.len())];
+        let (relation, words) = ASKED[rng.random_range(0..ASKED.len())];
+        // Another thing must be moved, so that who does not listen does not do it by chance.
+        if subject == reference || known.alternatives.iter().flatten().any(|atom| atom.subject() == subject) {
+            continue;
+        }
+        if relation == Relation::In && !task.card(subject).zip(task.card(reference)).is_some_and(fits) {
+            continue;
+        }
+        let mut other = task.clone();
+        let name = |id: &str| task.name_of(id).to_lowercase();
+        other.kind = TaskKind::PickAndPlace;
+        other.instruction = format!("Put the {} {words} the {}.", name(subject), name(reference));
+        let (subject, reference) = (subject.to_owned(), reference.to_owned());
+        other.goal =
+            Goal { alternatives: vec![vec![Atom::Relation { subject, relation, reference, second_reference: None }]] };
+        other.interchangeable = Vec::new();
+        let is_done = judge_goal(&scene, &other.goal, &Rest::default(), &scenario.world.relations).success;
+        if is_done || references::check(&other).is_err() {
+            continue;
+        }
+        let before = Request { instruction: task.instruction.clone(), goal: known.clone() };
+        scenario.task = other;
+        scenario.other_request = Some(before);
+        return Ok(());
+    }
+    Err("the reader understands nothing else that could be asked for".into())
+}

@@ -1,0 +1,53 @@
+//! What people say of a suite's scenarios, kept beside it.
+
+use std::path::Path;
+
+use crate::suite::{Review, ReviewFile, ReviewVerdict};
+use genmanip_core::{Document, limits};
+
+use super::open;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// What was said of a suite so far; nothing where nobody said anything.
+///
+/// # Errors
+/// When the file is damaged.
+pub fn reviews(folder: &Path) -> Result<ReviewFile, RunError> {
+    let path = folder.join("review.json");
+    if path.exists() { documents::read_document(&path, limits::SUITE) } else { Ok(ReviewFile::default()) }
+}
+
+/// Keeps what a person says of a scenario; it takes the place of what they said before.
+///
+/// # Errors
+/// When the suite has no such scenario, or the file cannot be read or written.
+pub fn review(
+    folder: &Path,
+    scenario: &str,
+    reviewer: &str,
+    verdict: ReviewVerdict,
+    note: &str,
+) -> Result<ReviewFile, RunError> {
+    let suite = open(folder)?;
+    let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario) else {
+        return Err(RunError::input(format!("suite {} has no scenario `{scenario}`", suite.name))
+            .with_hint(format!("`genmanip suite show {} --json` lists them", folder.display())));
+    };
+    let mut file = reviews(folder)?;
+    file.add(Review {
+        scenario: scenario.into(),
+        reviewer: reviewer.into(),
+        sha256: entry.sha256.clone(),
+        verdict,
+        note: note.into(),
+    });
+    documents::write_file(&folder.join("review.json"), file.to_json().as_bytes())?;
+    Ok(file)
+}
+
+/// The counts in words.
+pub fn in_words(file: &ReviewFile) -> String {
+    let count = |verdict: ReviewVerdict| format!("{} {}", file.count(verdict), verdict.name());
+    format!("{} reviews: {}\n", file.reviews.len(), ReviewVerdict::ALL.map(count).join(", "))
+}

@@ -1,0 +1,245 @@
+//! Job arrays for clusters: one `collect` per shard, with time and memory from a measured sample.
+//!
+//! Nothing here schedules: what comes out is a script or a manifest in the cluster's own language. Every shard writes a
+//! folder of its own and goes on where it stopped, so a job that is started again finishes what is missing.
+
+mod sample;
+mod scripts;
+
+use genmanip_workspace::documents;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::{disk_space, shard};
+
+pub use sample::{Sample, measure};
+pub use scripts::script;
+
+/// Longest that a job may ask for, minutes: a week.
+const MOST_MINUTES: u64 = 7 * 24 * 60;
+/// Chosen: a task takes up to three times the mean of a small sample.
+const TIME_FACTOR: f64 = 3.0;
+/// Chosen: for starting, reading the catalogue and a node that is slower.
+const TIME_MINUTES: f64 = 5.0;
+/// Chosen: long episodes hold more frames than those of a small sample.
+const MEMORY_FACTOR: f64 = 1.5;
+/// Chosen.
+const MEMORY_MIB: f64 = 256.0;
+
+/// Who runs the shards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cluster {
+    /// An array job of Slurm, `sbatch`.
+    Slurm,
+    /// An indexed job of Kubernetes, `kubectl apply`.
+    Kubernetes,
+    /// This machine, some shards at a time.
+    Local,
+}
+
+/// What is to be done.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Who does it.
+    pub cluster: Cluster,
+    /// The program on the machines of the cluster.
+    pub program: PathBuf,
+    /// `collect` and what follows it, without `--shard` and `--workers`.
+    pub arguments: Vec<String>,
+    /// Folder that the shards' folders come into; disks of all machines must have it under this name.
+    pub out: PathBuf,
+    /// Parts that the work is divided into.
+    pub shards: usize,
+    /// Attempts of all shards together.
+    pub attempts: usize,
+    /// Cores of each shard.
+    pub cpus: usize,
+    /// Shards at the same time.
+    pub at_once: usize,
+    /// Image of the containers and the volume claim that is mounted in them; of Kubernetes only.
+    pub container: Option<Container>,
+}
+
+/// Where the containers of Kubernetes come from and what they share.
+#[derive(Clone, Debug)]
+pub struct Container {
+    /// Image with this program in it.
+    pub image: String,
+    /// Persistent volume claim that holds inputs and output.
+    pub claim: String,
+    /// Where it is mounted, which is also the folder that the program runs in.
+    pub mount: PathBuf,
+}
+
+/// What each shard needs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Need {
+    /// Wall-clock limit, minutes.
+    pub minutes: u64,
+    /// Memory limit, MiB.
+    pub memory_mib: u64,
+    /// What all shards together write, MiB.
+    pub disk_mib: u64,
+    /// Core hours of all shards together, without any reserve.
+    pub core_hours: f64,
+}
+
+impl Job {
+    /// Refuses what cannot be launched.
+    ///
+    /// # Errors
+    /// When there are no shards, more of them than attempts, or a container is missing or not called for.
+    pub fn check(&self) -> Result<(), RunError> {
+        let refuse = |what: String, hint: &str| Err(RunError::input(what).with_hint(hint));
+        if self.shards == 0 || self.shards > shard::MOST || self.shards > self.attempts {
+            let what = format!("{} attempts cannot be divided into {} shards", self.attempts, self.shards);
+            return refuse(what, "take between one shard and one per attempt; an attempt takes seconds");
+        }
+        if self.cpus == 0 || self.at_once == 0 {
+            return refuse("a shard needs a core, and some shard must run".into(), "take at least 1 of either");
+        }
+        match (self.cluster, &self.container) {
+            (Cluster::Kubernetes, None) => {
+                refuse("Kubernetes needs an image and a volume claim".into(), "name them with --image and --claim")
+            }
+            (Cluster::Slurm | Cluster::Local, Some(_)) => {
+                refuse("only Kubernetes has images and claims".into(), "leave --image and --claim away")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Where the script or the manifest lies.
+    pub fn script_path(&self) -> PathBuf {
+        self.out.join(match self.cluster {
+            Cluster::Slurm => "launch.slurm",
+            Cluster::Kubernetes => "launch.json",
+            Cluster::Local => "launch.sh",
+        })
+    }
+
+    /// What submits it.
+    pub fn submission(&self) -> Vec<String> {
+        let path = self.script_path().display().to_string();
+        let words: &[&str] = match self.cluster {
+            Cluster::Slurm => &["sbatch", &path],
+            Cluster::Kubernetes => &["kubectl", "apply", "-f", &path],
+            Cluster::Local => &["sh", &path],
+        };
+        words.iter().map(|word| (*word).to_owned()).collect()
+    }
+
+    /// Free space where the shards will write, MiB; `None` where this machine cannot tell.
+    pub fn free_mib(&self) -> Option<u64> {
+        match self.cluster {
+            // The volume is not here.
+            Cluster::Kubernetes => None,
+            Cluster::Slurm | Cluster::Local => disk_space::free_mib(&self.out),
+        }
+    }
+
+    /// Time, memory and disk that the shards need, from what a sample took.
+    pub fn need(&self, sample: &Sample) -> Need {
+        let per_attempt_s = sample.wall_s / sample.attempts.max(1) as f64;
+        let per_shard = self.attempts.div_ceil(self.shards) as f64;
+        let minutes = TIME_MINUTES + TIME_FACTOR * per_attempt_s * per_shard / 60.0;
+        let memory = MEMORY_MIB + MEMORY_FACTOR * sample.peak_bytes as f64 / f64::from(1 << 20);
+        let disk = sample.disk_bytes as f64 * self.attempts as f64 / sample.attempts.max(1) as f64;
+        Need {
+            minutes: (minutes.ceil() as u64).clamp(1, MOST_MINUTES),
+            // In steps that people can read.
+            memory_mib: ((memory / 64.0).ceil() as u64) * 64,
+            disk_mib: (disk / f64::from(1 << 20)).ceil() as u64,
+            core_hours: per_attempt_s * self.attempts as f64 * self.cpus as f64 / 3600.0,
+        }
+    }
+}
+
+/// Writes the script or the manifest into the folder of the shards, and says where it lies.
+///
+/// # Errors
+/// When the disk refuses.
+pub fn write(job: &Job, script: &str) -> Result<PathBuf, RunError> {
+    let path = job.script_path();
+    // Slurm drops what a job says where there is no folder for it.
+    let folder = if job.cluster == Cluster::Slurm { job.out.join("logs") } else { job.out.clone() };
+    fs::create_dir_all(&folder)
+        .map_err(|error| RunError::broken(format!("cannot make the folder {}", folder.display()), error))?;
+    documents::write_file(&path, script.as_bytes())?;
+    Ok(path)
+}
+
+/// The arguments with another folder in the place of the one behind `--out`.
+pub fn redirected(arguments: &[String], out: &Path) -> Vec<String> {
+    let mut redirected = Vec::new();
+    let mut is_folder = false;
+    for argument in arguments {
+        match argument.as_str() {
+            _ if is_folder => is_folder = false,
+            "--out" => is_folder = true,
+            other if other.starts_with("--out=") => {}
+            other => redirected.push(other.to_owned()),
+        }
+    }
+    redirected.extend(["--out".to_owned(), out.display().to_string()]);
+    redirected
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(cluster: Cluster) -> Job {
+        Job {
+            cluster,
+            program: "/opt/genmanip".into(),
+            arguments: ["collect", "my tasks", "--out", "out/it's"].map(String::from).into(),
+            out: "out/it's".into(),
+            shards: 8,
+            attempts: 100,
+            cpus: 2,
+            at_once: 3,
+            container: None,
+        }
+    }
+
+    #[test]
+    fn needs_follow_from_the_sample() {
+        let sample = Sample { attempts: 4, wall_s: 40.0, peak_bytes: 400 << 20, disk_bytes: 12 << 20 };
+        let need = job(Cluster::Slurm).need(&sample);
+        // 13 attempts of 10 s three times over, and 5 minutes; 600 MiB and 256, in steps of 64.
+        assert_eq!((need.minutes, need.memory_mib, need.disk_mib), (12, 896, 300));
+        assert!((need.core_hours - 100.0 * 10.0 * 2.0 / 3600.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_cannot_be_launched_is_refused() {
+        let container = || Container { image: "genmanip:1".into(), claim: "data".into(), mount: "/data".into() };
+        let cases = [
+            (Job { shards: 0, ..job(Cluster::Slurm) }, "0 shards"),
+            (Job { shards: 101, ..job(Cluster::Slurm) }, "101 shards"),
+            (Job { cpus: 0, ..job(Cluster::Local) }, "a core"),
+            (job(Cluster::Kubernetes), "an image"),
+            (Job { container: Some(container()), ..job(Cluster::Slurm) }, "only Kubernetes"),
+        ];
+        for (job, expected) in cases {
+            let error = job.check().unwrap_err();
+            assert!(error.to_string().contains(expected) && error.hint().is_some(), "{error}");
+        }
+        assert!(Job { container: Some(container()), ..job(Cluster::Kubernetes) }.check().is_ok());
+    }
+
+    #[test]
+    fn a_sample_goes_elsewhere() {
+        for arguments in
+            [&["collect", "a", "--out", "b", "--seed", "7"][..], &["collect", "a", "--out=b", "--seed", "7"]]
+        {
+            let arguments: Vec<String> = arguments.iter().map(|&argument| argument.into()).collect();
+            assert_eq!(redirected(&arguments, Path::new("c")), ["collect", "a", "--seed", "7", "--out", "c"]);
+        }
+    }
+}

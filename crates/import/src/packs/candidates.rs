@@ -1,0 +1,188 @@
+//! Which files of what the user named are objects of their own.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use genmanip_core::limits;
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Most files and deepest folder that are looked at.
+const MOST_FILES: usize = 50_000;
+const MOST_DEPTH: usize = 16;
+/// Endings of what may hold an object; of files with one stem in one folder the first is taken.
+const ENDINGS: [&str; 7] = ["urdf", "xml", "glb", "gltf", "obj", "stl", "msh"];
+/// Words in names of files that hold what touches, beside one that holds what is drawn.
+const TOUCHING: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
+/// Folders of YCB with other reconstructions of the same object.
+const OTHER_SCANS: [&str; 3] = ["poisson", "tsdf", "clouds"];
+
+/// A file with an object in it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Candidate {
+    /// The folder that no file of the object may lie outside of.
+    pub root: PathBuf,
+    /// The file, relative to the root, with `/`.
+    pub path: String,
+}
+
+/// The objects of files and folders: a file is itself; of a folder, descriptions (URDF, MJCF) and meshes that no
+/// description names. No file of an object lies outside of `root`; without, of the folder that is named or holds the file.
+///
+/// # Errors
+/// When a path lies outside of the root, something cannot be listed, or a folder holds nothing that can be imported.
+pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, RunError> {
+    let mut found = BTreeSet::new();
+    for path in paths {
+        let about = fs::metadata(path).map_err(|error| {
+            RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
+        })?;
+        if let Some(root) = root {
+            let inside = path.strip_prefix(root).map_err(|_| {
+                RunError::input(format!("{} does not lie in {}", path.display(), root.display()))
+                    .with_hint("write both alike, as `--root assets assets/objects/can.xml`")
+            })?;
+            let inside = inside.to_string_lossy().replace('\\', "/");
+            let within = |one: Candidate| Candidate { root: root.to_owned(), path: format!("{inside}/{}", one.path) };
+            if about.is_dir() {
+                found.extend(of_folder(path)?.into_iter().map(within));
+            } else {
+                found.insert(Candidate { root: root.to_owned(), path: inside });
+            }
+        } else if about.is_dir() {
+            let inside = of_folder(path)?;
+            if inside.is_empty() {
+                return Err(RunError::input(format!("nothing to import in {}", path.display()))
+                    .with_hint("expected files that end in .urdf, .xml (MJCF), .glb, .gltf, .obj, .stl or .msh"));
+            }
+            found.extend(inside);
+        } else {
+            let root = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            found.insert(Candidate { root: root.to_owned(), path: name });
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
+fn of_folder(root: &Path) -> Result<Vec<Candidate>, RunError> {
+    let mut paths = Vec::new();
+    list(root, String::new(), 0, &mut paths)?;
+    paths.sort();
+    let mut named: BTreeSet<String> = BTreeSet::new();
+    let mut descriptions = Vec::new();
+    for path in paths.iter().filter(|path| matches!(ending(path), "urdf" | "xml")) {
+        // What cannot be read as text is refused when it is imported.
+        let Ok(bytes) = documents::read_bytes(&root.join(path), limits::IMPORTED_DESCRIPTION) else { continue };
+        let text = String::from_utf8_lossy(&bytes);
+        named.extend(files_named(&text));
+        let is_object = match ending(path) {
+            "xml" => text.contains("<mujoco ") || text.contains("<mujoco>"),
+            _ => text.contains("<robot"),
+        };
+        if is_object && (ending(path) != "xml" || text.contains("<worldbody")) {
+            descriptions.push(path.clone());
+        }
+    }
+    let mut meshes: BTreeMap<String, String> = BTreeMap::new();
+    for path in paths.iter().filter(|path| !matches!(ending(path), "urdf" | "xml")) {
+        let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+        let is_other_scan = folder.split('/').any(|part| OTHER_SCANS.contains(&part));
+        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+        let beside =
+            |other: &String| other != path && other.rsplit_once('/').map_or("", |(folder, _)| folder) == folder;
+        let is_touching = TOUCHING.iter().any(|word| stem.to_lowercase().contains(word));
+        let is_plain = stem == "nontextured" && paths.iter().any(|other| beside(other) && other.contains("/textured."));
+        if named.contains(name)
+            || is_other_scan
+            || is_plain
+            || (is_touching
+                && paths.iter().any(|other| beside(other) && !TOUCHING.iter().any(|word| other.contains(word))))
+        {
+            continue;
+        }
+        let kept = meshes.entry(format!("{folder}/{stem}")).or_insert_with(|| path.clone());
+        if rank(path) < rank(kept) {
+            kept.clone_from(path);
+        }
+    }
+    let all = descriptions.into_iter().chain(meshes.into_values());
+    Ok(all.map(|path| Candidate { root: root.to_owned(), path }).collect())
+}
+
+fn ending(path: &str) -> &str {
+    path.rsplit_once('.').map_or("", |(_, ending)| ending)
+}
+
+fn rank(path: &str) -> usize {
+    ENDINGS.iter().position(|known| ending(path).eq_ignore_ascii_case(known)).unwrap_or(ENDINGS.len())
+}
+
+/// Names of files, without folders, in quotation marks anywhere in a description.
+fn files_named(text: &str) -> impl Iterator<Item = String> + '_ {
+    let quoted = text.split(['"', '\'']).filter(|part| part.len() < 300 && part.contains('.') && !part.contains('<'));
+    quoted.map(|part| part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned())
+}
+
+fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Result<(), RunError> {
+    let folder = root.join(&under);
+    let entries = fs::read_dir(&folder).map_err(|error| RunError::file("list", &folder, error))?;
+    for entry in entries {
+        let entry = entry.map_err(|error| RunError::file("list", &folder, error))?;
+        let Ok(kind) = entry.file_type() else { continue };
+        let Some(name) = entry.file_name().to_str().map(str::to_owned) else { continue };
+        let path = if under.is_empty() { name.clone() } else { format!("{under}/{name}") };
+        // Links may lead anywhere, also back.
+        if kind.is_dir() && depth < MOST_DEPTH && !name.starts_with('.') {
+            list(root, path, depth + 1, found)?;
+        } else if kind.is_file() && rank(&name) < ENDINGS.len() {
+            if found.len() == MOST_FILES {
+                return Err(RunError::input(format!("more than {MOST_FILES} files in {}", root.display()))
+                    .with_hint("import its folders one by one"));
+            }
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn descriptions_go_before_the_meshes_that_they_name() {
+        let root = tempfile::tempdir().unwrap();
+        let write = |path: &str, text: &str| {
+            let path = root.path().join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        };
+        write("can.xml", "<mujoco model='can'><asset><mesh file=\"meshes/can.stl\"/></asset><worldbody/></mujoco>");
+        write("part.xml", "<mujocoinclude/>");
+        write("meshes/can.stl", "");
+        write("meshes/cup.stl", "");
+        write("meshes/cup.obj", "");
+        write("mug/visual.glb", "");
+        write("mug/visual_collision.obj", "");
+        write("002_can/google_16k/textured.obj", "");
+        write("002_can/google_16k/nontextured.stl", "");
+        write("002_can/poisson/textured.obj", "");
+        write("door/mobility.urdf", "<robot name='door'><mesh filename=\"textured_objs/a.obj\"/></robot>");
+        write("door/textured_objs/a.obj", "");
+        let found: Vec<String> =
+            candidates(&[root.path().to_owned()], None).unwrap().into_iter().map(|one| one.path).collect();
+        assert_eq!(
+            found,
+            ["002_can/google_16k/textured.obj", "can.xml", "door/mobility.urdf", "meshes/cup.obj", "mug/visual.glb"]
+        );
+        let empty = tempfile::tempdir().unwrap();
+        assert!(candidates(&[empty.path().to_owned()], None).is_err());
+        let can = root.path().join("can.xml");
+        let [one] = &candidates(std::slice::from_ref(&can), Some(root.path())).unwrap()[..] else { panic!("not one") };
+        assert_eq!((one.root.as_path(), one.path.as_str()), (root.path(), "can.xml"));
+        assert!(candidates(&[can], Some(empty.path())).is_err());
+    }
+}

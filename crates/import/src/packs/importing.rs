@@ -1,0 +1,291 @@
+//! `genmanip assets import`: files into a pack, each object tried on the table and in the hand.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::place::lying_from_standing;
+use crate::report::Guess;
+use crate::{Given, Imported, pack};
+use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, remember};
+use genmanip_core::glam::DQuat;
+use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
+use genmanip_data::files;
+use genmanip_motion::PlannerSettings;
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::grasp_trial::{GraspTrials, LOST, TryingSettings, ViewSettings, WANTED, sound_grasps};
+use genmanip_workspace::text_table;
+use serde::Serialize;
+use serde_json::json;
+
+use super::{AtRest, Candidate, LIST, PackEntry, PackList, at_rest, grasps_file, object_file};
+use genmanip_viz::object_images::portrait;
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+use genmanip_workspace::worlds;
+/// A thing that turns farther while it comes to rest has fallen over, rad.
+const FALLEN_RAD: f64 = 0.3;
+/// Times that a thing is laid down as it came to rest; the new base is cut where it touched, so once nearly always does.
+const MOST_TURNS: u32 = 3;
+/// Farther than this in 2 s it does not rest, mm.
+const DRIFT_MM: f64 = 1.0;
+/// Pixels per side of the pictures.
+const PICTURE_PX: u32 = 256;
+
+/// How objects are imported.
+#[derive(Clone, Debug)]
+pub struct ImportSettings {
+    /// Folder of the packs.
+    pub folder: PathBuf,
+    /// Name of the pack.
+    pub pack: String,
+    /// What the user says about the frames of the files.
+    pub given: Given,
+    /// Licence of all of them, where the files do not say it.
+    pub licence: Option<String>,
+    /// Whether no grasps are tried.
+    pub without_grasps: bool,
+    /// Seed of the trials.
+    pub seed: Seed,
+}
+
+/// How one file came in.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ImportRow {
+    /// The file.
+    pub file: String,
+    /// Why it was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// What to do about that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hint: Option<String>,
+    /// Uid of the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uid: Option<String>,
+    /// Its name.
+    pub name: String,
+    /// Whether it stays where it is put on a table.
+    pub rests: bool,
+    /// Way in 2 s at rest, mm.
+    pub drift_mm: f64,
+    /// Convex collision pieces.
+    pub pieces: usize,
+    /// Whether the hand could hold it, as its size and mass say.
+    pub can_grasp: bool,
+    /// Grasps that held in every trial.
+    pub grasps: usize,
+    /// What was guessed.
+    pub guesses: Vec<Guess>,
+    /// What was mended, scaled down or left out.
+    pub repairs: Vec<String>,
+}
+
+/// Imports objects into a pack; what cannot be read is a row with its error. Objects of the same files are replaced.
+///
+/// When `stop` becomes true, objects under way are finished and the rest is left out.
+///
+/// # Errors
+/// When the robot cannot be had or the pack cannot be written.
+pub fn import(
+    candidates: &[Candidate],
+    world: &World,
+    settings: &ImportSettings,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<ImportRow>, RunError> {
+    let folder = settings.folder.join(&settings.pack);
+    let list_path = folder.join(LIST);
+    let known =
+        if list_path.exists() { documents::read_document(&list_path, limits::PACK)? } else { PackList::default() };
+    let trials = GraspTrials {
+        catalogue: Catalogue::builtin(),
+        planner: worlds::planner(world, &PlannerSettings::default())?,
+        robot: worlds::robot(world)?,
+        world: Arc::new(world.clone()),
+        view: ViewSettings::default(),
+    };
+    let robot = trials.robot.name.clone();
+    let grasps_path = grasps_file(&folder, &robot);
+    let kept = Mutex::new(Kept {
+        entries: known.objects.into_iter().map(|entry| (entry.card.uid.clone(), entry)).collect(),
+        grasps: known_grasps(&grasps_path, &trials, settings.seed)?,
+    });
+    progress.begin("importing", candidates.len());
+    let rows = in_parallel(candidates, workers, stop, &|candidate: &Candidate| {
+        let (row, object) = one(candidate, &trials, settings);
+        if let Some((object, tried)) = object {
+            let uid = object.model.card.uid.clone();
+            documents::write_file(&object_file(&folder, &uid), &pack::to_bytes(&object))?;
+            let model = Arc::new(object.model);
+            let rgb = portrait(&model, &vec![0.0; model.joint_count()], PICTURE_PX)?;
+            let picture = genmanip_render::encode::png_rgb(PICTURE_PX, PICTURE_PX, &rgb)
+                .map_err(|error| RunError::broken("the picture cannot be encoded", error))?;
+            documents::write_file(&folder.join(format!("{uid}.png")), &picture)?;
+            let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if !settings.without_grasps {
+                let physics_hash = model.physics_hash();
+                remember(&trials.robot.physics_hash(), &physics_hash, tried.clone());
+                kept.grasps.objects.insert(uid.clone(), ObjectGrasps { physics_hash, grasps: tried });
+            }
+            kept.entries
+                .insert(uid, PackEntry { card: model.card.clone(), origin: object.origin, report: object.report });
+        }
+        progress.advance();
+        Ok::<_, RunError>(row)
+    })?;
+    progress.end();
+    let kept = kept.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if !kept.entries.is_empty() {
+        if !kept.grasps.objects.is_empty() {
+            documents::write_file(&grasps_path, kept.grasps.to_text().as_bytes())?;
+        }
+        // The list comes last: what it names is whole.
+        let list = PackList { objects: kept.entries.into_values().collect() };
+        documents::write_file(&list_path, list.to_json().as_bytes())?;
+    }
+    Ok(rows)
+}
+
+/// What a pack holds so far.
+struct Kept {
+    entries: BTreeMap<String, PackEntry>,
+    grasps: GraspFile,
+}
+
+/// The grasps that the pack holds already, if the same hand tried them.
+fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFile, RunError> {
+    let made_by = GraspProvenance {
+        seed,
+        genmanip_version: env!("CARGO_PKG_VERSION").into(),
+        engine: genmanip_sim::engine_version(),
+        robot: trials.robot.name.clone(),
+        robot_hash: Some(trials.robot.physics_hash()),
+        settings: json!({ "trying": TryingSettings::brief(), "physics": trials.world.physics, "drives": trials.robot.drives }),
+    };
+    let nothing = GraspFile { made_by: made_by.clone(), objects: BTreeMap::new() };
+    if !path.exists() {
+        return Ok(nothing);
+    }
+    let known = crate::grasps::read(path)?;
+    Ok(if known.made_by.robot_hash == made_by.robot_hash { GraspFile { made_by, ..known } } else { nothing })
+}
+
+/// Reads one object and tries it.
+fn one(
+    candidate: &Candidate,
+    trials: &GraspTrials,
+    settings: &ImportSettings,
+) -> (ImportRow, Option<(Imported, Vec<TriedGrasp>)>) {
+    let file = candidate.root.join(&candidate.path).display().to_string();
+    let (mut object, rest) = match put_on_table(candidate, settings, &trials.world) {
+        Ok(found) => found,
+        Err((error, hint)) => return (ImportRow { file, error: Some(error), hint, ..ImportRow::default() }, None),
+    };
+    let model = Arc::new(object.model.clone());
+    let mut row = ImportRow {
+        file,
+        uid: Some(model.card.uid.clone()),
+        name: model.card.name.clone(),
+        pieces: model.links.iter().map(|link| link.pieces.len()).sum(),
+        can_grasp: model.card.can_grasp,
+        rests: rests(&rest),
+        drift_mm: rest.drift_mm,
+        ..ImportRow::default()
+    };
+    if !row.rests {
+        object.report.repairs.push("it does not stay where it is put on a table".into());
+    }
+    let mut tried = Vec::new();
+    if model.card.can_grasp && !settings.without_grasps {
+        let AssetRef::Imported { hash } = &model.asset else { return (row, None) };
+        let found = sound_grasps(trials, &model, &TryingSettings::brief(), WANTED, LOST, settings.seed.fork(hash));
+        let because = match &found {
+            Ok(found) if found.is_empty() => Some("no grasp held in every trial".to_owned()),
+            Ok(_) => None,
+            Err(error) => Some(format!("grasps cannot be tried: {error}")),
+        };
+        tried = found.unwrap_or_default();
+        row.grasps = tried.len();
+        if let Some(because) = because {
+            // The hand has the last word; the row still says that it was meant for it.
+            object.model.card.can_grasp = false;
+            object.report.guesses.push(Guess::new(format!("can_grasp with {}", trials.robot.name), "false", because));
+        }
+    }
+    (row.guesses, row.repairs) = (object.report.guesses.clone(), object.report.repairs.clone());
+    (row, Some((object, tried)))
+}
+
+/// Reads one object and puts it on the table; one that tips over and lies still comes in as it lies, unless the user said
+/// which way is up. Or what is wrong, and what to do about it.
+fn put_on_table(
+    candidate: &Candidate,
+    settings: &ImportSettings,
+    world: &World,
+) -> Result<(Imported, AtRest), (String, Option<String>)> {
+    let mut read = |path: &str, limit: limits::Limit| {
+        files::read(&candidate.root.join(path), limit).map_err(|error| match error {
+            genmanip_data::DataError::Io { source, .. } => source.to_string(),
+            other => other.to_string(),
+        })
+    };
+    let mut given = settings.given.clone();
+    let mut turns = 0;
+    loop {
+        let object = crate::import(&candidate.path, &mut read, &given, settings.licence.as_deref())
+            .map_err(|error| (error.to_string(), Some(error.hint).filter(|hint| !hint.is_empty())))?;
+        let model = Arc::new(object.model.clone());
+        let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
+        let rest = at_rest(&model, &Pose::IDENTITY, &joints, world).map_err(|error| {
+            let hint = "mend the masses, inertias or joints that the message names; say --scale if the unit is wrong";
+            let error = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+            (format!("{}: the simulator refuses it: {error}", candidate.path), Some(hint.to_owned()))
+        })?;
+        // What rocked for long lies still at the end of the watch all the same.
+        let lies_still = rest.drift_mm < DRIFT_MM;
+        if rests(&rest) || !lies_still || given.up.is_some() || turns == MOST_TURNS {
+            return Ok((object, rest));
+        }
+        turns += 1;
+        let lying_from_standing = given.tipped_up.map_or(DQuat::IDENTITY, lying_from_standing);
+        given.tipped_up = Some(lying_from_standing.inverse() * rest.up);
+    }
+}
+
+/// Whether it stays where it is put.
+fn rests(rest: &AtRest) -> bool {
+    rest.settled && rest.tilt_rad < FALLEN_RAD && rest.drift_mm < DRIFT_MM
+}
+
+/// The rows as a table, with their errors and what was guessed below.
+pub fn table(rows: &[ImportRow]) -> String {
+    let mut lines = vec![["file", "uid", "rests", "pieces", "grasps"].map(String::from).to_vec()];
+    for row in rows {
+        let grasps = if row.can_grasp { row.grasps.to_string() } else { "-".into() };
+        lines.push(vec![
+            row.file.clone(),
+            row.uid.clone().unwrap_or_else(|| "refused".into()),
+            if row.rests { "yes" } else { "no" }.into(),
+            row.pieces.to_string(),
+            grasps,
+        ]);
+    }
+    let mut text = text_table(&lines);
+    for row in rows {
+        if let Some(error) = &row.error {
+            text += &format!("\n{}\n  {error}\n", row.file);
+            text += &row.hint.as_ref().map_or_else(String::new, |hint| format!("  hint: {hint}\n"));
+            continue;
+        }
+        text += &format!("\n{}\n", row.uid.as_deref().unwrap_or_default());
+        for Guess { what, value, because } in &row.guesses {
+            text += &format!("  {what}: {value} ({because})\n");
+        }
+        row.repairs.iter().for_each(|repair| text += &format!("  {repair}\n"));
+    }
+    text
+}

@@ -1,0 +1,182 @@
+//! Packs of imported objects: folders that any program call can open.
+//!
+//! `DIR/NAME/pack.json` lists the objects of a pack, with a file each (`UID.object`, see [`crate::pack`]), a
+//! picture (`UID.png`), and the grasps that were tried of them (`grasps-ROBOT.json`).
+
+mod candidates;
+mod importing;
+mod resting;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::report::Report;
+use genmanip_assets::imported::{self, Origin};
+use genmanip_assets::{AssetError, AssetSource, GraspFile, remember};
+use genmanip_core::{AssetRef, Document, ObjectCard, ObjectModel, limits};
+use genmanip_data::files;
+use serde::{Deserialize, Serialize};
+
+pub use candidates::{Candidate, candidates};
+pub use importing::{ImportRow, ImportSettings, import, table};
+pub use resting::{AtRest, at_rest};
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// The list of a pack.
+const LIST: &str = "pack.json";
+/// Most packs of a folder, and objects of a pack.
+const MOST_PACKS: usize = 1000;
+const MOST_OBJECTS: usize = 100_000;
+
+/// The list of a pack.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackList {
+    /// Its objects, by uid.
+    pub objects: Vec<PackEntry>,
+}
+
+/// An object of a pack.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackEntry {
+    /// What people and language models are told about it.
+    pub card: ObjectCard,
+    /// Where it is from.
+    pub origin: Origin,
+    /// What was guessed and mended when it came in.
+    pub report: Report,
+}
+
+impl Document for PackList {
+    const SCHEMA: &'static str = "genmanip.pack/1";
+
+    fn check(&self) -> Result<(), genmanip_core::DocumentError> {
+        let invalid =
+            |path: String, message: &str| Err(genmanip_core::DocumentError::Invalid { path, message: message.into() });
+        if self.objects.len() > MOST_OBJECTS {
+            return invalid("objects".into(), &format!("more than {MOST_OBJECTS} objects"));
+        }
+        for (index, PackEntry { card, .. }) in self.objects.iter().enumerate() {
+            let fits = !card.uid.is_empty()
+                && !card.uid.starts_with('.')
+                && card.uid.chars().all(genmanip_core::names::fits_file_name);
+            if !fits || !matches!(card.asset, AssetRef::Imported { .. }) {
+                return invalid(
+                    format!("objects[{index}].card"),
+                    "expected an imported asset with a uid that can name a file",
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The packs of a folder, opened: objects are read when they are first asked for.
+pub struct Packs {
+    cards: Vec<ObjectCard>,
+    /// By hash of the files: where the object is kept, and where it is from.
+    objects: BTreeMap<String, (PathBuf, Origin)>,
+    models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
+}
+
+/// Opens every pack in a folder, so that the whole program knows their objects and their tried grasps; how many there are.
+///
+/// # Errors
+/// When a list cannot be read or is wrong.
+pub fn open(folder: &Path) -> Result<usize, RunError> {
+    let packs = Packs::read(folder)?;
+    let count = packs.cards.len();
+    imported::open(Arc::new(packs));
+    Ok(count)
+}
+
+impl Packs {
+    /// Reads the lists of a folder's packs, and makes their grasps known.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn read(folder: &Path) -> Result<Self, RunError> {
+        let mut packs = Self { cards: Vec::new(), objects: BTreeMap::new(), models: Mutex::default() };
+        let entries = fs::read_dir(folder).map_err(|error| RunError::file("list", folder, error))?;
+        let mut folders: Vec<PathBuf> =
+            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir()).collect();
+        folders.sort();
+        folders.truncate(MOST_PACKS);
+        for pack in folders.into_iter().filter(|pack| files::is_own_file(&pack.join(LIST))) {
+            let list: PackList = documents::read_document(&pack.join(LIST), limits::PACK)?;
+            for PackEntry { card, origin, .. } in list.objects {
+                let AssetRef::Imported { hash } = &card.asset else { continue };
+                // The same files may be in several packs.
+                if packs.objects.insert(hash.clone(), (object_file(&pack, &card.uid), origin)).is_none() {
+                    packs.cards.push(card);
+                }
+            }
+            remember_grasps(&pack)?;
+        }
+        packs.cards.sort_by(|a, b| a.uid.cmp(&b.uid));
+        Ok(packs)
+    }
+}
+
+/// The file of an object in the folder of its pack.
+fn object_file(pack: &Path, uid: &str) -> PathBuf {
+    pack.join(format!("{uid}.object"))
+}
+
+/// The file of the grasps that a robot tried of a pack's objects.
+fn grasps_file(pack: &Path, robot: &str) -> PathBuf {
+    pack.join(format!("grasps-{robot}.json"))
+}
+
+/// Makes the tried grasps of a pack known.
+fn remember_grasps(pack: &Path) -> Result<(), RunError> {
+    for robot in genmanip_assets::robots::NAMES {
+        let path = grasps_file(pack, robot);
+        if !files::is_own_file(&path) {
+            continue;
+        }
+        let file: GraspFile = documents::read_document(&path, limits::GRASPS)?;
+        let Some(robot_hash) = &file.made_by.robot_hash else { continue };
+        for object in file.objects.into_values() {
+            remember(robot_hash, &object.physics_hash, object.grasps);
+        }
+    }
+    Ok(())
+}
+
+impl AssetSource for Packs {
+    fn cards(&self) -> &[ObjectCard] {
+        &self.cards
+    }
+
+    fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError> {
+        let AssetRef::Imported { hash } = asset else {
+            return Err(AssetError::NotImported { hash: asset.to_string() });
+        };
+        let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(model) = models.get(hash) {
+            return Ok(Arc::clone(model));
+        }
+        let (path, _) = self.objects.get(hash).ok_or_else(|| AssetError::NotImported { hash: hash.clone() })?;
+        let wrong = |message: String| AssetError::Data { file: path.display().to_string(), message };
+        let bytes = files::read_own(path, limits::PACK_OBJECT).map_err(|error| wrong(error.to_string()))?;
+        let object = crate::pack::from_bytes(&bytes).map_err(wrong)?;
+        if object.model.asset != *asset {
+            return Err(wrong(format!("holds {}; expected {asset}: import the pack again", object.model.asset)));
+        }
+        let model = Arc::new(object.model);
+        models.insert(hash.clone(), Arc::clone(&model));
+        Ok(model)
+    }
+}
+
+impl imported::Packs for Packs {
+    fn origin(&self, hash: &str) -> Option<Origin> {
+        self.objects.get(hash).map(|(_, origin)| origin.clone())
+    }
+}

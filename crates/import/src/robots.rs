@@ -1,0 +1,78 @@
+//! Robots from folders: a URDF, its SRDF and the meshes it names.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use genmanip_core::RobotModel;
+use genmanip_core::limits;
+use genmanip_data::files;
+use genmanip_motion::description::{MeshFile, read_robot};
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Reads the robot in a folder (its only URDF, or the one named like the folder), or of one URDF file.
+///
+/// Of several SRDF files beside it the one that lets the fewest links touch is believed.
+/// Where a mesh has its convex hull beside it (`MESH.convex.stl`), the hull is read.
+///
+/// # Errors
+/// When there is no such file, there are several, or one is not what the planner can use.
+pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, RunError> {
+    let urdf = if path.is_dir() { only_urdf(path)? } else { path.to_owned() };
+    let folder = urdf.parent().unwrap_or(Path::new("")).to_owned();
+    let text = documents::read_text(&urdf, limits::ROBOT)?;
+    let mut rules: Vec<String> = Vec::new();
+    for file in with_ending(&folder, "srdf")? {
+        rules.push(documents::read_text(&file, limits::ROBOT)?);
+    }
+    let rules = rules.iter().min_by_key(|text| text.matches("<disable_collisions").count());
+    let mut mesh = |name: &str| read_mesh(&folder, name);
+    read_robot(&text, rules.map(String::as_str), tip, &mut mesh).map_err(|error| {
+        let hint = error.hint();
+        RunError::input(format!("{} is no robot that can be planned for", urdf.display()))
+            .because(error)
+            .with_hint(hint)
+    })
+}
+
+fn only_urdf(folder: &Path) -> Result<PathBuf, RunError> {
+    let found = with_ending(folder, "urdf")?;
+    let named = folder.canonicalize().ok().and_then(|folder| Some(folder.file_name()?.to_owned()));
+    let same = |file: &&PathBuf| file.file_stem() == named.as_deref();
+    match found.as_slice() {
+        [only] => Ok(only.clone()),
+        several => several.iter().find(same).cloned().ok_or_else(|| {
+            RunError::input(format!("{} holds {} URDF files", folder.display(), several.len()))
+                .with_hint("expected one, or one named like the folder; or name the file itself")
+        }),
+    }
+}
+
+fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, RunError> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let unreadable =
+        |error: std::io::Error| RunError::file("read", folder, error).with_hint("expected the folder of a robot");
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending)) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// `package://` stands for the folder, with or without the package's name.
+fn read_mesh(folder: &Path, name: &str) -> Result<MeshFile, String> {
+    let place = name.trim_start_matches("package://").trim_start_matches("file://");
+    let inside = place.split_once('/').map(|(_, rest)| folder.join(rest));
+    let candidates = [Some(folder.join(place)), inside].into_iter().flatten();
+    let hull = |path: PathBuf| [PathBuf::from(format!("{}.convex.stl", path.display())), path];
+    let Some(path) = candidates.flat_map(hull).find(|path| path.is_file()) else {
+        return Err(format!("no such file under {}", folder.display()));
+    };
+    let bytes = files::read(&path, limits::MESH).map_err(|error| error.to_string())?;
+    Ok(MeshFile { name: path.display().to_string(), bytes })
+}

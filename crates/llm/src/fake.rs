@@ -1,0 +1,60 @@
+//! Stand-ins for a language model: a script, and a server on loopback that can misbehave in every known way.
+//!
+//! Neither is a language model; what they answer must never be reported as a model's.
+
+use std::sync::Mutex;
+
+use crate::error::ChatError;
+use crate::model::ChatModel;
+use crate::reply::{ChatReply, Structure};
+use crate::request::ChatRequest;
+
+mod server;
+pub use server::{Behaviour, FakeServer, SeenRequest, answering, completion};
+
+/// Gives prepared answers in order, whatever is asked, and remembers what was.
+///
+/// ```
+/// use genmanip_llm::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
+/// let model = ScriptedChat::new(["first", "second"]);
+/// let request = ChatRequest::new("any", vec![Message::user("?")]);
+/// assert_eq!(model.chat(&request).unwrap().text, "first");
+/// assert_eq!(model.chat(&request).unwrap().text, "second");
+/// assert!(model.chat(&request).is_err());
+/// ```
+#[derive(Debug)]
+pub struct ScriptedChat {
+    answers: Vec<String>,
+    seen: Mutex<Vec<ChatRequest>>,
+}
+
+impl ScriptedChat {
+    /// A model that will say these things.
+    pub fn new<T: Into<String>>(answers: impl IntoIterator<Item = T>) -> Self {
+        Self { answers: answers.into_iter().map(Into::into).collect(), seen: Mutex::default() }
+    }
+
+    /// The requests so far, in order.
+    pub fn seen(&self) -> Vec<ChatRequest> {
+        self.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
+    }
+}
+
+impl ChatModel for ScriptedChat {
+    fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
+        let ended = ChatError::ScriptEnded { answers: self.answers.len() };
+        let Ok(mut seen) = self.seen.lock() else {
+            return Err(ended);
+        };
+        let text = self.answers.get(seen.len()).cloned().ok_or(ended)?;
+        seen.push(request.clone());
+        Ok(ChatReply {
+            text,
+            model: "script".into(),
+            finish_reason: None,
+            usage: None,
+            structure: Structure::Plain,
+            attempts: 0,
+        })
+    }
+}

@@ -1,0 +1,185 @@
+//! The messages of a conversation: who speaks, and what is said in texts and images.
+
+use std::fmt;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::error::ImageError;
+
+/// One message of a conversation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// Who speaks.
+    pub role: Role,
+    /// What is said, in this order.
+    pub parts: Vec<Part>,
+}
+
+/// A piece of a message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Words.
+    Text(String),
+    /// A picture; only a user's message may hold one, since servers refuse it elsewhere.
+    Image(Image),
+}
+
+impl Message {
+    /// Standing instructions.
+    pub fn system(text: impl Into<String>) -> Self {
+        Self { role: Role::System, parts: vec![Part::Text(text.into())] }
+    }
+
+    /// What we ask.
+    pub fn user(text: impl Into<String>) -> Self {
+        Self { role: Role::User, parts: vec![Part::Text(text.into())] }
+    }
+
+    /// What we ask, with images among the texts.
+    ///
+    /// ```
+    /// use genmanip_llm::{Image, Message, Part};
+    /// # let png = [&b"\x89PNG\r\n\x1a\n"[..], b"..."].concat();
+    /// let image = Image::new(png).unwrap();
+    /// let message = Message::user_parts([Part::Text("What is this?".into()), Part::Image(image)]);
+    /// assert_eq!(message.text(), "What is this?");
+    /// ```
+    pub fn user_parts(parts: impl IntoIterator<Item = Part>) -> Self {
+        Self { role: Role::User, parts: parts.into_iter().collect() }
+    }
+
+    /// What the model said.
+    pub fn assistant(text: impl Into<String>) -> Self {
+        Self { role: Role::Assistant, parts: vec![Part::Text(text.into())] }
+    }
+
+    /// The texts of the message joined by line breaks, without its images.
+    pub fn text(&self) -> String {
+        let text = |part: &Part| match part {
+            Part::Text(text) => Some(text.clone()),
+            Part::Image(_) => None,
+        };
+        self.parts.iter().filter_map(text).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// Who speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Standing instructions.
+    System,
+    /// The side that asks.
+    User,
+    /// The model.
+    Assistant,
+}
+
+/// A PNG or JPEG file in memory. Copies share the bytes.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Image {
+    media_type: MediaType,
+    bytes: Arc<[u8]>,
+}
+
+/// Formats of images that servers read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum MediaType {
+    /// Portable Network Graphics.
+    #[serde(rename = "image/png")]
+    Png,
+    /// JPEG.
+    #[serde(rename = "image/jpeg")]
+    Jpeg,
+}
+
+impl Image {
+    /// Takes the bytes of a file; its signature tells the format. How large it may be is a setting of the server.
+    ///
+    /// # Errors
+    /// When the bytes begin like neither format.
+    pub fn new(bytes: impl Into<Arc<[u8]>>) -> Result<Self, ImageError> {
+        let bytes = bytes.into();
+        let format = MediaType::ALL.into_iter().find(|format| bytes.starts_with(format.signature()));
+        let media_type = format.ok_or_else(|| ImageError {
+            size_bytes: bytes.len() as u64,
+            beginning: hexadecimal(&bytes[..bytes.len().min(8)]),
+        })?;
+        Ok(Self { media_type, bytes })
+    }
+
+    /// The format.
+    pub fn media_type(&self) -> MediaType {
+        self.media_type
+    }
+
+    /// The file.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// SHA-256 of the file, 64 hexadecimal digits.
+    pub fn sha256(&self) -> String {
+        hexadecimal(&Sha256::digest(&self.bytes))
+    }
+}
+
+/// The bytes are left out: a picture would fill the screen.
+impl fmt::Debug for Image {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Image({}, {} bytes)", self.media_type.name(), self.bytes.len())
+    }
+}
+
+impl MediaType {
+    /// All formats.
+    pub const ALL: [Self; 2] = [Self::Png, Self::Jpeg];
+
+    /// The name on the wire and in files, e.g. `image/png`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "image/png",
+            Self::Jpeg => "image/jpeg",
+        }
+    }
+
+    /// The bytes that a file of the format begins with (PNG specification 5.2; JPEG: start of image, next marker).
+    fn signature(self) -> &'static [u8] {
+        match self {
+            Self::Png => b"\x89PNG\r\n\x1a\n",
+            Self::Jpeg => b"\xff\xd8\xff",
+        }
+    }
+}
+
+pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_told_by_their_signature() {
+        for (bytes, expected) in [
+            (&b"\x89PNG\r\n\x1a\nrest"[..], Some(MediaType::Png)),
+            (b"\xff\xd8\xff\xe0rest", Some(MediaType::Jpeg)),
+            (b"\x89PNG\n\x1a\nrest", None), // line ends were converted
+            (b"GIF89a", None),
+            (b"data:image/png;base64,iVBORw0KGgo=", None),
+            (b"", None),
+        ] {
+            let image = Image::new(bytes);
+            assert_eq!(image.as_ref().ok().map(Image::media_type), expected, "{bytes:?}");
+            if let Err(error) = image {
+                assert!(error.to_string().contains(&format!("got {} bytes", bytes.len())), "{error}");
+            }
+        }
+        for format in MediaType::ALL {
+            assert_eq!(serde_json::to_value(format).unwrap(), format.name());
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! Evaluating policies on scenarios: one results file per policy in `evaluation/`.
+//!
+//! ```text
+//! evaluation/LABEL.json          the results, when every case was tried
+//! evaluation/LABEL/episodes/     the episodes, where they are kept
+//! evaluation/LABEL/results.jsonl, identity.json   an evaluation that is not finished: it continues there
+//! evaluation/LABEL/results.shard-I-of-N.jsonl   what shards of it finished; a call that is no shard gathers them
+//! ```
+
+mod stream;
+mod suite;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use genmanip_benchmark::statistics::{LEAST_SCENARIOS, Rate};
+use genmanip_benchmark::{EvaluationReport, StatisticsSettings};
+use genmanip_core::{Document, EpisodeResult, NotRun};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::collect::Resources;
+use genmanip_rollout::evaluate::Case;
+use genmanip_rollout::{Cores, RolloutError};
+use genmanip_workspace::text_table;
+
+use crate::folder::RunFolder;
+use crate::policies::{PolicyContext, PolicyFactory};
+use genmanip_workspace::Progress;
+use genmanip_workspace::documents;
+use genmanip_workspace::shard::Shard;
+use genmanip_workspace::worlds;
+use genmanip_workspace::{RunError, Stopped};
+
+use stream::{Identity, Stream};
+pub use suite::Suite;
+
+/// Where an evaluation is written and how it is run.
+#[derive(Clone, Debug, Default)]
+pub struct EvaluateOptions {
+    /// Folder of a run in which `evaluation/` is written; `None` to write nothing.
+    pub out: Option<PathBuf>,
+    /// Whether episodes are kept, to be watched.
+    pub keep_episodes: bool,
+    /// Cores that are used.
+    pub workers: usize,
+    /// Episodes under way at once; `None` for as many as there are cores, or [`AT_ONCE`] of a policy that waits for a
+    /// service.
+    pub at_once: Option<usize>,
+    /// The part of the cases that is evaluated, without a results file: a call that is no shard gathers the results of
+    /// all shards and writes it.
+    pub shard: Option<Shard>,
+    /// Most that the service of a policy may cost, in the currency of its settings.
+    pub max_cost: Option<f64>,
+}
+
+/// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
+/// at about 35 MB each (measured with `lab batch`).
+pub const AT_ONCE: usize = 16;
+
+/// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
+///
+/// Results are kept as they come: an evaluation that was interrupted, or whose policy could not be reached, continues
+/// where it stopped. When `stop` becomes true, the reports of the policies before the one under way are returned.
+///
+/// # Errors
+/// When there is no scenario, a file cannot be written, or an episode broke.
+pub fn evaluate(
+    suite: &Suite,
+    policies: &[PolicyFactory],
+    options: &EvaluateOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<EvaluationReport>, RunError> {
+    let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
+    folder.as_ref().map_or(Ok(()), RunFolder::sweep)?;
+    suite.left_out.iter().for_each(|note| progress.note(note));
+    if let Some(limit) = options.max_cost {
+        policies.iter().filter_map(PolicyFactory::account).try_for_each(|account| account.set_limit(limit))?;
+    }
+    let mut reports = Vec::new();
+    for policy in policies {
+        let started = Instant::now();
+        if options.shard.is_some_and(|shard| shard.index() >= suite.cases.len()) {
+            // There are fewer cases than shards.
+            break;
+        }
+        let Some((report, stream)) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
+        if let (Some(folder), None) = (&folder, options.shard) {
+            let file = folder.join("evaluation").join(format!("{}.json", report.label));
+            documents::write_file(&file, report.to_json().as_bytes())?;
+            // Not before the report is on the disk, which may be full.
+            stream.map_or(Ok(()), Stream::close)?;
+            folder.time_phase(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
+        }
+        reports.push(report);
+    }
+    if let (Some(folder), None) = (&folder, options.shard) {
+        folder.save_timings()?;
+    }
+    Ok(reports)
+}
+
+/// Evaluates one policy, and gives the results that the report stands for when it is complete; `None` when it was stopped.
+fn one(
+    suite: &Suite,
+    policy: &PolicyFactory,
+    folder: Option<&RunFolder>,
+    options: &EvaluateOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<(EvaluationReport, Option<Stream>)>, RunError> {
+    let label = suite.label(policy.label());
+    let planner = worlds::planner(&suite.settings.world, &suite.settings.planner)?;
+    let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
+    let identity = Identity::of(suite, policy, options.keep_episodes);
+    let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
+    let stream = stream.transpose()?;
+    let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
+    // An evaluation with more episodes per scenario may have been begun before.
+    let wanted: BTreeSet<&str> = suite.cases.iter().map(|case| case.id.as_str()).collect();
+    results.retain(|result| wanted.contains(result.id.as_str()));
+    let known: BTreeSet<&str> = results.iter().map(|result| result.id.as_str()).collect();
+    let is_left = |(number, case): &(usize, &Case)| {
+        options.shard.is_none_or(|shard| shard.has(*number)) && !known.contains(case.id.as_str())
+    };
+    let cases: Vec<Case> = suite.cases.iter().enumerate().filter(is_left).map(|(_, case)| case.clone()).collect();
+    let keep = match &stream {
+        Some(stream) if options.keep_episodes => {
+            let store = EpisodeStore::create(stream.folder().join("episodes"));
+            Some(store.map_err(|error| {
+                let help = "move the episodes of that evaluation away";
+                RunError::broken("cannot keep episodes", error).with_hint(help)
+            })?)
+        }
+        _ => None,
+    };
+    if let Some(store) = &keep {
+        let kept = store.root().display();
+        store.sweep_partial().map_err(|error| {
+            let help = format!("check that {kept} is writable and the disk is not full");
+            RunError::broken("cannot keep episodes", error).with_hint(help)
+        })?;
+    }
+    let cores = Arc::new(Cores::new(options.workers));
+    let usual = policy.account().map_or(options.workers, |_| options.workers.max(AT_ONCE));
+    let crew = (options.at_once.unwrap_or(usual), &*cores);
+    progress.begin(&label, cases.len());
+    let make = |stage: &_, case: &Case| {
+        let recorded = match suite.recorded(&case.id) {
+            // A damaged recording says nothing about a policy that needs it, and is nothing to the others.
+            Err(error) if error.is_damage() && policy.needs_record() => {
+                let reason = format!("what was recorded is damaged: {error}");
+                return Err(RolloutError::NotRun { policy: policy.label().into(), reason });
+            }
+            Err(error) if error.is_damage() => None,
+            recorded => recorded?,
+        };
+        let context = PolicyContext {
+            stage,
+            recorded: recorded.as_ref(),
+            planner: &planner,
+            grasps: resources.grasps,
+            settings: &suite.settings,
+            cores: Some(&cores),
+        };
+        policy.make(&context).map_err(|error| policy.refusal(error))
+    };
+    let finished = |outcome: &Result<EpisodeResult, NotRun>| -> Result<(), Stopped> {
+        if let (Some(stream), Ok(result)) = (&stream, outcome) {
+            stream.add(result)?;
+        }
+        progress.advance();
+        policy.account().into_iter().for_each(|account| progress.tell(&account.in_words()));
+        Ok(())
+    };
+    let shared = (resources, &suite.settings);
+    let evaluated = genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
+        .map_err(|error| match error {
+        Stopped::Run(error) => error,
+        Stopped::Episode(error) => {
+            let help = keep.as_ref().map_or_else(
+                || "what was finished is kept; start again to continue".into(),
+                |store| {
+                    let kept = store.root().display();
+                    format!("move a kept episode that cannot be read out of {kept}; it is then run again")
+                },
+            );
+            RunError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
+        }
+    })?;
+    progress.end();
+    if let Some(asked) = policy.account().map(|account| account.in_words()).filter(|asked| !asked.is_empty()) {
+        progress.note(&format!("{label}: {asked}"));
+    }
+    results.extend(evaluated.results);
+    let is_stopped = stop.load(Ordering::Relaxed);
+    if let Some(first) = evaluated.not_run.first() {
+        if results.is_empty() && !is_stopped {
+            let what = format!("policy {} could not be reached for any episode: {}", policy.label(), first.reason);
+            return Err(RunError::input(what).with_hint("see that it runs, then start again; nothing was counted"));
+        }
+        let others = evaluated.not_run.len() - 1;
+        let more = if others > 0 { format!(" (and {others} more)") } else { String::new() };
+        progress.note(&format!("{} was not run{more}: {}", first.id, first.reason));
+    }
+    if results.is_empty() || is_stopped {
+        return Ok(None);
+    }
+    let report = EvaluationReport::new(
+        &suite.name,
+        &suite.scenarios,
+        results,
+        &suite.reference_paths_m,
+        &StatisticsSettings::default(),
+    )
+    .map_err(|error| {
+        let kept = stream.as_ref().map_or_else(String::new, |stream| format!(" from {}", stream.folder().display()));
+        RunError::broken(format!("cannot summarise {label}{kept}"), error)
+            .with_hint("move what was kept of this evaluation away; it then starts again")
+    })?;
+    let stream = stream.filter(|_| evaluated.not_run.is_empty() && options.shard.is_none());
+    let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
+    let (cameras, perturbation) = (suite.cameras.clone(), suite.perturbation.clone());
+    let report = EvaluationReport { label, cameras, perturbation, ..report.by_traits(&suite.traits) };
+    Ok(Some((report.leaving(evaluated.not_run), stream)))
+}
+
+/// A table of success rates with their intervals.
+pub fn table(reports: &[EvaluationReport]) -> String {
+    let heads = ["policy", "episodes", "success at end", "95 % interval", "score"];
+    let any_left = reports.iter().any(|report| !report.not_run.is_empty());
+    let any_clouds = reports.iter().any(|report| report.summary.cloud_success.is_some());
+    let mut head: Vec<String> = heads.map(String::from).to_vec();
+    head.extend(any_clouds.then(|| "on point clouds (disagree)".to_owned()));
+    let others = |report: &EvaluationReport| -> Vec<bool> {
+        report.results.iter().filter_map(|it| it.other_request_success).collect()
+    };
+    let any_other = reports.iter().any(|report| !others(report).is_empty());
+    head.extend(any_other.then(|| "did what was not asked".to_owned()));
+    head.extend(any_left.then(|| "not run".to_owned()));
+    let mut lines = vec![head];
+    for report in reports {
+        let success = &report.summary.success;
+        let mut line = vec![
+            format!("{}{}", report.label, if report.oracle { " (oracle)" } else { "" }),
+            success.trials.to_string(),
+            format!("{:.1} %", 100.0 * success.value),
+            format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
+            format!("{:.3}", report.summary.score.value),
+        ];
+        if any_clouds {
+            let disagree = report.summary.cloud_disagreements.len();
+            let cell = |rate: &Rate| format!("{:.1} % ({disagree})", 100.0 * rate.value);
+            line.push(report.summary.cloud_success.as_ref().map(cell).unwrap_or_default());
+        }
+        if any_other {
+            let done = others(report);
+            line.push(format!("{} of {}", done.iter().filter(|&&it| it).count(), done.len()));
+        }
+        if any_left {
+            line.push(report.not_run.len().to_string());
+        }
+        lines.push(line);
+    }
+    text_table(&lines)
+}
+
+/// Success by what scenarios are like, a column per policy; values of few scenarios are left out. Empty
+/// where the suite says nothing of its scenarios.
+pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
+    let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+    for (index, report) in reports.iter().enumerate() {
+        for found in report.summary.traits.iter().filter(|found| found.scenarios >= LEAST_SCENARIOS) {
+            let Rate { value, low, high, trials, .. } = &found.success;
+            let cells = rows.entry((&found.name, &found.value)).or_insert_with(|| vec![String::new(); reports.len()]);
+            cells[index] =
+                format!("{:.0} % ({:.0}\u{2013}{:.0}) of {trials}", 100.0 * value, 100.0 * low, 100.0 * high);
+        }
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let head = ["trait", "value"].map(String::from).into_iter().chain(reports.iter().map(|it| it.label.clone()));
+    let rows = rows.into_iter().map(|((name, value), cells)| {
+        [name.to_owned(), value.to_owned()].into_iter().chain(cells).collect::<Vec<String>>()
+    });
+    text_table(&std::iter::once(head.collect()).chain(rows).collect::<Vec<_>>())
+}
+
+/// Where the episodes of an evaluation are kept.
+pub fn kept_episodes(folder: &RunFolder, label: &str) -> PathBuf {
+    let evaluation: &Path = &folder.join("evaluation");
+    evaluation.join(label).join("episodes")
+}

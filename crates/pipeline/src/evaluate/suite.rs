@@ -1,0 +1,334 @@
+//! What is evaluated on: the scenarios of a run, or any that are named.
+
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
+use genmanip_workspace::task_files;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_benchmark::statistics::Traits;
+use genmanip_benchmark::suite::{Perturbation, SuiteEntry};
+use genmanip_benchmark::{reference_paths_m, suite_hash};
+use genmanip_core::world::camera_faults;
+use genmanip_core::{Atom, Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
+use genmanip_data::{DataError, EpisodeStore};
+use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::evaluate::Case;
+
+use crate::folder::{Run, RunFolder};
+use genmanip_benchmark::suites;
+use genmanip_benchmark::suites::SuiteAssets;
+use genmanip_workspace::task_spool::Tasks;
+use genmanip_workspace::{Cause, RunError};
+
+/// Stands between the id of a scenario's first episode and the number of a further one.
+const AGAIN: char = '+';
+
+/// Scenarios with the streams of their episodes.
+pub struct Suite {
+    /// Its name.
+    pub name: String,
+    /// As they were frozen, in the order of their ids.
+    pub scenarios: Vec<Scenario>,
+    /// One episode for each of them.
+    pub cases: Vec<Case>,
+    /// Way of the tool that a good solution needs, by scenario id, m.
+    pub reference_paths_m: BTreeMap<String, f64>,
+    /// What the scenarios are like, of a frozen suite.
+    pub traits: Traits,
+    /// Settings of the loop.
+    pub settings: CollectSettings,
+    /// What was changed of another suite, where this is a perturbed one.
+    pub perturbation: Option<Perturbation>,
+    /// Name of the file whose cameras are used instead of the scenarios' own.
+    pub cameras: Option<String>,
+    /// What lies among the episodes and is not evaluated on: damaged ones and strangers, a line each.
+    pub left_out: Vec<String>,
+    /// Objects of a suite that was frozen with its own.
+    pub assets: Option<Arc<SuiteAssets>>,
+    /// Recorded episodes on the same scenarios.
+    store: Option<EpisodeStore>,
+    /// Whether the scenarios are those of a run, whose folder then takes the evaluations.
+    is_of_run: bool,
+}
+
+impl Suite {
+    /// What lies at a path: a frozen suite, a run, or scenarios.
+    ///
+    /// # Errors
+    /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
+    pub fn at(path: &Path) -> Result<Self, RunError> {
+        match &*suites::folder_of(path) {
+            path if path.join("suite.json").is_file() => Self::frozen(path),
+            path if path.join("run.json").is_file() || !path.exists() => Self::of_run(path),
+            path => Self::of_scenarios(&[path.to_owned()]),
+        }
+    }
+
+    /// The scenarios of a run: of all its recorded attempts, or, when nothing was collected, those in `scenarios/`.
+    ///
+    /// # Errors
+    /// When there is no run or no scenario.
+    pub fn of_run(path: &Path) -> Result<Self, RunError> {
+        let (folder, run) = RunFolder::open(path)?;
+        let store = folder.store()?;
+        let help = "collect again with --repair: what is damaged is set aside and made anew";
+        let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error).with_hint(help);
+        let name = name_of_folder(path);
+        let survey = folder.survey(&store)?;
+        let mut left_out = survey.notes();
+        let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
+        for id in survey.sound.into_iter().map(|known| known.id) {
+            // The index may know an attempt as sound that was damaged since without changing its size.
+            let read = store.read_attempt(&id).and_then(|attempt| Ok((attempt, store.read_scenario(&id)?)));
+            let ((result, is_recorded), scenario) = match read {
+                Err(error) if error.is_damage() => {
+                    left_out.push(format!("episode {id} is damaged and left out: {error}"));
+                    continue;
+                }
+                read => read.map_err(unreadable)?,
+            };
+            if let Some(scenario) = scenario.filter(|_| is_recorded) {
+                let scenario_of_case = Arc::new(scenario.clone());
+                cases.push(Case { id, scenario: scenario_of_case, seed: result.seed, horizon_s: None });
+                scenarios.push(scenario);
+            }
+            results.push(result);
+        }
+        let given = folder.join("scenarios");
+        if cases.is_empty() && given.is_dir() {
+            let is_of_run = true;
+            return Ok(Self { settings: run.settings, name, left_out, is_of_run, ..Self::of_scenarios(&[given])? });
+        }
+        if cases.is_empty() {
+            return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
+                .with_hint("collect episodes first"));
+        }
+        let reference_paths_m = reference_paths_m(&results);
+        Ok(Self {
+            name,
+            scenarios,
+            cases,
+            reference_paths_m,
+            settings: run.settings,
+            traits: Traits::new(),
+            perturbation: None,
+            cameras: None,
+            left_out,
+            assets: None,
+            store: Some(store),
+            is_of_run: true,
+        })
+    }
+
+    /// Scenario files, or folders of them, with default settings; each episode has the stream of its layout.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or two scenarios have one id.
+    pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
+        let mut scenarios: Vec<Scenario> = Vec::new();
+        let mut known = BTreeSet::new();
+        for path in task_files::expand(paths)? {
+            let scenario = scenarios::read_scenario(&path)?;
+            if !known.insert(scenario.id.clone()) {
+                let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
+                return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
+            }
+            scenarios.push(scenario);
+        }
+        scenarios.sort_by(|a, b| a.id.cmp(&b.id));
+        let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
+            return Err(RunError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
+        };
+        if let Some(other) = scenarios.iter().find(|scenario| !scenario.world.robot.is_same(&world.robot)) {
+            let (ours, theirs) = (&world.robot.name, &other.world.robot.name);
+            let what = format!("scenario {} has robot `{theirs}` or its home, the others `{ours}`", other.id);
+            return Err(RunError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
+        }
+        let case = |scenario: &Scenario| Case {
+            id: scenario.id.clone(),
+            scenario: Arc::new(scenario.clone()),
+            seed: scenario.seed,
+            horizon_s: None,
+        };
+        let name = match paths {
+            [only] if only.is_dir() => name_of_folder(only),
+            [only] => documents::stem(only),
+            _ => format!("{} scenarios", scenarios.len()),
+        };
+        Ok(Self {
+            name,
+            cases: scenarios.iter().map(case).collect(),
+            scenarios,
+            reference_paths_m: BTreeMap::new(),
+            settings: CollectSettings::in_world(world),
+            traits: Traits::new(),
+            perturbation: None,
+            cameras: None,
+            left_out: Vec::new(),
+            assets: None,
+            store: None,
+            is_of_run: false,
+        })
+    }
+
+    /// A frozen suite: every scenario has the time that the suite gives it, and the way that the expert needed.
+    ///
+    /// # Errors
+    /// When there is no suite, or a scenario is not the one that was frozen.
+    pub fn frozen(folder: &Path) -> Result<Self, RunError> {
+        let file = suites::open(folder)?;
+        let paths: Vec<PathBuf> = file.scenarios.iter().map(|entry| suites::scenario_file(folder, &entry.id)).collect();
+        let mut suite = Self::of_scenarios(&paths)?;
+        if suite_hash(&suite.scenarios) != file.suite_hash {
+            return Err(RunError::input(format!(
+                "the scenarios of {} are not those that were frozen",
+                folder.display()
+            ))
+            .with_hint(format!("`genmanip suite check {}` names what differs", folder.display())));
+        }
+        for case in &mut suite.cases {
+            if let Some(entry) = file.scenarios.iter().find(|entry| entry.id == case.scenario.id) {
+                case.horizon_s = Some(entry.horizon_s);
+                suite.reference_paths_m.insert(entry.id.clone(), entry.certificate.shortest_path_m);
+                suite.traits.insert(entry.id.clone(), traits(entry, &case.scenario.task));
+            }
+        }
+        suite.assets = suites::SuiteAssets::of(folder, &file).map(Arc::new);
+        suite.name = file.name;
+        suite.perturbation = file.perturbation;
+        Ok(suite)
+    }
+
+    /// Where the objects of the scenarios come from.
+    pub fn source(&self) -> &dyn AssetSource {
+        self.assets.as_deref().map_or(Catalogue::builtin(), |own| own)
+    }
+
+    /// The same suite with the cameras of a file: each takes the place of the scenarios' camera of that name, or is
+    /// added. Results then name the file, and the label of the evaluation too.
+    ///
+    /// # Errors
+    /// When the file is no list of cameras.
+    pub fn with_cameras(mut self, file: &Path) -> Result<Self, RunError> {
+        let text = documents::read_text(file, limits::CAMERAS)?;
+        let no_list = |error: Cause| {
+            RunError::input(format!("{} is no list of cameras", file.display())).because(error).with_hint(
+                "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
+            )
+        };
+        json::parse(&text).map_err(|error| match error {
+            DocumentError::NotJson { hint, .. } => no_list(error.into()).with_hint(hint),
+            _ => no_list(error.into()),
+        })?;
+        let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| no_list(error.into()))?;
+        if let Some(fault) = camera_faults(&cameras).into_iter().next() {
+            return Err(no_list(fault.to_string().into()));
+        }
+        for case in &mut self.cases {
+            let mut scenario = (*case.scenario).clone();
+            for camera in &cameras {
+                match scenario.world.cameras.iter_mut().find(|own| own.name == camera.name) {
+                    Some(own) => own.clone_from(camera),
+                    None => scenario.world.cameras.push(camera.clone()),
+                }
+            }
+            case.scenario = Arc::new(scenario);
+        }
+        self.cameras = Some(documents::stem(file));
+        Ok(self)
+    }
+
+    /// The same suite with so many episodes per scenario, each with a stream of its own: for policies that draw.
+    /// The first has the id and the stream that it has alone.
+    #[must_use]
+    pub fn with_episodes(mut self, count: usize) -> Self {
+        let again = |case: &Case, number: usize| match number {
+            0 => case.clone(),
+            _ => Case {
+                id: format!("{}{AGAIN}{number}", case.id),
+                scenario: Arc::clone(&case.scenario),
+                seed: case.seed.fork(&format!("episode {number}")),
+                horizon_s: case.horizon_s,
+            },
+        };
+        self.cases = self.cases.iter().flat_map(|case| (0..count.max(1)).map(|number| again(case, number))).collect();
+        self
+    }
+
+    /// The same suite with other streams of its episodes.
+    #[must_use]
+    pub fn with_seed(mut self, seed: Seed) -> Self {
+        for case in &mut self.cases {
+            case.seed = seed.fork(&case.id);
+        }
+        self
+    }
+
+    /// Whether episodes were recorded on the scenarios; whether each is sound shows when it is read.
+    pub fn is_recorded(&self) -> bool {
+        self.store.is_some()
+    }
+
+    /// Label of a policy's evaluation on this suite, fit for the name of a file.
+    pub(super) fn label(&self, policy: &str) -> String {
+        let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.+=@".contains(c) { c } else { '_' };
+        let cameras = self.cameras.iter().map(|cameras| format!("@{cameras}"));
+        format!("{policy}{}", cameras.collect::<String>()).chars().map(fit).collect()
+    }
+
+    /// What was recorded on the scenario of a case.
+    pub(super) fn recorded(&self, id: &str) -> Result<Option<Episode>, DataError> {
+        let is_case = |id: &&str| self.cases.iter().any(|case| case.id == *id);
+        let first = id.rsplit_once(AGAIN).filter(|(_, n)| n.parse::<usize>().is_ok()).map(|(first, _)| first);
+        let id = first.filter(is_case).unwrap_or(id);
+        self.store.as_ref().map(|store| store.read(id)).transpose()
+    }
+
+    /// The folder that evaluations are written into: the run of the suite, or one that is made of its scenarios.
+    pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, RunError> {
+        if self.is_of_run {
+            return Ok(RunFolder::open(out)?.0);
+        }
+        let mut tasks: Vec<Task> = Vec::new();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for scenario in &self.scenarios {
+            let count = counts.entry(&scenario.task.id).or_default();
+            if *count == 0 {
+                tasks.push(scenario.task.clone());
+            }
+            *count += 1;
+        }
+        let most = counts.into_values().max().unwrap_or_default();
+        let seed = self.scenarios.first().map_or(Seed::new(0), |scenario| scenario.seed);
+        let tasks = Tasks::spool(tasks, &std::env::temp_dir())?;
+        let folder = RunFolder::begin(out, &Run::new(tasks, most, self.settings.clone(), seed))?;
+        for scenario in &self.scenarios {
+            let path = folder.join("scenarios").join(format!("{}.json", scenario.id));
+            if !path.exists() {
+                documents::write_file(&path, scenario.to_json().as_bytes())?;
+            }
+        }
+        Ok(folder)
+    }
+}
+
+/// What a suite says that a scenario is like, with where its task comes from and what it is about.
+fn traits(entry: &SuiteEntry, task: &Task) -> BTreeMap<String, Vec<String>> {
+    let moved = task.goal.alternatives.iter().flatten().map(Atom::subject);
+    let mut things: Vec<String> = moved.filter_map(|id| Some(task.card(id)?.category.clone())).collect();
+    things.sort();
+    things.dedup();
+    // Of recorded answers, each has a name of its own.
+    let source = entry.source.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
+    let more = [("source".to_owned(), vec![source]), ("object".to_owned(), things)];
+    entry.traits.clone().into_iter().chain(more).collect()
+}
+
+/// The name of a folder, also where a path does not say it: `.`, or `run/..`.
+fn name_of_folder(path: &Path) -> String {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    whole.file_name().map_or_else(|| "suite".into(), |name| name.to_string_lossy().into_owned())
+}

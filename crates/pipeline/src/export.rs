@@ -1,0 +1,244 @@
+//! Data sets of a run beside the one that `collect` writes: other actions, rates, cameras or formats.
+//!
+//! Pictures of another rate are drawn from the recorded states and kept in the store for the next export.
+
+use genmanip_workspace::worlds;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_core::{Episode, RobotModel};
+use genmanip_data::export::ExtraColumns;
+use genmanip_data::export::choice::action_name;
+use genmanip_data::lerobot::{self, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, hdf5, mcap, paper, zarr};
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::images::{self, ImageSettings};
+
+use crate::folder::RunFolder;
+use genmanip_viz::replay;
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+
+/// Formats by name.
+pub const FORMATS: [(&str, Format); 6] = [
+    ("lerobot", Format::Lerobot),
+    ("lerobot-v2.1", Format::LerobotV21),
+    ("zarr", Format::Zarr),
+    ("hdf5", Format::Hdf5),
+    ("mcap", Format::Mcap),
+    ("paper", Format::Paper),
+];
+
+/// A format of data sets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// LeRobotDataset v3.0.
+    Lerobot,
+    /// LeRobotDataset v2.1, with what GR00T and openpi read beside it; without depth.
+    LerobotV21,
+    /// zarr version 2, as Diffusion Policy's replay buffer reads it.
+    Zarr,
+    /// HDF5 as robomimic reads it, a file per episode; without depth.
+    Hdf5,
+    /// MCAP with Foxglove's schemas, a file per episode, for viewers.
+    Mcap,
+    /// The layout of the paper's recordings, a folder per episode.
+    Paper,
+}
+
+impl Format {
+    /// Writes the selected episodes, whose pictures are in the store.
+    ///
+    /// # Errors
+    /// As [`lerobot::export`].
+    pub fn write(
+        self,
+        store: &EpisodeStore,
+        selection: &Selection,
+        robot: &RobotModel,
+        settings: &LerobotSettings,
+        target: &Path,
+    ) -> Result<ExportReport, DataError> {
+        let rows = &settings.export;
+        match self {
+            Self::Lerobot => lerobot::export(store, selection, robot, settings, target),
+            Self::LerobotV21 => lerobot::export_v21(store, selection, robot, settings, target),
+            Self::Zarr => zarr::export(store, selection, robot, rows, target),
+            Self::Hdf5 => hdf5::export(store, selection, robot, rows, target),
+            Self::Mcap => mcap::export(store, selection, robot, rows, target),
+            Self::Paper => paper::export(store, selection, robot, rows, target),
+        }
+    }
+}
+
+/// How a run is exported.
+#[derive(Clone, Debug)]
+pub struct ExportOptions {
+    /// What is written.
+    pub format: Format,
+    /// What the rows hold; without cameras, pictures are left out.
+    pub rows: ExportSettings,
+    /// Whether failed attempts are exported too, labelled as such.
+    pub keep_failed: bool,
+    /// The data set; inside the run, in `exports/`, without.
+    pub out: Option<PathBuf>,
+    /// Threads that draw.
+    pub workers: usize,
+}
+
+/// Exports the verified episodes of a run as a data set; `None` when it was told to stop before.
+///
+/// # Errors
+/// When there is no run, nothing to export, the target belongs to somebody else, or the disk refuses.
+pub fn export(
+    path: &Path,
+    options: &ExportOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<ExportReport>, RunError> {
+    let (folder, run) = RunFolder::open(path)?;
+    let store = folder.store()?;
+    let rows = ExportSettings {
+        depth: options.rows.depth && !options.rows.cameras.is_empty(),
+        is_varied: run.settings.is_varied(),
+        has_corrections: run.settings.corrects.is_some(),
+        ..options.rows.clone()
+    };
+    let hash = run.hash()?;
+    let settings = LerobotSettings { export: rows, run: Some(hash.clone()), ..LerobotSettings::default() };
+    let rows = &settings.export;
+    let format = FORMATS.iter().find(|(_, format)| *format == options.format).map_or("", |(name, _)| *name);
+    let name = format!("{format}-{}-{}hz", action_name(&rows.action), rows.fps);
+    let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
+    for target in [lerobot::depth_path(&target), target.clone()] {
+        lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
+            let hint = "choose another --out, or move what is there away";
+            RunError::input("the data set has no place").because(error).with_hint(hint)
+        })?;
+    }
+    let selection = if options.keep_failed { Selection::Recorded } else { Selection::Verified };
+    let ids = selection.ids(&store).map_err(|error| RunError::broken("cannot read the episodes", error))?;
+    if ids.is_empty() {
+        return Err(RunError::input(format!("{} has no episode to export", path.display()))
+            .with_hint("collect some first; failed ones are exported with --keep-failed"));
+    }
+    let pictures = ImageSettings {
+        cameras: rows.cameras.clone(),
+        fps: rows.fps,
+        ..run.settings.images.clone().unwrap_or_default()
+    };
+    check_columns(options, rows, format)?;
+    draw_missing(&store, &ids, (&pictures, rows.needs_masks()), options.workers, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let robot = worlds::robot(&run.settings.world)?;
+    let exported = options.format.write(&store, &selection, &robot, &settings, &target).map_err(|error| {
+        let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
+        RunError::broken("cannot write the dataset", error).with_hint(hint)
+    })?;
+    for (id, why) in &exported.left_out {
+        progress.note(&format!("episode {id} is damaged and left out: {why}"));
+    }
+    Ok(Some(exported))
+}
+
+/// Refuses columns that a format has no place for.
+fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -> Result<(), RunError> {
+    let asks = |columns| rows.columns.contains(&columns);
+    let what = match options.format {
+        Format::Lerobot => return Ok(()),
+        _ if asks(ExtraColumns::Masks) => "masks",
+        Format::Mcap | Format::Paper if asks(ExtraColumns::Boxes) => "boxes",
+        _ => return Ok(()),
+    };
+    let hint = "take --to lerobot; boxes also fit into lerobot-v2.1, zarr and hdf5";
+    Err(RunError::input(format!("{format} has no place for {what}")).with_hint(hint))
+}
+
+/// Refuses cameras that the world of an episode does not have, before anything is drawn; what is damaged is named by
+/// whatever reads it whole.
+pub(crate) fn check_cameras(
+    store: &EpisodeStore,
+    ids: impl IntoIterator<Item = impl AsRef<str>>,
+    cameras: &[String],
+) -> Result<(), RunError> {
+    for id in ids {
+        let id = id.as_ref();
+        let world = match store.read_scenario(id) {
+            Ok(Some(scenario)) => scenario.world,
+            Ok(None) => continue,
+            Err(error) if error.is_damage() => continue,
+            Err(error) => return Err(replay::unreadable(id, error)),
+        };
+        if let Some(unknown) = cameras.iter().find(|camera| world.camera(camera).is_none()) {
+            let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+            let error = RunError::unknown("camera", "cameras", unknown, &known);
+            let hint = error.hint().unwrap_or_default();
+            return Err(RunError::input(format!("episode {id} cannot be drawn")).because(error).with_hint(hint));
+        }
+    }
+    Ok(())
+}
+
+/// Draws the pictures that the store lacks, from the recorded states and in the looks of the run; also which thing each
+/// pixel shows, where that is asked for.
+pub(crate) fn draw_missing(
+    store: &EpisodeStore,
+    ids: &[String],
+    (pictures, with_masks): (&ImageSettings, bool),
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<(), RunError> {
+    let (fps, cameras) = (pictures.fps, &pictures.cameras);
+    let lacks_masks = |id: &str| with_masks && !store.has_masks(id, fps, cameras);
+    let is_missing = |id: &&String| !store.has_tracks(id, fps, cameras) || lacks_masks(id);
+    let missing: Vec<&String> = ids.iter().filter(is_missing).collect();
+    if cameras.is_empty() || missing.is_empty() {
+        return Ok(());
+    }
+    check_cameras(store, &missing, cameras)?;
+    progress.begin("drawing", missing.len());
+    in_parallel(&missing, workers, stop, &|id| {
+        match store.read(id) {
+            Ok(episode) => {
+                if !store.has_tracks(id, fps, cameras) {
+                    draw(store, &episode, pictures)?;
+                }
+                if lacks_masks(id) {
+                    draw_masks(store, &episode, pictures)?;
+                }
+            }
+            // The export names it.
+            Err(error) if error.is_damage() => {}
+            Err(error) => return Err(replay::unreadable(id, error)),
+        }
+        progress.advance();
+        Ok::<_, RunError>(())
+    })?;
+    progress.end();
+    Ok(())
+}
+
+fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+    let id = &episode.result.id;
+    let masks = images::draw_masks(&replay::stage(episode)?, episode, pictures)
+        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+    let failed = |error: DataError| RunError::broken(format!("cannot keep the masks of {id}"), error);
+    store.attach_masks(id, &masks).map_err(failed)
+}
+
+fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+    let id = &episode.result.id;
+    // Those that are there are drawn again, since the tracks of a rate are kept together.
+    let is_wanted = |name: &&String| {
+        pictures.cameras.contains(*name) || store.has_tracks(id, pictures.fps, std::slice::from_ref(*name))
+    };
+    let known = episode.scenario.world.cameras.iter().map(|camera| &camera.name);
+    let cameras = known.filter(|name| is_wanted(name)).cloned().collect();
+    let failed = |error: DataError| RunError::broken(format!("cannot keep the pictures of {id}"), error);
+    let tracks = images::draw(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
+        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+    store.attach_tracks(id, &tracks).map_err(failed)
+}

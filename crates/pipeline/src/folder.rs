@@ -1,0 +1,499 @@
+//! The folder of a run: what it holds and where.
+//!
+//! ```text
+//! run.json          what the run depends on; a folder never mixes two runs
+//! shard.json        which part of the run lies here, where it is not all of it
+//! scenarios/        one file per laid-out attempt
+//! episodes/         the episode store
+//! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
+//! exports/          further data sets, by `export`
+//! evaluation/       one file per policy
+//! timings.json      wall-clock figures, apart from everything that is reproducible
+//! index.jsonl       what is known of each episode without reading it; made anew where it does not hold
+//! report.html, report/   of `report` and `report --full`
+//! damaged/          episodes that `collect --repair` set aside
+//! ```
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use genmanip_core::{
+    Document, DocumentError, LongDocument, Seed, Task, Upgrade, limits, long_from_json, long_from_reader, long_to_json,
+    upgrade, write_tagged,
+};
+use genmanip_data::{EpisodeStore, files};
+use genmanip_rollout::collect::CollectSettings;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::index::{INDEX, Survey};
+use genmanip_workspace::RunError;
+use genmanip_workspace::difference::{first_difference, listed};
+use genmanip_workspace::documents::{self, sweep, unwritable};
+use genmanip_workspace::shard::{Manifest, Shard};
+use genmanip_workspace::task_spool::{Spool, Tasks};
+
+/// Everything a run depends on: its input, settings and seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run<L = Tasks> {
+    /// Seed of all attempts.
+    pub seed: Seed,
+    /// Attempts per task.
+    pub episodes_per_task: usize,
+    /// The tasks.
+    pub tasks: L,
+    /// Settings of every stage.
+    pub settings: CollectSettings,
+    /// Physics engine.
+    pub engine: String,
+    /// Version of this program.
+    pub genmanip_version: String,
+}
+
+/// A run with all its tasks in memory.
+pub type RunRecord = Run<Vec<Task>>;
+
+impl Document for RunRecord {
+    const SCHEMA: &'static str = "genmanip.run/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::run::FROM_1);
+
+    fn from_json(text: &str) -> Result<Self, DocumentError> {
+        long_from_json(text, |_| {})
+    }
+
+    fn to_json(&self) -> String {
+        long_to_json(self)
+    }
+}
+
+impl LongDocument for RunRecord {
+    const LIST: &'static str = "tasks";
+    const MOST: usize = limits::TASKS;
+    type Entry = Task;
+
+    fn entries(&mut self) -> &mut Vec<Task> {
+        &mut self.tasks
+    }
+}
+
+impl Run {
+    /// A run of this program with the engine it is linked to.
+    pub fn new(tasks: Tasks, episodes_per_task: usize, settings: CollectSettings, seed: Seed) -> Self {
+        let (engine, genmanip_version) = Self::versions();
+        Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
+    }
+
+    /// Physics engine and version of this program.
+    pub(crate) fn versions() -> (String, String) {
+        (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into())
+    }
+
+    /// Writes its record, task by task.
+    ///
+    /// # Errors
+    /// Those of `out`, and when a task cannot be read again.
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        write_tagged(out, RunRecord::SCHEMA, self)
+    }
+
+    /// Reads a record that a run wrote itself, task by task.
+    fn read(path: &Path) -> Result<Self, RunError> {
+        let file = files::open_own(path, limits::RUN).map_err(|error| documents::unreadable(path, error))?;
+        let (mut spool, mut refused) = (Spool::in_folder(&std::env::temp_dir()), None);
+        let record = long_from_reader::<RunRecord>(file, |task| {
+            spool.add(task).map_err(|error| {
+                let message = error.to_string();
+                refused = Some(error);
+                DocumentError::Invalid { path: "$.tasks".into(), message }
+            })
+        });
+        if let Some(error) = refused {
+            return Err(error);
+        }
+        let record =
+            record.map_err(|source| RunError::Document { path: path.to_owned(), schema: RunRecord::SCHEMA, source })?;
+        let Run { seed, episodes_per_task, settings, engine, genmanip_version, .. } = record;
+        Ok(Self { seed, episodes_per_task, tasks: spool.finish(), settings, engine, genmanip_version })
+    }
+
+    /// Hash of its record: what is made for a run names it, so that it is known from what others made.
+    ///
+    /// # Errors
+    /// When a task cannot be read again.
+    pub fn hash(&self) -> Result<String, RunError> {
+        let mut hasher = Hashing(Sha256::new());
+        self.write(&mut hasher).map_err(|error| RunError::broken("cannot read the tasks again", error))?;
+        Ok(hasher.in_hex())
+    }
+
+    /// The same of a record on disk.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub(crate) fn hash_of(record: &Path) -> Result<String, RunError> {
+        let unreadable = |error| RunError::of_file("read", record, error);
+        let mut hasher = Hashing(Sha256::new());
+        let mut file = files::open_own(record, limits::RUN).map_err(unreadable)?;
+        io::copy(&mut file, &mut hasher).map_err(|error| RunError::file("read", record, error))?;
+        Ok(hasher.in_hex())
+    }
+}
+
+/// Takes the hash of what is written to it.
+struct Hashing(Sha256);
+
+impl Hashing {
+    fn in_hex(self) -> String {
+        self.0.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Write for Hashing {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Wall-clock figures; never part of anything that is compared.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// Seconds per phase.
+    pub phases: BTreeMap<String, f64>,
+    /// Seconds per attempt.
+    pub attempts: BTreeMap<String, f64>,
+}
+
+impl Document for Timings {
+    const SCHEMA: &'static str = "genmanip.timings/1";
+}
+
+/// A run on disk.
+pub struct RunFolder {
+    path: PathBuf,
+    timings: Mutex<Timings>,
+}
+
+impl RunFolder {
+    /// Begins a run, or continues the very same one.
+    ///
+    /// Of several programs that begin one folder at the same time, exactly one makes its record; the others continue
+    /// the same run, or are told what differs.
+    ///
+    /// # Errors
+    /// [`RunError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
+    pub fn begin(path: &Path, run: &Run) -> Result<Self, RunError> {
+        let file = path.join(RECORD);
+        if !is_there(&file) {
+            check_unowned(path)?;
+            let created = files::create_with(&file, &mut |out| run.write(out));
+            if created.map_err(|error| unwritable(&file, error))? {
+                return Ok(Self::at(path));
+            }
+        }
+        check_links(path)?;
+        if Run::hash_of(&file)? != run.hash()? {
+            let known = Run::read(&file)?;
+            if known != *run {
+                return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run)? });
+            }
+        }
+        let folder = Self::at(path);
+        folder.sweep()?;
+        Ok(folder)
+    }
+
+    /// Begins a shard, or continues it: shards that lie beside each other share one record where the disk knows links,
+    /// since a record holds all tasks of the run.
+    ///
+    /// # Errors
+    /// As [`RunFolder::begin`].
+    pub(crate) fn begin_shard(path: &Path, run: &Run) -> Result<Self, RunError> {
+        let file = path.join(RECORD);
+        if !is_there(&file) {
+            check_unowned(path)?;
+            let hash = run.hash()?;
+            let shared = path.with_file_name(format!(".{hash}.run.json"));
+            if !is_there(&shared) {
+                shared.parent().map_or(Ok(()), sweep)?;
+                files::create_with(&shared, &mut |out| run.write(out)).map_err(|error| unwritable(&shared, error))?;
+            }
+            if Run::hash_of(&shared)? == hash {
+                std::fs::create_dir_all(path).map_err(|error| RunError::file("create", path, error))?;
+                if std::fs::hard_link(&shared, &file).is_ok() {
+                    return Ok(Self::at(path));
+                }
+                // Where there are no links, or another program was quicker, the record is written or there.
+            }
+        }
+        Self::begin(path, run)
+    }
+
+    /// Says which part of the run lies here, all of it without a shard, or sees that it is this one.
+    ///
+    /// # Errors
+    /// [`RunError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
+    pub(crate) fn claim(&self, shard: Option<Shard>) -> Result<(), RunError> {
+        let in_words = |shard: Option<Shard>| shard.map_or("the whole run".to_owned(), |shard| shard.to_string());
+        let other = |found: Option<Shard>| {
+            let difference = format!("it is {}, not {}", in_words(found), in_words(shard));
+            Err(RunError::AnotherRun { path: self.path.clone(), difference })
+        };
+        let path = self.join(SHARD);
+        match (Self::manifest(&self.path)?.map(|manifest| manifest.shard), shard) {
+            (found, shard) if found.is_some() && found != shard => other(found),
+            (None, Some(_)) if is_there(&self.join("episodes")) => other(None),
+            (None, Some(shard)) => {
+                let manifest = Manifest { shard, run: Run::hash_of(&self.join(RECORD))? };
+                let created = files::create(&path, manifest.to_json().as_bytes());
+                // Another program may have been quicker; then it is looked at again.
+                if created.map_err(|error| unwritable(&path, error))? { Ok(()) } else { self.claim(Some(shard)) }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Which part of a run lies in a folder; `None` where it is all of it.
+    ///
+    /// # Errors
+    /// When `shard.json` is there and is no such document.
+    pub(crate) fn manifest(path: &Path) -> Result<Option<Manifest>, RunError> {
+        let file = path.join(SHARD);
+        is_there(&file).then(|| documents::read_own_document(&file, limits::IDENTITY)).transpose()
+    }
+
+    /// Opens a part of a run whose record is known.
+    ///
+    /// # Errors
+    /// When the folder has links inside.
+    pub(crate) fn open_part(path: &Path) -> Result<Self, RunError> {
+        check_links(path)?;
+        Ok(Self::at(path))
+    }
+
+    /// Removes what a kill left unfinished wherever files are written, the episodes apart.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub(crate) fn sweep(&self) -> Result<(), RunError> {
+        ["", "scenarios", "evaluation"].iter().try_for_each(|name| sweep(&self.path.join(name)))
+    }
+
+    /// Opens a run made before.
+    ///
+    /// # Errors
+    /// [`RunError::NoRun`], when `run.json` is no such document, or the folder has links inside.
+    pub fn open(path: &Path) -> Result<(Self, Run), RunError> {
+        let file = path.join(RECORD);
+        if !is_there(&file) {
+            return Err(RunError::NoRun { path: path.to_owned() });
+        }
+        check_links(path)?;
+        Ok((Self::at(path), Run::read(&file)?))
+    }
+
+    fn at(path: &Path) -> Self {
+        // Wall-clock figures are worth no refusal.
+        let timings = documents::read_own_document(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
+        Self { path: path.to_owned(), timings: Mutex::new(timings) }
+    }
+
+    /// A path inside the run.
+    pub fn join(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Its episodes.
+    ///
+    /// # Errors
+    /// When the folder of episodes holds something else or cannot be written.
+    pub fn store(&self) -> Result<EpisodeStore, RunError> {
+        let root = self.join("episodes");
+        EpisodeStore::create(&root).map_err(|error| {
+            RunError::input(format!("cannot use {}", root.display()))
+                .because(error)
+                .with_hint("check that the folder is writable and belongs to this run")
+        })
+    }
+
+    /// Looks at every attempt in the store; the files of those that the run's index knows are not read.
+    ///
+    /// # Errors
+    /// When the store cannot be listed.
+    pub fn survey(&self, store: &EpisodeStore) -> Result<Survey, RunError> {
+        Survey::of(&self.path, store)
+    }
+
+    /// Notes how long an attempt took.
+    pub fn time_attempt(&self, id: &str, seconds: f64) {
+        self.timings.lock().unwrap_or_else(PoisonError::into_inner).attempts.insert(id.to_owned(), seconds);
+    }
+
+    /// Notes how long a phase took.
+    pub fn time_phase(&self, phase: &str, seconds: f64) {
+        self.timings.lock().unwrap_or_else(PoisonError::into_inner).phases.insert(phase.to_owned(), seconds);
+    }
+
+    /// Adds to how long a phase took: a run that was interrupted took as long as all its parts.
+    pub fn lengthen_phase(&self, phase: &str, seconds: f64) {
+        let mut timings = self.timings.lock().unwrap_or_else(PoisonError::into_inner);
+        *timings.phases.entry(phase.to_owned()).or_default() += seconds;
+    }
+
+    /// The figures so far.
+    pub fn timings(&self) -> Timings {
+        self.timings.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Writes the figures.
+    ///
+    /// # Errors
+    /// [`RunError::File`].
+    pub fn save_timings(&self) -> Result<(), RunError> {
+        documents::write_file(&self.join("timings.json"), self.timings().to_json().as_bytes())
+    }
+}
+
+/// The run's own record.
+const RECORD: &str = "run.json";
+
+/// Which part of a run it is.
+const SHARD: &str = "shard.json";
+
+/// What a run writes into its folder besides its record.
+const OWN: [&str; 11] = [
+    SHARD,
+    "episodes",
+    "scenarios",
+    "dataset",
+    "dataset-depth",
+    "evaluation",
+    "damaged",
+    "timings.json",
+    INDEX,
+    "report.html",
+    "report",
+];
+
+/// Refuses a folder that holds what a run writes, but no record of one.
+fn check_unowned(path: &Path) -> Result<(), RunError> {
+    match OWN.iter().find(|name| is_there(&path.join(name))) {
+        // The record may have been made by another program in between; then what lies here is that run's.
+        Some(name) if !is_there(&path.join(RECORD)) => {
+            let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
+            Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn is_there(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok()
+}
+
+/// A run keeps everything in its own folder: what is written through a link would end up in somebody else's.
+fn check_links(path: &Path) -> Result<(), RunError> {
+    let inside = OWN.iter().chain([&RECORD]).map(|name| path.join(name));
+    let kept = list_folders(&path.join("evaluation")).into_iter().flat_map(|label| [label.join("episodes"), label]);
+    match inside.chain(kept).find(|path| path.is_symlink()) {
+        Some(link) => Err(RunError::input(format!("{} is a symbolic link", link.display()))
+            .with_hint("a run keeps everything in its own folder; link to the whole run instead")),
+        None => Ok(()),
+    }
+}
+
+/// What lies in a folder; nothing where there is none.
+fn list_folders(path: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(path)
+        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
+        .unwrap_or_default()
+}
+
+/// The first difference between two runs, in words.
+///
+/// # Errors
+/// When a task cannot be read again.
+pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, RunError> {
+    if known.seed != asked.seed {
+        return Ok(format!("its seed is {}, not {}", known.seed, asked.seed));
+    }
+    if known.episodes_per_task != asked.episodes_per_task {
+        return Ok(format!("it has {} attempts per task, not {}", known.episodes_per_task, asked.episodes_per_task));
+    }
+    if known.genmanip_version != asked.genmanip_version || known.engine != asked.engine {
+        return Ok(format!("made by version {} with {}", known.genmanip_version, known.engine));
+    }
+    let ids = |run: &Run| run.tasks.entries().iter().map(|task| task.id.clone()).collect::<Vec<_>>();
+    if ids(known) != ids(asked) {
+        return Ok(format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked))));
+    }
+    for (index, (known, asked)) in known.tasks.iter().zip(asked.tasks.iter()).enumerate() {
+        if let Some(difference) = differs(&format!("tasks[{index}]"), &known?, &asked?) {
+            return Ok(difference);
+        }
+    }
+    let settings = differs("settings", &known.settings, &asked.settings);
+    Ok(settings.unwrap_or_else(|| "with other settings".into()))
+}
+
+/// Where two values first differ, see [`first_difference`].
+fn differs<T: PartialEq + Serialize>(place: &str, known: &T, asked: &T) -> Option<String> {
+    if known == asked {
+        return None;
+    }
+    let [known, asked] = [known, asked].map(|value| serde_json::to_value(value).unwrap_or_default());
+    first_difference(place, &known, &asked)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_workspace::task_files;
+
+    /// Runs of thousands of tasks open: their record is read task by task.
+    #[test]
+    fn a_long_record_is_the_same_document() {
+        let tasks = task_files::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
+        let many = tasks.iter().cycle().take(1000).enumerate();
+        let tasks = many.map(|(index, task)| Task { id: format!("{}-{index}", task.id), ..task.clone() });
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run");
+        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
+        RunFolder::begin(&path, &run).unwrap();
+        let text = std::fs::read_to_string(path.join(RECORD)).unwrap();
+        let whole = RunRecord::from_json(&text).unwrap();
+        assert_eq!(text, serde_json::to_string_pretty(&whole.to_value()).unwrap() + "\n", "streamed or not");
+        assert_eq!(Run::hash_of(&path.join(RECORD)).unwrap(), run.hash().unwrap());
+        assert_eq!(RunFolder::open(&path).unwrap().1, run);
+        std::fs::write(path.join(RECORD), text.replacen("\"subject\"", "\"subjects\"", 1)).unwrap();
+        let error = RunFolder::open(&path).err().unwrap();
+        let source = std::error::Error::source(&error).unwrap().to_string();
+        assert!(source.starts_with("at $.tasks[0].goal"), "{source}");
+    }
+
+    #[test]
+    fn shards_beside_each_other_share_one_record() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().unwrap();
+        let tasks = task_files::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
+        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
+        let paths = ["a", "b", "a"].map(|name| folder.path().join(name));
+        for path in &paths {
+            RunFolder::begin_shard(path, &run).unwrap();
+            assert_eq!(RunFolder::open(path).unwrap().1, run);
+        }
+        let files = paths.map(|path| std::fs::metadata(path.join(RECORD)).unwrap().ino());
+        assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
+        std::fs::create_dir_all(folder.path().join("c/episodes")).unwrap();
+        let error = RunFolder::begin_shard(&folder.path().join("c"), &run).err().unwrap().to_string();
+        assert!(error.contains("holds `episodes`"), "{error}");
+    }
+}

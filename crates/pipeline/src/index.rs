@@ -1,0 +1,280 @@
+//! What is known of every attempt of a run without reading its files: one file of the run, `index.jsonl`.
+//!
+//! A head, then a line per sound attempt, ordered by id. A line is believed while all of the attempt lies there with the
+//! sizes in the line and was last written before the index; every other attempt is looked at again, and the index is
+//! then written anew. Its bytes depend on the attempts alone; when it was made is the date of the file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::SystemTime;
+
+use genmanip_benchmark::Outcome;
+use genmanip_core::limits;
+use genmanip_data::{EpisodeStore, Inspected, Parts, files};
+use genmanip_rollout::collect::in_parallel;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::workers;
+
+/// File of the index in the folder of a run.
+pub(crate) const INDEX: &str = "index.jsonl";
+
+/// A sound attempt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Known {
+    /// Its id.
+    pub id: String,
+    /// Id of its task.
+    pub task_id: String,
+    /// Whether frames were kept.
+    pub recorded: bool,
+    /// Whether it has a scenario.
+    pub has_scenario: bool,
+    /// How it went.
+    pub outcome: Outcome,
+    /// What it consists of; `None` while something unfinished lies among it.
+    parts: Option<Parts>,
+}
+
+impl Known {
+    fn of(inspected: Inspected) -> Self {
+        let Inspected { result, recorded, has_scenario, parts } = inspected;
+        let outcome = Outcome::of(&result);
+        Self { id: result.id, task_id: result.task_id, recorded, has_scenario, outcome, parts }
+    }
+
+    /// Whether nothing unfinished lies among it.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.parts.is_some()
+    }
+}
+
+/// The attempts of a store, and what else lies there.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Survey {
+    /// Attempts that look sound, sorted by id.
+    pub sound: Vec<Known>,
+    /// Ids of damaged ones, with what is wrong.
+    pub damaged: Vec<(String, String)>,
+    /// What is no attempt; nothing of it is read or changed.
+    pub strangers: Vec<String>,
+    /// How many of all attempts the index did not know.
+    pub looked_at: usize,
+}
+
+impl Survey {
+    /// What a person should know about it, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let stranger = |name: &String| format!("{name} in the episodes is no episode; it is ignored");
+        let damaged = |(id, why): &(String, String)| format!("episode {id} is damaged and left out: {why}");
+        self.strangers.iter().map(stranger).chain(self.damaged.iter().map(damaged)).collect()
+    }
+
+    /// Of the store of the run at `path`, with the help of its index, which is brought up to date where it can be.
+    ///
+    /// # Errors
+    /// When the store cannot be listed.
+    pub(crate) fn of(path: &Path, store: &EpisodeStore) -> Result<Self, RunError> {
+        // What is written from now on is younger than the index made here.
+        let now = files::now_in(path).ok();
+        let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
+        let file = path.join(INDEX);
+        let Index { mut known, made } = Index::read(&file).unwrap_or_default();
+        let looks = in_parallel(&listing.ids, workers::workers(None), &AtomicBool::new(false), &|id| {
+            let parts = known.get(id).and_then(|known| known.parts.as_ref());
+            if parts.is_some_and(|parts| store.is_unchanged(id, parts, made)) {
+                return Ok::<_, RunError>(None);
+            }
+            Ok(Some(store.look_at(id).map(Known::of).map_err(|error| error.to_string())))
+        })?;
+        let mut survey = Self { strangers: listing.strangers, ..Self::default() };
+        let mut is_current = true;
+        for (id, look) in listing.ids.into_iter().zip(looks) {
+            let before = known.remove(&id);
+            survey.looked_at += usize::from(look.is_some());
+            is_current &= look.as_ref().is_none_or(|look| look.is_err() && before.is_none());
+            match look {
+                None => survey.sound.extend(before),
+                Some(Ok(known)) => survey.sound.push(known),
+                Some(Err(why)) => survey.damaged.push((id, why)),
+            }
+        }
+        if let (false, Some(now)) = (is_current && known.is_empty(), now) {
+            // Whoever only reads a run may have no right to write there; then the next one looks at it again.
+            let _ = files::write_as_of(&file, &bytes(&survey.sound), Some(now));
+        }
+        Ok(survey)
+    }
+}
+
+/// The first line.
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Head {
+    schema: String,
+    genmanip_version: String,
+    /// Of all that follows: nobody but this program writes here.
+    sha256: String,
+}
+
+impl Head {
+    fn of(lines: &[u8]) -> Self {
+        Self {
+            schema: "genmanip.index/1".into(),
+            genmanip_version: env!("CARGO_PKG_VERSION").into(),
+            sha256: Sha256::digest(lines).iter().map(|byte| format!("{byte:02x}")).collect(),
+        }
+    }
+}
+
+fn bytes(sound: &[Known]) -> Vec<u8> {
+    let line = |known: &Known| serde_json::to_string(known).unwrap_or_default() + "\n";
+    let lines: String = sound.iter().filter(|known| known.is_settled()).map(line).collect();
+    let head = serde_json::to_string(&Head::of(lines.as_bytes())).unwrap_or_default();
+    format!("{head}\n{lines}").into_bytes()
+}
+
+struct Index {
+    known: BTreeMap<String, Known>,
+    made: SystemTime,
+}
+
+impl Default for Index {
+    fn default() -> Self {
+        Self { known: BTreeMap::new(), made: SystemTime::UNIX_EPOCH }
+    }
+}
+
+impl Index {
+    /// The index in a file; `None` when it is missing, of another version or not as it was written.
+    fn read(path: &Path) -> Option<Self> {
+        let made = std::fs::symlink_metadata(path).ok()?.modified().ok()?;
+        let bytes = files::read_own(path, limits::INDEX).ok()?;
+        let end = bytes.iter().position(|byte| *byte == b'\n')?;
+        let (head, lines) = (&bytes[..end], &bytes[end + 1..]);
+        if serde_json::from_slice::<Head>(head).ok()? != Head::of(lines) {
+            return None;
+        }
+        let lines = lines.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
+        let known = lines.map(|line| serde_json::from_slice::<Known>(line).ok().map(|known| (known.id.clone(), known)));
+        Some(Self { known: known.collect::<Option<_>>()?, made })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::time::Duration;
+
+    use genmanip_core::{Document, EpisodeResult};
+
+    use super::*;
+
+    /// A run of four attempts, last written a minute ago, and how many of them a survey looks at.
+    struct Made(tempfile::TempDir);
+
+    impl Made {
+        fn new() -> Self {
+            let made = Self(tempfile::tempdir().unwrap());
+            let result = EpisodeResult::from_json(include_str!("../../core/testdata/result_1.json")).unwrap();
+            for id in ["a", "b", "c", "d"] {
+                made.store().write_result_only(&EpisodeResult { id: id.into(), ..result.clone() }, None).unwrap();
+                made.attach(id);
+                made.age(id);
+            }
+            made
+        }
+
+        fn store(&self) -> EpisodeStore {
+            EpisodeStore::create(self.0.path().join("episodes")).unwrap()
+        }
+
+        fn at(&self, name: &str) -> std::path::PathBuf {
+            self.0.path().join("episodes").join(name)
+        }
+
+        fn attach(&self, id: &str) {
+            let file = genmanip_data::Attachment { name: "notes".into(), bytes: b"hello".to_vec() };
+            self.store().attach(id, "group", &[file]).unwrap();
+        }
+
+        /// Makes an attempt a minute older than it is.
+        fn age(&self, id: &str) {
+            let then = SystemTime::now() - Duration::from_secs(60);
+            for name in ["", "episode.json", "group", "group/notes", "group/files.json"] {
+                fs::File::open(self.at(id).join(name)).unwrap().set_modified(then).unwrap();
+            }
+        }
+
+        fn survey(&self) -> Survey {
+            Survey::of(self.0.path(), &self.store()).unwrap()
+        }
+
+        fn index(&self) -> Vec<u8> {
+            fs::read(self.0.path().join(INDEX)).unwrap()
+        }
+    }
+
+    #[test]
+    fn only_what_changed_is_looked_at_again() {
+        let made = Made::new();
+        let first = made.survey();
+        assert_eq!((first.looked_at, first.sound.len(), first.damaged.len()), (4, 4, 0), "there was no index");
+        let bytes = made.index();
+        let again = made.survey();
+        assert_eq!((again.looked_at, &again.sound), (0, &first.sound));
+
+        // Each of these is noticed without reading anything but what changed.
+        let record = made.at("b/episode.json");
+        let text = fs::read_to_string(&record).unwrap();
+        let renamed = text.replacen("mujoco", "mujocO", 1);
+        assert!(renamed != text && renamed.len() == text.len());
+        for (what, change, looked_at, sound) in [
+            ("a shorter file", &(|| fs::write(made.at("a/group/notes"), b"hell").unwrap()) as &dyn Fn(), 1, 3),
+            ("the file again", &(|| fs::write(made.at("a/group/notes"), b"hello").unwrap()), 1, 4),
+            ("a record of the same size", &(|| fs::write(&record, &renamed).unwrap()), 1, 4),
+            ("another group", &(|| fs::create_dir(made.at("c/other")).unwrap()), 1, 3),
+            ("no other group", &(|| fs::remove_dir(made.at("c/other")).unwrap()), 1, 4),
+            ("an attempt less", &(|| fs::remove_dir_all(made.at("d")).unwrap()), 0, 3),
+        ] {
+            change();
+            let survey = made.survey();
+            assert_eq!((survey.looked_at, survey.sound.len()), (looked_at, sound), "{what}");
+            ["a", "b", "c"].into_iter().for_each(|id| made.age(id));
+            // Damaged ones are looked at each time.
+            assert_eq!(made.survey().looked_at, survey.damaged.len(), "{what}, once more");
+        }
+        let ids: Vec<String> = made.survey().sound.into_iter().map(|known| known.id).collect();
+        assert_eq!(ids, ["a", "b", "c"]);
+        assert_ne!(made.index(), bytes);
+    }
+
+    #[test]
+    fn an_index_that_is_not_as_it_was_written_is_made_anew() {
+        let made = Made::new();
+        let sound = made.survey().sound;
+        let (path, bytes) = (made.0.path().join(INDEX), made.index());
+        let text = String::from_utf8(bytes.clone()).unwrap();
+        for damage in [
+            String::new(),
+            text.replacen("\"task_id\":\"", "\"task_id\":\"x", 1),
+            text.replacen("index/1", "index/0", 1),
+            text[..text.len() / 2].to_owned(),
+            "\u{0}".into(),
+        ] {
+            assert_ne!(damage, text);
+            fs::write(&path, damage).unwrap();
+            assert_eq!((made.survey().looked_at, made.index()), (4, bytes.clone()));
+        }
+        // One that is older than the attempts knows nothing of them.
+        fs::File::open(&path).unwrap().set_modified(SystemTime::now() - Duration::from_secs(120)).unwrap();
+        let survey = made.survey();
+        assert_eq!((survey.looked_at, &survey.sound, made.index()), (4, &sound, bytes));
+        // What is unfinished is not taken for known.
+        fs::write(made.at("a/.group.partial-cc-b1-9-90-3"), b"").unwrap();
+        assert_eq!((made.survey().looked_at, made.survey().looked_at), (1, 1));
+        assert!(!made.survey().sound[0].is_settled());
+    }
+}

@@ -1,0 +1,35 @@
+//! The pipeline on run folders: collect → images → dataset → evaluate → report, each resumable.
+//!
+//! - [`folder`]: contents of a run folder; a folder never mixes two runs, and an interrupted run continues.
+//! - [`Survey`]: the episodes in the store of a run, from its index.
+//! - [`collect`]: demonstrations, their images and the dataset; [`merge`] joins the shards of a run.
+//! - [`export`] and [`rerender`]: further datasets of a run, with the recorded or another appearance.
+//! - [`evaluate`]: policies on scenarios; [`policies`] is the registry of policies by name with arguments.
+//! - [`ablate`]: the agent with one setting changed at a time.
+//! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
+//! - [`sessions`]: environments that other programs step, action by action.
+//! - [`report`]: input of the HTML page and the page itself.
+//! - [`layouts`], [`plan`]: tasks laid out into scenario files, single motions of the arm.
+//!
+//! Every stage is a function from input, settings and seed to a result or a [`genmanip_workspace::RunError`];
+//! it reports to a [`genmanip_workspace::Progress`] and prints nothing.
+
+pub mod ablate;
+pub mod collect;
+pub mod evaluate;
+pub mod export;
+pub mod folder;
+mod index;
+pub mod layouts;
+pub mod merge;
+pub mod plan;
+pub mod policies;
+mod remote;
+pub mod report;
+pub mod rerender;
+pub mod sessions;
+pub mod suites;
+
+pub use folder::{Run, RunFolder, Timings};
+pub use index::{Known, Survey};
+pub use policies::PolicyFactory;

@@ -1,0 +1,268 @@
+//! One motion of the arm in a scenario: to a grasp, to a point or to joint positions.
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Pose, Seed};
+use genmanip_layout::obstacles;
+use genmanip_motion::{
+    Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
+    PlanningScene,
+};
+use genmanip_rollout::Stage;
+use serde::Serialize;
+
+use genmanip_viz::motion_images::Drawn;
+use genmanip_workspace::RunError;
+
+/// Which grasps the planner may choose among: a dozen that are in reach, the hand turned the way that is nearer.
+fn feasibility() -> FeasibilitySettings {
+    FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
+}
+
+/// Where the arm shall go, as a person says it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Target {
+    /// To a grasp of this object: its uid or name.
+    Object(String),
+    /// To a point between the fingertips, metres, the hand pointing down and turned by a yaw, rad.
+    Point {
+        /// x, y, z in the robot's base frame, m.
+        position_m: Vec<f64>,
+        /// Turn of the hand about the vertical, rad.
+        yaw_rad: f64,
+    },
+    /// To joint positions, rad.
+    Joints(Vec<f64>),
+}
+
+/// What is asked for besides the target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionRequest {
+    /// Where to.
+    pub target: Target,
+    /// Joint positions to start from, rad; the robot's home without.
+    pub from: Option<Vec<f64>>,
+    /// Opening of the gripper, m; a grasp brings its own.
+    pub gripper_width_m: f64,
+}
+
+/// A motion, or why there is none.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannedMotion {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// The target in words.
+    pub goal: String,
+    /// Whether there is a path.
+    pub solved: bool,
+    /// Why there is no path.
+    pub failure: Option<String>,
+    /// Processor time of planning and timing together.
+    pub planning_ms: f64,
+    /// Sum of the Euclidean joint-space steps.
+    pub path_length_rad: f64,
+    /// Time the motion takes.
+    pub duration_s: f64,
+    /// Corners of the path, joint positions in rad.
+    pub waypoints: Vec<Vec<f64>>,
+    /// Opening of the gripper on the way.
+    pub gripper_width_m: f64,
+    /// Time between two joint positions of the trajectory.
+    pub dt_s: f64,
+    /// Joint positions at the control rate, rad.
+    pub trajectory: Vec<Vec<f64>>,
+    /// The goal that could not be, joint positions in rad; for the drawing.
+    #[serde(skip)]
+    pub blocked: Option<Vec<f64>>,
+}
+
+/// Where the arm shall go, as the planner takes it.
+enum Goal {
+    /// One of these configurations.
+    Configurations(Vec<Vec<f64>>),
+    /// The first free grasp of an object, by its index.
+    Grasp { object: usize, grasps: Vec<FeasibleGrasp> },
+}
+
+/// Plans one motion from rest to rest; `clock` says how much processor time has passed, s.
+///
+/// # Errors
+/// When the request does not fit robot or scenario. A target that cannot be reached is a result.
+pub fn plan(
+    stage: &Stage,
+    planner: &Planner,
+    request: &MotionRequest,
+    seed: Seed,
+    clock: &mut dyn FnMut() -> f64,
+) -> Result<PlannedMotion, RunError> {
+    let start = joints("--from", request.from.as_deref(), stage)?.unwrap_or_else(|| stage.robot.home.clone());
+    let most = stage.robot.gripper.max_width;
+    if !(0.0..=most).contains(&request.gripper_width_m) {
+        return Err(RunError::input(format!("--gripper {} m is not possible", request.gripper_width_m))
+            .with_hint(format!("expected 0 to {most} m")));
+    }
+    let goal = goal(&request.target, stage, planner, &start, seed)?;
+    let began = clock();
+    let planned = paths(&goal, request.gripper_width_m, stage, planner, &start, seed);
+    let (paths, gripper_width_m) =
+        planned.as_ref().map_or((&[][..], request.gripper_width_m), |(paths, width)| (paths, *width));
+    let trajectory = timed(planner, paths, &start);
+    let planning_ms = (clock() - began) * 1e3;
+    let dt_s = planner.settings().timing.dt;
+    Ok(PlannedMotion {
+        scenario: stage.scenario.id.clone(),
+        goal: request.target.in_words(),
+        solved: planned.is_ok(),
+        failure: planned.as_ref().err().map(ToString::to_string),
+        planning_ms,
+        path_length_rad: paths.iter().map(Path::length).sum(),
+        duration_s: dt_s * trajectory.len().saturating_sub(1) as f64,
+        waypoints: paths.iter().flat_map(|path| path.waypoints().to_vec()).collect(),
+        gripper_width_m,
+        dt_s,
+        trajectory,
+        blocked: match goal {
+            Goal::Configurations(goals) if planned.is_err() => goals.into_iter().next(),
+            _ => None,
+        },
+    })
+}
+
+impl PlannedMotion {
+    /// In one line.
+    pub fn headline(&self) -> String {
+        match &self.failure {
+            None => format!(
+                "planned in {:.2} ms: {:.2} rad, {:.2} s, {} corners",
+                self.planning_ms,
+                self.path_length_rad,
+                self.duration_s,
+                self.waypoints.len()
+            ),
+            Some(failure) => format!("no path to {}: {failure}", self.goal),
+        }
+    }
+
+    /// What a picture or a film of it shows.
+    pub fn drawn<'a>(&'a self, stage: &'a Stage, planner: &Planner) -> Drawn<'a> {
+        Drawn {
+            stage,
+            configs: &self.trajectory,
+            tcp: self.trajectory.iter().map(|config| planner.tcp_pose(config).position).collect(),
+            gripper_width: self.gripper_width_m,
+            blocked: self.blocked.as_deref(),
+        }
+    }
+}
+
+impl Target {
+    fn in_words(&self) -> String {
+        let numbers = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+        match self {
+            Self::Object(object) => format!("a grasp of {object}"),
+            Self::Point { position_m, .. } => format!("({}) m, hand down", numbers(position_m)),
+            Self::Joints(joints) => format!("[{}] rad", numbers(joints)),
+        }
+    }
+}
+
+/// The paths one after the other (free motion, then for a grasp the straight approach), and the gripper's opening.
+fn paths(
+    goal: &Goal,
+    gripper_width_m: f64,
+    stage: &Stage,
+    planner: &Planner,
+    start: &[f64],
+    seed: Seed,
+) -> Result<(Vec<Path>, f64), PlanError> {
+    let world = obstacles::around(stage.start(), None);
+    let nothing = Allowed::none();
+    let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
+    let (object, grasps) = match goal {
+        Goal::Configurations(goals) => {
+            let path = planner.plan_joint(&free(gripper_width_m), start, goals, seed)?;
+            return Ok((vec![path], gripper_width_m));
+        }
+        Goal::Grasp { object, grasps } => (object, grasps),
+    };
+    let object = picked_object(stage, *object);
+    let settings = feasibility();
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
+    let mut problem = PlanError::Unreachable { what: format!("no grasp of {} is free and in reach", object.name) };
+    for grasp in grasps {
+        let to_grasp = |approach: Path| Ok(vec![query.reach(grasp, &approach, seed)?, approach]);
+        match query.approach(grasp).and_then(to_grasp) {
+            Ok(paths) => return Ok((paths, grasp.opening_m)),
+            Err(error) => problem = error,
+        }
+    }
+    Err(problem)
+}
+
+/// An object where it is at the start; it is not lifted here, so its pieces are left out.
+fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
+    let placed = &stage.scenario.objects[index];
+    PickedObject { name: &placed.id, world_from_object: placed.pose, pieces: &[] }
+}
+
+/// Joint positions at the control rate, from rest to rest on each path.
+fn timed(planner: &Planner, paths: &[Path], start: &[f64]) -> Vec<Vec<f64>> {
+    let mut configs = vec![start.to_vec()];
+    for path in paths {
+        configs.extend(planner.time(path, 1.0).configs.into_iter().skip(1));
+    }
+    configs
+}
+
+fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: Seed) -> Result<Goal, RunError> {
+    let wanted = match target {
+        Target::Joints(given) => {
+            let configuration = joints("--joints", Some(given), stage)?;
+            return Ok(Goal::Configurations(configuration.into_iter().collect()));
+        }
+        Target::Point { position_m, yaw_rad } => return above(position_m, *yaw_rad, planner, start),
+        Target::Object(wanted) => wanted.as_str(),
+    };
+    let ids: Vec<&str> = stage.scenario.objects.iter().map(|placed| placed.id.as_str()).collect();
+    let named = |&index: &usize| ids[index] == wanted || stage.name(index).eq_ignore_ascii_case(wanted);
+    let Some(index) = (0..ids.len()).find(named) else {
+        let known: Vec<String> =
+            ids.iter().enumerate().map(|(index, id)| format!("{id} ({})", stage.name(index))).collect();
+        return Err(RunError::input(format!("there is no object `{wanted}` in {}", stage.scenario.id))
+            .with_hint(format!("objects are {}", known.join(", "))));
+    };
+    let scene = stage.start();
+    let world = obstacles::around(scene, None);
+    let settings = feasibility();
+    let object = picked_object(stage, index);
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
+    let candidates = obstacles::generated_grasps(planner, scene, index, seed)
+        .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
+    Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
+}
+
+/// The tcp at a point, the hand pointing down.
+fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> Result<Goal, RunError> {
+    let &[x, y, z] = position_m else {
+        return Err(
+            RunError::input(format!("--to has {} numbers", position_m.len())).with_hint("expected x,y,z in metres")
+        );
+    };
+    let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
+    let world_from_tcp = Pose::from_position_yaw(DVec3::new(x, y, z), yaw_rad) * down;
+    let goals = planner.ik(&world_from_tcp, start);
+    if goals.is_empty() {
+        return Err(RunError::input(format!("the hand, pointing down, does not get to ({x}, {y}, {z})"))
+            .with_hint("positions are metres in the robot's base frame: x ahead, y to its left, z above the table"));
+    }
+    Ok(Goal::Configurations(goals))
+}
+
+/// Joint positions as the user gave them.
+fn joints(option: &str, given: Option<&[f64]>, stage: &Stage) -> Result<Option<Vec<f64>>, RunError> {
+    let (Some(given), expected) = (given, stage.robot.arm_dof()) else { return Ok(None) };
+    if given.len() != expected || !given.iter().all(|q| q.is_finite()) {
+        return Err(RunError::input(format!("{option} has {} numbers", given.len()))
+            .with_hint(format!("expected {expected} joint positions in rad, separated by commas")));
+    }
+    Ok(Some(given.to_vec()))
+}

@@ -1,0 +1,557 @@
+//! The one registry of policies: by name, with arguments.
+//!
+//! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode.
+//! Another policy is one more entry of [`POLICIES`].
+
+mod arguments;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use genmanip_agent::ask::Stage;
+use genmanip_assets::GraspLibrary;
+use genmanip_core::{Episode, Policy};
+use genmanip_data::DataError;
+use genmanip_data::lerobot::LerobotDataset;
+use genmanip_motion::Planner;
+use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::controls::{Blind, Clumsy, RandomActions};
+use genmanip_rollout::expert::Expert;
+use genmanip_rollout::policies::{DoNothing, OpenLoop};
+use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
+
+use crate::remote;
+use genmanip_agent_sim::{Account, AgentChoice, ModelChoice, Transcribing};
+use genmanip_workspace::RunError;
+
+pub use arguments::PolicyArgument;
+use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
+
+pub use crate::remote::read_spec;
+
+/// All policies there are, in the order in which they are listed.
+pub const POLICIES: [PolicyEntry; 11] = [
+    PolicyEntry {
+        name: "expert",
+        about: "plans with what the simulator knows; its results say oracle",
+        arguments: &[],
+        needs_record: false,
+        is_usual: true,
+        prepare: expert,
+    },
+    PolicyEntry {
+        name: "replay",
+        about: "applies the recorded commands of the episode without looking",
+        arguments: &[],
+        needs_record: true,
+        is_usual: true,
+        prepare: replay,
+    },
+    PolicyEntry {
+        name: "do_nothing",
+        about: "stands still: the control that shows that no scenario solves itself",
+        arguments: &[PolicyArgument { name: "seconds", default: "5", about: "how long it stands still, s" }],
+        needs_record: false,
+        is_usual: true,
+        prepare: do_nothing,
+    },
+    PolicyEntry {
+        name: "random",
+        about: "moves joints and fingers at random: the control that shows what chance reaches",
+        arguments: &[PolicyArgument { name: "seconds", default: "20", about: "how long it moves, s" }],
+        needs_record: false,
+        is_usual: false,
+        prepare: random,
+    },
+    PolicyEntry {
+        name: "blind",
+        about: "takes a random thing to a random place as the expert does, blind to the instruction; says oracle",
+        arguments: &[],
+        needs_record: false,
+        is_usual: false,
+        prepare: blind,
+    },
+    PolicyEntry {
+        name: "clumsy",
+        about: "sets out as the expert does and misses its first thing, drops it or stops on the way; says oracle",
+        arguments: &[],
+        needs_record: false,
+        is_usual: false,
+        prepare: clumsy,
+    },
+    PolicyEntry {
+        name: "playback",
+        about: "applies the actions of a dataset, row by row, without looking; it acts as the dataset says",
+        arguments: &[PolicyArgument { name: "dataset", default: "", about: "folder of a LeRobot dataset" }],
+        needs_record: false,
+        is_usual: false,
+        prepare: playback,
+    },
+    PolicyEntry {
+        name: "agent",
+        about: "asks a vision-language model and acts from RGB-D images; oracle services make its results oracle",
+        arguments: &AGENT_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: agent,
+    },
+    PolicyEntry {
+        name: "openpi",
+        about: "asks a policy server that speaks openpi's websocket protocol; its key is OPENPI_API_KEY",
+        arguments: &OPENPI_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: openpi,
+    },
+    PolicyEntry {
+        name: "vla-eval",
+        about: "asks a model server of vla-eval, the evaluation harness for vision-language-action models",
+        arguments: &VLA_EVAL_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: vla_eval,
+    },
+    PolicyEntry {
+        name: "python",
+        about: "asks a class of a Python module in a process of its own: python:MODULE:CLASS",
+        arguments: &PYTHON_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: python,
+    },
+];
+
+fn expert(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(expert_of(episode)?))
+    }))
+}
+
+fn random(given: &Given) -> Result<Prepared, RunError> {
+    let duration_s = given.number("seconds", 0.0..=600.0)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(RandomActions::new(episode.stage, duration_s)))
+    }))
+}
+
+fn blind(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(Blind::new(episode.stage, expert_of(episode)?)))
+    }))
+}
+
+fn clumsy(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(Clumsy::new(episode.stage, expert_of(episode)?)))
+    }))
+}
+
+fn expert_of(episode: &PolicyContext) -> Result<Expert, RunError> {
+    Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone())
+        .map_err(|error| RunError::broken("the expert cannot be made", error))
+}
+
+fn replay(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let recorded = episode.recorded.ok_or_else(|| {
+            RunError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
+                .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
+        })?;
+        Ok(Box::new(OpenLoop::replay(recorded)))
+    }))
+}
+
+fn playback(given: &Given) -> Result<Prepared, RunError> {
+    let Some(folder) = given.folder("dataset") else {
+        return Err(RunError::input("policy playback needs a dataset")
+            .with_hint("expected playback:dataset=FOLDER, a dataset as `genmanip export` and `collect` write them"));
+    };
+    let unreadable = |error: DataError| {
+        RunError::input(format!("cannot play {} back", folder.display()))
+            .because(error)
+            .with_hint("name a dataset that `genmanip export --to lerobot` or `collect` wrote")
+    };
+    let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
+        if contract.robot != episode.stage.robot.name {
+            let what = format!("the dataset has actions of robot `{}`", contract.robot);
+            let hint = format!("scenario {scenario} has robot `{}`", episode.stage.robot.name);
+            return Err(RunError::input(what).with_hint(hint));
+        }
+        let not_run = |reason| RunError::Unreachable { policy: "playback".into(), reason };
+        let rows = dataset.episodes().iter().find(|row| row.scenario_id == *scenario);
+        let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
+        let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
+        Ok(Box::new(OpenLoop::playback(contract, actions)))
+    }))
+}
+
+fn do_nothing(given: &Given) -> Result<Prepared, RunError> {
+    let duration_s = given.number("seconds", 0.0..=600.0)?;
+    Ok(Prepared::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(DoNothing { duration_s }))
+    }))
+}
+
+fn agent(given: &Given) -> Result<Prepared, RunError> {
+    let mut choice =
+        AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?
+            .with_grasps(given.text("grasps"))?
+            .with_answers(given.folder("answers"))?;
+    (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
+    choice.settings.reasoning = given.is_yes("reasoning")?;
+    choice.settings = choice.settings.shown_by(given.text("camera"));
+    match given.text("loop") {
+        "closed" => {}
+        "open" => choice.settings = choice.settings.open_loop(),
+        other => return Err(RunError::unknown("loop", "loops", other, &["closed", "open"])),
+    }
+    choice.prompts = given.folder("prompts");
+    let transcripts = given.folder("transcripts");
+    choice.keeps_pictures = transcripts.is_some();
+    let rates = [
+        ("err_decompose", Stage::Decompose),
+        ("err_object", Stage::Object),
+        ("err_part", Stage::Part),
+        ("err_grab_point", Stage::GrabPoint),
+        ("err_path", Stage::GridPath),
+        ("err_path", Stage::PointToPoint),
+        ("err_check", Stage::Check),
+    ];
+    for (name, stage) in rates {
+        choice.dials.rates.insert(stage, given.number(name, 0.0..=1.0)?);
+    }
+    let account = match &choice.model {
+        ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
+        ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => None,
+    };
+    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
+        Ok(match &transcripts {
+            Some(folder) => Box::new(Transcribing::new(made, folder.join(&episode.stage.scenario.id))),
+            None => made.policy,
+        })
+    });
+    Ok(Prepared { account, ..prepared })
+}
+
+fn openpi(given: &Given) -> Result<Prepared, RunError> {
+    let settings = remote::settings(&remote::Named {
+        url: given.text("url"),
+        preset: given.text("preset"),
+        exterior: given.text("exterior"),
+        wrist: given.text("wrist"),
+        execute: given.text("execute"),
+        timeout_s: given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?,
+    })?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(remote::openpi(&settings, episode.planner.robot(), episode.cores))
+    }))
+}
+
+fn vla_eval(given: &Given) -> Result<Prepared, RunError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+    let (url, preset) = (given.text("url"), given.text("preset"));
+    let settings = remote::vla_eval_settings(url, preset, [given.text("exterior"), given.text("wrist")], patience_s)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| {
+        Ok(remote::vla_eval(&settings, episode.planner.robot(), episode.cores))
+    }))
+}
+
+fn python(given: &Given) -> Result<Prepared, RunError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+    let processes = remote::processes(given.text("class"), given.text("python"), patience_s)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| remote::python(&processes, episode.cores)))
+}
+
+/// One policy of the registry.
+pub struct PolicyEntry {
+    /// The name on the command line and in results.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub about: &'static str,
+    /// What may be said about it.
+    pub arguments: &'static [PolicyArgument],
+    /// Whether it needs an episode that was recorded on the same scenario.
+    pub needs_record: bool,
+    /// Whether it is run where nobody names a policy: those that ask services are not.
+    pub is_usual: bool,
+    /// Checks the arguments, once.
+    prepare: fn(&Given) -> Result<Prepared, RunError>,
+}
+
+/// What a policy may be made from, of one episode.
+#[derive(Clone, Copy)]
+pub struct PolicyContext<'a> {
+    /// The scenario made ready; only policies that declare it may look at its truth.
+    pub stage: &'a Scene,
+    /// What was recorded on the same scenario, where something was.
+    pub recorded: Option<&'a Episode>,
+    /// How the robot is planned for.
+    pub planner: &'a Arc<Planner>,
+    /// Grasps that were tried beforehand.
+    pub grasps: &'a GraspLibrary,
+    /// Settings of the run.
+    pub settings: &'a CollectSettings,
+    /// Cores that the episodes share; a policy that waits for a service lends its own meanwhile.
+    pub cores: Option<&'a Arc<Cores>>,
+}
+
+type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync>;
+
+/// A policy whose arguments were checked.
+struct Prepared {
+    make: Make,
+    /// Of the service that it asks and that may cost money.
+    account: Option<Arc<Account>>,
+}
+
+impl Prepared {
+    fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static) -> Self {
+        Self { make: Box::new(make), account: None }
+    }
+}
+
+/// Makes one policy per episode.
+pub struct PolicyFactory {
+    name: String,
+    label: String,
+    needs_record: bool,
+    prepared: Prepared,
+}
+
+impl PolicyFactory {
+    /// From `NAME` or `NAME:key=value,key=value`.
+    ///
+    /// # Errors
+    /// [`RunError::UnknownName`] for the policy or one of its arguments; what is wrong with a value.
+    pub fn resolve(text: &str) -> Result<Self, RunError> {
+        let (name, arguments) = text.split_once(':').unwrap_or((text, ""));
+        let known = POLICIES.each_ref().map(|entry| entry.name);
+        let entry = POLICIES.iter().find(|entry| entry.name == name);
+        let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
+        let given = Given::parse(entry, arguments)?;
+        let prepared = (entry.prepare)(&given)?;
+        Ok(Self { name: entry.name.into(), label: given.label(), needs_record: entry.needs_record, prepared })
+    }
+
+    /// A policy of the calling program, under a name of its own; `make` is called once per episode, from any thread.
+    ///
+    /// # Errors
+    /// A name that cannot stand in the name of a file.
+    pub fn of(
+        name: &str,
+        make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static,
+    ) -> Result<Self, RunError> {
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits_label) || name.len() > MOST_NAME {
+            return Err(RunError::input(format!("`{name}` cannot be the name of a policy")).with_hint(
+                "it names a file: letters, digits and -_.+=@, no dot at the beginning, at most 100 of them",
+            ));
+        }
+        let (name, label) = (name.to_owned(), name.to_owned());
+        Ok(Self { name, label, needs_record: false, prepared: Prepared::new(make) })
+    }
+
+    /// The usual policies with their defaults, without those that need a record where there is none.
+    ///
+    /// # Errors
+    /// None, as long as the defaults are sound.
+    pub fn all(is_recorded: bool) -> Result<Vec<Self>, RunError> {
+        let usable = POLICIES.iter().filter(|entry| entry.is_usual && (is_recorded || !entry.needs_record));
+        usable.map(|entry| Self::resolve(entry.name)).collect()
+    }
+
+    /// Name of the policy, as results say it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The name with those arguments that differ from their defaults, fit for the name of a file.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Whether it needs an episode that was recorded on the same scenario.
+    pub fn needs_record(&self) -> bool {
+        self.needs_record
+    }
+
+    /// The policy for one episode.
+    ///
+    /// # Errors
+    /// When it cannot work on this episode; [`RunError::Unreachable`] when it runs elsewhere and cannot be reached.
+    pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
+        (self.prepared.make)(episode)
+    }
+
+    /// The same as the loop says it: an episode that was not run where the policy cannot be reached, or a contract that
+    /// cannot be served.
+    pub(crate) fn refusal(&self, error: RunError) -> RolloutError {
+        match error {
+            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            error => RolloutError::Spec { policy: self.label().into(), reason: error.to_string() },
+        }
+    }
+
+    /// What its service was asked so far, where it asks one that waits and may cost money.
+    pub fn account(&self) -> Option<&Arc<Account>> {
+        self.prepared.account.as_ref()
+    }
+}
+
+impl fmt::Debug for PolicyFactory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PolicyFactory").field("label", &self.label).finish_non_exhaustive()
+    }
+}
+
+/// The policies and their arguments, a line each.
+pub fn describe() -> String {
+    let mut text = String::new();
+    for entry in &POLICIES {
+        text += &format!("{:<11} {}\n", entry.name, entry.about);
+        for PolicyArgument { name, default, about } in entry.arguments {
+            text += &format!("{:<11} {name}={default}: {about}\n", "");
+        }
+    }
+    text
+}
+
+/// Longest name of a policy of the calling program, bytes.
+const MOST_NAME: usize = 100;
+
+/// Whether a character may stand in a label, which names a file.
+fn fits_label(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+}
+
+/// The arguments of a policy: given ones, and defaults for the others.
+struct Given {
+    policy: &'static str,
+    /// In the order of the entry, with whether it differs from its default.
+    values: Vec<(&'static str, String, bool)>,
+}
+
+impl Given {
+    fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, RunError> {
+        let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
+        let mut given = Self { policy: entry.name, values: defaults.collect() };
+        for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
+            // `python:MODULE:CLASS` reads better than `python:class=MODULE:CLASS`.
+            if let (0, "python", false) = (place, entry.name, part.contains('=')) {
+                given.values[0] = (given.values[0].0, part.to_owned(), true);
+                continue;
+            }
+            let Some((key, value)) = part.split_once('=') else {
+                return Err(RunError::input(format!("`{part}` is no argument of policy {}", entry.name))
+                    .with_hint(format!("expected {}:key=value,key=value", entry.name)));
+            };
+            let known: Vec<&str> = entry.arguments.iter().map(|argument| argument.name).collect();
+            if known.is_empty() {
+                return Err(RunError::input(format!("policy {} takes no arguments, not even `{key}`", entry.name))
+                    .with_hint(format!("expected {} alone", entry.name)));
+            }
+            let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
+                return Err(RunError::unknown("policy argument", "arguments", key, &known));
+            };
+            *slot = (slot.0, value.to_owned(), value != slot.1);
+        }
+        Ok(given)
+    }
+
+    fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
+        let text = self.text(name);
+        text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
+            RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
+                "expected a number from {} to {}",
+                range.start(),
+                range.end()
+            ))
+        })
+    }
+
+    fn text(&self, name: &str) -> &str {
+        self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value)
+    }
+
+    fn is_yes(&self, name: &str) -> Result<bool, RunError> {
+        match self.text(name) {
+            "yes" => Ok(true),
+            "no" => Ok(false),
+            other => Err(RunError::input(format!("policy {}: {name}={other} is not possible", self.policy))
+                .with_hint("expected yes or no")),
+        }
+    }
+
+    fn folder(&self, name: &str) -> Option<PathBuf> {
+        Some(self.text(name)).filter(|path| !path.is_empty()).map(PathBuf::from)
+    }
+
+    fn label(&self) -> String {
+        let fit = |c: char| if fits_label(c) { c } else { '_' };
+        let differing = self.values.iter().filter(|(.., differs)| *differs);
+        let arguments = differing.map(|(name, value, _)| format!("_{name}={value}"));
+        format!("{}{}", self.policy, arguments.collect::<String>()).chars().map(fit).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_are_found_by_name_with_arguments() {
+        let labels = [
+            ("expert", "expert"),
+            ("replay", "replay"),
+            ("do_nothing", "do_nothing"),
+            ("do_nothing:seconds=5", "do_nothing"),
+            ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
+            ("python:mine.press:Press", "python_class=mine.press_Press"),
+            ("agent:path=grid,preset=paper", "agent_path=grid_preset=paper"),
+        ];
+        for (text, label) in labels {
+            let factory = PolicyFactory::resolve(text).unwrap();
+            assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
+        }
+        let known: Vec<&str> = POLICIES.iter().filter(|entry| entry.is_usual).map(|entry| entry.name).collect();
+        let all = PolicyFactory::all(true).unwrap();
+        assert_eq!(all.iter().map(PolicyFactory::name).collect::<Vec<_>>(), known);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let cases = [
+            ("expret", "unknown policy `expret`", "did you mean `expert`?"),
+            (
+                "",
+                "unknown policy ``",
+                "policies are expert, replay, do_nothing, random, blind, clumsy, playback, agent",
+            ),
+            ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
+            ("playback:dataset=none", "cannot play none back", ""),
+            ("python", "`` names no class", "python:MODULE:CLASS"),
+            ("python:my_policy", "`my_policy` names no class", "MyPolicy in my_policy.py"),
+            ("python:my_policy:My Policy", "names no class", ""),
+            ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
+            ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
+            ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
+            ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
+            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd, http:URL"),
+            ("agent:vlm=none.toml", "cannot read none.toml", ""),
+            ("agent:vlm=recorded", "recorded answers lie in a folder", "vlm=recorded,answers=FOLDER"),
+            ("agent:loop=half", "unknown loop `half`", "loops are closed, open"),
+            ("agent:ctof=1", "ctof=1 is not possible", "yes or no"),
+            ("agent:err_check=2", "err_check=2 is not possible", "from 0 to 1"),
+            ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),
+            ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
+        ];
+        for (text, what, hint) in cases {
+            let error = PolicyFactory::resolve(text).unwrap_err();
+            let (got, help) = (error.to_string(), error.hint().unwrap_or_default());
+            assert!(got.contains(what) && help.contains(hint), "{text}: {got}; {help}");
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Policies on servers, as the registry makes them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RobotModel};
+use genmanip_remote_policies::Patience;
+use genmanip_remote_policies::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
+use genmanip_remote_policies::process::{ProcessSettings, Processes};
+use genmanip_remote_policies::vla_eval::{self, VlaEvalPolicy, VlaEvalSettings};
+use genmanip_rollout::Cores;
+
+use serde_json::Value;
+
+use genmanip_workspace::RunError;
+
+/// Environment variable that holds the server's API key, if it wants one.
+const KEY: &str = "OPENPI_API_KEY";
+/// A policy waits no longer than this for a server that is there, s.
+pub(crate) const LONGEST_WAIT_S: f64 = 3600.0;
+
+/// What is said about a server of openpi's protocol.
+pub(crate) struct Named<'a> {
+    pub url: &'a str,
+    pub preset: &'a str,
+    pub exterior: &'a str,
+    pub wrist: &'a str,
+    /// Actions of a chunk that are executed, or nothing.
+    pub execute: &'a str,
+    pub timeout_s: f64,
+}
+
+/// Settings for a server.
+///
+/// # Errors
+/// A URL that is none, an unknown preset, and a number of steps that is none.
+pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, RunError> {
+    let input = |what: String, hint: &str| Err(RunError::input(what).with_hint(hint));
+    let Named { url, preset, exterior, wrist, execute, timeout_s } = *named;
+    check_url("openpi", url)?;
+    let known = Preset::ALL.map(Preset::name);
+    let preset = Preset::ALL.into_iter().find(|it| it.name() == preset);
+    let preset = preset.ok_or_else(|| RunError::unknown("preset", "presets", named.preset, &known))?;
+    let execute_steps = match execute.parse::<usize>() {
+        _ if execute.is_empty() => None,
+        Ok(steps @ 1..=1000) => Some(steps),
+        _ => return input(format!("policy openpi: execute={execute} is not possible"), "expected 1 to 1000 actions"),
+    };
+    Ok(OpenpiSettings {
+        url: url.into(),
+        preset,
+        exterior: exterior.into(),
+        wrist: wrist.into(),
+        execute_steps,
+        api_key: std::env::var(KEY).ok().filter(|key| !key.is_empty()),
+        patience: Patience { answer: Duration::from_secs_f64(timeout_s), ..Patience::default() },
+    })
+}
+
+/// The policy for one episode, which lends its core while it waits for the server.
+pub(crate) fn openpi(
+    settings: &OpenpiSettings,
+    robot: &Arc<RobotModel>,
+    cores: Option<&Arc<Cores>>,
+) -> Box<dyn Policy> {
+    lending(OpenpiPolicy::new(settings.clone(), Arc::clone(robot)), cores)
+}
+
+/// Settings for a model server of vla-eval.
+///
+/// # Errors
+/// A URL that is none, and an unknown preset.
+pub(crate) fn vla_eval_settings(
+    url: &str,
+    preset: &str,
+    [exterior, wrist]: [&str; 2],
+    patience_s: f64,
+) -> Result<VlaEvalSettings, RunError> {
+    check_url("vla-eval", url)?;
+    let known = vla_eval::Preset::ALL.map(vla_eval::Preset::name);
+    let found = vla_eval::Preset::ALL.into_iter().find(|it| it.name() == preset);
+    let preset = found.ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))?;
+    let patience = Patience { answer: Duration::from_secs_f64(patience_s), ..Patience::default() };
+    Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), patience })
+}
+
+/// The policy for one episode, which lends its core while it waits for the server.
+pub(crate) fn vla_eval(
+    settings: &VlaEvalSettings,
+    robot: &Arc<RobotModel>,
+    cores: Option<&Arc<Cores>>,
+) -> Box<dyn Policy> {
+    lending(VlaEvalPolicy::new(settings.clone(), Arc::clone(robot)), cores)
+}
+
+fn lending(policy: impl Policy + 'static, cores: Option<&Arc<Cores>>) -> Box<dyn Policy> {
+    match cores {
+        Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
+        None => Box::new(policy),
+    }
+}
+
+/// Processes for a class of a Python module.
+///
+/// # Errors
+/// A class that cannot be one.
+pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Arc<Processes>, RunError> {
+    let is_name = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let is_class = |(module, name): (&str, &str)| module.split('.').all(is_name) && is_name(name);
+    if !class.split_once(':').is_some_and(is_class) {
+        return Err(RunError::input(format!("policy python: `{class}` names no class"))
+            .with_hint("expected python:MODULE:CLASS, e.g. python:my_policy:MyPolicy for MyPolicy in my_policy.py"));
+    }
+    let answer = Duration::from_secs_f64(patience_s);
+    Ok(Processes::new(ProcessSettings { class: class.into(), python: python.into(), answer }))
+}
+
+/// The policy for one episode, which lends its core while it waits for its process; it is called as its class.
+pub(crate) fn python(processes: &Arc<Processes>, cores: Option<&Arc<Cores>>) -> Result<Box<dyn Policy>, RunError> {
+    let class = &processes.settings().class;
+    let name = class.rsplit(':').next().unwrap_or(class);
+    let policy = processes.policy(|given| read_spec(name, given)).map_err(|error| match error {
+        PolicyError::Unreachable(reason) => RunError::Unreachable { policy: class.clone(), reason },
+        error => RunError::input(format!("policy {class}: {error}"))
+            .with_hint("the class needs spec(), reset(start) and act(observation)"),
+    })?;
+    Ok(lending(policy, cores))
+}
+
+/// What a program in another language says about its policy: what it leaves out is as of native actions at 15 Hz.
+///
+/// # Errors
+/// Says which part is wrong.
+pub fn read_spec(name: &str, given: Value) -> Result<PolicySpec, String> {
+    let known = serde_json::to_value(PolicySpec::native(name, 15.0)).map_err(|error| error.to_string())?;
+    let (Value::Object(mut whole), Value::Object(given)) = (known, given) else {
+        return Err("the spec of a policy is an object, e.g. {\"rate_hz\": 15}".into());
+    };
+    for (key, value) in given {
+        if !whole.contains_key(&key) {
+            let known: Vec<&str> = whole.keys().map(String::as_str).collect();
+            return Err(format!("the spec of a policy has no `{key}`; it has {}", known.join(", ")));
+        }
+        // Before all parts are put together, so that the message names the one that is wrong.
+        let mut alone = whole.clone();
+        alone.insert(key.clone(), value.clone());
+        serde_json::from_value::<PolicySpec>(Value::Object(alone))
+            .map_err(|error| format!("`{key}` in the spec of the policy: {error}"))?;
+        whole.insert(key, value);
+    }
+    let spec: PolicySpec = serde_json::from_value(Value::Object(whole)).map_err(|error| error.to_string())?;
+    Ok(PolicySpec { name: name.into(), ..spec })
+}
+
+struct Lending<P> {
+    policy: P,
+    cores: Arc<Cores>,
+}
+
+impl<P: Policy> Policy for Lending<P> {
+    fn spec(&self) -> PolicySpec {
+        self.policy.spec()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        let Self { policy, cores } = self;
+        cores.lend(|| policy.reset(start))
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let Self { policy, cores } = self;
+        cores.lend(|| policy.act(observation))
+    }
+}
+
+/// Refuses what is no address of a websocket.
+fn check_url(policy: &str, url: &str) -> Result<(), RunError> {
+    match url.strip_prefix("ws://") {
+        Some(rest) if !rest.is_empty() => Ok(()),
+        _ => {
+            let what = format!("policy {policy}: url={url} is not possible");
+            Err(RunError::input(what).with_hint("expected ws://HOST:PORT"))
+        }
+    }
+}

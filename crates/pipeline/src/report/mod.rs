@@ -1,0 +1,214 @@
+//! The report of a run: all its episodes as rows from one pass over their results, then pictures of the chosen cases.
+
+mod full;
+mod rows;
+mod sections;
+
+use std::path::{Path, PathBuf};
+
+use genmanip_benchmark::rows::cases::{self, Case, MOST_CASES};
+use genmanip_benchmark::{
+    EvaluationReport, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing, compare, report_html,
+};
+
+use genmanip_data::EpisodeStore;
+
+use crate::folder::{Run, RunFolder, Timings};
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use rows::Rows;
+use sections::Drawing;
+
+pub use full::{FullReport, report_full};
+
+/// The HTML page of a run as text, or with `only` of one of its tasks or episodes.
+///
+/// # Errors
+/// As [`gather`], and when the page would be too large.
+pub fn report(
+    path: &Path,
+    only: Option<&str>,
+    settings: &ReportSettings,
+    progress: &dyn Progress,
+) -> Result<String, RunError> {
+    let input = gather(path, only, progress)?;
+    report_html(&input, settings).map_err(|error| RunError::broken("cannot make the report", error))
+}
+
+/// Everything the page shows, from a run folder.
+///
+/// Of each attempt a row is kept, from the run's index where it knows the attempt; only of the chosen cases, a bounded number, are frames
+/// read and pictures made, one episode at a time.
+///
+/// # Errors
+/// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
+pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, RunError> {
+    let mut opened = Opened::new(path, progress)?;
+    let chosen = match only {
+        Some(id) => only_cases(&mut opened.rows, id)?,
+        None => cases::choose(&opened.rows.tasks, &opened.rows.episodes, opened.control.as_deref(), MOST_CASES),
+    };
+    let (mut drawn, mut damaged) = (Vec::new(), Vec::new());
+    progress.begin("drawing", chosen.len());
+    for case in chosen {
+        drawn.push(opened.drawing().section(case, &mut damaged)?);
+        progress.advance();
+    }
+    progress.end();
+    opened.left_out.extend(damaged);
+    opened.left_out.iter().for_each(|note| progress.note(note));
+    let mut input = opened.into_input(drawn, false);
+    if let Some(id) = only {
+        narrow(&mut input, id, path);
+    }
+    Ok(input)
+}
+
+/// A run with every episode as a row.
+struct Opened {
+    path: PathBuf,
+    folder: RunFolder,
+    run: Run,
+    store: EpisodeStore,
+    timings: Timings,
+    evaluations: Vec<EvaluationReport>,
+    control: Option<String>,
+    rows: Rows,
+    /// What is not shown, a line each.
+    left_out: Vec<String>,
+}
+
+impl Opened {
+    fn new(path: &Path, progress: &dyn Progress) -> Result<Self, RunError> {
+        let (folder, run) = RunFolder::open(path)?;
+        let store = folder.store()?;
+        let timings = folder.timings();
+        let evaluations = rows::evaluations(&folder, progress)?;
+        let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
+        let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings)?;
+        Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, control, rows, left_out })
+    }
+
+    fn drawing(&self) -> Drawing<'_> {
+        let Self { folder, store, run, evaluations, rows, .. } = self;
+        Drawing { folder, store, run, evaluations, rows }
+    }
+
+    fn into_input(self, drawn: Vec<TaskSection>, has_pages: bool) -> ReportInput {
+        let is_all = drawn.iter().all(|section| section.why.is_none());
+        let name = self.path.display().to_string();
+        let mut input = page(&name, &self.run, &self.timings, self.evaluations, self.rows, drawn);
+        input.control = self.control;
+        input.rule = (!is_all).then(|| cases::RULE.to_owned());
+        input.notes.extend(self.left_out);
+        input.has_pages = has_pages;
+        input
+    }
+}
+
+/// The policy that must never succeed.
+const CONTROL: &str = "do_nothing";
+
+/// Keeps the rows of one task or one episode, and makes each that can be drawn a case.
+fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, RunError> {
+    let task = rows.tasks.iter().position(|task| task.id == id);
+    let is_meant = |row: &genmanip_benchmark::EpisodeRow| task.map_or(row.id == id, |task| row.task == task);
+    let found: Vec<usize> = (0..rows.episodes.len()).filter(|&index| is_meant(&rows.episodes[index])).collect();
+    let Some(task) = task.or_else(|| Some(rows.episodes[*found.first()?].task)) else {
+        let known = rows.tasks.iter().map(|task| &task.id).chain(rows.episodes.iter().map(|row| &row.id));
+        let shared = |known: &str| known.bytes().zip(id.bytes()).take_while(|(a, b)| a == b).count();
+        let near = known.max_by_key(|known| shared(known)).map_or(String::new(), |near| format!(", e.g. {near}"));
+        return Err(RunError::input(format!("no task and no episode `{id}` in the run"))
+            .with_hint(format!("expected the id of a task or an episode{near}")));
+    };
+    rows.episodes = found.into_iter().map(|index| rows.episodes[index].clone()).collect();
+    let mut cases: Vec<Case> = (rows.episodes.iter().enumerate())
+        .filter(|(_, row)| row.recorded)
+        .take(MOST_CASES)
+        .map(|(index, _)| Case { task, episode: Some(index), why: None })
+        .collect();
+    if cases.is_empty() {
+        cases.push(Case { task, episode: (!rows.episodes.is_empty()).then_some(0), why: None });
+    }
+    Ok(cases)
+}
+
+/// What a page about one task or episode says otherwise than that of the run.
+fn narrow(input: &mut ReportInput, id: &str, path: &Path) {
+    input.title = format!("GenManip: {id}");
+    input.commands.pop();
+    input.commands.push(format!("genmanip report {} --only {id}", path.display()));
+    let task = input.cases.first().map(|case| case.task.id.clone()).unwrap_or_default();
+    input.tasks.retain(|row| row.id == task);
+    input.episodes.iter_mut().for_each(|row| row.task = 0);
+    input.summaries.clear();
+    input.comparisons.clear();
+    input.timings.clear();
+}
+
+fn page(
+    name: &str,
+    run: &Run,
+    timings: &Timings,
+    evaluations: Vec<EvaluationReport>,
+    rows: Rows,
+    cases: Vec<TaskSection>,
+) -> ReportInput {
+    let by_name = |name: &str| evaluations.iter().find(|report| report.label == name);
+    let comparisons = [("expert", "replay"), ("expert", CONTROL)]
+        .iter()
+        .filter_map(|(a, b)| {
+            let (a, b) = (by_name(a)?, by_name(b)?);
+            compare(&a.results, &b.results, &StatisticsSettings::default()).ok()
+        })
+        .collect();
+    ReportInput {
+        title: "GenManip: from tasks to verified demonstrations".into(),
+        generated_by: format!("genmanip {}", env!("CARGO_PKG_VERSION")),
+        seed: run.seed,
+        commands: commands(name, run, !rows.episodes.iter().any(|row| row.is_attempt())),
+        versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
+        summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
+        control: None,
+        comparisons,
+        timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
+        notes: notes(run, &rows),
+        tasks: rows.tasks,
+        episodes: rows.episodes,
+        cases,
+        rule: None,
+        has_pages: false,
+    }
+}
+
+/// How the run was made; one that was made of scenarios was not collected.
+fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
+    let made = match is_given {
+        true => format!("genmanip evaluate SCENARIOS --out {name}"),
+        false => {
+            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed)
+        }
+    };
+    let evaluated = (!is_given).then(|| format!("genmanip evaluate {name}"));
+    [made].into_iter().chain(evaluated).chain([format!("genmanip report {name}")]).collect()
+}
+
+/// What the reader must know about this run.
+fn notes(run: &Run, rows: &Rows) -> Vec<String> {
+    let tasks = run.tasks.entries().len();
+    let mut notes = vec![
+        "The expert reads simulator truth; its results are marked oracle.".into(),
+        "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
+             not that a policy is good."
+            .into(),
+        format!(
+            "{} of {tasks} tasks are recorded answers of a language model; every task passed every rule.",
+            rows.recorded_answers
+        ),
+    ];
+    let (made, planned) = (rows.episodes.iter().filter(|row| row.is_attempt()).count(), tasks * run.episodes_per_task);
+    if made > 0 && made < planned {
+        notes.push(format!("Not all was collected yet: {made} of {planned} attempts are finished."));
+    }
+    notes
+}

@@ -1,0 +1,132 @@
+//! The first pass over a run: every episode as a row.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use genmanip_benchmark::{EpisodeRow, EvaluationReport, TaskRow};
+use genmanip_core::limits;
+use genmanip_data::{DataError, EpisodeStore};
+
+use crate::evaluate::kept_episodes;
+use crate::folder::{Run, RunFolder, Timings};
+use crate::index::Known;
+use crate::policies::POLICIES;
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// All tasks and episodes of a run.
+#[derive(Default)]
+pub(super) struct Rows {
+    /// In the order of the run.
+    pub tasks: Vec<TaskRow>,
+    /// Attempts by their ids, then the episodes of each evaluation.
+    pub episodes: Vec<EpisodeRow>,
+    /// Tasks that a language model once answered.
+    pub recorded_answers: usize,
+}
+
+/// A row for every attempt, and for every episode of the evaluations; also says what was left out.
+///
+/// # Errors
+/// When the store cannot be listed.
+pub(super) fn read(
+    run: &Run,
+    folder: &RunFolder,
+    store: &EpisodeStore,
+    evaluations: &[EvaluationReport],
+    timings: &Timings,
+) -> Result<(Rows, Vec<String>), RunError> {
+    let survey = folder.survey(store)?;
+    let mut left_out = survey.notes();
+    let index: BTreeMap<&str, usize> =
+        run.tasks.entries().iter().enumerate().map(|(index, task)| (task.id.as_str(), index)).collect();
+    let mut rows = Rows::default();
+    for task in run.tasks.iter() {
+        let task = task?;
+        rows.recorded_answers += usize::from(task.source.starts_with("recorded answer"));
+        rows.tasks.push(TaskRow::of(&task));
+    }
+    let mut foreign = 0;
+    for Known { id, task_id, recorded, outcome, .. } in survey.sound {
+        match index.get(task_id.as_str()) {
+            Some(&task) => {
+                let wall_s = timings.attempts.get(&id).copied();
+                rows.episodes.push(EpisodeRow { id, task, evaluation: None, outcome, recorded, wall_s });
+            }
+            None => foreign += 1,
+        }
+    }
+    if foreign > 0 {
+        left_out.push(format!("{foreign} episodes are of tasks that are not in the run; they are left out"));
+    }
+    for report in evaluations {
+        let kept = kept_store(folder, &report.label).unwrap_or_else(|why| {
+            left_out.push(format!("episodes kept by {} are left out: {why}", report.label));
+            None
+        });
+        for result in &report.results {
+            let Some(&task) = index.get(result.task_id.as_str()) else { continue };
+            let is_kept = kept.as_ref().is_some_and(|store| store.contains(&result.id));
+            rows.episodes.push(EpisodeRow::of(result, task, Some(&report.label), is_kept, None));
+        }
+    }
+    Ok((rows, left_out))
+}
+
+/// The episodes that an evaluation kept, if it kept any.
+///
+/// # Errors
+/// When what is there is no store.
+pub(super) fn kept_store(folder: &RunFolder, label: &str) -> Result<Option<EpisodeStore>, DataError> {
+    let path = kept_episodes(folder, label);
+    path.join("store.json").is_file().then(|| EpisodeStore::open(path)).transpose()
+}
+
+/// Finished evaluations; what is none is named and left out.
+pub(super) fn evaluations(folder: &RunFolder, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, RunError> {
+    let path = folder.join("evaluation");
+    let listed = match fs::read_dir(&path) {
+        Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => Err(error),
+    };
+    let mut files: Vec<PathBuf> = listed
+        .map_err(|error| RunError::file("list", &path, error))?
+        .into_iter()
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "json") && !is_hidden(path))
+        .collect();
+    // Policies of the registry first, in its order; then the others by name.
+    let place = |path: &PathBuf| {
+        let stem = documents::stem(path);
+        (POLICIES.iter().position(|entry| entry.name == stem).unwrap_or(POLICIES.len()), stem)
+    };
+    files.sort_by_key(place);
+    let mut reports: Vec<EvaluationReport> = Vec::new();
+    for path in &files {
+        match documents::read_own_document(path, limits::EVALUATION) {
+            Ok(report) => reports.push(report),
+            Err(error) => {
+                let why = std::error::Error::source(&error).map_or_else(String::new, |source| format!(": {source}"));
+                progress.note(&format!("left out of the report: {error}{why}"));
+            }
+        }
+    }
+    // The page tells evaluations apart by their policies' names.
+    for report in &mut reports {
+        report.summary.policy.clone_from(&report.label);
+        for result in &mut report.results {
+            result.policy.clone_from(&report.label);
+            // The page shows single conditions of drawn episodes only, which are read again.
+            result.verdict.alternatives = Vec::new();
+        }
+    }
+    Ok(reports)
+}
+
+/// Unfinished work of a program that runs or was killed.
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
+}

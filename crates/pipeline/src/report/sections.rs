@@ -1,0 +1,207 @@
+//! The second pass: what the page draws of each chosen case.
+
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_benchmark::rows::cases::Case;
+use genmanip_benchmark::{AttemptRow, EpisodeRow, EvaluationReport, FilmFrame, TaskSection};
+use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::Stage;
+use genmanip_viz::{graph_svg, layout_svg};
+
+use super::rows::{Rows, kept_store};
+use crate::folder::{Run, RunFolder};
+use genmanip_viz::scene_images;
+use genmanip_workspace::RunError;
+use genmanip_workspace::worlds;
+
+/// Moments of the film strip.
+const FILM_FRAMES: usize = 12;
+
+/// Moments of a film strip on a page of its own.
+const STRIP_FRAMES: usize = 8;
+
+/// Width of a picture of the film strip, and of the first and the last picture, pixels.
+const FILM_WIDTH: u32 = 256;
+const PICTURE_WIDTH: u32 = 512;
+
+/// What the cases are drawn from.
+pub(super) struct Drawing<'a> {
+    pub folder: &'a RunFolder,
+    pub store: &'a EpisodeStore,
+    pub run: &'a Run,
+    pub evaluations: &'a [EvaluationReport],
+    pub rows: &'a Rows,
+}
+
+impl Drawing<'_> {
+    /// The section of a case; a damaged episode is not shown and named in `left_out`.
+    ///
+    /// # Errors
+    /// When its episode cannot be read or drawn.
+    pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, RunError> {
+        let episode = case.episode;
+        let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
+        let attempts = own.map(attempt).collect();
+        let mut section = self.empty(case, attempts)?;
+        let results = self.evaluations.iter().flat_map(|report| &report.results);
+        section.results = results.filter(|result| result.task_id == section.task.id).cloned().collect();
+        if let Some(row) = episode.map(|index| &self.rows.episodes[index])
+            && let Some(store) = self.store_of(row)?
+        {
+            match add_episode(&mut section, &store, row) {
+                Err(Unshown::Damaged(why)) => {
+                    left_out.push(format!("episode {} is damaged and not shown: {why}", row.id));
+                    section.shown = None;
+                }
+                Err(Unshown::Broken(error)) => return Err(error),
+                Ok(Some(episode)) => add_pictures(&mut section, &episode)?,
+                Ok(None) => {}
+            }
+        }
+        Ok(section)
+    }
+
+    /// An episode on its own; where its frames were kept, `keep` is offered its film strip, which is drawn when asked for.
+    ///
+    /// # Errors
+    /// When it cannot be read or drawn, or `keep` cannot keep it.
+    pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, RunError> {
+        let attempts = if row.is_attempt() { vec![attempt(row)] } else { Vec::new() };
+        let mut alone = Alone {
+            section: self.empty(Case { task: row.task, episode: None, why: None }, attempts)?,
+            has_strip: false,
+            damaged: None,
+        };
+        let Some(store) = self.store_of(row)? else { return Ok(alone) };
+        match add_episode(&mut alone.section, &store, row) {
+            Err(Unshown::Damaged(why)) => (alone.section.shown, alone.damaged) = (None, Some(why)),
+            Err(Unshown::Broken(error)) => return Err(error),
+            Ok(Some(episode)) => {
+                keep(&|| scene_images::film_strip(&stage(&episode)?, &episode, STRIP_FRAMES))?;
+                alone.has_strip = true;
+            }
+            Ok(None) => {}
+        }
+        Ok(alone)
+    }
+
+    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> Result<TaskSection, RunError> {
+        let task = self.run.tasks.read(case.task)?;
+        Ok(TaskSection {
+            why: case.why,
+            episode: case.episode,
+            scenario: None,
+            graph: graph_svg(&task),
+            task,
+            layout: None,
+            first_image: None,
+            last_image: None,
+            film: Vec::new(),
+            shown: None,
+            attempts,
+            results: Vec::new(),
+        })
+    }
+
+    /// Where an episode is kept, if it is.
+    pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
+        match &row.evaluation {
+            None => Ok(Some(self.store.clone())),
+            // A store that cannot be read was named when the rows were made.
+            Some(label) => {
+                let kept = kept_store(self.folder, label).ok().flatten();
+                Ok(kept.filter(|store| store.contains(&row.id)))
+            }
+        }
+    }
+}
+
+/// Takes a film strip, which is drawn when it is called for.
+pub(super) type KeepStrip<'a> = dyn FnMut(&dyn Fn() -> Result<Vec<u8>, RunError>) -> Result<(), RunError> + 'a;
+
+/// An episode without the others of its task.
+pub(super) struct Alone {
+    pub section: TaskSection,
+    /// Whether there is a film strip of it.
+    pub has_strip: bool,
+    /// What is damaged, when it cannot be shown.
+    pub damaged: Option<String>,
+}
+
+/// Why an episode is not shown.
+enum Unshown {
+    Damaged(String),
+    Broken(RunError),
+}
+
+impl From<RunError> for Unshown {
+    fn from(error: RunError) -> Self {
+        Self::Broken(error)
+    }
+}
+
+fn attempt(row: &EpisodeRow) -> AttemptRow {
+    let outcome = &row.outcome;
+    let failure =
+        || Failure { cause: outcome.cause.unwrap_or(FailureCause::GoalMissed), evidence: outcome.evidence.clone() };
+    AttemptRow {
+        id: row.id.clone(),
+        outcome: if outcome.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
+        seconds: row.wall_s.unwrap_or(0.0),
+    }
+}
+
+/// Verdict and layout of an episode, and its frames, as far as they were kept.
+fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<Option<Episode>, Unshown> {
+    let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
+        true => Unshown::Damaged(error.to_string()),
+        false => Unshown::Broken(
+            RunError::broken("cannot read the episodes", error)
+                .with_hint("collect again with --repair: what is damaged is set aside and made anew"),
+        ),
+    };
+    let by_label = |result: EpisodeResult| match &row.evaluation {
+        Some(label) => EpisodeResult { policy: label.clone(), ..result },
+        None => result,
+    };
+    let episode = match row.recorded {
+        true => Some(store.read(&row.id).map_err(unreadable)?),
+        false => None,
+    };
+    section.scenario = match &episode {
+        Some(episode) => Some(episode.scenario.clone()),
+        None => store.read_scenario(&row.id).map_err(unreadable)?,
+    };
+    if let Some(scenario) = &section.scenario {
+        section.layout = Some(layout_svg(&scene_images::layout_picture(scenario, Catalogue::builtin())?));
+    }
+    section.shown = Some(by_label(match &episode {
+        Some(episode) => episode.result.clone(),
+        None => store.read_result(&row.id).map_err(unreadable)?,
+    }));
+    Ok(episode)
+}
+
+fn stage(episode: &Episode) -> Result<Stage, RunError> {
+    let robot = worlds::robot(&episode.scenario.world)?;
+    Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
+        .map_err(|error| scene_images::not_drawn(&episode.result.id, error))
+}
+
+fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
+    let stage = stage(episode)?;
+    let mut painter = scene_images::painter(&stage)?;
+    let mut ends = scene_images::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;
+    section.last_image = ends.pop();
+    section.first_image = ends.pop();
+    let strip = scene_images::stills(&mut painter, episode, FILM_FRAMES, FILM_WIDTH)?;
+    let duration = episode.frames.last().map_or(0.0, |frame| frame.time_s);
+    section.film = strip
+        .into_iter()
+        .enumerate()
+        .map(|(index, jpeg)| FilmFrame { time_s: duration * index as f64 / (FILM_FRAMES - 1) as f64, jpeg })
+        .collect();
+    Ok(())
+}

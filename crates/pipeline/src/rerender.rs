@@ -1,0 +1,117 @@
+//! A data set with the same episodes in other looks: rows, actions and physics stay, pictures are drawn again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection};
+use genmanip_render::Vary;
+use genmanip_rollout::images::ImageSettings;
+use sha2::{Digest, Sha256};
+
+use crate::export::{check_cameras, draw_missing};
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::worlds;
+
+/// How a data set is drawn again.
+#[derive(Clone, Debug)]
+pub struct RerenderOptions {
+    /// Which look of each episode: 0 is the one that `collect` gives it when it varies the same.
+    pub look: u64,
+    /// What differs from the usual look.
+    pub vary: Vec<Vary>,
+    /// Cameras instead of the data set's; none to keep them.
+    pub cameras: Vec<String>,
+    /// Threads that draw.
+    pub workers: usize,
+}
+
+/// Writes a data set of the same episodes, rows and settings as `dataset`, drawn in another look; `None` when it was
+/// told to stop before. What was drawn then is found again by the same call.
+///
+/// # Errors
+/// When the data set is not one of this program with its record, the place is taken, an episode was recorded with other
+/// objects, or the disk refuses.
+pub fn rerender(
+    dataset: &Path,
+    options: &RerenderOptions,
+    out: &Path,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<ExportReport>, RunError> {
+    let unfit = |error: DataError| {
+        RunError::input(format!("cannot draw {} again", dataset.display())).because(error).with_hint(
+            "it takes a LeRobot v3.0 dataset that `collect` or `export --to lerobot` made, with its extras/record",
+        )
+    };
+    let settings = LerobotSettings::of(dataset).map_err(unfit)?;
+    let known = LerobotDataset::open(dataset).map_err(unfit)?;
+    let record = EpisodeStore::open(dataset.join(lerobot::RECORD)).map_err(unfit)?;
+    for target in [lerobot::depth_path(out), out.to_owned()] {
+        lerobot::check_owner(&target, None).map_err(|error| {
+            RunError::input("the data set has no place").because(error).with_hint("choose another --out")
+        })?;
+    }
+    let ids: Vec<String> = known.episodes().iter().map(|episode| episode.store_id.clone()).collect();
+    let rows = ExportSettings {
+        cameras: if options.cameras.is_empty() { settings.export.cameras.clone() } else { options.cameras.clone() },
+        is_varied: settings.export.is_varied || !options.vary.is_empty(),
+        look: options.look,
+        ..settings.export.clone()
+    };
+    if rows.cameras.is_empty() {
+        return Err(RunError::input(format!("{} has no pictures", dataset.display())).with_hint("name --cameras"));
+    }
+    let pictures = ImageSettings {
+        cameras: rows.cameras.clone(),
+        fps: rows.fps,
+        vary: options.vary.clone(),
+        look: options.look,
+        ..ImageSettings::default()
+    };
+    let Some(first) = ids.first() else {
+        return Err(RunError::input(format!("{} has no episode", dataset.display())));
+    };
+    let world = record.read(first).map_err(unfit)?.scenario.world;
+    check_cameras(&record, &ids, &rows.cameras)?;
+    let drawing = drawing_folder(out, &record, &ids, &pictures)?;
+    let store = EpisodeStore::create(&drawing).map_err(|error| RunError::broken("cannot begin to draw", error))?;
+    for id in &ids {
+        store.take(&record, id).map_err(unfit)?;
+    }
+    draw_missing(&store, &ids, (&pictures, rows.needs_masks()), options.workers, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let robot = worlds::robot(&world)?;
+    let settings = LerobotSettings { export: rows, run: None, ..settings };
+    let written = lerobot::export(&store, &Selection::Ids(ids), &robot, &settings, out).map_err(|error| {
+        let hint = error.hint().unwrap_or_else(|| "the pictures are kept; start again".into());
+        RunError::broken("cannot write the dataset", error).with_hint(hint)
+    })?;
+    // Where it cannot be removed it is found again.
+    let _ = fs::remove_dir_all(&drawing);
+    Ok(Some(written))
+}
+
+/// Where pictures lie until the data set is whole: beside it, hidden, under a name that only the same work has.
+fn drawing_folder(
+    out: &Path,
+    record: &EpisodeStore,
+    ids: &[String],
+    pictures: &ImageSettings,
+) -> Result<PathBuf, RunError> {
+    let mut work = Sha256::new();
+    work.update(serde_json::to_vec(pictures).map_err(|error| RunError::broken("cannot tell the pictures", error))?);
+    for id in ids {
+        let hash = record.record_hash(id).map_err(|error| RunError::broken(format!("cannot read {id}"), error))?;
+        work.update(format!("\n{id} {hash}"));
+    }
+    let hash: String = work.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    let folder = out.with_file_name(format!(".{name}-{hash}.drawing"));
+    fs::create_dir_all(&folder).map_err(|error| RunError::broken("cannot make a folder for the pictures", error))?;
+    Ok(folder)
+}

@@ -1,0 +1,292 @@
+//! Sessions: an environment that another program drives action by action, in the same process or over a connection.
+//!
+//! ```text
+//! Scenes ─► Session ─reset(index, seed)─► step(action)… ─► finish ─► EpisodeResult
+//!                     observe() · save() / restore() at any time
+//! ```
+//!
+//! What is judged, and when, is what the episode loop judges: a session whose actions are those of a policy ends with the
+//! result that `evaluate` gives that policy.
+
+mod scenes;
+
+use std::sync::Arc;
+
+use genmanip_core::{
+    ActionSpec, CameraRequest, Ending, EpisodeResult, GoalVerdict, ImageChannels, ObjectState, Observation, PolicySpec,
+    RgbdImage,
+};
+use genmanip_rollout::adapter::AdapterError;
+use genmanip_rollout::cloud_verdict::cloud_verdict;
+use genmanip_rollout::environment::{Conclusion, Event, Snapshot};
+use genmanip_rollout::evaluate::Case;
+use genmanip_rollout::{Driver, Environment, RolloutError, Stage, Turn};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use genmanip_workspace::RunError;
+pub use scenes::Scenes;
+
+/// What a program drives with and what it sees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SessionSettings {
+    /// What the numbers of an action mean.
+    pub action: ActionSpec,
+    /// Actions per second; the 60 Hz control rate is a whole multiple.
+    pub rate_hz: f64,
+    /// Pictures of each observation.
+    #[serde(default)]
+    pub cameras: Vec<CameraRequest>,
+    /// Whether observations hold simulator truth; results then say oracle.
+    #[serde(default)]
+    pub privileged: bool,
+    /// Longest simulated time, s; `None` for that of the scenario's suite or run.
+    #[serde(default)]
+    pub horizon_s: Option<f64>,
+    /// Whether an episode ends once the goal has held for the settling time; `None` as the suite or run says.
+    #[serde(default)]
+    pub stop_on_success: Option<bool>,
+}
+
+impl SessionSettings {
+    /// Actions of a contract at a rate, without pictures and truth.
+    pub fn new(action: ActionSpec, rate_hz: f64) -> Self {
+        Self { action, rate_hz, cameras: Vec::new(), privileged: false, horizon_s: None, stop_on_success: None }
+    }
+}
+
+/// An environment that another program drives.
+#[derive(Debug)]
+pub struct Session {
+    scenes: Arc<Scenes>,
+    settings: SessionSettings,
+    environment: Environment,
+    under_way: Option<UnderWay>,
+}
+
+#[derive(Clone, Debug)]
+struct UnderWay {
+    case: Case,
+    stage: Stage,
+    driver: Driver,
+    verdict: GoalVerdict,
+    ending: Option<Ending>,
+}
+
+/// What an action led to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Change of the goal's score since it was judged before; rewards of an episode add up to its last score less the
+    /// first one.
+    pub reward: f64,
+    /// The goal's last verdict.
+    pub verdict: GoalVerdict,
+    /// The goal has held for the settling time, where the settings say to stop then.
+    pub terminated: bool,
+    /// The longest time is over.
+    pub truncated: bool,
+    /// Why the action was not carried out and the command in force was held instead: no configuration of the arm
+    /// reaches what it asks for.
+    pub refused: Option<String>,
+    /// What happened.
+    pub events: Vec<Event>,
+}
+
+/// A moment of a session, to go back to.
+#[derive(Clone, Debug)]
+pub struct Saved {
+    snapshot: Snapshot,
+    under_way: UnderWay,
+}
+
+impl Session {
+    /// A session without an episode.
+    pub fn new(scenes: Arc<Scenes>, settings: SessionSettings) -> Self {
+        let environment = Environment::new(scenes.settings().rollout.clone());
+        Self { scenes, settings, environment, under_way: None }
+    }
+
+    /// Where its episodes start.
+    pub fn scenes(&self) -> &Arc<Scenes> {
+        &self.scenes
+    }
+
+    /// What it is driven with.
+    pub fn settings(&self) -> &SessionSettings {
+        &self.settings
+    }
+
+    /// Begins an episode; whatever was under way is dropped.
+    ///
+    /// The seed of a scenario names the stream of the episode's chance, by default the one of `evaluate`; the seed of a
+    /// task is the number of its layout, by default 0.
+    ///
+    /// # Errors
+    /// An index that is none, a task that cannot be laid out, and settings that the scenario does not serve.
+    pub fn reset(&mut self, index: usize, seed: Option<u64>) -> Result<(), RunError> {
+        let (case, stage) = self.scenes.open(index, seed)?;
+        let mut rollout = self.scenes.settings().rollout.clone();
+        rollout.horizon_s = self.settings.horizon_s.or(case.horizon_s).unwrap_or(rollout.horizon_s);
+        rollout.stop_on_success = self.settings.stop_on_success.unwrap_or(rollout.stop_on_success);
+        let SessionSettings { action, rate_hz, cameras, privileged, .. } = &self.settings;
+        let spec = PolicySpec {
+            action: *action,
+            cameras: cameras.clone(),
+            privileged: *privileged,
+            ..PolicySpec::native("session", *rate_hz)
+        };
+        let unserved = |error: RolloutError| match error {
+            RolloutError::Spec { reason, .. } => RunError::input(format!("the session cannot be served: {reason}")),
+            error => broken(error),
+        };
+        let driver = Driver::new(&spec, &stage, &rollout).map_err(unserved)?;
+        self.under_way = None;
+        if *self.environment.settings() != rollout {
+            self.environment = Environment::new(rollout);
+        }
+        self.environment.reset(&stage, case.seed);
+        let verdict = self.environment.verdict().map_err(broken)?;
+        self.under_way = Some(UnderWay { case, stage, driver, verdict, ending: None });
+        Ok(())
+    }
+
+    /// Carries out an action. When the episode ends with it, the last command is held for the settling time and the goal
+    /// is judged: that verdict is final.
+    ///
+    /// # Errors
+    /// Before the first reset, after the end, for numbers that are no action (nothing has changed then), and when the
+    /// simulation becomes unstable.
+    pub fn step(&mut self, action: &[f32]) -> Result<Outcome, RunError> {
+        let Self { environment, under_way, .. } = self;
+        let under_way = under_way.as_mut().ok_or_else(|| broken(RolloutError::NotReset))?;
+        if under_way.ending.is_some() {
+            return Err(broken(RolloutError::EpisodeOver { frames: environment.frames().len() }));
+        }
+        under_way.driver.begin_chunk(environment).map_err(broken)?;
+        let (turn, refused) = match under_way.driver.act(environment, action) {
+            Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) => {
+                (under_way.driver.hold(environment).map_err(broken)?, Some(error.to_string()))
+            }
+            turn => (turn.map_err(broken)?, None),
+        };
+        let Turn { verdict, mut events, terminated, truncated, .. } = turn;
+        let score = under_way.verdict.score;
+        under_way.verdict = verdict.unwrap_or_else(|| under_way.verdict.clone());
+        if terminated || truncated {
+            let settled = environment.settle().map_err(broken)?;
+            under_way.verdict = settled.verdict.unwrap_or_else(|| under_way.verdict.clone());
+            events.extend(settled.events);
+            under_way.ending = Some(if terminated { Ending::Success } else { Ending::Horizon });
+        }
+        let verdict = under_way.verdict.clone();
+        Ok(Outcome { reward: verdict.score - score, verdict, terminated, truncated, refused, events })
+    }
+
+    /// What is seen now: state, pictures, and truth where the settings say so.
+    ///
+    /// # Errors
+    /// Before the first reset, and for a camera that cannot be drawn.
+    pub fn observe(&mut self) -> Result<Observation, RunError> {
+        let mut observation = self.environment.observe(&self.settings.cameras).map_err(broken)?;
+        if self.settings.privileged {
+            observation.privileged = Some(self.environment.truth().map_err(broken)?);
+        }
+        Ok(observation)
+    }
+
+    /// What is seen now without the truth, and where the objects are, where the settings let the program know: which of
+    /// them is grasped is not computed, which takes 0.1 ms.
+    ///
+    /// # Errors
+    /// As [`Session::observe`].
+    pub fn glance(&mut self) -> Result<(Observation, Vec<ObjectState>), RunError> {
+        let observation = self.environment.observe(&self.settings.cameras).map_err(broken)?;
+        let objects = if self.settings.privileged { self.environment.objects().map_err(broken)? } else { Vec::new() };
+        Ok((observation, objects))
+    }
+
+    /// A picture for people, whatever the settings say about cameras.
+    ///
+    /// # Errors
+    /// Before the first reset, and for a camera that is not there.
+    pub fn picture(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<RgbdImage, RunError> {
+        let request = CameraRequest { size, ..CameraRequest::new(camera, ImageChannels::RGB) };
+        let mut seen = self.environment.observe(&[request]).map_err(broken)?;
+        seen.images.remove(camera).map(Arc::unwrap_or_clone).ok_or_else(|| broken(RolloutError::NotReset))
+    }
+
+    /// The goal as it is now, nothing held and nothing moving.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn verdict(&mut self) -> Result<GoalVerdict, RunError> {
+        self.environment.verdict().map_err(broken)
+    }
+
+    /// The stage of the episode, where there is one.
+    pub fn stage(&self) -> Option<&Stage> {
+        self.under_way.as_ref().map(|under_way| &under_way.stage)
+    }
+
+    /// What the episode starts from, with its id and stream, where there is one.
+    pub fn case(&self) -> Option<&Case> {
+        self.under_way.as_ref().map(|under_way| &under_way.case)
+    }
+
+    /// Control steps so far, of 1/60 s.
+    pub fn control_steps(&self) -> usize {
+        self.environment.frames().len()
+    }
+
+    /// Ends the episode, settling it where that has not been done; the result has the form of `evaluate`.
+    ///
+    /// # Errors
+    /// Before the first reset, and when the simulation becomes unstable.
+    pub fn finish(&mut self, policy: &str) -> Result<EpisodeResult, RunError> {
+        let UnderWay { case, stage, ending, .. } =
+            self.under_way.take().ok_or_else(|| broken(RolloutError::NotReset))?;
+        let out_of_time = || if self.environment.steps_left() == 0 { Ending::Horizon } else { Ending::Finished };
+        let ending = ending.unwrap_or_else(out_of_time);
+        let conclusion = Conclusion { id: &case.id, policy, oracle: self.settings.privileged, ending, word: None };
+        let mut episode = self.environment.finish(conclusion).map_err(broken)?;
+        episode.result.cloud = cloud_verdict(&stage, &episode).map_err(broken)?;
+        Ok(episode.result)
+    }
+
+    /// Everything that the rest of the episode depends on.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn save(&self) -> Result<Saved, RunError> {
+        let under_way = self.under_way.clone().ok_or_else(|| broken(RolloutError::NotReset))?;
+        Ok(Saved { snapshot: self.environment.save().map_err(broken)?, under_way })
+    }
+
+    /// Goes back to a saved moment: the same actions then lead to the same bytes.
+    ///
+    /// # Errors
+    /// When the physics engine refuses the state.
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), RunError> {
+        self.environment.restore(&saved.snapshot).map_err(broken)?;
+        self.under_way = Some(saved.under_way.clone());
+        Ok(())
+    }
+}
+
+/// Version of the simulator, as it says itself.
+pub fn engine_version() -> String {
+    genmanip_sim::engine_version()
+}
+
+fn broken(error: RolloutError) -> RunError {
+    match error {
+        RolloutError::NotReset => {
+            RunError::input("there is no episode").with_hint("reset begins one; finish takes it away")
+        }
+        error @ RolloutError::EpisodeOver { .. } => RunError::input(error.to_string()),
+        error @ RolloutError::Action(_) => RunError::input(error.to_string()).with_hint("nothing has changed"),
+        error @ RolloutError::UnknownCamera { .. } => RunError::input(error.to_string()),
+        error => RunError::broken("the session broke", error),
+    }
+}

@@ -1,0 +1,179 @@
+//! Perturbed suites: the scenarios of a suite, each changed in one respect by a stated amount.
+//!
+//! The suite itself is the control arm: scenarios keep their ids and seeds, so `genmanip compare` pairs the two
+//! evaluations of a policy episode by episode. What cannot be certified any more is left out, and counted.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_assets::Catalogue;
+use genmanip_benchmark::suite::{Perturbation, Stage, SuiteEntry, SuiteFile, sha256};
+use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
+use genmanip_layout::{LayoutSettings, audit};
+use genmanip_rollout::collect::in_parallel;
+
+use crate::evaluate::{EvaluateOptions, Suite, evaluate};
+use crate::policies::PolicyFactory;
+use genmanip_benchmark::suites::frozen::{self, Head, certificate};
+use genmanip_benchmark::suites::open;
+use genmanip_benchmark::suites::perturb::{Axis, Workshop};
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Episodes in which the expert must solve a changed scenario, all of them.
+const TRIALS: usize = 3;
+/// The system that must solve a changed scenario once from its pictures; every answer and mask is the oracle's.
+const LOOKER: &str = "agent:vlm=oracle,masks=oracle";
+/// Fewest pixels of each thing of the task in one prompt camera, as the benchmark wants it.
+const MIN_PIXELS: usize = 200;
+
+/// What is changed, and where it is written.
+#[derive(Clone, Debug)]
+pub struct PerturbOptions {
+    /// Folder of the suite that is changed.
+    pub suite: PathBuf,
+    /// Folder that is written into.
+    pub out: PathBuf,
+    /// Name of the new suite.
+    pub name: String,
+    /// What is changed.
+    pub axis: Axis,
+    /// How much, above 0 and up to 1.
+    pub dial: f64,
+    /// Seed of what is drawn.
+    pub seed: Seed,
+    /// Threads.
+    pub workers: usize,
+}
+
+/// Changes every scenario of a suite in one respect; `None` when it was stopped. An interrupted call continues.
+///
+/// # Errors
+/// When there is no suite, the folder holds another one, nothing can be certified, or a file cannot be written.
+pub fn perturb(
+    options: &PerturbOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
+    frozen::refuse_another(&options.out)?;
+    if !(options.dial > 0.0 && options.dial <= 1.0) {
+        return Err(RunError::input(format!("--dial {}: expected a number above 0 and up to 1", options.dial))
+            .with_hint("1 is the most that is meant to be solvable"));
+    }
+    let control = open(&options.suite)?;
+    let scenarios = Suite::frozen(&options.suite)?.scenarios;
+    let (changed, made) = change_all(&scenarios, options, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let work = options.out.join("work");
+    let drafts = work.join("scenarios");
+    for scenario in &changed {
+        documents::write_file(&drafts.join(format!("{}.json", scenario.id)), scenario.to_json().as_bytes())?;
+    }
+    let paths: Vec<PathBuf> = changed.iter().map(|scenario| drafts.join(format!("{}.json", scenario.id))).collect();
+    if paths.is_empty() {
+        return Err(RunError::input("no scenario of the suite can be changed so")
+            .because(made.reasons())
+            .with_hint("try a smaller --dial or another --seed"));
+    }
+    let trial = |policy: &str, episodes: usize| -> Result<Option<Vec<EpisodeResult>>, RunError> {
+        let suite = Suite::of_scenarios(&paths)?.with_episodes(episodes);
+        let out = Some(work.join("trials"));
+        let evaluation = EvaluateOptions { out, workers: options.workers, ..EvaluateOptions::default() };
+        let reports = evaluate(&suite, &[PolicyFactory::resolve(policy)?], &evaluation, progress, stop)?;
+        Ok(reports.into_iter().next().map(|report| report.results))
+    };
+    let (Some(expert), Some(looker)) = (trial("expert", TRIALS)?, trial(LOOKER, 1)?) else { return Ok(None) };
+    let seen: BTreeSet<String> =
+        looker.into_iter().filter(|result| result.success).map(|result| result.scenario_id).collect();
+    let mut by_scenario = frozen::by_scenario(expert);
+    let mut certified = Stage::new(&format!(
+        "are solved by the expert, {TRIALS} of {TRIALS} times, and by the agent with the oracle's answers and masks"
+    ));
+    let mut kept: Vec<(Scenario, SuiteEntry)> = Vec::new();
+    for scenario in changed {
+        let trials = by_scenario.remove(&scenario.id).unwrap_or_default();
+        let Some(entry) = control.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
+        let certificate = certificate(&trials);
+        if certificate.verified < TRIALS {
+            certified.refuse(format!("the expert solved it {} of {TRIALS} times", certificate.verified));
+        } else if !seen.contains(&scenario.id) {
+            certified.refuse("the agent did not solve it");
+        } else {
+            certified.pass(entry.kind);
+            let (kind, sha256) = (scenario.task.kind, sha256(scenario.to_json().as_bytes()));
+            kept.push((scenario, SuiteEntry { kind, sha256, certificate, pictures: BTreeMap::new(), ..entry.clone() }));
+        }
+    }
+    if kept.is_empty() {
+        return Err(RunError::input("no changed scenario is certified")
+            .because(certified.reasons())
+            .with_hint("try a smaller --dial"));
+    }
+    let head = Head {
+        name: options.name.clone(),
+        seed: control.seed,
+        per_kind: control.per_kind,
+        perturbation: Some(Perturbation {
+            of: control.name,
+            of_hash: control.suite_hash,
+            axis: options.axis.name().into(),
+            dial: options.dial,
+            seed: options.seed,
+        }),
+        funnel: vec![made, certified],
+    };
+    frozen::write(&options.out, head, kept).map(Some)
+}
+
+/// A changed scenario, or why it could not be changed.
+type Changed = Result<Scenario, String>;
+
+/// All scenarios, changed; those that cannot be are counted by their reasons.
+fn change_all(
+    scenarios: &[Scenario],
+    options: &PerturbOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<(Vec<Scenario>, Stage), RunError> {
+    let Some(first) = scenarios.first() else { return Ok((Vec::new(), Stage::new("can be changed"))) };
+    let workshop = Workshop::new(&first.world, options.axis, options.dial)?;
+    let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
+    let seed = options.seed.fork("perturbation").fork(options.axis.name());
+    progress.begin("changing", scenarios.len());
+    let one = |scenario: &Scenario| -> Result<Changed, RunError> {
+        let changed = workshop.change(scenario, seed.fork(&scenario.id));
+        progress.advance();
+        let Ok(changed) = changed else { return Ok(changed) };
+        if !options.axis.moves_what_is_seen() {
+            return Ok(Ok(changed));
+        }
+        let robot = workshop.planner.robot();
+        // What stands still after the change is for the expert's trials to say: no time is simulated here.
+        let audited = audit(&changed, Catalogue::builtin(), robot, &layout, 0.0)
+            .map_err(|error| RunError::broken(format!("{} cannot be audited", changed.id), error))?;
+        Ok(match audited.hidden {
+            Some(reason) => Err(reason.to_string()),
+            None if !audited.failed.is_empty() => Err("a relation of the scene does not hold any more".into()),
+            None => Ok(changed),
+        })
+    };
+    let outcomes = in_parallel(scenarios, options.workers, stop, &one)?;
+    progress.end();
+    let mut made = Stage::new("can be changed, with every thing of the task in view");
+    let mut changed = Vec::new();
+    for (scenario, outcome) in scenarios.iter().zip(outcomes) {
+        match outcome {
+            Ok(draft) => {
+                // Another instruction is of another kind; what is counted are the scenarios of the control arm.
+                made.pass(scenario.task.kind);
+                changed.push(draft);
+            }
+            Err(reason) => made.refuse(reason),
+        }
+    }
+    Ok((changed, made))
+}

@@ -1,0 +1,157 @@
+//! Relations between point clouds exactly as two released evaluators judge them, for comparable numbers.
+//!
+//! These profiles are not the project's own judgement (that is [`crate::relations`]): directions are seen from the
+//! opposite side of the table (front is the smaller x, left the smaller y), labels accumulate, and an object floating
+//! ten centimetres above another is on it.
+//! Where an original raises an error (a cloud without an outline), the verdict here is the one without that step.
+//!
+//! ```
+//! use genmanip_relations::clouds::{Cloud, CloudLabel, Profile, labels};
+//! let row = |y: f64| Cloud::new((0..50).map(|i| [0.001 * f64::from(i), y, 0.0]).collect()).unwrap();
+//! assert_eq!(labels(Profile::GenManip09, &row(0.0), &row(0.12), None), [CloudLabel::Left]);
+//! ```
+
+pub mod cases;
+mod contour;
+mod inside;
+mod judge;
+pub mod npz;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use std::sync::OnceLock;
+
+use contour::Contour;
+use glam::DVec3;
+use inside::Enclosure;
+pub(crate) use inside::spread_directions;
+pub use judge::{CloudGoal, Subgoal, articulation, goal_score, labels, subgoal};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tree::Tree;
+
+/// A released evaluator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Profile {
+    /// GenManip V0.9.
+    #[serde(rename = "genmanip-0.9")]
+    GenManip09,
+    /// GenManip Suite 0.2.3.
+    #[serde(rename = "suite-0.2.3")]
+    Suite023,
+}
+
+/// A label of the released evaluators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub enum CloudLabel {
+    /// More than half of the target's points are in the anchor's convex hull.
+    #[serde(rename = "in")]
+    In,
+    /// More than half of the anchor's points are in the target's convex hull.
+    #[serde(rename = "out of")]
+    OutOf,
+    /// Bounds overlap and the heights match.
+    #[serde(rename = "on")]
+    On,
+    /// The same the other way round.
+    #[serde(rename = "below")]
+    Below,
+    /// Close, or bounds overlapping along both axes.
+    #[serde(rename = "near")]
+    Near,
+    /// Smaller y.
+    #[serde(rename = "left")]
+    Left,
+    /// Larger y.
+    #[serde(rename = "right")]
+    Right,
+    /// Smaller x.
+    #[serde(rename = "front")]
+    Front,
+    /// Larger x.
+    #[serde(rename = "back")]
+    Back,
+    /// Between two anchors.
+    #[serde(rename = "between")]
+    Between,
+}
+
+/// Why a cloud cannot be judged.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CloudError {
+    /// No points.
+    #[error("expected at least one point, got none")]
+    Empty,
+    /// A coordinate that is no number.
+    #[error("expected finite coordinates, got something else in point {index}")]
+    NotFinite {
+        /// Index of the point.
+        index: usize,
+    },
+    /// A coordinate beyond any table, with which lengths could not be computed.
+    #[error("expected coordinates within {MAX_COORDINATE_M:.0} m, got more in point {index}")]
+    TooFar {
+        /// Index of the point.
+        index: usize,
+    },
+}
+
+/// Largest coordinate of a cloud, metres.
+const MAX_COORDINATE_M: f64 = 1e6;
+
+/// A point cloud; search structures are built when first needed and kept.
+#[derive(Debug)]
+pub struct Cloud {
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    pub(crate) mean: DVec3,
+    tree: OnceLock<Tree>,
+    enclosure: OnceLock<Enclosure>,
+    contour: OnceLock<Option<Contour>>,
+}
+
+impl Cloud {
+    /// From points in metres.
+    ///
+    /// # Errors
+    /// Without points, or with a coordinate that is not finite or beyond 1,000 km.
+    pub fn new(points: Vec<[f64; 3]>) -> Result<Self, CloudError> {
+        if points.is_empty() {
+            return Err(CloudError::Empty);
+        }
+        if let Some(index) = points.iter().position(|point| !point.iter().all(|value| value.is_finite())) {
+            return Err(CloudError::NotFinite { index });
+        }
+        if let Some(index) = points.iter().position(|point| point.iter().any(|value| value.abs() > MAX_COORDINATE_M)) {
+            return Err(CloudError::TooFar { index });
+        }
+        Ok(Self::from_finite(points.into_iter().map(DVec3::from_array).collect()))
+    }
+
+    /// The points, metres.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    pub(crate) fn from_finite(points: Vec<DVec3>) -> Self {
+        let min = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        let (tree, enclosure, contour) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Self { points, min, max, mean, tree, enclosure, contour }
+    }
+
+    pub(crate) fn tree(&self) -> &Tree {
+        self.tree.get_or_init(|| Tree::new(&self.points))
+    }
+
+    pub(crate) fn enclosure(&self) -> &Enclosure {
+        self.enclosure.get_or_init(|| Enclosure::new(self.tree()))
+    }
+
+    pub(crate) fn contour(&self) -> Option<&Contour> {
+        self.contour.get_or_init(|| Contour::new(&self.points)).as_ref()
+    }
+}

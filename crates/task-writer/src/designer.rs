@@ -1,0 +1,242 @@
+//! Asks a model for tasks, checks every answer, and sends back what is wrong with it, a bounded number of times.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+
+use genmanip_core::{NamedSurface, ObjectCard, Seed, TaskKind};
+use genmanip_llm::{CassetteChat, CassetteMode, ChatModel, ChatRequest, FolderChat, Message, SettingsError};
+use genmanip_tasks::answer::{AnswerReport, TaskRequest, check_answer};
+use serde_json::{Map, Value};
+
+use crate::outcome::{Designed, GenerationOutcome, Refusal, Round};
+use crate::prompt::{PromptError, PromptSet};
+use crate::sampling::sample_objects;
+use crate::settings::{GenerationSettings, LlmSettings};
+
+/// Longest instruction, words.
+const MAX_WORDS: usize = 30;
+/// Tasks in a row that may fail for trouble with the server before the rest is not asked for.
+const MAX_UNANSWERED: u32 = 3;
+/// Longest list of violations that is sent back, bytes.
+const MAX_VIOLATION_BYTES: usize = 16 << 10;
+
+/// Asks for `count` tasks of one kind with objects from `cards`; one outcome per task, in order.
+///
+/// Task `k` has its own random stream and its own conversation, so it does not depend on the number of workers.
+///
+/// # Errors
+/// When the settings cannot be used, the key is missing or a prompt file is wrong; failures of single tasks are in
+/// their outcomes.
+pub fn generate(
+    settings: &LlmSettings,
+    kind: TaskKind,
+    count: usize,
+    seed: Seed,
+    cards: &[ObjectCard],
+) -> Result<Vec<GenerationOutcome>, DesignerError> {
+    Ok(Designer::open(settings, seed)?.generate(kind, count, seed, cards, &|_| {}))
+}
+
+/// Why nothing can be asked for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DesignerError {
+    /// Settings that cannot be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// A prompt file that cannot be used.
+    #[error(transparent)]
+    Prompt(#[from] PromptError),
+}
+
+/// A model together with the prompts and the rules for asking.
+pub struct Designer {
+    model: Box<dyn ChatModel>,
+    prompts: PromptSet,
+    settings: GenerationSettings,
+    model_name: String,
+    parameters: Map<String, Value>,
+    surfaces: Vec<NamedSurface>,
+}
+
+impl Designer {
+    /// The designer that the settings describe. Replaying needs neither a key nor a server.
+    ///
+    /// # Errors
+    /// As [`generate`].
+    pub fn open(settings: &LlmSettings, seed: Seed) -> Result<Self, DesignerError> {
+        settings.check()?;
+        if let Some(folder) = settings.folder.as_ref().filter(|_| settings.cassettes.mode != CassetteMode::Replay) {
+            let model = FolderChat::new(folder.clone())?;
+            return Self::with_model(CassetteChat::new(model, settings.cassettes.clone(), None), settings);
+        }
+        let model = CassetteChat::open(&settings.server, &settings.cassettes, seed.fork("retries"))?;
+        Self::with_model(model, settings)
+    }
+
+    /// The same with any other model, for example a [script](genmanip_llm::fake::ScriptedChat).
+    ///
+    /// # Errors
+    /// When the settings or a prompt file are wrong.
+    pub fn with_model(model: impl ChatModel + 'static, settings: &LlmSettings) -> Result<Self, DesignerError> {
+        settings.check()?;
+        Ok(Self {
+            model: Box::new(model),
+            prompts: PromptSet::load(settings.generation.prompts.as_deref())?,
+            settings: settings.generation.clone(),
+            model_name: settings.server.model.clone(),
+            parameters: settings.server.parameters.clone(),
+            surfaces: Vec::new(),
+        })
+    }
+
+    /// Also offers support surfaces of a world, other than the table, to put things on or near.
+    #[must_use]
+    pub fn with_surfaces(self, surfaces: Vec<NamedSurface>) -> Self {
+        Self { surfaces, ..self }
+    }
+
+    /// As the function [`generate`]; `on_done` hears of each outcome as it comes, from the thread that made it.
+    pub fn generate(
+        &self,
+        kind: TaskKind,
+        count: usize,
+        seed: Seed,
+        cards: &[ObjectCard],
+        on_done: &(dyn Fn(&GenerationOutcome) + Sync),
+    ) -> Vec<GenerationOutcome> {
+        let next = AtomicUsize::new(0);
+        let unanswered = AtomicU32::new(0);
+        let outcomes = Mutex::new(Vec::with_capacity(count));
+        let work = || {
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                if index >= count {
+                    return;
+                }
+                let ask = unanswered.load(Ordering::Relaxed) < MAX_UNANSWERED;
+                let outcome = self.one_of_many(kind, index, seed, cards, ask);
+                match &outcome.result {
+                    Designed::Refused(Refusal::NotAsked) => {}
+                    Designed::Refused(Refusal::Unanswered { error }) if error.is_service_trouble() => {
+                        unanswered.fetch_add(1, Ordering::Relaxed);
+                    }
+                    _ => unanswered.store(0, Ordering::Relaxed),
+                }
+                on_done(&outcome);
+                if let Ok(mut outcomes) = outcomes.lock() {
+                    outcomes.push((index, outcome));
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..self.settings.workers.min(count) {
+                scope.spawn(work);
+            }
+            work();
+        });
+        let mut outcomes = outcomes.into_inner().unwrap_or_default();
+        outcomes.sort_by_key(|(index, _)| *index);
+        outcomes.into_iter().map(|(_, outcome)| outcome).collect()
+    }
+
+    fn one_of_many(
+        &self,
+        kind: TaskKind,
+        index: usize,
+        seed: Seed,
+        cards: &[ObjectCard],
+        ask: bool,
+    ) -> GenerationOutcome {
+        let stream = seed.fork("llm task").fork(kind.name()).fork_index(index as u64);
+        let offered = sample_objects(cards, kind, &self.settings.sampling, stream.fork("objects"));
+        let request = TaskRequest {
+            id: format!("llm_{}_{seed}_{index:04}", kind.name()),
+            kind,
+            offered: offered.clone().unwrap_or_default(),
+            surfaces: self.surfaces.clone(),
+            min_objects: self.settings.min_objects,
+            between: false,
+            source: format!("language model {}", self.model_name),
+        };
+        match offered {
+            Err(error) => self.outcome(&request, Vec::new(), Designed::Refused(Refusal::NoObjects { error })),
+            Ok(_) if !ask => self.outcome(&request, Vec::new(), Designed::Refused(Refusal::NotAsked)),
+            Ok(_) => self.design(&request),
+        }
+    }
+
+    /// Asks for one task with the objects of the request, and for repairs of it.
+    pub fn design(&self, request: &TaskRequest) -> GenerationOutcome {
+        let mut rounds = Vec::new();
+        let mut conversation = self.question(request);
+        for _ in 0..self.settings.max_rounds {
+            let key = conversation.key();
+            let reply = match self.model.chat(&conversation) {
+                Ok(reply) => reply,
+                Err(error) => {
+                    return self.outcome(request, rounds, Designed::Refused(Refusal::Unanswered { error }));
+                }
+            };
+            let report = check_answer(&reply.text, request);
+            conversation.messages.push(Message::assistant(self.quoted(&reply.text)));
+            conversation.messages.push(Message::user(self.prompts.repair_text(&violations(&report))));
+            let AnswerReport { verdict, flaws, repairs, task, .. } = report;
+            rounds.push(Round { key, reply, verdict, flaws, repairs });
+            if let Some(task) = task {
+                return self.outcome(request, rounds, Designed::Task(Box::new(task)));
+            }
+        }
+        self.outcome(request, rounds, Designed::Refused(Refusal::Invalid))
+    }
+
+    fn question(&self, request: &TaskRequest) -> ChatRequest {
+        let prompts = &self.prompts;
+        ChatRequest {
+            model: self.model_name.clone(),
+            messages: vec![
+                Message::system(prompts.system_text(MAX_WORDS)),
+                Message::user(prompts.request_text(request)),
+            ],
+            reply_schema: Some(prompts.reply_schema(request)),
+            parameters: self.parameters.clone(),
+        }
+    }
+
+    fn quoted(&self, answer: &str) -> String {
+        cut(answer, self.settings.max_quoted_bytes, "\n… (the rest is left out here)")
+    }
+
+    fn outcome(&self, request: &TaskRequest, rounds: Vec<Round>, result: Designed) -> GenerationOutcome {
+        GenerationOutcome {
+            id: request.id.clone(),
+            kind: request.kind,
+            model: self.model_name.clone(),
+            prompts: self.prompts.stamps(request.kind),
+            offered: request.ids(),
+            min_objects: request.min_objects,
+            rounds,
+            result,
+        }
+    }
+}
+
+/// Everything that could not be repaired, one line each.
+fn violations(report: &AnswerReport) -> String {
+    let mut text = String::new();
+    for flaw in report.flaws.iter().filter(|flaw| !flaw.repaired) {
+        let hint = if flaw.hint.is_empty() { String::new() } else { format!(" ({})", flaw.hint) };
+        text += &format!("- {} at {}: {}{hint}\n", flaw.kind.name(), flaw.path, flaw.message);
+    }
+    if report.flaws_left_out > 0 {
+        text += &format!("- and {} more\n", report.flaws_left_out);
+    }
+    cut(text.trim_end(), MAX_VIOLATION_BYTES, "\n- and more")
+}
+
+fn cut(text: &str, longest: usize, remark: &str) -> String {
+    if text.len() <= longest {
+        return text.to_owned();
+    }
+    let end = (0..=longest).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+    format!("{}{remark}", &text[..end])
+}

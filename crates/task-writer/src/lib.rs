@@ -1,0 +1,31 @@
+//! Tasks invented by a language model: asking, checking, asking again, and doing it all again without the model.
+//!
+//! - [`generate`] asks a language model for tasks and returns valid ones or typed refusals.
+//! - [`PromptSet`] holds the prompts, which are files; [`sample_objects`] chooses the objects to offer.
+//!
+//! The conversation itself, its server and its recording are those of `genmanip_llm`.
+//! What a model says is never trusted: the only way to a task is `genmanip_tasks::answer::check_answer`.
+//!
+//! ```
+//! use genmanip_llm::fake::ScriptedChat;
+//! use genmanip_core::{Seed, TaskKind};
+//! use genmanip_task_writer::{Designer, LlmSettings};
+//!
+//! let mut settings = LlmSettings::default();
+//! settings.generation.max_rounds = 1;
+//! let designer = Designer::with_model(ScriptedChat::new(["I would rather not."]), &settings).unwrap();
+//! let outcomes = designer.generate(TaskKind::Spatial, 1, Seed::new(1), &[], &|_| {});
+//! assert!(outcomes[0].refusal().unwrap().contains("the catalogue has 0")); // nothing to offer, nothing asked
+//! ```
+
+mod designer;
+mod outcome;
+mod prompt;
+mod sampling;
+mod settings;
+
+pub use designer::{Designer, DesignerError, generate};
+pub use outcome::{Designed, GenerationOutcome, Refusal, Round};
+pub use prompt::{KindPrompts, Prompt, PromptError, PromptHead, PromptSet, PromptStamp};
+pub use sampling::{SamplingError, SamplingSettings, sample_objects};
+pub use settings::{GenerationSettings, LlmSettings};

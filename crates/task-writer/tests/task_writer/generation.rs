@@ -1,0 +1,282 @@
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
+use genmanip_llm::fake::{Behaviour, FakeServer, ScriptedChat};
+use genmanip_llm::{ChatError, ChatModel, ChatReply, ChatRequest, Role};
+use genmanip_task_writer::{
+    Designed, Designer, GenerationOutcome, LlmSettings, PromptSet, Refusal, SamplingSettings, generate, sample_objects,
+};
+use genmanip_tasks::answer::Verdict;
+use serde_json::{Value, json};
+
+use crate::{catalogue, impatient, recorded_answers};
+
+/// Every recorded answer, served over HTTP, gets the verdict that is written in its file.
+#[test]
+fn recorded_answers_over_the_wire() {
+    let cards = catalogue();
+    let answers = recorded_answers();
+    let server =
+        FakeServer::scripted(answers.iter().map(|(_, answer)| Behaviour::Answer(answer.response.clone()))).unwrap();
+    let mut settings = impatient(server.base_url());
+    settings.generation.max_rounds = 1;
+    let designer = Designer::open(&settings, Seed::new(1)).unwrap();
+    let repairable = ["sloppy_json", "flat_dnf", "missing_edge_object", "edge_on_table"];
+    let mut accepted = 0;
+    for (name, answer) in &answers {
+        let outcome = designer.design(&answer.request(name, &cards).unwrap());
+        let expect = answer.expect.as_deref().unwrap();
+        let round = &outcome.rounds[0];
+        let expected = match expect {
+            "valid" => Verdict::Valid,
+            flaw if repairable.contains(&flaw) => Verdict::Repaired,
+            _ => Verdict::Rejected,
+        };
+        assert_eq!(round.verdict, expected, "{name}: {:?}", round.flaws);
+        assert_eq!(outcome.task().is_some(), expected != Verdict::Rejected, "{name}");
+        if expected == Verdict::Rejected {
+            assert!(outcome.refusal().unwrap().contains(expect), "{name}: {:?}", outcome.refusal());
+        }
+        accepted += usize::from(outcome.task().is_some());
+    }
+    assert_eq!((accepted, answers.len()), (22, 30));
+}
+
+/// The violations of the first answer are in the next question, and the second answer is taken.
+#[test]
+fn violations_are_fed_back() {
+    let (name, answer) =
+        recorded_answers().into_iter().find(|(_, a)| a.expect.as_deref() == Some("unknown_uid")).unwrap();
+    let (_, good) = recorded_answers().into_iter().find(|(name, _)| name.starts_with("012")).unwrap();
+    let mut request = answer.request(&name, &catalogue()).unwrap();
+    for card in good.request("", &catalogue()).unwrap().offered {
+        if request.offered.iter().all(|other| other.uid != card.uid) {
+            request.offered.push(card);
+        }
+    }
+    let script: Arc<ScriptedChat> = Arc::new(ScriptedChat::new(["Sorry?".into(), answer.response, good.response]));
+    let designer = Designer::with_model(Shared(Arc::clone(&script)), &LlmSettings::default()).unwrap();
+    request.min_objects = 4;
+    let outcome = designer.design(&request);
+    let verdicts: Vec<Verdict> = outcome.rounds.iter().map(|round| round.verdict).collect();
+    assert_eq!(verdicts, [Verdict::Rejected, Verdict::Rejected, Verdict::Valid], "{:?}", outcome.refusal());
+    let last = script.seen().pop().unwrap();
+    let roles: Vec<Role> = last.messages.iter().map(|message| message.role).collect();
+    assert_eq!(roles, [Role::System, Role::User, Role::Assistant, Role::User, Role::Assistant, Role::User]);
+    assert!(last.messages[3].text().contains("no_json"), "{}", last.messages[3].text());
+    assert!(last.messages[5].text().contains("unknown_uid"), "{}", last.messages[5].text());
+    assert_eq!(Task::from_json(&outcome.task().unwrap().to_json()).unwrap(), *outcome.task().unwrap());
+}
+
+#[test]
+fn rounds_and_quotations_are_bounded() {
+    let mut settings = LlmSettings::default();
+    settings.generation.max_rounds = 2;
+    settings.generation.max_quoted_bytes = 1000;
+    let script = Arc::new(ScriptedChat::new(["ä".repeat(400_000), "no".into(), "never asked".into()]));
+    let designer = Designer::with_model(Shared(Arc::clone(&script)), &settings).unwrap();
+    let outcome = designer.design(&recorded_answers()[0].1.request("x", &catalogue()).unwrap());
+    assert!(matches!(outcome.result, Designed::Refused(Refusal::Invalid)));
+    assert_eq!(outcome.rounds.len(), 2);
+    let quoted = script.seen()[1].messages[2].text();
+    assert!(quoted.len() < 1100 && quoted.ends_with("left out here)"), "{} bytes", quoted.len());
+    insta::assert_snapshot!(outcome.refusal().unwrap());
+}
+
+/// Answers with a valid task made of the first offered objects, so that any subset can be answered.
+fn plausible_answer(request: &Value) -> String {
+    let text = request["messages"][1]["content"].as_str().unwrap();
+    let field = |line: &str, after: &str, until: &str| {
+        line.split_once(after).unwrap().1.split_once(until).unwrap().0.to_owned()
+    };
+    let objects: Vec<(String, String, bool)> = text
+        .lines()
+        .filter(|line| line.starts_with("- uid "))
+        .map(|line| (field(line, "uid \"", "\""), field(line, "\": ", "."), line.contains("picked up: yes")))
+        .collect();
+    let moved = objects.iter().position(|object| object.2).unwrap();
+    let mut order: Vec<usize> = (0..objects.len()).filter(|index| *index != moved).collect();
+    order.insert(0, moved);
+    let order = &order[..4];
+    let edge = |a: usize, position: &str, b: usize| json!({"obj1": objects[a].1, "obj1_uid": objects[a].0, "position": position, "obj2": objects[b].1, "obj2_uid": objects[b].0});
+    let mut condition = edge(order[0], "right", order[1]);
+    condition["obj1_state"] = "none".into();
+    json!({
+        "scene_graph": {
+            "description": "A row.",
+            "edges": [edge(order[0], "left", order[1]), edge(order[2], "right", order[1]), edge(order[3], "right", order[2])],
+            "nodes": order.iter().map(|index| json!({"obj_uid": objects[*index].0, "state": "none"})).collect::<Vec<_>>(),
+        },
+        "instruction": format!("Put the {} to the right of the {}.", objects[order[0]].1, objects[order[1]].1),
+        "goal_conditions": [[condition]],
+    })
+    .to_string()
+}
+
+/// The same tasks with one worker and with four, and never more open requests than workers.
+#[test]
+fn generation_does_not_depend_on_the_number_of_workers() {
+    let run = |workers: usize| {
+        let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+        let counts = (Arc::clone(&open), Arc::clone(&most));
+        let server = FakeServer::start(move |request| {
+            counts.1.fetch_max(counts.0.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+            std::thread::sleep(Duration::from_millis(10));
+            counts.0.fetch_sub(1, Ordering::SeqCst);
+            Behaviour::Answer(plausible_answer(&request.body))
+        })
+        .unwrap();
+        let mut settings = impatient(server.base_url());
+        settings.generation.workers = workers;
+        let outcomes = generate(&settings, TaskKind::PickAndPlace, 12, Seed::new(5), &catalogue()).unwrap();
+        assert!(most.load(Ordering::SeqCst) <= workers);
+        outcomes
+    };
+    let (one, four) = (run(1), run(4));
+    let text = |outcomes: &[GenerationOutcome]| outcomes.iter().map(GenerationOutcome::to_json).collect::<String>();
+    assert_eq!(text(&one), text(&four));
+    for outcome in &one {
+        assert!(outcome.task().is_some(), "{:?}", outcome.refusal());
+    }
+    let instructions: BTreeSet<&str> = one.iter().map(|outcome| outcome.task().unwrap().instruction.as_str()).collect();
+    assert_eq!(instructions.len(), 12);
+    let ledger = GenerationOutcome::ledger(&one);
+    let usage = &ledger.models["scripted"];
+    assert_eq!((usage.answers, usage.requests, usage.prompt_tokens), (12, 12, 1200));
+}
+
+#[test]
+fn a_dead_server_is_not_asked_for_ever() {
+    let server = FakeServer::scripted([]).unwrap();
+    let mut settings = impatient(server.base_url());
+    settings.generation.workers = 1;
+    let heard = Mutex::new(0);
+    let designer = Designer::open(&settings, Seed::new(1)).unwrap();
+    let outcomes =
+        designer.generate(TaskKind::Spatial, 10, Seed::new(1), &catalogue(), &|_| *heard.lock().unwrap() += 1);
+    assert_eq!((outcomes.len(), *heard.lock().unwrap()), (10, 10));
+    assert!(matches!(outcomes[2].result, Designed::Refused(Refusal::Unanswered { .. })));
+    assert!(outcomes[3..].iter().all(|outcome| outcome.result == Designed::Refused(Refusal::NotAsked)));
+    assert_eq!(server.seen().len(), 3);
+}
+
+/// Over many seeds, what each kind of task needs is on offer, and every general category gets its turn.
+#[test]
+fn subsets_suit_the_kind_and_use_the_whole_catalogue() {
+    let cards = catalogue();
+    let settings = SamplingSettings::default();
+    for kind in TaskKind::ALL {
+        let mut seen = BTreeSet::new();
+        for seed in 0..300 {
+            let offered = sample_objects(&cards, kind, &settings, Seed::new(seed)).unwrap();
+            let uids: BTreeSet<&str> = offered.iter().map(|card| card.uid.as_str()).collect();
+            assert_eq!(uids.len(), settings.offered, "{kind:?} {seed}");
+            let movable = |card: &&ObjectCard| card.can_grasp && !card.is_articulated;
+            let articulated = offered.iter().filter(|card| card.is_articulated).count();
+            if kind == TaskKind::Articulated {
+                assert!(articulated > 0);
+            } else {
+                assert_eq!(articulated, 0);
+                assert!(offered.iter().filter(movable).count() >= 2 && offered.iter().any(|card| card.is_container));
+            }
+            if kind == TaskKind::Appearance {
+                let alike =
+                    |card: &ObjectCard| offered.iter().filter(|other| other.category == card.category).count() > 1;
+                assert!(offered.iter().any(alike), "{seed}");
+            }
+            let general: BTreeSet<&str> = offered.iter().map(|card| card.general_category.as_str()).collect();
+            assert!(general.len() >= 4, "{kind:?} {seed}: {general:?}");
+            assert_eq!(offered, sample_objects(&cards, kind, &settings, Seed::new(seed)).unwrap());
+            seen.extend(offered.into_iter().map(|card| card.uid));
+        }
+        let allowed = cards.iter().filter(|card| kind == TaskKind::Articulated || !card.is_articulated).count();
+        assert_eq!(seen.len(), allowed, "{kind:?}");
+    }
+    for (few, part) in [(&cards[..3], "the catalogue has 3"), (&cards[56..64], "states")] {
+        let kind = if part == "states" { TaskKind::Spatial } else { TaskKind::Articulated };
+        let settings = SamplingSettings { articulated_elsewhere: true, ..SamplingSettings::default() };
+        let error = sample_objects(few, kind, &settings, Seed::new(0)).unwrap_err().to_string();
+        assert!(error.contains(part) || error.contains("picked up"), "{error}");
+    }
+}
+
+/// What a model gets to read, as a person should read it once in a while.
+#[test]
+fn the_prompt() {
+    let script = Arc::new(ScriptedChat::new(["-"]));
+    let mut settings = LlmSettings::default();
+    settings.generation.max_rounds = 1;
+    let designer = Designer::with_model(Shared(Arc::clone(&script)), &settings).unwrap();
+    designer.design(&recorded_answers()[2].1.request("x", &catalogue()).unwrap());
+    let messages = &script.seen()[0].messages;
+    insta::assert_snapshot!(format!("{}\n\n---- user ----\n\n{}", messages[0].text(), messages[1].text()));
+}
+
+/// The schema keeps to the subset that strict servers take, and lets every sound recorded answer through.
+#[test]
+fn the_schema_fits_the_answers() {
+    let prompts = PromptSet::load(None).unwrap();
+    for (name, answer) in recorded_answers() {
+        let schema = prompts.reply_schema(&answer.request(&name, &catalogue()).unwrap()).schema;
+        assert_closed(&schema);
+        let text = answer.response.trim().trim_start_matches("```json").split("```").next().unwrap();
+        match serde_json::from_str::<Value>(text) {
+            Ok(value) if answer.expect.as_deref() == Some("valid") => {
+                assert_eq!(conflict(&schema, &value, "$"), None, "{name}");
+            }
+            Ok(value) if answer.expect.as_deref() == Some("unknown_uid") => {
+                assert!(conflict(&schema, &value, "$").is_some(), "{name}");
+            }
+            _ => {}
+        }
+    }
+}
+
+fn assert_closed(schema: &Value) {
+    if schema["type"] == "object" {
+        let names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
+        assert_eq!(serde_json::to_value(names).unwrap(), schema["required"]);
+        assert_eq!(schema["additionalProperties"], false);
+    }
+    match schema {
+        Value::Object(fields) => fields.values().for_each(assert_closed),
+        Value::Array(items) => items.iter().for_each(assert_closed),
+        Value::String(text) => assert!(!text.contains("{{"), "{text}"),
+        _ => {}
+    }
+}
+
+fn conflict(schema: &Value, value: &Value, path: &str) -> Option<String> {
+    match (schema["type"].as_str().unwrap(), value) {
+        ("object", Value::Object(fields)) => {
+            let properties = schema["properties"].as_object().unwrap();
+            let unknown = fields.keys().find(|name| !properties.contains_key(*name));
+            unknown.map(|name| format!("{path}.{name} unknown")).or_else(|| {
+                properties.iter().find_map(|(name, schema)| match fields.get(name) {
+                    Some(value) => conflict(schema, value, &format!("{path}.{name}")),
+                    None => Some(format!("{path}.{name} missing")),
+                })
+            })
+        }
+        ("array", Value::Array(items)) => {
+            items.iter().find_map(|item| conflict(&schema["items"], item, &format!("{path}[]")))
+        }
+        ("string", Value::String(_)) => match schema.get("enum") {
+            Some(allowed) if !allowed.as_array().unwrap().contains(value) => Some(format!("{path}: {value}")),
+            _ => None,
+        },
+        (expected, value) => Some(format!("{path}: {value} is no {expected}")),
+    }
+}
+
+/// Lets a test look at the script after giving it away.
+pub struct Shared(pub Arc<ScriptedChat>);
+
+impl ChatModel for Shared {
+    fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
+        self.0.chat(request)
+    }
+}

@@ -1,0 +1,20 @@
+//! Drawings of tasks and layouts as SVG: dark on white, no external resources, the same bytes for the same input.
+//!
+//! In both drawings up the page is *front* (away from the robot, +x) and left is the robot's left (+y).
+
+mod colors;
+mod explain;
+mod graph;
+mod place;
+mod plan;
+mod route;
+mod svg;
+#[cfg(test)]
+mod tests;
+
+pub use colors::color_of_word;
+pub use explain::{Refusal, explain_svg};
+pub use graph::graph_svg;
+pub use graph::letter;
+pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, layout_svg};
+pub use svg::Svg;

@@ -1,0 +1,180 @@
+//! Where the nodes of a graph go: cells of a grid that agree with the spatial meaning of the relations.
+
+use genmanip_core::Seed;
+use rand::RngExt;
+
+/// A cell of the grid: columns to the right, rows up (away from the robot).
+pub type Cell = [i32; 2];
+
+/// What an edge wants of the cells of its two ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tie {
+    pub from: usize,
+    pub to: usize,
+    pub wish: Wish,
+}
+
+/// Where `from` wants to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// One step from `to` in this direction.
+    Step(Cell),
+    /// Next to `to`.
+    Close,
+    /// Halfway between `to` and another node.
+    Middle(usize),
+}
+
+/// Restarts of the search; each ends in a local optimum after a few dozen rounds.
+const RESTARTS: u64 = 6;
+const MAX_ROUNDS: usize = 60;
+
+/// Cells for `count` nodes: the best of several local searches over moves and swaps, the same for the same input.
+pub fn cells(count: usize, ties: &[Tie]) -> Vec<Cell> {
+    let side = (count as i32).min(6);
+    let mut best = (f64::INFINITY, Vec::new());
+    for restart in 0..RESTARTS {
+        let mut cells = if restart == 0 { grown(count, ties) } else { scattered(count, side, restart) };
+        let mut cost = total_cost(&cells, ties);
+        for _ in 0..MAX_ROUNDS {
+            let Some((better, improved)) = best_change(&cells, ties, side, cost) else { break };
+            (cost, cells) = (better, improved);
+        }
+        if cost < best.0 - 1e-9 {
+            best = (cost, cells);
+        }
+    }
+    normalised(best.1)
+}
+
+/// Follows the edges from node 0 and takes every wish literally.
+fn grown(count: usize, ties: &[Tie]) -> Vec<Cell> {
+    let mut cells: Vec<Option<Cell>> = vec![None; count];
+    for start in 0..count {
+        if cells[start].is_some() {
+            continue;
+        }
+        cells[start] = Some([start as i32 * 2, 0]);
+        for _ in 0..count {
+            for tie in ties {
+                let step = if let Wish::Step(step) = tie.wish { step } else { [1, 0] };
+                match (cells[tie.from], cells[tie.to]) {
+                    (None, Some(to)) => cells[tie.from] = Some([to[0] + step[0], to[1] + step[1]]),
+                    (Some(from), None) => cells[tie.to] = Some([from[0] - step[0], from[1] - step[1]]),
+                    _ => {}
+                }
+            }
+        }
+    }
+    cells.into_iter().map(Option::unwrap_or_default).collect()
+}
+
+fn scattered(count: usize, side: i32, restart: u64) -> Vec<Cell> {
+    let mut rng = Seed::new(restart).fork("graph drawing").rng();
+    (0..count).map(|_| [rng.random_range(0..side.max(1)), rng.random_range(0..side.max(1))]).collect()
+}
+
+/// The best single move or swap, if it improves.
+fn best_change(cells: &[Cell], ties: &[Tie], side: i32, cost: f64) -> Option<(f64, Vec<Cell>)> {
+    let mut best: Option<(f64, Vec<Cell>)> = None;
+    let mut consider = |candidate: Vec<Cell>| {
+        let candidate_cost = total_cost(&candidate, ties);
+        if candidate_cost < best.as_ref().map_or(cost, |best| best.0) - 1e-9 {
+            best = Some((candidate_cost, candidate));
+        }
+    };
+    let low = |axis: usize| cells.iter().map(|cell| cell[axis]).min().unwrap_or(0) - 1;
+    let (column0, row0) = (low(0), low(1));
+    for node in 0..cells.len() {
+        for column in column0..=column0 + side + 1 {
+            for row in row0..=row0 + side + 1 {
+                let mut candidate = cells.to_vec();
+                candidate[node] = [column, row];
+                consider(candidate);
+            }
+        }
+        for other in node + 1..cells.len() {
+            let mut candidate = cells.to_vec();
+            candidate.swap(node, other);
+            consider(candidate);
+        }
+    }
+    best
+}
+
+/// How badly cells fit: broken wishes, nodes on top of each other or of an edge, crossings, spread.
+fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
+    let mut cost = 0.0;
+    for (index, cell) in cells.iter().enumerate() {
+        cost += 1000.0 * cells[index + 1..].iter().filter(|other| *other == cell).count() as f64;
+    }
+    for (index, tie) in ties.iter().enumerate() {
+        cost += wish_cost(cells, tie);
+        cost += 18.0 * blocked(cells, tie.from, tie.to);
+        if let Wish::Middle(other) = tie.wish {
+            cost += 18.0 * blocked(cells, tie.from, other);
+        }
+        cost += 6.0 * ties[index + 1..].iter().filter(|other| crosses(cells, tie, other)).count() as f64;
+    }
+    let extent = |axis: usize| {
+        let values = cells.iter().map(|cell| cell[axis]);
+        f64::from(values.clone().max().unwrap_or(0) - values.min().unwrap_or(0))
+    };
+    let (columns, rows) = (extent(0), extent(1));
+    cost + 1.0 * columns + 1.2 * rows + 14.0 * (columns - 3.0).max(0.0) + 3.0 * (rows - 4.0).max(0.0)
+}
+
+fn wish_cost(cells: &[Cell], tie: &Tie) -> f64 {
+    let (from, to) = (cells[tie.from], cells[tie.to]);
+    let delta = [from[0] - to[0], from[1] - to[1]];
+    match tie.wish {
+        Wish::Step(step) => {
+            let along = f64::from(delta[0] * step[0] + delta[1] * step[1]);
+            let across = f64::from((delta[0] * step[1] - delta[1] * step[0]).abs());
+            let wrong = if along < 1.0 { 60.0 + 20.0 * (1.0 - along) } else { 3.0 * (along - 1.0) };
+            wrong + 4.0 * across
+        }
+        Wish::Close => 3.0 * f64::from((delta[0].abs() + delta[1].abs() - 1).max(0)),
+        Wish::Middle(other) => {
+            let other = cells[other];
+            let off = (2 * from[0] - to[0] - other[0]).abs() + (2 * from[1] - to[1] - other[1]).abs();
+            let apart = (to[0] - other[0]).abs() + (to[1] - other[1]).abs();
+            8.0 * f64::from(off) + 2.0 * f64::from((apart - 2).max(0))
+        }
+    }
+}
+
+/// Number of nodes that the straight line between two nodes runs through.
+fn blocked(cells: &[Cell], from: usize, to: usize) -> f64 {
+    let (a, b) = (cells[from], cells[to]);
+    let (dx, dy) = (f64::from(b[0] - a[0]), f64::from(b[1] - a[1]));
+    let length2 = dx * dx + dy * dy;
+    let in_the_way = |cell: &Cell| {
+        let (px, py) = (f64::from(cell[0] - a[0]), f64::from(cell[1] - a[1]));
+        let t = (px * dx + py * dy) / length2.max(1e-9);
+        t > 0.0 && t < 1.0 && (px - t * dx).hypot(py - t * dy) < 0.45
+    };
+    cells.iter().enumerate().filter(|(node, cell)| *node != from && *node != to && in_the_way(cell)).count() as f64
+}
+
+fn crosses(cells: &[Cell], a: &Tie, b: &Tie) -> bool {
+    if a.from == b.from || a.from == b.to || a.to == b.from || a.to == b.to {
+        return false;
+    }
+    let side = |p: Cell, q: Cell, r: Cell| ((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])).signum();
+    let (p, q, r, s) = (cells[a.from], cells[a.to], cells[b.from], cells[b.to]);
+    side(p, q, r) * side(p, q, s) < 0 && side(r, s, p) * side(r, s, q) < 0
+}
+
+/// The same arrangement without empty rows and columns, from zero.
+fn normalised(cells: Vec<Cell>) -> Vec<Cell> {
+    let used = |axis: usize| {
+        let mut used: Vec<i32> = cells.iter().map(|cell| cell[axis]).collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    };
+    let (columns, rows) = (used(0), used(1));
+    let rank = |used: &[i32], value: i32| used.iter().take_while(|other| **other < value).count() as i32;
+    cells.iter().map(|cell| [rank(&columns, cell[0]), rank(&rows, cell[1])]).collect()
+}

@@ -1,0 +1,216 @@
+//! Edges between shapes: gently bent lines that avoid the other shapes, and labels that cover nothing.
+
+use super::svg::{Area, BOLD, Point, text_width};
+
+/// Size of the labels, px.
+pub const LABEL_SIZE: f64 = 12.0;
+
+/// Something on the page that lines and labels keep away from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Its bounds.
+    pub area: Area,
+    /// Its outlines; the whole area when empty.
+    pub outlines: Vec<Vec<Point>>,
+    /// Whether a label must never cover it; a footprint may be covered where there is no other room.
+    pub solid: bool,
+    /// The shape it names, whose own lines may run under it.
+    pub owner: Option<usize>,
+}
+
+/// An edge to be drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wire {
+    /// Index of the shape it leaves.
+    pub from: usize,
+    /// Index of the shape it points at.
+    pub to: usize,
+    /// What it says.
+    pub label: String,
+}
+
+/// A drawn edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Routed {
+    /// From the border of one shape to the border of the other.
+    pub points: Vec<Point>,
+    /// Where the label goes.
+    pub label: Area,
+}
+
+const BENDS: [f64; 11] = [0.0, 26.0, -26.0, 52.0, -52.0, 84.0, -84.0, 124.0, -124.0, 170.0, -170.0];
+const FRACTIONS: [f64; 9] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82];
+/// Sides of the line and extra distances from it at which a label is tried.
+const ASIDE: [(f64, f64); 9] = [
+    (0.0, 0.0),
+    (1.0, 0.0),
+    (-1.0, 0.0),
+    (1.0, 10.0),
+    (-1.0, 10.0),
+    (1.0, 22.0),
+    (-1.0, 22.0),
+    (1.0, 36.0),
+    (-1.0, 36.0),
+];
+const SAMPLES: usize = 64;
+
+impl Shape {
+    /// A rectangle that must not be covered.
+    pub fn solid(area: Area) -> Self {
+        Self { area, outlines: Vec::new(), solid: true, owner: None }
+    }
+
+    /// Whether a point is inside the shape when that is scaled about its centre and grown.
+    fn contains(&self, point: Point, scale: f64, grown: f64) -> bool {
+        let center = self.area.center();
+        let at = [center[0] + (point[0] - center[0]) / scale, center[1] + (point[1] - center[1]) / scale];
+        self.area.grown(grown).contains(at)
+            && (self.outlines.is_empty() || self.outlines.iter().any(|outline| inside(outline, at)))
+    }
+
+    fn overlaps(&self, area: &Area) -> bool {
+        if !self.area.overlaps(area) || self.outlines.is_empty() {
+            return self.area.overlaps(area);
+        }
+        let at = |column: i32, row: i32| {
+            [area.x + area.width * f64::from(column) / 6.0, area.y + area.height * f64::from(row) / 2.0]
+        };
+        (0..=6).any(|column| (0..=2).any(|row| self.contains(at(column, row), 1.0, 0.0)))
+            || self.outlines.iter().flatten().any(|point| area.contains(*point))
+    }
+}
+
+/// Whether a point is inside a polygon (even-odd rule).
+fn inside(outline: &[Point], point: Point) -> bool {
+    let mut inside = false;
+    for (index, a) in outline.iter().enumerate() {
+        let b = outline[(index + 1) % outline.len()];
+        if (a[1] > point[1]) != (b[1] > point[1]) && point[0] < a[0] + (point[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+        {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+/// Draws the wires one after the other, each the best way given those before.
+///
+/// `clip` is the scale of the shapes at which a line starts and ends: 1 at the border, less inside.
+/// Also returns how many labels or lines could not avoid something solid.
+pub fn route(shapes: &[Shape], wires: &[Wire], clip: [f64; 2]) -> (Vec<Routed>, usize) {
+    let mut routed: Vec<Routed> = Vec::with_capacity(wires.len());
+    let mut clashes = 0;
+    for (index, wire) in wires.iter().enumerate() {
+        let mut best: Option<(f64, usize, Routed)> = None;
+        for bend in BENDS {
+            // The bend is measured in a direction that does not depend on which end comes first.
+            let bend = if wire.from < wire.to { bend } else { -bend };
+            let points = bent_line(&shapes[wire.from], &shapes[wire.to], bend, clip);
+            let ends = [Some(wire.from), Some(wire.to)];
+            let others: Vec<&Shape> = shapes
+                .iter()
+                .enumerate()
+                .filter(|(at, shape)| !ends.contains(&Some(*at)) && !ends.contains(&shape.owner))
+                .map(|(_, shape)| shape)
+                .collect();
+            let hits = |solid: bool| {
+                let hit = |shape: &&&Shape| points.iter().any(|point| shape.contains(*point, 1.0, 5.0));
+                others.iter().filter(|shape| shape.solid == solid).filter(hit).count()
+            };
+            let over_labels =
+                routed.iter().filter(|other| points.iter().any(|point| other.label.contains(*point))).count();
+            let beside = wires[..index]
+                .iter()
+                .zip(&routed)
+                .filter(|(other, _)| same_pair(other, wire))
+                .filter(|(_, drawn)| nearest(&drawn.points, points[points.len() / 2]) < 20.0)
+                .count();
+            let place = place_label(shapes, &routed, &points, &wire.label);
+            let hard = hits(true) + place.overlaps + over_labels + beside;
+            let cost = 100.0 * hard as f64 + 25.0 * hits(false) as f64 + 0.4 * bend.abs() + 0.5 * place.cost;
+            if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
+                best = Some((cost, hard, Routed { points, label: place.area }));
+            }
+        }
+        if let Some((_, hard, drawn)) = best {
+            clashes += hard;
+            routed.push(drawn);
+        }
+    }
+    (routed, clashes)
+}
+
+fn same_pair(a: &Wire, b: &Wire) -> bool {
+    (a.from, a.to) == (b.from, b.to) || (a.from, a.to) == (b.to, b.from)
+}
+
+fn nearest(points: &[Point], to: Point) -> f64 {
+    points.iter().map(|point| (point[0] - to[0]).hypot(point[1] - to[1])).fold(f64::INFINITY, f64::min)
+}
+
+/// A quadratic curve between the centres, without its parts inside the two shapes.
+fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> {
+    let (a, b) = (from.area.center(), to.area.center());
+    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+    let length = dx.hypot(dy).max(1e-6);
+    let control = [(a[0] + b[0]) / 2.0 - dy / length * bend * 2.0, (a[1] + b[1]) / 2.0 + dx / length * bend * 2.0];
+    let at = |t: f64| {
+        let (u, v) = (1.0 - t, t);
+        [u * u * a[0] + 2.0 * u * v * control[0] + v * v * b[0], u * u * a[1] + 2.0 * u * v * control[1] + v * v * b[1]]
+    };
+    let line: Vec<Point> = (0..=SAMPLES).map(|step| at(step as f64 / SAMPLES as f64)).collect();
+    let start = line.iter().rposition(|point| from.contains(*point, clip[0], 2.0)).map_or(0, |last| last + 1);
+    let end = line.iter().position(|point| to.contains(*point, clip[1], 3.0)).unwrap_or(line.len());
+    if start + 2 <= end { line[start..end].to_vec() } else { vec![a, b] }
+}
+
+struct LabelPlace {
+    area: Area,
+    /// Solid shapes and labels it covers.
+    overlaps: usize,
+    /// How bad the place is otherwise.
+    cost: f64,
+}
+
+/// The best place for a label along a line.
+fn place_label(shapes: &[Shape], routed: &[Routed], points: &[Point], label: &str) -> LabelPlace {
+    let (width, height) = label_size(label);
+    let length: f64 = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();
+    let mut best =
+        LabelPlace { area: Area::around(points[0], width, height), overlaps: usize::MAX, cost: f64::INFINITY };
+    for (rank, fraction) in FRACTIONS.into_iter().enumerate() {
+        let at = ((points.len() - 1) as f64 * fraction).round() as usize;
+        let (before, point, after) = (points[at.saturating_sub(1)], points[at], points[(at + 1).min(points.len() - 1)]);
+        let (dx, dy) = (after[0] - before[0], after[1] - before[1]);
+        let norm = dx.hypot(dy).max(1e-6);
+        let (ux, uy) = (dx / norm, dy / norm);
+        // How much of the line the plate would hide when it sits on it.
+        let hidden = (width / ux.abs().max(1e-6)).min(height / uy.abs().max(1e-6));
+        for (side, farther) in ASIDE {
+            let off = (width / 2.0 * uy.abs() + height / 2.0 * ux.abs() + 4.0 + farther) * side;
+            let area = Area::around([point[0] - uy * off, point[1] + ux * off], width, height);
+            let covered = |solid: bool| {
+                shapes.iter().filter(|shape| shape.solid == solid && shape.overlaps(&area.grown(1.0))).count()
+            };
+            let labels = routed.iter().filter(|other| area.grown(5.0).overlaps(&other.label)).count();
+            let lines = routed.iter().filter(|other| other.points.iter().any(|point| area.contains(*point))).count();
+            let squeezed = side == 0.0 && length < hidden + 26.0;
+            let cost = rank as f64
+                + 6.0 * side.abs()
+                + 0.7 * farther
+                + if squeezed { 40.0 } else { 0.0 }
+                + 12.0 * lines as f64
+                + 18.0 * covered(false) as f64;
+            let overlaps = covered(true) + labels;
+            if (overlaps, cost) < (best.overlaps, best.cost) {
+                best = LabelPlace { area, overlaps, cost };
+            }
+        }
+    }
+    best
+}
+
+/// Width and height of a label with its margin.
+pub fn label_size(label: &str) -> (f64, f64) {
+    (text_width(label, LABEL_SIZE) * BOLD + 6.0, LABEL_SIZE + 5.0)
+}

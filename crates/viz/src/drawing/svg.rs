@@ -1,0 +1,232 @@
+//! Just enough SVG.
+
+use std::fmt::Write;
+
+use super::colors::INK;
+use crate::markup::escape;
+
+/// A finished drawing. Only this crate makes one, with every text in it escaped,
+/// so that it may be put into an HTML page as it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Svg(String);
+
+impl Svg {
+    /// The text of the file.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// The text of the file.
+    pub fn into_string(self) -> String {
+        self.0
+    }
+}
+
+impl std::fmt::Display for Svg {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// A point on the page, px, y down.
+pub type Point = [f64; 2];
+
+/// A rectangle on the page, px, y down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Area {
+    pub x: f64,
+    pub y: f64,
+    pub width: f64,
+    pub height: f64,
+}
+
+impl Area {
+    pub fn around(center: Point, width: f64, height: f64) -> Self {
+        Self { x: center[0] - width / 2.0, y: center[1] - height / 2.0, width, height }
+    }
+
+    pub fn center(&self) -> Point {
+        [self.x + self.width / 2.0, self.y + self.height / 2.0]
+    }
+
+    pub fn grown(&self, by: f64) -> Self {
+        Self { x: self.x - by, y: self.y - by, width: self.width + 2.0 * by, height: self.height + 2.0 * by }
+    }
+
+    pub fn contains(&self, point: Point) -> bool {
+        (self.x..=self.x + self.width).contains(&point[0]) && (self.y..=self.y + self.height).contains(&point[1])
+    }
+
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.x < other.x + other.width
+            && other.x < self.x + self.width
+            && self.y < other.y + other.height
+            && other.y < self.y + self.height
+    }
+
+    pub fn within(&self, other: &Self) -> bool {
+        other.contains([self.x, self.y]) && other.contains([self.x + self.width, self.y + self.height])
+    }
+
+    pub fn shifted(&self, by: Point) -> Self {
+        Self { x: self.x + by[0], y: self.y + by[1], ..*self }
+    }
+}
+
+/// Width of a text in px, estimated with the widest of the common system fonts, so that it never runs over.
+pub fn text_width(text: &str, size: f64) -> f64 {
+    let em = |character: char| match character {
+        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | ' ' => 0.34,
+        'f' | 't' | 'r' | '(' | ')' | '[' | ']' | '/' | '-' => 0.43,
+        'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.97,
+        'A'..='Z' => 0.72,
+        character if character.is_ascii() => 0.62,
+        character if (character as u32) < 0x2e80 => 0.72,
+        _ => 1.05,
+    };
+    text.chars().map(em).sum::<f64>() * size
+}
+
+/// How much wider semi-bold text is.
+pub const BOLD: f64 = 1.1;
+
+/// Breaks a text into at most `lines` lines of about `width` px each; what does not fit ends in an ellipsis.
+pub fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
+    let mut wrapped: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match wrapped.last_mut() {
+            Some(line) if text_width(line, size) + text_width(" ", size) + text_width(word, size) <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => wrapped.push(word.to_owned()),
+        }
+    }
+    let cut = wrapped.len() > lines;
+    wrapped.truncate(lines);
+    let count = wrapped.len();
+    for (index, line) in wrapped.iter_mut().enumerate() {
+        let must_end = cut && index + 1 == count;
+        let room = width.max(size * 4.0) * 1.35;
+        if must_end || text_width(line, size) > room {
+            while text_width(line, size) + size > room && line.pop().is_some() {}
+            line.push('…');
+        }
+    }
+    wrapped
+}
+
+/// Where a text is anchored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    Start,
+    Middle,
+}
+
+/// A drawing in the making.
+#[derive(Default)]
+pub struct Canvas {
+    body: String,
+}
+
+impl Canvas {
+    /// A rectangle with rounded corners; `style` is further attributes.
+    pub fn rect(&mut self, area: &Area, radius: f64, style: &str) {
+        let _ = writeln!(
+            self.body,
+            r#"<rect x="{}" y="{}" width="{}" height="{}" rx="{}" {style}/>"#,
+            px(area.x),
+            px(area.y),
+            px(area.width),
+            px(area.height),
+            px(radius)
+        );
+    }
+
+    /// A circle.
+    pub fn circle(&mut self, center: Point, radius: f64, style: &str) {
+        let (x, y) = (px(center[0]), px(center[1]));
+        let _ = writeln!(self.body, r#"<circle cx="{x}" cy="{y}" r="{}" {style}/>"#, px(radius));
+    }
+
+    /// A line through points, closed or open.
+    pub fn polyline(&mut self, points: &[Point], closed: bool, style: &str) {
+        let tag = if closed { "polygon" } else { "polyline" };
+        let points: Vec<String> = points.iter().map(|point| format!("{},{}", px(point[0]), px(point[1]))).collect();
+        let _ = writeln!(self.body, r#"<{tag} points="{}" {style}/>"#, points.join(" "));
+    }
+
+    /// A line with an arrow head at its last point.
+    pub fn arrow(&mut self, points: &[Point], color: &str, width: f64, dashed: bool) {
+        let [.., before, tip] = points else { return };
+        let (dx, dy) = (tip[0] - before[0], tip[1] - before[1]);
+        let length = dx.hypot(dy).max(1e-6);
+        let (ux, uy) = (dx / length, dy / length);
+        let base = [tip[0] - 9.0 * ux, tip[1] - 9.0 * uy];
+        let mut shaft: Vec<Point> = points[..points.len() - 1].to_vec();
+        shaft.retain(|point| (point[0] - tip[0]).hypot(point[1] - tip[1]) > 9.0);
+        shaft.push(base);
+        let dash = if dashed { r#" stroke-dasharray="5 4""# } else { "" };
+        let style = format!(
+            r#"fill="none" stroke="{color}" stroke-width="{}" stroke-linecap="round" stroke-linejoin="round"{dash}"#,
+            px(width)
+        );
+        self.polyline(&shaft, false, &style);
+        let head = [*tip, [base[0] - 4.2 * uy, base[1] + 4.2 * ux], [base[0] + 4.2 * uy, base[1] - 4.2 * ux]];
+        self.polyline(&head, true, &format!(r#"fill="{color}""#));
+    }
+
+    /// Another drawing, its corner at a point.
+    pub fn group(&mut self, at: Point, other: Self) {
+        let _ = writeln!(self.body, r#"<g transform="translate({} {})">"#, px(at[0]), px(at[1]));
+        self.body += &other.body;
+        self.body += "</g>\n";
+    }
+
+    /// A text on its baseline; `style` is further attributes.
+    pub fn text(&mut self, at: Point, size: f64, anchor: Anchor, style: &str, text: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "",
+            Anchor::Middle => r#" text-anchor="middle""#,
+        };
+        let (x, y, size) = (px(at[0]), px(at[1]), px(size));
+        let _ =
+            writeln!(self.body, r#"<text x="{x}" y="{y}" font-size="{size}"{anchor} {style}>{}</text>"#, escape(text));
+    }
+
+    /// A short text in the middle of an area, on a plate so that lines behind do not disturb it.
+    pub fn plate(&mut self, area: &Area, size: f64, [color, ground]: [&str; 2], text: &str) {
+        self.rect(area, 4.0, &format!(r#"fill="{ground}" fill-opacity="0.92""#));
+        let center = area.center();
+        let style = format!(r#"fill="{color}" font-weight="600""#);
+        self.text([center[0], center[1] + size * 0.35], size, Anchor::Middle, &style, text);
+    }
+
+    /// The whole file on white; `title` is read by screen readers.
+    pub fn finish(self, width: f64, height: f64, title: &str) -> Svg {
+        let title = escape(title);
+        Svg(format!(
+            concat!(
+                r#"<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{w}" height="{h}" viewBox="0 0 {w} {h}" "#,
+                r#"style="max-width:100%;height:auto;min-width:{least}px" "#,
+                r#"font-family="system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif" fill="{ink}">"#,
+                "\n<title>{title}</title>\n",
+                r##"<rect width="{w}" height="{h}" fill="#ffffff"/>"##,
+                "\n{body}</svg>\n"
+            ),
+            w = px(width.ceil()),
+            h = px(height.ceil()),
+            // On a narrow page it shrinks a little, then its frame scrolls, so that the text stays readable.
+            least = px((width * 0.78).floor()),
+            ink = INK,
+            title = title,
+            body = self.body
+        ))
+    }
+}
+
+/// A number with at most one decimal.
+fn px(value: f64) -> String {
+    let rounded = (value * 10.0).round() / 10.0;
+    if rounded == rounded.trunc() { format!("{}", rounded as i64) } else { format!("{rounded:.1}") }
+}

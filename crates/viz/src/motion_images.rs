@@ -1,0 +1,172 @@
+//! A motion of the arm: all of it in one picture, or as a film.
+
+use std::path::Path;
+
+use genmanip_core::glam::{DVec2, DVec3};
+use genmanip_core::{Camera, ImageChannels, Intrinsics, Pose, RgbdImage};
+use genmanip_data::video::mux_mp4;
+use genmanip_data::{VideoEncoder, VideoSettings};
+use genmanip_render::ROBOT;
+use genmanip_rollout::Stage;
+use genmanip_rollout::images::{Exposure, Painter};
+
+use crate::scene_images;
+use genmanip_workspace::RunError;
+
+/// Columns of pictures and films.
+const WIDTH: u32 = 960;
+/// Postures of the arm in one picture.
+const POSTURES: usize = 6;
+/// How much of an earlier posture shows, 0-1.
+const GHOST: f32 = 0.4;
+/// Frames per second of films.
+const FPS: u32 = 30;
+/// Colour of the way of the hand.
+const WAY: [u8; 3] = [235, 90, 20];
+/// Colour of a posture that touches something.
+const BLOCKED: [u8; 3] = [215, 25, 40];
+
+/// What is shown.
+pub struct Drawn<'a> {
+    /// Objects and robot.
+    pub stage: &'a Stage,
+    /// Joint positions of the arm at the control rate, rad.
+    pub configs: &'a [Vec<f64>],
+    /// Where the tcp is at each of them, in the world, metres.
+    pub tcp: Vec<DVec3>,
+    /// Opening of the gripper, metres.
+    pub gripper_width: f64,
+    /// A goal that cannot be.
+    pub blocked: Option<&'a [f64]>,
+}
+
+/// The arm at several moments, the last one solid, and the way of the hand; PNG or JPEG by the file's ending.
+pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
+    let as_jpeg = match path.extension().and_then(|ending| ending.to_str()) {
+        Some("png") => false,
+        Some("jpg" | "jpeg") => true,
+        _ => return Err(ending(path, "a picture is written as .png or .jpg")),
+    };
+    let mut view = View::new(drawn, camera)?;
+    let last = drawn.configs.len().saturating_sub(1);
+    let at = |index: usize| &drawn.configs[last * index / (POSTURES - 1)];
+    let mut canvas = view.paint(at(POSTURES - 1))?;
+    if last > 0 {
+        for index in 0..POSTURES - 1 {
+            let ghost = view.paint(at(index))?;
+            blend(&mut canvas, &ghost, None);
+        }
+    }
+    if let Some(blocked) = drawn.blocked {
+        let ghost = view.paint(blocked)?;
+        blend(&mut canvas, &ghost, Some(BLOCKED));
+    }
+    view.draw_way(&mut canvas, &drawn.tcp);
+    let (width, height) = (canvas.width(), canvas.height());
+    let encoded = match as_jpeg {
+        true => genmanip_render::encode::jpeg_rgb(width, height, &canvas.rgb, 90),
+        false => genmanip_render::encode::png_rgb(width, height, &canvas.rgb),
+    };
+    encoded.map_err(|error| RunError::broken("cannot encode the picture", error))
+}
+
+/// The motion in real time as MP4, the way of the hand drawn behind it as it goes.
+pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
+    if path.extension().is_none_or(|ending| ending != "mp4") {
+        return Err(ending(path, "an animation is written as .mp4"));
+    }
+    let failed = |error| RunError::broken("cannot encode the animation", error);
+    let mut view = View::new(drawn, camera)?;
+    let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+    let mut encoder = VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(failed)?;
+    let stride = (drawn.stage.control_rate_hz() / f64::from(FPS)).round().max(1.0) as usize;
+    let last = drawn.configs.len().saturating_sub(1);
+    // The last posture stays a while.
+    let shown = (0..=last).step_by(stride).chain(std::iter::repeat_n(last, FPS as usize / 2));
+    for index in shown {
+        let mut canvas = view.paint(&drawn.configs[index])?;
+        view.draw_way(&mut canvas, &drawn.tcp[..=index]);
+        encoder.push(&canvas.rgb).map_err(failed)?;
+    }
+    mux_mp4([&encoder.finish()]).map_err(failed)
+}
+
+fn ending(path: &Path, expected: &str) -> RunError {
+    RunError::input(format!("cannot write {}", path.display())).with_hint(expected)
+}
+
+/// What is shown, by one camera.
+struct View<'a> {
+    drawn: &'a Drawn<'a>,
+    painter: Painter,
+    camera: Camera,
+}
+
+impl<'a> View<'a> {
+    fn new(drawn: &'a Drawn, camera: Option<&str>) -> Result<Self, RunError> {
+        let whole = Camera::looking_at(
+            "whole",
+            DVec3::new(1.75, 1.3, 1.15),
+            DVec3::new(0.31, 0.0, 0.24),
+            Intrinsics::from_vertical_fov(WIDTH, WIDTH * 9 / 16, 34_f64.to_radians()),
+        );
+        let cameras = &drawn.stage.scenario.world.cameras;
+        let find = |name| cameras.iter().find(|known| known.name == name);
+        let Some(camera) = camera.map_or(Some(&whole), find) else {
+            let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+            return Err(RunError::input(format!("scenario {} has no such camera", drawn.stage.scenario.id))
+                .with_hint(format!("its cameras are {}", known.join(", "))));
+        };
+        let Camera { intrinsics, .. } = camera;
+        // Films want even sizes.
+        let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
+        let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
+        let stage = drawn.stage;
+        let painter = Painter::new(stage).map_err(|error| scene_images::not_drawn(&stage.scenario.id, error))?;
+        Ok(Self { drawn, painter, camera })
+    }
+
+    fn paint(&mut self, config: &[f64]) -> Result<RgbdImage, RunError> {
+        let placed = &self.drawn.stage.scenario.objects;
+        let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
+        let still = Exposure::still(self.drawn.stage.scenario.seed);
+        let images = self.painter.paint_state(config, self.drawn.gripper_width, objects, &views, still);
+        let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
+        Ok(images.swap_remove(0))
+    }
+
+    /// A line through points of the world, whatever is in front of it.
+    fn draw_way(&self, canvas: &mut RgbdImage, points: &[DVec3]) {
+        let camera_from_world = self.camera.world_from_camera(&Pose::IDENTITY).inverse();
+        let pixel = |point: &DVec3| self.camera.intrinsics.project(camera_from_world.transform_point(*point));
+        for pair in points.windows(2) {
+            let Some((from, to)) = pixel(&pair[0]).zip(pixel(&pair[1])) else { continue };
+            let steps = (to - from).abs().max_element().ceil().clamp(1.0, 2.0 * f64::from(WIDTH)) as usize;
+            (0..=steps).for_each(|step| dot(canvas, from.lerp(to, step as f64 / steps as f64)));
+        }
+    }
+}
+
+/// Lets the robot of another picture show through, in its own colours or tinted.
+fn blend(canvas: &mut RgbdImage, ghost: &RgbdImage, tint: Option<[u8; 3]>) {
+    let pixels = canvas.rgb.chunks_exact_mut(3).zip(ghost.rgb.chunks_exact(3)).zip(&ghost.ids);
+    for ((pixel, other), _) in pixels.filter(|(_, id)| **id == ROBOT) {
+        for (channel, (value, other)) in pixel.iter_mut().zip(other).enumerate() {
+            let other = tint.map_or(*other, |tint| (*other / 2).saturating_add(tint[channel] / 2));
+            *value = (f32::from(*value) * (1.0 - GHOST) + f32::from(other) * GHOST).round() as u8;
+        }
+    }
+}
+
+/// A dot three pixels wide.
+fn dot(canvas: &mut RgbdImage, at: DVec2) {
+    let (width, height) = (i64::from(canvas.width()), i64::from(canvas.height()));
+    let (x, y) = (at.x.round() as i64, at.y.round() as i64);
+    for (x, y) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))) {
+        if (0..width).contains(&x) && (0..height).contains(&y) {
+            let start = 3 * (y * width + x) as usize;
+            canvas.rgb[start..start + 3].copy_from_slice(&WAY);
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Pictures and files of single assets: portraits, contact sheets, exports.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::worlds::default_world;
+use genmanip_assets::{AssetSource, Families};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Camera, Intrinsics, ObjectModel, PhysicsFactors, Pose, limits};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
+
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+use genmanip_workspace::task_files;
+
+/// Vertical field of view of a portrait, rad: a long lens, so that shapes look as they are.
+const PORTRAIT_FOV: f64 = 0.42;
+/// Of written JPEG pictures: no artefacts to be seen at a label.
+const JPEG_QUALITY: u8 = 88;
+/// Share of the distance that the radius of an object is in a portrait.
+const PORTRAIT_FILL: f64 = 0.19;
+
+/// The families in the data files of a folder: `shapes.json`, `palettes.json` and every other `*.json`.
+///
+/// # Errors
+/// When a file cannot be read or is wrong.
+pub fn read_families(folder: &Path) -> Result<Families, RunError> {
+    let mut files = Vec::new();
+    for path in task_files::expand(&[folder.to_owned()])? {
+        files.push((documents::stem(&path), documents::read_text(&path, limits::FAMILIES)?));
+    }
+    let named = |name: &str| {
+        let found = files.iter().find(|(stem, _)| stem == name).map(|(_, text)| text.clone());
+        found.ok_or_else(|| RunError::input(format!("no {name}.json in {}", folder.display())))
+    };
+    let (shapes, palettes) = (named("shapes")?, named("palettes")?);
+    let families: Vec<(&str, &str)> = files
+        .iter()
+        .filter(|(stem, _)| stem != "shapes" && stem != "palettes")
+        .map(|(stem, text)| (stem.as_str(), text.as_str()))
+        .collect();
+    Families::from_json(&families, &shapes, &palettes)
+        .map_err(|error| RunError::input(format!("the families in {} cannot be used", folder.display())).because(error))
+}
+
+/// One object on the table from the robot's side, filling a square picture; RGB row by row.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn portrait(model: &Arc<ObjectModel>, joints: &[f64], pixels: u32) -> Result<Vec<u8>, RunError> {
+    // Fronts face the robot; handles of cups point away from it and labels to its right.
+    let direction = if model.card.is_articulated { [-0.8, -0.42, 0.62] } else { [-0.36, -0.82, 0.62] };
+    portrait_from(model, &Pose::from_position(DVec3::new(0.5, 0.0, 0.0)), joints, DVec3::from_array(direction), pixels)
+}
+
+/// The same posed and seen from a direction.
+///
+/// # Errors
+/// As [`portrait`].
+pub fn portrait_from(
+    model: &Arc<ObjectModel>,
+    pose: &Pose,
+    joints: &[f64],
+    direction: DVec3,
+    pixels: u32,
+) -> Result<Vec<u8>, RunError> {
+    let broken = |error| RunError::broken(format!("cannot draw object {}", model.card.uid), error);
+    let bounds = model.world_bounds(pose, joints);
+    let radius = bounds.size().length() / 2.0;
+    let eye = bounds.center() + direction.normalize() * (radius / PORTRAIT_FILL);
+    let intrinsics = Intrinsics::from_vertical_fov(pixels, pixels, PORTRAIT_FOV);
+    let camera = Camera::looking_at("portrait", eye, bounds.center(), intrinsics);
+    let assets = RenderAssets::without_robot(&[Arc::clone(model)], Some(&default_world())).map_err(broken)?;
+    let frame = assets.frame_state(&[], 0.0, [(*pose, joints)]).map_err(broken)?;
+    let mut out = [FrameBuffers::default()];
+    let job = ViewJob { supersample: 4, ..ViewJob::new(&frame, &camera, Channels::RGB) };
+    Renderer::new(assets, RenderVariation::default()).render(&[job], &mut out).map_err(broken)?;
+    let [out] = out;
+    Ok(out.rgb)
+}
+
+/// Portraits row by row in one picture: JPEG where the path ends so, else PNG.
+///
+/// # Errors
+/// As [`portrait`].
+pub fn sheet(
+    models: &[Arc<ObjectModel>],
+    columns: usize,
+    cell: u32,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<Vec<u8>, RunError> {
+    progress.begin("drawing", models.len());
+    let mut pictures = Vec::new();
+    for model in models {
+        pictures.push(portrait(model, &vec![0.0; model.joint_count()], cell)?);
+        progress.advance();
+    }
+    progress.end();
+    tiled(&pictures, columns, cell, path)
+}
+
+/// Square pictures row by row in one: JPEG where the path ends so, else PNG.
+///
+/// # Errors
+/// When it cannot be encoded.
+pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Result<Vec<u8>, RunError> {
+    let columns = columns.clamp(1, pictures.len().max(1));
+    let rows = pictures.len().div_ceil(columns);
+    let (width, height) = (columns * cell as usize, rows * cell as usize);
+    let mut sheet = vec![255; width * height * 3];
+    for (index, picture) in pictures.iter().enumerate() {
+        let (left, top) = (index % columns * cell as usize, index / columns * cell as usize);
+        for (row, pixels) in picture.chunks_exact(cell as usize * 3).enumerate() {
+            let start = ((top + row) * width + left) * 3;
+            sheet[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+    let is_jpeg = path.extension().is_some_and(|ending| ending == "jpg" || ending == "jpeg");
+    let (width, height) = (width as u32, height as u32);
+    let encoded = if is_jpeg {
+        encode::jpeg_rgb(width, height, &sheet, JPEG_QUALITY)
+    } else {
+        encode::png_rgb(width, height, &sheet)
+    };
+    encoded.map_err(|error| RunError::broken("the picture cannot be encoded", error))
+}
+
+/// The model of an object of a catalogue.
+///
+/// # Errors
+/// When there is none of that uid.
+pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<ObjectModel>, RunError> {
+    catalogue.build(uid).map_err(|error| {
+        RunError::input(format!("no object {uid}"))
+            .because(error)
+            .with_hint("`genmanip assets list --catalog full` names them all")
+    })
+}
+
+/// An object as Wavefront OBJ with its materials (`mtl` is the name of that file), parts at their places for joints
+/// at 0; metres, z up.
+pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
+    let (mut text, mut materials) = (format!("# {}\nmtllib {mtl}\n", model.card.name), String::new());
+    let mut offset = 1;
+    for (link, pose) in model.links.iter().zip(model.link_poses(&vec![0.0; model.joint_count()])) {
+        for (index, part) in link.visual.iter().enumerate() {
+            let name = format!("{}_{}_{index}", link.name, part.name).replace(' ', "_");
+            let object_from_part = pose * part.link_from_part;
+            let mean = |texture: &genmanip_core::Texture| {
+                let pixels = (texture.rgb.len() / 3).max(1) as f32 * 255.0;
+                [0, 1, 2].map(|i| texture.rgb.iter().skip(i).step_by(3).map(|&v| f32::from(v)).sum::<f32>() / pixels)
+            };
+            let [r, g, b] = part.material.texture.as_deref().map_or(part.material.base_color, mean);
+            let opacity = part.material.opacity;
+            materials += &format!("newmtl {name}\nKd {r:.4} {g:.4} {b:.4}\nd {opacity:.3}\n\n");
+            text += &format!("o {name}\nusemtl {name}\n");
+            for position in &part.drawn.positions {
+                let p = object_from_part.transform_point(position.as_dvec3());
+                text += &format!("v {:.6} {:.6} {:.6}\n", p.x, p.y, p.z);
+            }
+            for uv in &part.drawn.uvs {
+                text += &format!("vt {:.5} {:.5}\n", uv.x, 1.0 - uv.y);
+            }
+            for normal in &part.drawn.normals {
+                let n = object_from_part.transform_vector(normal.as_dvec3());
+                text += &format!("vn {:.4} {:.4} {:.4}\n", n.x, n.y, n.z);
+            }
+            for triangle in &part.drawn.triangles {
+                let [a, b, c] = triangle.map(|index| index + offset);
+                text += &format!("f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}\n");
+            }
+            offset += part.drawn.positions.len() as u32;
+        }
+    }
+    (text, materials)
+}
+
+/// An object that stands alone in a scene of the simulator, as MJCF.
+///
+/// # Errors
+/// When the simulator refuses it.
+pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
+    let object = genmanip_sim::SceneObject {
+        name: model.card.uid.clone(),
+        model: Arc::clone(model),
+        pose: Pose::from_position(DVec3::new(0.5, 0.0, 0.0)),
+        joint_positions: vec![0.0; model.joint_count()],
+        physics: PhysicsFactors::default(),
+    };
+    let scene = genmanip_sim::Scene::compile_without_robot(&default_world(), &[object]);
+    let scene = scene.map_err(|error| RunError::broken("the simulator refuses the object", error))?;
+    Ok(scene.mjcf().to_owned())
+}
+
+/// All hashes of an object.
+///
+/// # Errors
+/// As [`model`].
+pub fn hashes(
+    catalogue: &genmanip_assets::Catalogue,
+    model: &ObjectModel,
+) -> Result<genmanip_core::AssetHashes, RunError> {
+    catalogue.hashes(&model.asset).map_err(|error| RunError::input("no such object").because(error))
+}

@@ -1,0 +1,87 @@
+//! The files of one camera: a film or a picture, and a picture per channel.
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::{Camera, ImageChannels, RgbdImage};
+use genmanip_data::video::mux_mp4;
+use genmanip_data::{VideoEncoder, VideoSettings};
+use genmanip_render::encode;
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+
+/// Writes the pictures of one camera as they come.
+pub(super) struct Writer {
+    /// Without an ending.
+    stem: PathBuf,
+    channels: ImageChannels,
+    film: Option<VideoEncoder>,
+    is_film: bool,
+}
+
+impl Writer {
+    /// Refuses a film with odd sides before anything is drawn; `fps` is that of a film, none of a picture.
+    pub(super) fn new(
+        folder: &Path,
+        camera: &Camera,
+        channels: ImageChannels,
+        fps: Option<u32>,
+    ) -> Result<Self, RunError> {
+        let [width, height] = [camera.intrinsics.width, camera.intrinsics.height];
+        let fps_of_color = fps.filter(|_| channels.rgb);
+        if fps_of_color.is_some() && (width % 2 != 0 || height % 2 != 0) {
+            return Err(RunError::input(format!("camera {} has {width}x{height} pixels", camera.name))
+                .with_hint("films need even sides; choose another --size"));
+        }
+        let film = fps_of_color.map(|fps| VideoEncoder::new(width, height, fps, &VideoSettings::default())).transpose();
+        let film = film.map_err(|error| RunError::broken("cannot encode the film", error))?;
+        Ok(Self { stem: folder.join(&camera.name), channels, film, is_film: fps.is_some() })
+    }
+
+    /// Writes the channels that were asked for.
+    pub(super) fn push(&mut self, index: usize, image: &RgbdImage) -> Result<(), RunError> {
+        let unencoded = |error: encode::EncodeError| RunError::broken("cannot encode a picture", error);
+        let (width, height) = (image.width(), image.height());
+        if let Some(film) = &mut self.film {
+            film.push(&image.rgb).map_err(|error| RunError::broken("cannot encode the film", error))?;
+        } else if self.channels.rgb {
+            self.write_still(image)?;
+        }
+        if self.channels.depth {
+            self.write("depth", index, &encode::png_depth_mm(width, height, &image.depth_m).map_err(unencoded)?)?;
+        }
+        if self.channels.ids {
+            self.write("ids", index, &encode::png_u16(width, height, &image.ids).map_err(unencoded)?)?;
+        }
+        if self.channels.normals {
+            let color = |normal: &[i8; 3]| match normal {
+                [0, 0, 0] => [0; 3],
+                normal => normal.map(|axis| (f32::from(axis) / 127.0 * 127.5 + 127.5).round() as u8),
+            };
+            let rgb: Vec<u8> = image.normals.iter().flat_map(color).collect();
+            self.write("normals", index, &encode::png_rgb(width, height, &rgb).map_err(unencoded)?)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the colours of one picture as PNG, beside the film if there is one.
+    pub(super) fn write_still(&self, image: &RgbdImage) -> Result<(), RunError> {
+        let png = encode::png_rgb(image.width(), image.height(), &image.rgb);
+        let png = png.map_err(|error| RunError::broken("cannot encode a picture", error))?;
+        documents::write_file(&self.stem.with_extension("png"), &png)
+    }
+
+    fn write(&self, channel: &str, index: usize, png: &[u8]) -> Result<(), RunError> {
+        let name = format!("{}_{channel}", self.stem.file_name().unwrap_or_default().to_string_lossy());
+        let place = self.stem.with_file_name(name);
+        let file = if self.is_film { place.join(format!("{index:06}.png")) } else { place.with_extension("png") };
+        documents::write_file(&file, png)
+    }
+
+    /// Closes the film.
+    pub(super) fn finish(self) -> Result<(), RunError> {
+        let Some(film) = self.film else { return Ok(()) };
+        let mp4 = mux_mp4([&film.finish()]).map_err(|error| RunError::broken("cannot encode the film", error))?;
+        documents::write_file(&self.stem.with_extension("mp4"), &mp4)
+    }
+}

@@ -1,0 +1,360 @@
+//! Pictures of scenarios and recorded episodes, drawn again without physics: the same as before, or in another look.
+//!
+//! ```text
+//! OUT/ID/CAMERA.mp4              colour of an episode; CAMERA.png of a scenario
+//! OUT/ID/CAMERA_depth/000000.png 16-bit millimetres, 0 where nothing is seen; CAMERA_depth.png of a scenario
+//! OUT/ID/CAMERA_ids/…            16-bit ids, named in render.json
+//! OUT/ID/CAMERA_normals/…        camera frame, 127.5 · (n + 1) in red, green, blue; black where nothing is seen
+//! OUT/ID/labels.jsonl            boxes: a line per picture and camera, see docs/formats/labels.md
+//! OUT/ID/CAMERA_clouds/000000/OBJECT.ply   points of each object; CAMERA_clouds/OBJECT.ply of a scenario
+//! OUT/ID/turntable.mp4           once around a scenario; turntable.png its first picture
+//! OUT/ID/render.json             cameras with their poses, the look and its seed, what the ids mean
+//! ```
+
+mod files;
+mod labels;
+mod moment;
+mod overlay;
+mod turntable;
+
+use genmanip_workspace::documents;
+use genmanip_workspace::scenarios;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use genmanip_core::world::camera_faults;
+use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Seed};
+use genmanip_data::images::variation_seed;
+pub use genmanip_render::Vary;
+use genmanip_render::reference::ReferenceSettings;
+use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
+use genmanip_rollout::Stage;
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::images::{Exposure, Painter, sensor_seed, usual_variation};
+use serde::Serialize;
+
+use self::files::Writer;
+use self::labels::Labels;
+use self::moment::Moment;
+pub use self::overlay::Overlay;
+use self::overlay::Overlays;
+use crate::replay;
+use crate::scene_images::not_drawn;
+use genmanip_workspace::Progress;
+use genmanip_workspace::RunError;
+
+/// Which pictures are drawn.
+#[derive(Clone, Debug)]
+pub struct RenderOptions {
+    /// Names of cameras; all of them when it is empty.
+    pub cameras: Vec<String>,
+    /// Pixels per row and rows; each camera's own without.
+    pub size_px: Option<[u32; 2]>,
+    /// What the pictures hold; points are not written.
+    pub channels: ImageChannels,
+    /// Whether boxes around the objects are written, a line per picture.
+    pub boxes: bool,
+    /// Whether the points of each object are written.
+    pub clouds: bool,
+    /// What is drawn over the colours.
+    pub overlays: Vec<Overlay>,
+    /// Whether the colours are captioned.
+    pub captions: bool,
+    /// Pictures of a turn around a scenario, in place of those of its cameras.
+    pub turntable: Option<u32>,
+    /// Pictures per second of an episode, whose rate it divides, and of a turn.
+    pub fps: u32,
+    /// The look; the usual one without.
+    pub look: Option<Look>,
+    /// Sensors of all cameras; each camera's own without.
+    pub sensor: Option<CameraSensor>,
+    /// How long the shutters of all cameras are open, s; each camera's own without.
+    pub shutter_s: Option<f64>,
+    /// Lens of all cameras; each camera's own without.
+    pub distortion: Option<Distortion>,
+    /// Light paths per pixel of a traced picture; rasterised without.
+    pub paths: Option<u32>,
+    /// Threads.
+    pub workers: usize,
+}
+
+impl RenderOptions {
+    /// The sensors of a camera whose own ones are given.
+    fn sensor_of(&self, own: Option<CameraSensor>) -> Option<CameraSensor> {
+        let sensor = self.sensor.or(own);
+        self.shutter_s.map_or(sensor, |shutter_s| CameraSensor::with_shutter(sensor, shutter_s))
+    }
+}
+
+/// A look that is drawn by chance.
+#[derive(Clone, Debug)]
+pub struct Look {
+    /// Where the chance comes from.
+    pub seed: LookSeed,
+    /// What differs from the usual look.
+    pub vary: Vec<Vary>,
+}
+
+/// The seed of looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LookSeed {
+    /// That of `collect --variation per-episode`: it follows from the seed of the episode.
+    Episode,
+    /// A number; each episode gets a look of its own from it.
+    Number(Seed),
+}
+
+impl LookSeed {
+    fn of(self, id: &str, episode: Seed) -> Seed {
+        match self {
+            Self::Episode => variation_seed(episode),
+            Self::Number(seed) => seed.fork(id),
+        }
+    }
+}
+
+/// What was drawn of one episode or scenario.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rendered {
+    /// The episode or scenario.
+    pub id: String,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Pictures of each camera and channel.
+    pub frames: usize,
+    /// Seed of its look, if it has one of its own.
+    pub variation_seed: Option<Seed>,
+}
+
+/// `render.json`.
+#[derive(Serialize)]
+struct Card {
+    id: String,
+    fps: Option<u32>,
+    frames: usize,
+    variation_seed: Option<Seed>,
+    vary: Vec<Vary>,
+    variation: RenderVariation,
+    /// Light paths per pixel; null for the rasteriser.
+    paths: Option<u32>,
+    /// What is drawn over the colours.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    overlays: Vec<&'static str>,
+    /// As they stood; one on the hand in the hand's frame. Those of a turn one after the other.
+    cameras: Vec<Camera>,
+    /// What the ids of the pictures mean.
+    ids: BTreeMap<u16, String>,
+}
+
+/// Draws a scenario file, an episode's folder, a store or a run into a folder of its own each, on several threads.
+///
+/// # Errors
+/// When there is nothing to draw, a camera is unknown, the rate does not fit, or a file cannot be written.
+pub fn render(
+    path: &Path,
+    out: &Path,
+    options: &RenderOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<Rendered>, RunError> {
+    check_combination(options)?;
+    if path.is_file() {
+        let stage = scenarios::read_stage(path)?;
+        return Ok(vec![draw(&stage, None, out, options, options.workers)?]);
+    }
+    if options.turntable.is_some() {
+        return Err(RunError::input(format!("--turntable of {}: expected the file of a scenario", path.display()))
+            .with_hint("a turn shows things at rest; the scenario of an episode is in the `scenarios` of its run"));
+    }
+    let located = replay::locate(path)?;
+    progress.begin("drawing", located.ids.len());
+    let rendered = in_parallel(&located.ids, options.workers, stop, &|id| {
+        let episode = located.store.read(id).map_err(|error| replay::unreadable(id, error))?;
+        let rendered = draw(&replay::stage(&episode)?, Some(&episode), out, options, 1)?;
+        progress.advance();
+        Ok::<_, RunError>(rendered)
+    })?;
+    progress.end();
+    Ok(rendered)
+}
+
+/// Draws a scenario or an episode; `threads` are for traced pictures, others need one.
+fn draw(
+    stage: &Stage,
+    episode: Option<&Episode>,
+    out: &Path,
+    options: &RenderOptions,
+    threads: usize,
+) -> Result<Rendered, RunError> {
+    let scenario = &stage.scenario;
+    let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
+    let folder = out.join(id);
+    let look = options.look.as_ref().map(|look| (look.seed.of(id, seed), &look.vary[..]));
+    let usual = usual_variation(stage);
+    let variation = look.map_or_else(
+        || usual.clone(),
+        |(seed, vary)| sampling::varied(&usual, &genmanip_core::Look::new(seed, vary.to_vec())),
+    );
+    let (count, cameras) = match options.turntable {
+        Some(count) => (count as usize, turntable::draw(stage, count, &folder, variation.clone(), options, threads)?),
+        None => {
+            let cameras = cameras(stage, options)?.into_iter().map(|camera| match look {
+                Some((seed, vary)) => sampling::moved(&camera, seed, vary),
+                None => camera,
+            });
+            let cameras: Vec<Camera> = cameras.collect();
+            let of = Source { stage, episode, id, seed };
+            (of.draw(&folder, &cameras, variation.clone(), options, threads)?, cameras)
+        }
+    };
+    let mut ids = BTreeMap::from([(TABLE, "table".to_owned()), (ROBOT, "robot".to_owned())]);
+    ids.extend(scenario.objects.iter().zip(FIRST_OBJECT..).map(|(placed, number)| (number, placed.id.clone())));
+    let variation_seed = look.map(|(seed, _)| seed);
+    let vary = look.map_or_else(Vec::new, |(_, vary)| vary.to_vec());
+    let has_rate = episode.is_some() || options.turntable.is_some();
+    let card = Card {
+        id: id.clone(),
+        fps: has_rate.then_some(options.fps),
+        frames: count,
+        variation_seed,
+        vary,
+        variation,
+        paths: options.paths,
+        overlays: options.overlays.iter().map(|overlay| overlay.name()).collect(),
+        cameras,
+        ids,
+    };
+    let text = serde_json::to_string_pretty(&card).map_err(|error| RunError::broken("cannot write render.json", error));
+    documents::write_file(&folder.join("render.json"), text?.as_bytes())?;
+    Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })
+}
+
+/// What is drawn by the cameras of its scenario.
+struct Source<'a> {
+    stage: &'a Stage,
+    episode: Option<&'a Episode>,
+    id: &'a str,
+    seed: Seed,
+}
+
+impl Source<'_> {
+    /// Draws all moments into a folder; how many there are.
+    fn draw(
+        &self,
+        folder: &Path,
+        cameras: &[Camera],
+        variation: RenderVariation,
+        options: &RenderOptions,
+        threads: usize,
+    ) -> Result<usize, RunError> {
+        let Self { stage, episode, id, seed } = *self;
+        let broken = |error| not_drawn(id, error);
+        let painter = Painter::in_variation(stage, variation).map_err(broken)?;
+        let mut painter = painter.tracing(reference(seed, options, threads));
+        let frames = episode.map(|episode| chosen(episode, options.fps)).transpose()?;
+        let mut overlays = Overlays::new(stage, episode, &options.overlays, options.captions)?;
+        let fps = episode.map(|_| options.fps);
+        let mut writers = cameras
+            .iter()
+            .map(|camera| Writer::new(folder, camera, options.channels, fps))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut labels = Labels::new(stage, folder, options.boxes, options.clouds, episode.is_some())?;
+        let channels = overlays.channels(needed(options));
+        let views: Vec<_> = cameras.iter().map(|camera| (camera, channels)).collect();
+        let count = frames.as_ref().map_or(1, Vec::len);
+        for index in 0..count {
+            let moment = frames.as_ref().map_or_else(
+                || Moment::start(stage, index),
+                |frames| Moment::recorded(frames[index].1, index, frames[index].0),
+            );
+            let step = moment.control_step;
+            let still = || Exposure::still(sensor_seed(seed, step));
+            let exposure = episode.map_or_else(still, |episode| Exposure::of(episode, step));
+            let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &views, exposure);
+            let mut images = drawn.map_err(broken)?;
+            labels.push(&mut painter, &moment, cameras, &images)?;
+            overlays.draw(&moment, cameras, &mut images)?;
+            for (writer, image) in writers.iter_mut().zip(&images) {
+                writer.push(index, image)?;
+            }
+        }
+        writers.into_iter().try_for_each(Writer::finish)?;
+        labels.finish()?;
+        Ok(count)
+    }
+}
+
+/// Refuses what makes no sense for any source.
+fn check_combination(options: &RenderOptions) -> Result<(), RunError> {
+    let RenderOptions { channels, overlays, captions, turntable, .. } = options;
+    let other = channels.depth || channels.ids || channels.normals || options.boxes || options.clouds;
+    let refuse = |what: &str, hint: &str| Err(RunError::input(what).with_hint(hint));
+    if !channels.rgb && (!overlays.is_empty() || *captions) {
+        return refuse("--overlay and --captions draw over colours, which are not asked for", "add rgb to --channels");
+    }
+    if turntable.is_some() && other {
+        return refuse("--turntable makes a film of colours alone", "leave --channels out; cameras have the others");
+    }
+    if turntable.is_some() && !options.cameras.is_empty() {
+        return refuse("--turntable has a camera of its own", "leave --cameras out");
+    }
+    Ok(())
+}
+
+/// What must be drawn for what is written.
+fn needed(options: &RenderOptions) -> ImageChannels {
+    let asked = options.channels;
+    let (boxes, clouds) = (options.boxes, options.clouds);
+    ImageChannels { depth: asked.depth || clouds, ids: asked.ids || boxes || clouds, ..asked }
+}
+
+/// How colours are traced, if they are.
+fn reference(seed: Seed, options: &RenderOptions, threads: usize) -> Option<ReferenceSettings> {
+    options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads })
+}
+
+/// The cameras that are asked for, at the size that is asked for.
+fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, RunError> {
+    let known = &stage.scenario.world.cameras;
+    let names: Vec<&str> = known.iter().map(|camera| camera.name.as_str()).collect();
+    if let Some(unknown) = options.cameras.iter().find(|name| !names.contains(&name.as_str())) {
+        return Err(RunError::unknown("camera", "cameras", unknown, &names));
+    }
+    let asked = |camera: &&Camera| options.cameras.is_empty() || options.cameras.contains(&camera.name);
+    let sized = |camera: &Camera| {
+        let [width, height] = options.size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
+        Camera {
+            intrinsics: camera.intrinsics.filling(width, height),
+            sensor: options.sensor_of(camera.sensor),
+            distortion: options.distortion.or(camera.distortion),
+            ..camera.clone()
+        }
+    };
+    let cameras: Vec<Camera> = known.iter().filter(asked).map(sized).collect();
+    match &camera_faults(&cameras)[..] {
+        [] => Ok(cameras),
+        [fault, ..] => Err(RunError::input(format!("scenario {}: {fault}", stage.scenario.id))),
+    }
+}
+
+/// The frames of an episode that are drawn with their numbers, as `collect` chooses them.
+fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, RunError> {
+    let rate = episode.result.control_rate_hz;
+    let stride = rate / f64::from(fps);
+    if stride < 1.0 || (stride - stride.round()).abs() > 1e-9 {
+        return Err(RunError::input(format!("--fps {fps} does not divide the rate of {}", episode.result.id))
+            .with_hint(format!("expected a divisor of {rate} Hz, e.g. 15 or 30")));
+    }
+    Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())
+}
+
+/// What was drawn, as a table.
+pub fn table(rendered: &[Rendered]) -> String {
+    let mut lines = vec![["drawn", "frames", "variation", "folder"].map(String::from).to_vec()];
+    for Rendered { id, folder, frames, variation_seed } in rendered {
+        let seed = variation_seed.map_or_else(String::new, |seed| seed.to_string());
+        lines.push(vec![id.clone(), frames.to_string(), seed, folder.display().to_string()]);
+    }
+    genmanip_workspace::text_table(&lines)
+}

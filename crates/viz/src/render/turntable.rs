@@ -1,0 +1,83 @@
+//! Once around a scenario.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Camera, ImageChannels, Intrinsics};
+use genmanip_render::RenderVariation;
+use genmanip_rollout::Stage;
+use genmanip_rollout::images::{Exposure, Painter, sensor_seed};
+
+use super::files::Writer;
+use super::moment::Moment;
+use super::overlay::Overlays;
+use super::{RenderOptions, reference};
+use crate::scene_images::not_drawn;
+use genmanip_workspace::RunError;
+
+/// Name of the camera, and of the film.
+pub(super) const NAME: &str = "turntable";
+/// Usual size, pixels.
+const SIZE_PX: [u32; 2] = [1280, 720];
+/// How far the camera is from the middle of the workspace, m; with the angle of view, objects and arm are seen from all
+/// sides and nothing is cut off.
+const DISTANCE_M: f64 = 2.0;
+/// How high it stands above the horizon, rad; chosen: 30 degrees, over the far edge of a box and under the hand.
+const ELEVATION: f64 = 0.52;
+/// Vertical angle of view, rad: that of a lens of 35 mm on full frame, about 38 degrees.
+const VERTICAL_FOV: f64 = 0.66;
+/// How far above the table it looks, m: between the objects and the hand at home.
+const MIDDLE_M: f64 = 0.22;
+
+/// The cameras of a turn, the first one facing the robot, counter-clockwise as seen from above.
+pub(super) fn cameras(stage: &Stage, count: u32, options: &RenderOptions) -> Vec<Camera> {
+    let workspace = &stage.scenario.world.workspace;
+    let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
+    let target = DVec3::new(middle(workspace.x), middle(workspace.y), MIDDLE_M);
+    let [width, height] = options.size_px.unwrap_or(SIZE_PX);
+    let intrinsics = Intrinsics::from_vertical_fov(width, height, VERTICAL_FOV);
+    let camera = |index: u32| {
+        let (sin, cos) = (TAU * f64::from(index) / f64::from(count)).sin_cos();
+        let way = DVec3::new(cos * ELEVATION.cos(), sin * ELEVATION.cos(), ELEVATION.sin());
+        let camera = Camera::looking_at(NAME, target + way * DISTANCE_M, target, intrinsics);
+        Camera { sensor: options.sensor_of(None), distortion: options.distortion, ..camera }
+    };
+    (0..count).map(camera).collect()
+}
+
+/// Draws a turn into `turntable.mp4`, and its first picture into `turntable.png`; the cameras that saw it.
+pub(super) fn draw(
+    stage: &Stage,
+    count: u32,
+    folder: &Path,
+    variation: RenderVariation,
+    options: &RenderOptions,
+    threads: usize,
+) -> Result<Vec<Camera>, RunError> {
+    let scenario = &stage.scenario;
+    let cameras = cameras(stage, count, options);
+    let faults = genmanip_core::world::camera_faults(&cameras[..1]);
+    if let Some(fault) = faults.first() {
+        return Err(RunError::input(format!("--turntable of {}: {fault}", scenario.id)));
+    }
+    let mut overlays = Overlays::new(stage, None, &options.overlays, options.captions)?;
+    let mut writer = Writer::new(folder, &cameras[0], ImageChannels::RGB, Some(options.fps))?;
+    let broken = |error| not_drawn(&scenario.id, error);
+    let painter = Painter::in_variation(stage, variation).map_err(broken)?;
+    let mut painter = painter.tracing(reference(scenario.seed, options, threads));
+    let channels = overlays.channels(ImageChannels::RGB);
+    for (index, camera) in cameras.iter().enumerate() {
+        let moment = Moment::start(stage, index);
+        let still = Exposure::still(sensor_seed(scenario.seed, index));
+        let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &[(camera, channels)], still);
+        let mut images = drawn.map_err(broken)?;
+        overlays.draw(&moment, std::slice::from_ref(camera), &mut images)?;
+        if index == 0 {
+            writer.write_still(&images[0])?;
+        }
+        writer.push(index, &images[0])?;
+    }
+    writer.finish()?;
+    Ok(cameras)
+}

@@ -1,0 +1,134 @@
+//! What the cameras of a world or scenario see before anything moves.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_core::{Camera, Seed};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode, sensor};
+use serde::Serialize;
+
+use genmanip_workspace::RunError;
+use genmanip_workspace::documents;
+use genmanip_workspace::worlds;
+use genmanip_workspace::worlds::Setting;
+
+/// White between the pictures of a sheet, pixels; chosen.
+const GAP_PX: usize = 4;
+/// Quality of JPEG sheets, 1-100; chosen: compression is hardly seen.
+const JPEG_QUALITY: u8 = 88;
+
+/// A picture that was written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Preview {
+    /// Cameras in the picture, row by row.
+    pub cameras: Vec<String>,
+    /// Where it is.
+    pub file: PathBuf,
+}
+
+/// Draws what cameras see: the robot at home with open fingers over the table, the objects of a scenario at their start.
+///
+/// `out` with the ending .png, .jpg or .jpeg is one picture, a sheet where there are several cameras; without an ending
+/// it is a folder that gets NAME.png of each. Without names all cameras are drawn, without a size each at its own.
+///
+/// # Errors
+/// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or a picture cannot be drawn or
+/// written.
+pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &Path) -> Result<Vec<Preview>, RunError> {
+    let setting = &Setting::read(file)?;
+    let chosen: Vec<&Camera> = match names {
+        [] => setting.world().cameras.iter().collect(),
+        names => names.iter().map(|name| setting.camera(name)).collect::<Result<_, _>>()?,
+    };
+    if chosen.is_empty() {
+        let what = format!("{} has no camera to look through", file.display());
+        return Err(RunError::input(what).with_hint("expected one or more; see `genmanip camera add --help`"));
+    }
+    let sized = |camera: &Camera| {
+        let [width, height] = size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
+        Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() }
+    };
+    let cameras: Vec<Camera> = chosen.into_iter().map(sized).collect();
+    let name = |camera: &Camera| camera.name.clone();
+    match out.extension().and_then(|ending| ending.to_str()) {
+        Some(ending @ ("png" | "jpg" | "jpeg")) => {
+            let sheet = sheet(&draw(setting, &cameras, Catalogue::builtin())?);
+            let encoded = match ending {
+                "png" => encode::png_rgb(sheet.width, sheet.height, &sheet.rgb),
+                _ => encode::jpeg_rgb(sheet.width, sheet.height, &sheet.rgb, JPEG_QUALITY),
+            };
+            documents::write_file(out, &encoded.map_err(|error| RunError::broken("cannot encode the sheet", error))?)?;
+            Ok(vec![Preview { cameras: cameras.iter().map(name).collect(), file: out.into() }])
+        }
+        Some(ending) if !out.is_dir() => Err(RunError::input(format!("cannot write pictures as .{ending}"))
+            .with_hint("--out is a folder, or a picture that ends in .png or .jpg")),
+        _ => {
+            let write = |(camera, picture): (&Camera, FrameBuffers)| {
+                let file = out.join(format!("{}.png", camera.name));
+                documents::write_file(&file, &png(camera, &picture)?)?;
+                Ok(Preview { cameras: vec![camera.name.clone()], file })
+            };
+            cameras.iter().zip(draw(setting, &cameras, Catalogue::builtin())?).map(write).collect()
+        }
+    }
+}
+
+/// The same through one camera, as a PNG file.
+///
+/// # Errors
+/// As [`preview`].
+pub fn picture(setting: &Setting, camera: &Camera) -> Result<Vec<u8>, RunError> {
+    let picture = draw(setting, std::slice::from_ref(camera), Catalogue::builtin())?.swap_remove(0);
+    png(camera, &picture)
+}
+
+fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
+    encode::png_rgb(picture.width, picture.height, &picture.rgb)
+        .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
+}
+
+/// One picture per camera, of objects from a source.
+pub fn draw(setting: &Setting, cameras: &[Camera], source: &dyn AssetSource) -> Result<Vec<FrameBuffers>, RunError> {
+    let robot = worlds::robot(setting.world())?;
+    let (id, objects) = match setting {
+        Setting::World(_) => ("", &[][..]),
+        Setting::Scenario(scenario) => (scenario.id.as_str(), &scenario.objects[..]),
+    };
+    let models = objects.iter().map(|placed| {
+        source.instance(placed).map_err(|error| {
+            RunError::broken(format!("cannot draw object {} of scenario {id}", placed.id), error)
+                .with_hint("a scenario belongs to the objects it was made with; lay its task out again")
+        })
+    });
+    let models = models.collect::<Result<Vec<_>, RunError>>()?;
+    let not_drawn = |error| RunError::broken("the cameras give no picture", error);
+    let assets = RenderAssets::new(Arc::clone(&robot), &models, Some(setting.world())).map_err(not_drawn)?;
+    let poses = objects.iter().map(|placed| (placed.pose, placed.joint_positions.as_slice()));
+    let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(not_drawn)?;
+    let pinholes = cameras.iter().map(sensor::pinhole).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
+    let jobs: Vec<ViewJob> = pinholes.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGB)).collect();
+    let mut pictures = vec![FrameBuffers::default(); jobs.len()];
+    let mut renderer = Renderer::new(assets, RenderVariation::default());
+    renderer.render(&jobs, &mut pictures).map_err(not_drawn)?;
+    let developed = |(camera, picture)| sensor::developed(&renderer, camera, Channels::RGB, picture, Seed::new(0));
+    cameras.iter().zip(pictures).map(developed).collect::<Result<_, _>>().map_err(not_drawn)
+}
+
+/// Pictures row by row in one, as square as their number allows; each in a cell of the largest one's size.
+fn sheet(pictures: &[FrameBuffers]) -> FrameBuffers {
+    let columns = (1..=pictures.len()).find(|columns| columns * columns >= pictures.len()).unwrap_or(1);
+    let rows = pictures.len().div_ceil(columns);
+    let largest = |side: fn(&FrameBuffers) -> u32| pictures.iter().map(side).max().unwrap_or(0) as usize;
+    let (cell_width, cell_height) = (largest(|p| p.width) + GAP_PX, largest(|p| p.height) + GAP_PX);
+    let (width, height) = (columns * cell_width - GAP_PX, rows * cell_height - GAP_PX);
+    let mut rgb = vec![255; width * height * 3];
+    for (index, picture) in pictures.iter().enumerate() {
+        let (left, top) = (index % columns * cell_width, index / columns * cell_height);
+        for (row, pixels) in picture.rgb.chunks_exact(picture.width as usize * 3).enumerate() {
+            let start = ((top + row) * width + left) * 3;
+            rgb[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+    FrameBuffers { width: width as u32, height: height as u32, rgb, ..FrameBuffers::default() }
+}

@@ -1,0 +1,104 @@
+//! Files and versioned documents that the user names: bounded reads, atomic writes.
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::limits::Limit;
+use genmanip_core::{Document, DocumentError};
+use genmanip_data::{DataError, files};
+
+use crate::error::RunError;
+
+/// Reads a text file, refusing what is too large, no file or not text.
+///
+/// # Errors
+/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
+pub fn read_text(path: &Path, limit: Limit) -> Result<String, RunError> {
+    text_of(path, read_bytes(path, limit)?)
+}
+
+/// Reads a file, refusing what is too large or no file; nothing is waited for.
+///
+/// # Errors
+/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
+pub fn read_bytes(path: &Path, limit: Limit) -> Result<Vec<u8>, RunError> {
+    files::read(path, limit).map_err(|error| unreadable(path, error))
+}
+
+/// Reads a versioned document.
+///
+/// # Errors
+/// As [`read_text`], and [`RunError::Document`].
+pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
+    document(path, &read_bytes(path, limit)?)
+}
+
+/// Reads a document that a run wrote itself: a link in its place is refused.
+///
+/// # Errors
+/// As [`read_document`].
+pub fn read_own_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
+    document(path, &files::read_own(path, limit).map_err(|error| unreadable(path, error))?)
+}
+
+/// Writes a file aside and renames it into place, so that it is whole or not there.
+///
+/// # Errors
+/// [`RunError::File`].
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    files::write(path, bytes).map_err(|error| unwritable(path, error))
+}
+
+/// The name of a file without its extension.
+pub fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The folder that a path names or, when it is not there yet, the nearest one above it that is.
+pub fn nearest_folder(path: &Path) -> Option<PathBuf> {
+    let whole = std::path::absolute(path).ok()?;
+    whole.ancestors().find(|ancestor| ancestor.is_dir()).map(Path::to_owned)
+}
+
+/// [`RunError`] of a file that cannot be read, with a hint on relative paths.
+pub fn unreadable(path: &Path, error: DataError) -> RunError {
+    let help = "check the path; relative paths start at the current folder";
+    match RunError::of_file("read", path, error) {
+        error @ RunError::File { .. } => error.with_hint(help),
+        error => error,
+    }
+}
+
+fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, RunError> {
+    T::from_bytes(bytes).map_err(|error| not_a_document::<T>(path, error))
+}
+
+pub(crate) fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> RunError {
+    RunError::Document { path: path.to_owned(), schema: T::SCHEMA, source }
+}
+
+pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, RunError> {
+    let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let hint = if is_utf16 { "the file is UTF-16; save it as UTF-8" } else { "expected a text file in UTF-8" };
+    String::from_utf8(bytes).map_err(|error| RunError::file("read", path, error.utf8_error()).with_hint(hint))
+}
+
+/// Removes what a kill left unfinished in a folder, if there is one.
+///
+/// # Errors
+/// When it cannot be removed.
+pub fn sweep(folder: &Path) -> Result<(), RunError> {
+    if folder.is_dir() {
+        files::sweep(folder).map_err(|error| unwritable(folder, error))?;
+    }
+    Ok(())
+}
+
+/// [`RunError`] of a file or folder that cannot be written, with a hint.
+pub fn unwritable(path: &Path, error: DataError) -> RunError {
+    match RunError::of_file("write", path, error) {
+        error @ RunError::File { .. } => {
+            error.with_hint("check that the folder exists, is writable and the disk is not full")
+        }
+        error => error,
+    }
+}

@@ -1,0 +1,116 @@
+//! What a call has finished, in a list beside its files, so that one that was killed goes on where it stopped.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use genmanip_core::limits;
+use genmanip_data::files;
+use serde::{Deserialize, Serialize};
+
+use crate::documents;
+use crate::error::RunError;
+
+/// One thing that is finished.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Entry {
+    /// What it is called; unique in a list.
+    pub name: String,
+    /// Hash of all it was made from.
+    pub key: String,
+    /// Why there is no file of it, if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+}
+
+/// The list: entries as lines of JSON, added as they come, sorted in the end.
+pub struct Ledger {
+    path: PathBuf,
+    known: BTreeMap<String, Entry>,
+    file: Mutex<File>,
+}
+
+impl Ledger {
+    /// Opens the list at a path, or begins it; a line that was cut off by a kill does not count.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub fn open(path: &Path) -> Result<Self, RunError> {
+        let failed = |error| {
+            let help = "check that the folder exists, is writable and the disk is not full";
+            RunError::file("write", path, error).with_hint(help)
+        };
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(failed)?;
+        }
+        let bytes = match files::read_own(path, limits::LEDGER) {
+            Err(error) if error.is_missing() => Vec::new(),
+            bytes => bytes.map_err(|error| RunError::of_file("read", path, error))?,
+        };
+        let lines = bytes.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Entry>(line).ok());
+        let known = lines.map(|entry| (entry.name.clone(), entry)).collect();
+        let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
+        if bytes.last().is_some_and(|last| *last != b'\n') {
+            file.write_all(b"\n").map_err(failed)?;
+        }
+        Ok(Self { path: path.to_owned(), known, file: Mutex::new(file) })
+    }
+
+    /// What was finished before under a name.
+    pub fn known(&self, name: &str) -> Option<&Entry> {
+        self.known.get(name)
+    }
+
+    /// Adds what is finished now; its file must be there already.
+    ///
+    /// # Errors
+    /// When the list cannot be written.
+    pub fn add(&self, entry: &Entry) -> Result<(), RunError> {
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.write_all(line(entry).as_bytes()).map_err(|error| RunError::file("write", &self.path, error))
+    }
+
+    /// Puts the list in order: with these entries, and those from before that are `kept`.
+    ///
+    /// # Errors
+    /// When the list cannot be written.
+    pub fn close(self, entries: Vec<Entry>, kept: impl Fn(&Entry) -> bool) -> Result<(), RunError> {
+        let mut all = self.known;
+        all.retain(|_, entry| kept(entry));
+        all.extend(entries.into_iter().map(|entry| (entry.name.clone(), entry)));
+        let lines: String = all.values().map(line).collect();
+        documents::write_file(&self.path, lines.as_bytes())
+    }
+}
+
+fn line(entry: &Entry) -> String {
+    format!("{}\n", serde_json::to_string(entry).unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_cut_off_does_not_count_and_the_order_is_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("made.jsonl");
+        let entry = |name: &str| Entry { name: name.into(), key: "k".into(), refused: None };
+        let ledger = Ledger::open(&path).unwrap();
+        ledger.add(&entry("b")).unwrap();
+        ledger.add(&entry("a")).unwrap();
+        drop(ledger);
+        let whole = fs::read(&path).unwrap();
+        fs::write(&path, &whole[..whole.len() - 5]).unwrap();
+        let ledger = Ledger::open(&path).unwrap();
+        assert_eq!((ledger.known("b"), ledger.known("a")), (Some(&entry("b")), None));
+        ledger.add(&entry("a")).unwrap();
+        ledger.close(vec![entry("a")], |_| true).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(text, "{\"name\":\"a\",\"key\":\"k\"}\n{\"name\":\"b\",\"key\":\"k\"}\n");
+        Ledger::open(&path).unwrap().close(vec![], |_| false).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"");
+    }
+}

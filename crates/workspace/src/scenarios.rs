@@ -1,0 +1,39 @@
+//! Scenarios from files: read, checked against robot and engine settings, and opened as a stage.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, robots};
+use genmanip_core::{Scenario, limits};
+use genmanip_rollout::Stage;
+use genmanip_sim::EngineSettings;
+
+use crate::documents::read_document;
+use crate::error::{Cause, RunError};
+
+/// Reads a scenario whose robot is known and whose engine settings make sense.
+///
+/// # Errors
+/// As [`read_document`], and when the robot is not the one the scenario was made with.
+pub fn read_scenario(path: &Path) -> Result<Scenario, RunError> {
+    let scenario: Scenario = read_document(path, limits::SCENARIO)?;
+    robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
+    EngineSettings::read(&scenario.world.physics.engine).map_err(|error| unsuited(path, error))?;
+    Ok(scenario)
+}
+
+/// Reads a scenario and makes it ready: models built, physics compiled.
+///
+/// # Errors
+/// As [`read_scenario`], and when the objects are not those the scenario was made with.
+pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
+    let scenario = read_scenario(path)?;
+    let robot = robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| unsuited(path, error))
+}
+
+fn unsuited(path: &Path, error: impl Into<Cause>) -> RunError {
+    RunError::input(format!("{} cannot be set up", path.display()))
+        .because(error)
+        .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
+}

@@ -1,0 +1,188 @@
+//! What is wrong with task files: documents and recorded answers, all faults of all of them.
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::{Document, Task, json, limits};
+use genmanip_tasks::answer::{AnswerReport, TaskRequest, Verdict, check_answer};
+use genmanip_tasks::designer::as_answer;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::RunError;
+use crate::documents;
+use crate::task_faults;
+use crate::task_files;
+
+/// What the check of a file came to: flaws by their names, details beside them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Checked {
+    /// The file, as given; of a list `FILE:LINE`.
+    pub file: String,
+    /// `valid`, `repaired` or `rejected`.
+    pub verdict: &'static str,
+    /// Names of the flaws, repaired or not.
+    pub flaws: Vec<String>,
+    /// What was done, in words.
+    pub repairs: Vec<String>,
+    /// One per flaw.
+    pub details: Vec<Detail>,
+    /// A task document, as a file of its own would hold it; `None` when rejected.
+    pub task: Option<Value>,
+}
+
+/// One flaw.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Detail {
+    /// Its name.
+    pub flaw: String,
+    /// JSON path of the place, or line and column.
+    pub path: String,
+    /// What was expected and found.
+    pub message: String,
+    /// What to do about it; may be empty.
+    pub hint: String,
+}
+
+/// How bare answers are judged.
+#[derive(Clone, Copy, Debug)]
+pub struct BareAnswers<'a> {
+    /// Uids that were offered.
+    pub objects: &'a [String],
+    /// World whose further support surfaces were offered too.
+    pub world: Option<&'a Path>,
+    /// Kind of task that was asked for.
+    pub kind: &'a str,
+    /// Fewest objects that were asked for.
+    pub min_objects: usize,
+}
+
+/// Name of the flaw of a file that is no task at all, or cannot be read.
+const NO_TASK: &str = "no_task";
+
+/// Checks every file in turn, and every line of lists, `*.jsonl`; of several, one that is no task at all is a result like
+/// any other.
+///
+/// # Errors
+/// When a folder cannot be listed or holds no JSON file, when the only file is no task at all, and when a list cannot be
+/// read or is empty.
+pub fn check_each(
+    paths: &[PathBuf],
+    bare: Option<BareAnswers>,
+    found: &mut dyn FnMut(Checked),
+) -> Result<(), RunError> {
+    let files = task_files::expand(paths)?;
+    for file in &files {
+        if bare.is_none() && task_files::is_list(file) {
+            match check_lines(file, found) {
+                Err(error) if files.len() > 1 => found(Checked::no_task(file, &error)),
+                checked => checked?,
+            }
+            continue;
+        }
+        let judged = match bare {
+            None => documents::read_text(file, limits::TASK).and_then(|text| of_text(file, &text)),
+            Some(BareAnswers { objects, world, kind, min_objects }) => {
+                task_files::check_bare(file, objects, world, kind, min_objects).map(|report| Checked::of(file, report))
+            }
+        };
+        found(match judged {
+            Err(error) if files.len() > 1 => Checked::no_task(file, &error),
+            judged => judged?,
+        });
+    }
+    Ok(())
+}
+
+fn check_lines(list: &Path, found: &mut dyn FnMut(Checked)) -> Result<(), RunError> {
+    let mut is_empty = true;
+    task_files::each_line(list, &mut |place, text| {
+        is_empty = false;
+        let checked = text.and_then(|text| of_text(place, &text));
+        found(checked.unwrap_or_else(|error| Checked::no_task(place, &error)));
+        Ok(())
+    })?;
+    if is_empty {
+        return Err(
+            RunError::input(format!("{} has no task", list.display())).with_hint("expected a task document per line")
+        );
+    }
+    Ok(())
+}
+
+fn of_text(file: &Path, text: &str) -> Result<Checked, RunError> {
+    let document = json::parse(text).ok().filter(|value| value.get("schema").is_some());
+    let Some(value) = document else { return Ok(Checked::of(file, task_files::check_recorded(file, text)?)) };
+    let task = task_files::task_of_document(file, value)?;
+    let faults = task_faults::faults(&task);
+    if faults.is_empty() {
+        // Read anew as an answer, so that a document is judged by every rule that it was made by.
+        let report = check_answer(&as_answer(&task).to_string(), &request_of(&task));
+        let mut checked = Checked::of(file, AnswerReport { task: report.task.map(|_| task), ..report });
+        for detail in &mut checked.details {
+            detail.path = detail.path.replacen("$.goal_conditions", "$.goal", 1);
+        }
+        return Ok(checked);
+    }
+    let detail = |fault: task_faults::Fault| Detail {
+        flaw: fault.flaw.into(),
+        path: fault.place,
+        message: fault.message,
+        hint: fault.hint,
+    };
+    Ok(Checked::rejected(file, faults.into_iter().map(detail).collect()))
+}
+
+/// What a document would have been asked for.
+fn request_of(task: &Task) -> TaskRequest {
+    TaskRequest {
+        id: task.id.clone(),
+        kind: task.kind,
+        offered: task.objects.iter().map(|card| (**card).clone()).collect(),
+        surfaces: task.surfaces.clone(),
+        min_objects: 1,
+        between: true,
+        source: task.source.clone(),
+    }
+}
+
+impl Checked {
+    fn of(file: &Path, report: AnswerReport) -> Self {
+        let details = report.flaws.iter().map(|flaw| Detail {
+            flaw: flaw.kind.name(),
+            path: flaw.path.clone(),
+            message: flaw.message.clone(),
+            hint: flaw.hint.clone(),
+        });
+        Self {
+            file: file.display().to_string(),
+            verdict: report.verdict.name(),
+            flaws: report.flaws.iter().map(|flaw| flaw.kind.name()).collect(),
+            repairs: report.repairs.iter().map(|repair| repair.what.clone()).collect(),
+            details: details.collect(),
+            task: report.task.as_ref().map(Document::to_value),
+        }
+    }
+
+    fn rejected(file: &Path, details: Vec<Detail>) -> Self {
+        Self {
+            file: file.display().to_string(),
+            verdict: Verdict::Rejected.name(),
+            flaws: details.iter().map(|detail| detail.flaw.clone()).collect(),
+            repairs: Vec::new(),
+            details,
+            task: None,
+        }
+    }
+
+    fn no_task(file: &Path, error: &RunError) -> Self {
+        let cause = std::error::Error::source(error).map_or_else(String::new, |cause| format!(": {cause}"));
+        let message = format!("{error}{cause}");
+        let hint = error.hint().unwrap_or_default();
+        Self::rejected(file, vec![Detail { flaw: NO_TASK.into(), path: "$".into(), message, hint }])
+    }
+
+    /// Whether the file cannot be used.
+    pub fn is_rejected(&self) -> bool {
+        self.verdict == Verdict::Rejected.name()
+    }
+}

@@ -1,0 +1,97 @@
+//! Task documents that anybody may have written: everything that is wrong with one.
+
+use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_core::Task;
+use genmanip_core::names::is_file_name;
+use genmanip_layout::references;
+
+/// Longest task id, characters; the number of an attempt is added to it.
+pub const MAX_ID_LENGTH: usize = 120;
+
+/// Most nodes, edges and conditions of a task: several times what fits on a table, and drawn in a moment.
+const MOST_NODES: usize = 64;
+const MOST_CONDITIONS: usize = 256;
+
+/// Something that is wrong with a task document.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Its name, one of those of [`genmanip_tasks::answer::FlawKind`] where there is one.
+    pub flaw: &'static str,
+    /// JSON path of the place.
+    pub place: String,
+    /// What is wrong there.
+    pub message: String,
+    /// What helps.
+    pub hint: String,
+}
+
+impl Fault {
+    fn new(flaw: &'static str, place: &str, message: String, hint: impl Into<String>) -> Self {
+        Self { flaw, place: format!("$.{place}"), message, hint: hint.into() }
+    }
+
+    fn of_object(flaw: &'static str, place: &str, id: &str, reason: &str) -> Self {
+        let hint = "every object needs a node in scene_graph.nodes and, at the same place, its card in objects";
+        Self::new(flaw, place, format!("object `{id}` {reason}"), hint)
+    }
+}
+
+/// Ids name folders and files, so they must not lead anywhere else.
+fn is_id(id: &str) -> bool {
+    id.len() <= MAX_ID_LENGTH && is_file_name(id)
+}
+
+/// What keeps a document from being used: every object that goal and scene name must be a node with its card, and ids
+/// must be fit for files. Empty when it can be used.
+pub fn faults(task: &Task) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    if !is_id(&task.id) {
+        let hint = format!("use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front");
+        faults.push(Fault::new("unfit_id", "id", format!("`{}` cannot name a folder", task.id), hint));
+    }
+    let graph = &task.scene_graph;
+    let conditions: usize = task.goal.alternatives.iter().map(Vec::len).sum();
+    let sizes = [
+        ("scene_graph.nodes", graph.nodes.len(), MOST_NODES),
+        ("scene_graph.edges", graph.edges.len(), MOST_CONDITIONS),
+        ("goal", conditions.max(task.goal.alternatives.len()), MOST_CONDITIONS),
+    ];
+    for (place, got, most) in sizes.into_iter().filter(|(_, got, most)| got > most) {
+        let (message, hint) = (format!("expected at most {most} entries, got {got}"), "make several tasks of it");
+        faults.push(Fault::new("too_large", place, message, hint));
+    }
+    if faults.iter().any(|fault| fault.flaw == "too_large") {
+        return faults;
+    }
+    for (index, node) in graph.nodes.iter().enumerate() {
+        let fault = |flaw, reason: &str| Fault::of_object(flaw, "scene_graph.nodes", &node.id, reason);
+        if graph.nodes[..index].iter().any(|other| other.id == node.id) {
+            faults.push(fault("duplicate_node", "has two nodes"));
+        } else if task.card(&node.id).is_none_or(|card| card.asset != *node.asset) {
+            faults.push(fault("missing_card", "has no card"));
+        } else if let Err(error) = Catalogue::builtin().model(&node.asset) {
+            faults.push(fault("unknown_uid", &format!("cannot be made: {error}")));
+        }
+    }
+    let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
+    for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
+        if graph.index_of(atom.subject()).is_none() {
+            faults.push(Fault::of_object("missing_node", place, atom.subject(), "is no node of the scene"));
+        }
+        for id in references(&atom) {
+            if graph.index_of(id).is_none() && task.surface(id).is_none() {
+                let reason = "is no node of the scene, and no support surface of the task";
+                faults.push(Fault::of_object("missing_node", place, id, reason));
+            }
+        }
+    }
+    if let Err(error) = task.check_interchangeable() {
+        let hint = "a group lists ids of nodes that are made from one asset";
+        faults.push(Fault::new("unlike_copies", "interchangeable", error.to_string(), hint));
+    }
+    if task.goal.alternatives.iter().all(Vec::is_empty) {
+        let hint = "a goal needs at least one alternative with one condition";
+        faults.push(Fault::new("empty_goal", "goal", "no condition".into(), hint));
+    }
+    faults
+}

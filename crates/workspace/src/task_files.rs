@@ -1,0 +1,278 @@
+//! Tasks from files: task documents, recorded answers of language models, and lists of tasks with one document per line.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+
+use genmanip_assets::Catalogue;
+use genmanip_core::asset::uid_of;
+use genmanip_core::limits::{self, Limit};
+use genmanip_core::names::fits_file_name;
+use genmanip_core::{Document, DocumentError, ObjectCard, Seed, SharedCards, Task, TaskKind, json};
+use genmanip_data::{DataError, files};
+use genmanip_tasks::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
+use genmanip_tasks::designer::{DesignSettings, design_many};
+use serde_json::Value;
+
+use crate::documents::{nearest_folder, not_a_document, read_text, stem, text_of, unreadable};
+use crate::error::RunError;
+use crate::task_faults::{self, Fault, MAX_ID_LENGTH};
+use crate::task_spool::{Spool, Tasks};
+use crate::worlds::read_world;
+
+/// Reads tasks from task documents, recorded answers, and lists of task documents, `*.jsonl`, one per line; an answer
+/// that is rejected is an error.
+///
+/// # Errors
+/// As [`read_task`], and when two tasks have one id.
+pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
+    let mut tasks: Vec<Task> = Vec::new();
+    let mut cards = SharedCards::default();
+    each_task(paths, |mut task| {
+        cards.share(&mut task);
+        tasks.push(task);
+        Ok(())
+    })?;
+    Ok(tasks)
+}
+
+/// Reads tasks as [`read_tasks`] does, for a run that will lie at `out`: however many there are, memory holds their names.
+///
+/// # Errors
+/// As [`read_tasks`], and when the disk of `out` refuses to keep many of them aside.
+pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
+    let mut spool = Spool::in_folder(nearest_folder(out).as_deref().unwrap_or(Path::new(".")));
+    each_task(paths, |task| spool.add(task))?;
+    Ok(spool.finish())
+}
+
+/// How many tasks there are.
+///
+/// # Errors
+/// As [`read_tasks`].
+pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, RunError> {
+    let mut count = 0;
+    each_task(paths, |_| {
+        count += 1;
+        Ok(())
+    })?;
+    Ok(count)
+}
+
+/// Reads one task from a task document or a recorded answer.
+///
+/// # Errors
+/// When the file is neither, or the task breaks a rule.
+pub fn read_task(path: &Path) -> Result<Task, RunError> {
+    task_of_text(path, &read_text(path, limits::TASK)?)
+}
+
+/// Files named by the user; a folder stands for its `*.json`, sorted by name.
+///
+/// # Errors
+/// When a folder cannot be listed or holds no such file.
+pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries = fs::read_dir(path).map_err(|error| RunError::file("list", path, error))?;
+        let mut inside: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
+            .collect();
+        inside.sort();
+        if inside.is_empty() {
+            return Err(RunError::input(format!("no *.json in {}", path.display()))
+                .with_hint("name task files or their folder"));
+        }
+        files.append(&mut inside);
+    }
+    Ok(files)
+}
+
+fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunError>) -> Result<(), RunError> {
+    let mut known = BTreeSet::new();
+    let mut take = |task: Task, place: &Path| {
+        if !known.insert(task.id.clone()) {
+            return Err(RunError::input(format!(
+                "two tasks are called `{}` (the second: {})",
+                task.id,
+                place.display()
+            ))
+            .with_hint("task ids name folders and files, so they must differ"));
+        }
+        take(task)
+    };
+    for path in expand(paths)? {
+        if is_list(&path) {
+            each_line(&path, &mut |place, text| take(task_of_text(place, &text?)?, place))?;
+        } else {
+            take(read_task(&path)?, &path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file is a list with a task document per line.
+pub fn is_list(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "jsonl")
+}
+
+/// Takes a line and its place.
+pub type TakeLine<'a> = dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError> + 'a;
+
+/// Hands on every line of a list that is not empty, with its place, `FILE:LINE`; an error where it is too long or no text.
+pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
+    let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
+    let mut line = Vec::new();
+    for number in 1.. {
+        line.clear();
+        let failed = |error| RunError::file("read", path, error);
+        if lines.by_ref().take(limits::TASK.bytes + 1).read_until(b'\n', &mut line).map_err(failed)? == 0 {
+            break;
+        }
+        let place = PathBuf::from(format!("{}:{number}", path.display()));
+        if line.len() as u64 > limits::TASK.bytes {
+            if !line.ends_with(b"\n") {
+                lines.skip_until(b'\n').map_err(failed)?;
+            }
+            take(&place, Err(RunError::TooLarge { path: place.clone(), limit: limits::TASK }))?;
+        } else if !line.trim_ascii().is_empty() {
+            take(&place, text_of(&place, std::mem::take(&mut line)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
+///
+/// # Errors
+/// When the designer finds no task.
+pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, RunError> {
+    let cards = catalogue.cards();
+    let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
+        .map_err(|error| RunError::broken("the designer gave up", error))?;
+    Ok(batch.tasks)
+}
+
+/// The task that a text stands for; `path` is where it stands.
+fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
+    let value = json::parse(text).map_err(|error| {
+        let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
+        RunError::input(format!("{} is no task document and no recorded answer", path.display()))
+            .with_hint(format!("{hint}; see `genmanip task check --help`"))
+            .because(error)
+    })?;
+    if value.get("schema").is_some() {
+        let task = task_of_document(path, value)?;
+        let mut faults = task_faults::faults(&task).into_iter();
+        let Some(Fault { place, message, hint, .. }) = faults.next() else { return Ok(task) };
+        let more = match faults.count() {
+            0 => String::new(),
+            more => format!(" (and {more} more; `genmanip task check` lists all)"),
+        };
+        return Err(RunError::input(format!("{}: at {place}: {message}{more}", path.display())).with_hint(hint));
+    }
+    let report = check_recorded(path, text)?;
+    report.task.ok_or_else(|| {
+        let flaws: Vec<String> =
+            report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
+        RunError::input(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
+            .with_hint(format!("see `genmanip task check {}`", path.display()))
+    })
+}
+
+/// The task of a document, whatever else is wrong with it.
+///
+/// # Errors
+/// [`RunError::Document`].
+pub fn task_of_document(path: &Path, value: Value) -> Result<Task, RunError> {
+    Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))
+}
+
+/// Judges a recorded-answer file.
+///
+/// # Errors
+/// When the text is no recorded answer, or offers an object that is not in the catalogue.
+pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError> {
+    let recorded = RecordedAnswer::from_json(text).map_err(|error| {
+        let hint = "for a bare answer name what was offered: --objects UID,UID,…";
+        let hint = error.hint().map_or_else(|| hint.to_owned(), |wrong| format!("{wrong}; {hint}"));
+        RunError::input(format!("{} is no recorded answer", path.display())).because(error).with_hint(hint)
+    })?;
+    let request = TaskRequest {
+        id: id_from(path),
+        kind: recorded.task_type,
+        offered: offered(&recorded.objects, &format!("{}: at $.objects", path.display()))?,
+        surfaces: recorded.surfaces,
+        min_objects: recorded.num_objects,
+        between: false,
+        source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    Ok(check_answer(&recorded.response, &request))
+}
+
+/// Judges a bare answer.
+///
+/// # Errors
+/// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
+pub fn check_bare(
+    path: &Path,
+    objects: &[String],
+    world: Option<&Path>,
+    kind: &str,
+    min_objects: usize,
+) -> Result<AnswerReport, RunError> {
+    let kind = task_kind(kind)?;
+    let request = TaskRequest {
+        id: id_from(path),
+        kind,
+        offered: offered(objects, "--objects")?,
+        surfaces: read_world(world)?.named_surfaces(),
+        min_objects,
+        between: false,
+        source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
+    let bytes = match files::read(path, Limit { what: "an answer", bytes: MAX_ANSWER_BYTES as u64 }) {
+        Err(DataError::TooLarge { .. }) => vec![b' '; MAX_ANSWER_BYTES + 1],
+        bytes => bytes.map_err(|error| unreadable(path, error))?,
+    };
+    Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
+}
+
+/// A kind of task by its name in files.
+///
+/// # Errors
+/// [`RunError::UnknownName`].
+pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
+    let known = TaskKind::ALL.map(TaskKind::name);
+    let found = TaskKind::ALL.into_iter().find(|kind| kind.name() == name);
+    found.ok_or_else(|| RunError::unknown("kind", "kinds", name, &known))
+}
+
+fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
+    let catalogue = Catalogue::builtin();
+    uids.iter()
+        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::all().card(uid_of(uid))) {
+            Some(card) => Ok(card.clone()),
+            // Asking for the model of an object without a card says which ones look alike.
+            None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
+                RunError::input(format!("{place}: an offered object is not in the catalogue"))
+                    .because(error)
+                    .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
+            }),
+        })
+        .collect()
+}
+
+/// A task id from the name of its file: whatever cannot stand in a folder's name becomes `_`.
+fn id_from(path: &Path) -> String {
+    let fit = |c: char| if fits_file_name(c) { c } else { '_' };
+    let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();
+    if id.is_empty() { "task".into() } else { id }
+}

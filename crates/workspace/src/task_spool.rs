@@ -1,0 +1,173 @@
+//! The tasks of a run, read one by one, so that memory does not grow with their number.
+
+use std::fmt;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use genmanip_core::{Task, TaskKind};
+use serde::ser::{Error, Serialize, SerializeSeq, Serializer};
+use tempfile::SpooledTempFile;
+
+use crate::error::RunError;
+
+/// Tasks whose texts are longer than this together, bytes, go into a file; chosen: some 3,000 tasks.
+const MOST_IN_MEMORY: usize = 32 << 20;
+
+/// The tasks of a run: few in memory, many in an unnamed file, which nothing leaves behind. Clones share them.
+#[derive(Clone)]
+pub struct Tasks(Arc<Spooled>);
+
+/// What is kept of a task in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TaskEntry {
+    /// Its id.
+    pub id: String,
+    /// Its kind.
+    pub kind: TaskKind,
+    /// Where its text lies, bytes.
+    start: u64,
+    length: usize,
+}
+
+struct Spooled {
+    texts: Mutex<SpooledTempFile>,
+    entries: Vec<TaskEntry>,
+}
+
+/// Tasks that are being put together, one after another.
+pub struct Spool {
+    texts: SpooledTempFile,
+    entries: Vec<TaskEntry>,
+    end: u64,
+}
+
+impl Spool {
+    /// No task yet; a file, where one is needed, lies in that folder.
+    pub fn in_folder(folder: &Path) -> Self {
+        Self { texts: tempfile::spooled_tempfile_in(MOST_IN_MEMORY, folder), entries: Vec::new(), end: 0 }
+    }
+
+    /// Adds a task behind the others.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn add(&mut self, task: Task) -> Result<(), RunError> {
+        let text = serde_json::to_vec(&task).map_err(std::io::Error::from);
+        let text = text.and_then(|text| self.texts.write_all(&text).map(|()| text)).map_err(|error| {
+            RunError::broken("cannot keep the tasks aside", error)
+                .with_hint("check that the disk of the output folder is writable and not full")
+        })?;
+        self.entries.push(TaskEntry { id: task.id, kind: task.kind, start: self.end, length: text.len() });
+        self.end += text.len() as u64;
+        Ok(())
+    }
+
+    /// All that were added.
+    pub fn finish(self) -> Tasks {
+        let Self { texts, entries, .. } = self;
+        Tasks(Arc::new(Spooled { texts: Mutex::new(texts), entries }))
+    }
+}
+
+impl Tasks {
+    /// These tasks; a file, where one is needed, lies in that folder.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn spool(tasks: impl IntoIterator<Item = Task>, folder: &Path) -> Result<Self, RunError> {
+        let mut spool = Spool::in_folder(folder);
+        tasks.into_iter().try_for_each(|task| spool.add(task))?;
+        Ok(spool.finish())
+    }
+
+    /// What there is, in the order of the tasks.
+    pub fn entries(&self) -> &[TaskEntry] {
+        &self.0.entries
+    }
+
+    /// A task by its place in the order.
+    ///
+    /// # Errors
+    /// When the disk gives it back no more.
+    pub fn read(&self, index: usize) -> Result<Task, RunError> {
+        let task = self.text(index).and_then(|text| serde_json::from_slice(&text).map_err(std::io::Error::from));
+        task.map_err(|error| RunError::broken(format!("cannot read task {} again", self.entries()[index].id), error))
+    }
+
+    /// All of them, one by one.
+    pub fn iter(&self) -> impl Iterator<Item = Result<Task, RunError>> + '_ {
+        (0..self.entries().len()).map(|index| self.read(index))
+    }
+
+    fn text(&self, index: usize) -> std::io::Result<Vec<u8>> {
+        let TaskEntry { start, length, .. } = &self.entries()[index];
+        let mut text = vec![0; *length];
+        let mut texts = self.0.texts.lock().unwrap_or_else(PoisonError::into_inner);
+        texts.seek(SeekFrom::Start(*start))?;
+        texts.read_exact(&mut text)?;
+        Ok(text)
+    }
+}
+
+/// What cannot be read again equals nothing.
+impl PartialEq for Tasks {
+    fn eq(&self, other: &Self) -> bool {
+        let is_same = |index| self.text(index).ok().is_some_and(|text| other.text(index).is_ok_and(|it| it == text));
+        Arc::ptr_eq(&self.0, &other.0) || self.entries() == other.entries() && (0..self.entries().len()).all(is_same)
+    }
+}
+
+impl Serialize for Tasks {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut list = serializer.serialize_seq(Some(self.entries().len()))?;
+        for task in self.iter() {
+            list.serialize_element(&task.map_err(S::Error::custom)?)?;
+        }
+        list.end()
+    }
+}
+
+impl fmt::Debug for Tasks {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.entries().iter().map(|entry| &entry.id)).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_assets::Catalogue;
+
+    use super::*;
+    use crate::task_files;
+
+    #[test]
+    fn tasks_come_back_as_they_were_in_any_order_and_leave_nothing() {
+        let designed = task_files::designed_tasks(6, 3, Catalogue::builtin()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let check = |most: usize| {
+            let mut spool =
+                Spool { texts: tempfile::spooled_tempfile_in(most, folder.path()), ..Spool::in_folder(folder.path()) };
+            designed.iter().for_each(|task| spool.add(task.clone()).unwrap());
+            assert_eq!(spool.texts.is_rolled(), most == 0);
+            let tasks = spool.finish();
+            let known: Vec<_> = tasks.entries().iter().map(|entry| (entry.id.as_str(), entry.kind)).collect();
+            assert_eq!(known, designed.iter().map(|task| (task.id.as_str(), task.kind)).collect::<Vec<_>>());
+            for index in [4, 0, 5, 1, 2, 3, 0] {
+                assert_eq!(tasks.read(index).unwrap(), designed[index]);
+            }
+            tasks
+        };
+        let (on_disk, in_memory) = (check(0), check(MOST_IN_MEMORY));
+        assert_eq!(on_disk, in_memory);
+        let others = designed.iter().map(|task| Task { instruction: task.instruction.to_uppercase(), ..task.clone() });
+        assert_ne!(Tasks::spool(others, folder.path()).unwrap(), in_memory);
+        drop(on_disk);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let mut nowhere = Spool {
+            texts: tempfile::spooled_tempfile_in(0, folder.path().join("missing")),
+            ..Spool::in_folder(folder.path())
+        };
+        assert!(nowhere.add(designed[0].clone()).is_err());
+    }
+}
