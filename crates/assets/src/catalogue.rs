@@ -33,6 +33,9 @@ pub struct Catalogue {
     measured: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, String)>>,
 }
 
+/// Names of the catalogues, as [`Catalogue::named`] takes them.
+pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
+
 impl Catalogue {
     /// The objects that come with the program.
     ///

@@ -48,7 +48,7 @@ pub mod worlds;
 #[cfg(test)]
 mod tests;
 
-pub use catalogue::Catalogue;
+pub use catalogue::{CATALOGUES, Catalogue};
 pub use error::AssetError;
 pub use families::{Families, Family};
 pub use frozen::{FrozenAsset, FrozenLink};

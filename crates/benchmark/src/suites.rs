@@ -42,10 +42,36 @@ use genmanip_workspace::documents;
 pub const KINDS: [TaskKind; 4] =
     [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
 
-/// Folder of a suite that is named by its folder, or by its name where `suites/NAME` lies in the current folder.
+/// Folder of a suite, from its path or its name.
+///
+/// A name is sought in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` beside the
+/// program, and in the repository that the program was built from.
 pub fn folder_of(name: &Path) -> PathBuf {
-    let shipped = Path::new("suites").join(name);
-    if !name.exists() && shipped.join("suite.json").is_file() { shipped } else { name.to_owned() }
+    let is_suite = |folder: &Path| folder.join("suite.json").is_file();
+    if is_suite(name) || name.components().count() != 1 {
+        return name.to_owned();
+    }
+    let installed = std::env::current_exe().ok().and_then(|program| {
+        let program = program.canonicalize().ok()?;
+        Some(program.parent()?.parent()?.join("share/genmanip/suites"))
+    });
+    let places = [
+        Some(PathBuf::from("suites")),
+        std::env::var_os("GENMANIP_SUITES").map(PathBuf::from),
+        installed,
+        Some(PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../suites"))),
+    ];
+    let found = places.into_iter().flatten().map(|place| place.join(name)).find(|folder| is_suite(folder));
+    found.unwrap_or_else(|| name.to_owned())
+}
+
+/// [`folder_of`] as a value parser of a command line.
+///
+/// # Errors
+/// Never: what is no suite shows when it is opened.
+#[allow(clippy::unnecessary_wraps)] // the form of a value parser
+pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
+    Ok(folder_of(Path::new(text)))
 }
 
 /// Reads the file of a suite's folder.

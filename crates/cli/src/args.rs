@@ -1,10 +1,11 @@
 //! What the user may type.
 
+use genmanip_assets::CATALOGUES;
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
-use genmanip_core::Seed;
 use genmanip_pipeline::policies;
 
 pub use agent::*;
@@ -13,7 +14,6 @@ pub use collect::*;
 pub use data::*;
 pub use evaluate::*;
 pub use export::*;
-pub use lab::*;
 pub use launch::*;
 pub use render::*;
 pub use serve::*;
@@ -26,7 +26,6 @@ mod collect;
 mod data;
 mod evaluate;
 mod export;
-mod lab;
 mod launch;
 mod render;
 mod serve;
@@ -184,11 +183,12 @@ pub enum Command {
         #[command(subcommand)]
         command: CameraCommand,
     },
-    /// Measure the parts on cases of your own: agreement, validity, processor time
+    /// Moved: measurements are the program `genmanip-lab`
+    #[command(hide = true, disable_help_flag = true)]
     Lab {
-        /// What to measure
-        #[command(subcommand)]
-        command: LabCommand,
+        /// Ignored
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        rest: Vec<String>,
     },
     /// Offer masks or grasps to other programs over HTTP, on this machine unless told otherwise
     Serve {
@@ -240,10 +240,10 @@ pub struct BakeArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Seed of candidates and trials
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Candidates per object, at most
-    #[arg(long, default_value_t = 24, value_parser = parse_count)]
+    #[arg(long, default_value_t = 24, value_parser = parse::count)]
     pub count: usize,
     /// Trials per candidate
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -259,7 +259,7 @@ pub struct BakeArguments {
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
     /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Robot whose hand tries them: panda or panda_2f85
     #[arg(long, value_name = "NAME")]
@@ -283,10 +283,10 @@ pub struct NewArguments {
     #[arg(long, default_value = "all")]
     pub kind: String,
     /// Number of tasks
-    #[arg(long, default_value_t = 12, value_parser = parse_count)]
+    #[arg(long, default_value_t = 12, value_parser = parse::count)]
     pub count: usize,
     /// Seed
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Who invents them: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
@@ -364,7 +364,7 @@ pub struct LayoutArguments {
     #[arg(required = true)]
     pub tasks: Vec<PathBuf>,
     /// Layouts per task
-    #[arg(long, default_value_t = 1, value_parser = parse_count)]
+    #[arg(long, default_value_t = 1, value_parser = parse::count)]
     pub count: usize,
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
@@ -373,7 +373,7 @@ pub struct LayoutArguments {
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Folder for the scenario files
     #[arg(long)]
@@ -388,7 +388,7 @@ pub struct LayoutArguments {
     #[arg(long)]
     pub each: bool,
     /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -403,26 +403,26 @@ pub struct PlanArguments {
     pub pick: Option<String>,
     /// To a point between the fingertips, hand pointing down, metres
     #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
-          value_parser = parse_number)]
+          value_parser = parse::number)]
     pub to: Option<Vec<f64>>,
     /// To joint positions, rad
     #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
-          value_parser = parse_number)]
+          value_parser = parse::number)]
     pub joints: Option<Vec<f64>>,
     /// Turn of the hand about the vertical for --to, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_number)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse::number)]
     pub yaw: f64,
     /// Joint positions to start from, rad [default: the robot's home]
-    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse_number)]
+    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number)]
     pub from: Option<Vec<f64>>,
     /// Opening of the gripper, metres; a grasp brings its own
-    #[arg(long, value_name = "WIDTH", default_value_t = 0.08, value_parser = parse_number)]
+    #[arg(long, value_name = "WIDTH", default_value_t = 0.08, value_parser = parse::number)]
     pub gripper: f64,
     /// Seed of the search
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Longest edge of the search tree, rad
-    #[arg(long, value_name = "RAD", value_parser = parse_edge)]
+    #[arg(long, value_name = "RAD", value_parser = parse::edge)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
     #[arg(long, value_name = "FILE")]
@@ -449,13 +449,6 @@ fn evaluate_help() -> String {
     )
 }
 
-fn parse_count(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(count @ 1..=1_000_000) => Ok(count),
-        _ => Err("expected a whole number from 1 to 1000000".into()),
-    }
-}
-
 fn parse_scale(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
@@ -468,36 +461,6 @@ fn parse_sum(text: &str) -> Result<f64, String> {
         Ok(value) if (0.0..=1e9).contains(&value) && !f64::is_sign_negative(value) => Ok(value),
         _ => Err("expected a sum from 0 to 1e9".into()),
     }
-}
-
-fn parse_edge(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
-        _ => Err("expected a number from 1e-6 to 1e6".into()),
-    }
-}
-
-/// Positions, angles and widths; what a robot has is a part of that.
-fn parse_number(text: &str) -> Result<f64, String> {
-    match text.trim().parse() {
-        Ok(value) if (-1e3..=1e3).contains(&value) => Ok(value),
-        _ => Err("expected a number from -1000 to 1000".into()),
-    }
-}
-
-/// Seeds are stored in JSON, whose readers keep 53 bits.
-fn parse_seed(text: &str) -> Result<u64, String> {
-    match text.parse() {
-        Ok(seed) if seed <= Seed::MAX => Ok(seed),
-        _ => Err(format!("expected a whole number from 0 to {}", Seed::MAX)),
-    }
-}
-
-/// Negative numbers reach the parsers of their options, which say what they expect; they are no options themselves.
-pub fn taking_negative_numbers(command: clap::Command) -> clap::Command {
-    let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
-    let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
-    command.mut_subcommands(taking_negative_numbers)
 }
 
 fn parse_fps(text: &str) -> Result<u32, String> {
@@ -517,13 +480,13 @@ pub struct DemoArguments {
     #[arg(long)]
     pub tasks: Vec<PathBuf>,
     /// Attempts per task
-    #[arg(long, default_value_t = 2, value_parser = parse_count)]
+    #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub episodes: usize,
     /// Seed
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset
     #[arg(long, default_value_t = 15, value_parser = parse_fps)]
@@ -542,7 +505,7 @@ pub struct ReplayArguments {
     #[arg(long, value_name = "FILE")]
     pub strip: Option<PathBuf>,
     /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Print a row per episode also where there are more than 30
     #[arg(long)]
@@ -564,6 +527,6 @@ pub struct ReportArguments {
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Worker threads of --full; the bytes do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

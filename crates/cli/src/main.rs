@@ -2,57 +2,29 @@
 
 mod args;
 mod commands;
-mod error;
 mod launch;
-#[cfg(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu"))]
-mod memory;
-mod printer;
-mod stop;
 
-use clap::{CommandFactory, FromArgMatches};
+use std::process::ExitCode;
+
+use genmanip_terminal::{ExitStatus, Failed, Printer, packs_folder};
 
 use args::{Arguments, Command, GraspsCommand, TaskCommand};
-use error::{ExitStatus, Failed};
 
-fn main() -> std::process::ExitCode {
-    let command = args::taking_negative_numbers(Arguments::command());
-    let matches = command.try_get_matches().and_then(|matches| Arguments::from_arg_matches(&matches));
-    let arguments = match matches {
+fn main() -> ExitCode {
+    let arguments: Arguments = match genmanip_terminal::arguments() {
         Ok(arguments) => arguments,
-        Err(told) => return tell(&told),
+        Err(code) => return code,
     };
-    let printer = printer::Printer::new(arguments.json, arguments.quiet);
-    let outcome = open_packs(&arguments).and_then(|()| run(&arguments, &printer));
-    match outcome.and_then(|status| printer.finish().map(|()| status)) {
-        Ok(status) => status.into(),
-        Err(failed) => {
-            printer.error(&failed);
-            failed.status().into()
-        }
-    }
-}
-
-/// What the environment says under a name; what is empty says nothing.
-fn environment(name: &str) -> Option<String> {
-    std::env::var(name).ok().filter(|value| !value.is_empty())
-}
-
-/// Help, the version, or what is wrong with the command line.
-fn tell(told: &clap::Error) -> std::process::ExitCode {
-    use std::io::{ErrorKind, Write};
-    let printed = told.print().and_then(|()| std::io::stdout().flush());
-    let is_lost = printed.is_err_and(|error| error.kind() != ErrorKind::BrokenPipe);
-    match (told.use_stderr(), is_lost) {
-        (true, _) => ExitStatus::NotUnderstood.into(),
-        (false, true) => ExitStatus::NotMet.into(),
-        (false, false) => ExitStatus::Done.into(),
-    }
+    genmanip_terminal::run(arguments.json, arguments.quiet, |printer| {
+        open_packs(&arguments)?;
+        run(&arguments, printer)
+    })
 }
 
 /// Makes imported objects known before anything asks for one; importing itself starts from what its own pack holds.
 fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     let is_importing = matches!(&arguments.command, Command::Assets { command: args::AssetsCommand::Import(_) });
-    let folder = packs_folder(arguments);
+    let folder = packs_folder(arguments.packs.as_ref());
     if is_importing || (arguments.packs.is_none() && !folder.is_dir()) {
         return Ok(());
     }
@@ -60,14 +32,8 @@ fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     Ok(())
 }
 
-/// The folder of the packs: as named, as the environment says, or `packs` here.
-fn packs_folder(arguments: &Arguments) -> std::path::PathBuf {
-    let named = arguments.packs.clone().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
-    named.unwrap_or_else(|| "packs".into())
-}
-
-fn run(arguments: &Arguments, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
-    let packs = packs_folder(arguments);
+fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let packs = packs_folder(arguments.packs.as_ref());
     match &arguments.command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
         Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),
@@ -94,7 +60,8 @@ fn run(arguments: &Arguments, printer: &printer::Printer) -> Result<ExitStatus, 
         Command::Assets { command } => commands::assets::run(command, &packs, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
-        Command::Lab { command } => commands::lab::run(command, printer),
+        Command::Lab { .. } => Err(Failed::misused("`genmanip lab` is the program `genmanip-lab` now")
+            .hint("cargo run --release -p genmanip-lab -- SUBCOMMAND, or genmanip-lab SUBCOMMAND once installed")),
         Command::Serve { command } => commands::serve::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),
     }

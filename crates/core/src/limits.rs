@@ -1,7 +1,7 @@
 //! How large the files are that a person may hand to the program: every reader's bound, in one place.
 //!
 //! All bounds are chosen: several times the largest file of that kind that is of use, and small enough that a reader
-//! needs at most 1 GB and 10 s for anything of that size; `genmanip lab hostile` measures it.
+//! needs at most 1 GB and 10 s for anything of that size; `genmanip-lab hostile` measures it.
 
 /// The largest file of a kind that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

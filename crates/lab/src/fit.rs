@@ -64,7 +64,7 @@ pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<R
             files.join(", "),
             samples.len()
         ))
-        .with_hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
+        .with_hint("expected held and lost grasps; try `genmanip-lab grasp --pick any` with more trials"));
     }
     let old = vector(&Weights::default(), &names);
     let fitted = if constant { shifted(&old, &samples) } else { fit(&samples) };
@@ -120,7 +120,7 @@ fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
 
 fn broken(path: &Path, index: usize, why: &str) -> LabError {
     LabError::input(format!("line {} of {} is no trial: {why}", index + 1, path.display()))
-        .with_hint("expected a file of `genmanip lab grasp --out`")
+        .with_hint("expected a file of `genmanip-lab grasp --out`")
 }
 
 pub(crate) fn chance(weights: &[f64], features: &[f64]) -> f64 {

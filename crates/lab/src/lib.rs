@@ -21,6 +21,7 @@ pub mod grasp;
 pub mod hostile;
 pub mod layout;
 pub mod motion;
+mod program;
 pub mod readers;
 pub mod relations;
 pub mod render;
@@ -33,3 +34,4 @@ pub mod suite;
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.
 pub use genmanip_workspace::RunError as LabError;
+pub use program::program;

@@ -1,10 +1,11 @@
 //! What the user may type after `agent` and `ablate`.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{AskingArguments, parse_seed};
+use super::AskingArguments;
 
 /// What the agent does outside of evaluations.
 #[derive(Debug, Subcommand)]
@@ -61,7 +62,7 @@ pub struct ActArguments {
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
     /// Seed of the searches
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Folder for pictures, transcript and motions
     #[arg(long, value_name = "DIR")]

@@ -1,5 +1,7 @@
 //! What the user may type after `assets`.
 
+use genmanip_assets::CATALOGUES;
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -42,9 +44,6 @@ pub enum AssetsCommand {
     #[command(hide = true)]
     Freeze(FreezeArguments),
 }
-
-/// Names of the catalogues.
-pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
 
 /// Which objects there are.
 #[derive(Debug, Args)]
@@ -95,13 +94,13 @@ pub struct SheetArguments {
     #[arg(long, value_name = "DIR", requires = "family")]
     pub families: Option<PathBuf>,
     /// First seed of new objects
-    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 1, value_parser = parse::seed)]
     pub seed: u64,
     /// Objects to draw, or new objects of each family
-    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub count: Option<usize>,
     /// Pictures per row
-    #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 10, value_parser = parse::count)]
     pub columns: usize,
     /// Pixels per side of a picture
     #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u32).range(16..=1024))]
@@ -160,7 +159,7 @@ pub struct ImportArguments {
     #[arg(long, value_name = "NAME", default_value = "panda")]
     pub robot: String,
     /// Seed of the trials
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Threads
     #[arg(long, value_name = "N")]

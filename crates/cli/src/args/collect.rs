@@ -1,12 +1,13 @@
 //! What the user may type after `collect` and `merge`.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
 use genmanip_viz::render::Vary;
 use genmanip_workspace::shard::Choice;
 
-use super::{parse_count, parse_fps, parse_seed};
+use super::parse_fps;
 
 /// What may differ from episode to episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +39,7 @@ pub struct CollectArguments {
     #[arg(long)]
     pub out: PathBuf,
     /// Attempts per task, each on its own layout
-    #[arg(long, default_value_t = 2, value_parser = parse_count)]
+    #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub episodes: usize,
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
@@ -47,10 +48,10 @@ pub struct CollectArguments {
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset; states are always recorded at 60 Hz
     #[arg(long, default_value_t = 15, value_parser = parse_fps)]
@@ -106,7 +107,7 @@ pub struct MergeArguments {
     #[arg(long)]
     pub finish: bool,
     /// Worker threads of --finish; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Print a row per task also where there are more than 30
     #[arg(long)]

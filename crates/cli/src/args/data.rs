@@ -1,5 +1,6 @@
 //! Arguments of `data`.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -137,7 +138,7 @@ pub struct DataRerenderArguments {
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub cameras: Vec<String>,
     /// Worker threads; the bytes do not depend on it [default: all cores]
-    #[arg(long, value_parser = super::parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -176,7 +177,7 @@ pub struct DataSplitArguments {
     #[arg(long, value_name = "NAME=SHARE,…", value_delimiter = ',', value_parser = parse_share, default_value = "train=0.9,test=0.1")]
     pub fractions: Vec<(String, f64)>,
     /// Which episode goes where
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// What stays together: task (all episodes of a sentence) or episode
     #[arg(long, value_name = "WHAT", default_value = "task", value_parser = ["task", "episode"])]

@@ -1,21 +1,22 @@
 //! Arguments of `evaluate`, and those it shares with other verbs that may ask a model.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
 use genmanip_workspace::shard::Choice;
 
-use super::{parse_count, parse_sum};
+use super::parse_sum;
 
 /// How episodes are run that may ask a model.
 #[derive(Clone, Debug, Args)]
 pub struct AskingArguments {
     /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
     /// asked, else the workers]
-    #[arg(long, value_name = "N", value_parser = parse_count)]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
     /// Ask no more once the model's answers have cost so much, in the currency of its settings
     #[arg(long, value_name = "SUM", value_parser = parse_sum)]
@@ -28,8 +29,8 @@ pub struct EvaluateArguments {
     /// Folder of a run made by `collect`, or scenario files and folders of them
     #[arg(required_unless_present = "suite", value_name = "RUN|SCENARIOS")]
     pub paths: Vec<PathBuf>,
-    /// Folder of a frozen suite, or its name where `suites/NAME` is here, instead of a run or scenarios
-    #[arg(long, value_name = "NAME|DIR", conflicts_with = "paths", value_parser = super::suite::parse_suite)]
+    /// Folder of a frozen suite, or its name, instead of a run or scenarios
+    #[arg(long, value_name = "NAME|DIR", conflicts_with = "paths", value_parser = genmanip_benchmark::suites::parse_folder)]
     pub suite: Option<PathBuf>,
     /// A policy, with arguments if it takes any; may be given several times [default: all of them]
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
@@ -44,7 +45,7 @@ pub struct EvaluateArguments {
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Episodes of each scenario, with streams of their own: for policies that draw
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = parse_count)]
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = parse::count)]
     pub episodes_per_scenario: usize,
     /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
     /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left

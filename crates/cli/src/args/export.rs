@@ -1,5 +1,6 @@
 //! Arguments of `export`.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
 use genmanip_pipeline::export::FORMATS;
 
-use super::{parse_count, parse_fps};
+use super::parse_fps;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
@@ -59,6 +60,6 @@ pub struct DatasetArguments {
     #[arg(long)]
     pub keep_failed: bool,
     /// Worker threads; the bytes do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }

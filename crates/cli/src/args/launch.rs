@@ -1,10 +1,9 @@
 //! What the user may type after `launch`.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
-
-use super::parse_count;
 
 /// Arguments of `launch`.
 #[derive(Clone, Debug, Args)]
@@ -20,13 +19,13 @@ pub struct LaunchArguments {
     #[arg(long)]
     pub local: bool,
     /// Parts that the work is divided into
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub shards: usize,
     /// Cores of each shard
-    #[arg(long, default_value_t = 2, value_parser = parse_count)]
+    #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub cpus: usize,
     /// Shards at the same time [default: all; with --local one]
-    #[arg(long, value_name = "N", value_parser = parse_count)]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub at_once: Option<usize>,
     /// Image of the containers, with this program in it
     #[arg(long, requires = "kubernetes")]

@@ -1,5 +1,6 @@
 //! Arguments of `render`, and how looks are named.
 
+use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -67,7 +68,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
     /// Worker threads; pictures do not depend on it [default: all cores]
-    #[arg(long, value_parser = super::parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -91,7 +92,7 @@ fn parse_overlay(text: &str) -> Result<Overlay, String> {
 fn parse_look_seed(text: &str) -> Result<LookSeed, String> {
     match text {
         "episode" => Ok(LookSeed::Episode),
-        number => super::parse_seed(number)
+        number => parse::seed(number)
             .map(|seed| LookSeed::Number(genmanip_core::Seed::new(seed)))
             .map_err(|expected| format!("{expected}, or `episode`")),
     }

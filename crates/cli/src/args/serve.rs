@@ -1,5 +1,6 @@
 //! What the user may type after `serve`.
 
+use genmanip_terminal::parse;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -42,7 +43,7 @@ pub struct ServeEnvArguments {
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "scenes")]
     pub tasks: Vec<PathBuf>,
     /// Most sessions at once; each needs some 35 MB, and more with cameras
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = super::parse_count)]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = parse::count)]
     pub sessions: usize,
     #[command(flatten)]
     pub serve: ServeArguments,
@@ -80,10 +81,10 @@ pub struct ServeArguments {
     #[arg(long)]
     pub allow_others: bool,
     /// Largest request that is read, MiB
-    #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = super::parse_count)]
+    #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = parse::count)]
     pub max_mb: usize,
     /// Requests that are computed at once [default: one per core]
-    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Print the OpenAPI description instead
     #[arg(long)]

@@ -1,12 +1,11 @@
 //! Arguments of `suite` and `lab suite`.
 
-use std::path::{Path, PathBuf};
+use genmanip_terminal::parse;
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_benchmark::suite::ReviewVerdict;
 use genmanip_benchmark::suites::{self, Axis};
-
-use super::parse_count;
 
 /// What to do with suites.
 #[derive(Debug, Subcommand)]
@@ -63,10 +62,10 @@ pub enum SuiteCommand {
 #[derive(Debug, Args)]
 pub struct SuiteWorkArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -82,16 +81,16 @@ pub struct SuiteBuildArguments {
     #[arg(long)]
     pub name: Option<String>,
     /// Seed of tasks, layouts and trials
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Scenarios of each of the four kinds
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse_count)]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse::count)]
     pub per_kind: usize,
     /// Candidates for each scenario, from which the most balanced are taken
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse_count)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse::count)]
     pub candidates: usize,
     /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     #[command(flatten)]
     pub catalog: super::CatalogArguments,
@@ -101,16 +100,16 @@ pub struct SuiteBuildArguments {
 #[derive(Debug, Args)]
 pub struct SuiteTrainArguments {
     /// Folder of the suite that is tested on
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Folder of the tasks
     #[arg(long, value_name = "DIR", required_unless_present = "check")]
     pub out: Option<PathBuf>,
     /// Tasks of each of the four kinds
-    #[arg(long, value_name = "N", default_value_t = 250, value_parser = parse_count)]
+    #[arg(long, value_name = "N", default_value_t = 250, value_parser = parse::count)]
     pub per_kind: usize,
     /// Seed of the tasks
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Design nothing: say what these tasks, or folders of them, share with the suite
     #[arg(long, value_name = "TASKS", num_args = 1.., conflicts_with_all = ["out", "per_kind", "seed"])]
@@ -121,7 +120,7 @@ pub struct SuiteTrainArguments {
 #[derive(Debug, Args)]
 pub struct SuitePerturbArguments {
     /// Folder of the suite that is changed
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// What is changed
     #[arg(long, value_name = "AXIS")]
@@ -130,7 +129,7 @@ pub struct SuitePerturbArguments {
     #[arg(long, value_name = "D", default_value_t = 1.0)]
     pub dial: f64,
     /// Seed of what is drawn
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Folder of the new suite
     #[arg(long, value_name = "DIR")]
@@ -139,7 +138,7 @@ pub struct SuitePerturbArguments {
     #[arg(long)]
     pub name: Option<String>,
     /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
 }
 
@@ -147,7 +146,7 @@ pub struct SuitePerturbArguments {
 #[derive(Debug, Args)]
 pub struct SuiteReviewArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Id of the scenario
     #[arg(value_name = "SCENARIO")]
@@ -163,12 +162,6 @@ pub struct SuiteReviewArguments {
     pub note: String,
 }
 
-/// A suite by its folder, or by its name where `suites/NAME` lies in the current folder.
-#[allow(clippy::unnecessary_wraps)] // as clap wants it
-pub(super) fn parse_suite(text: &str) -> Result<PathBuf, String> {
-    Ok(suites::folder_of(Path::new(text)))
-}
-
 fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
     let names = ReviewVerdict::ALL.map(ReviewVerdict::name);
     let found = ReviewVerdict::ALL.into_iter().find(|verdict| verdict.name() == text);
@@ -179,7 +172,7 @@ fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
 #[derive(Clone, Debug, Args)]
 pub struct SuiteArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
 }
 
@@ -187,51 +180,9 @@ pub struct SuiteArguments {
 #[derive(Clone, Debug, Args)]
 pub struct SuiteDiffArguments {
     /// Folder of the first suite
-    #[arg(value_name = "SUITE", value_parser = parse_suite)]
+    #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub first: PathBuf,
     /// Folder of the second
-    #[arg(value_name = "OTHER", value_parser = parse_suite)]
+    #[arg(value_name = "OTHER", value_parser = suites::parse_folder)]
     pub second: PathBuf,
-}
-
-/// Arguments of `lab suite`.
-#[derive(Debug, Args)]
-pub struct LabSuiteArguments {
-    /// Folder of the suite, or its name where `suites/NAME` is here
-    #[arg(long, value_name = "NAME|DIR", value_parser = parse_suite)]
-    pub suite: PathBuf,
-    /// Episodes per scenario
-    #[arg(long, value_name = "K", default_value_t = 5, value_parser = parse_count)]
-    pub episodes: usize,
-    /// Seed of the episodes
-    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
-    pub seed: u64,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-}
-
-/// Arguments of `lab readers`.
-#[derive(Debug, Args)]
-#[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
-#[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
-pub struct LabReadersArguments {
-    /// Folder or name of a suite: which things are meant at the start of its scenarios
-    #[arg(long, value_name = "NAME|DIR", value_parser = parse_suite)]
-    pub suite: Option<PathBuf>,
-    /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
-    #[arg(long, value_name = "DIR")]
-    pub ends: Option<PathBuf>,
-    /// Episodes, half of them successes where there are enough
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = super::parse_count)]
-    pub count: usize,
-    /// Folder for the cards
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Answers of readers, one file each
-    #[arg(long, value_name = "FILE,…", value_delimiter = ',')]
-    pub answers: Vec<PathBuf>,
-    /// Seed of the order of the cards, and of the choice of episodes
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
-    pub seed: u64,
 }

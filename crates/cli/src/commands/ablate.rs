@@ -5,8 +5,8 @@ use genmanip_pipeline::evaluate::{EvaluateOptions, Suite};
 use genmanip_workspace::workers;
 
 use crate::args::AblateArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let suite = Suite::of_run(&arguments.run)?;
@@ -18,7 +18,7 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let ablation = ablate(&suite, &arguments.agent, &arguments.vary, &options, printer, &stop)?;
     let Some(ablation) = ablation else { return Ok(ExitStatus::NotMet) };
     printer.data(&ablation, &in_words(&ablation));

@@ -8,8 +8,8 @@ use genmanip_motion::PlannerSettings;
 use genmanip_workspace::worlds;
 
 use crate::args::{ActArguments, AgentCommand};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &AgentCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     let AgentCommand::Act(arguments) = command;

@@ -26,8 +26,8 @@ use crate::args::{
     AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, ImportArguments, SearchArguments,
     SheetArguments, ShowAssetArguments,
 };
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// Most objects that a search names unless asked otherwise.
 const FOUND: usize = 20;
@@ -224,7 +224,7 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
         seed: Seed::new(arguments.seed),
     };
     let world = worlds::read_world_with(None, Some(&arguments.robot))?;
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let found = packs::candidates(&arguments.paths, arguments.root.as_deref())?;
     let rows = packs::import(&found, &world, &settings, workers::workers(arguments.workers), printer, &stop)?;
     printer.data(&rows, &packs::table(&rows));

@@ -13,8 +13,8 @@ use genmanip_viz::render::Vary;
 use genmanip_workspace::{task_files, workers, worlds};
 
 use crate::args::{CollectArguments, MergeArguments, Part};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
@@ -27,8 +27,8 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let settings =
         CollectSettings { images, keep_failed, grasps, vary_physics, corrects, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
-    let stop = crate::stop::on_interrupt();
-    let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
+    let stop = genmanip_terminal::on_interrupt();
+    let shard = arguments.shard.map(|choice| choice.resolve(&genmanip_terminal::environment)).transpose()?;
     let options = CollectOptions { workers: workers::workers(arguments.workers), repair: arguments.repair, shard };
     let out = shard.map_or_else(|| arguments.out.clone(), |shard| arguments.out.join(shard.name()));
     let collected = collect_run(&out, run, options, printer, &stop)?;
@@ -40,7 +40,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
 }
 
 pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
     let merged = merge(&arguments.shards, &arguments.out, arguments.finish, options, printer, &stop)?;
     tell(&merged, printer);

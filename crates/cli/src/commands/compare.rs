@@ -3,8 +3,8 @@
 use genmanip_benchmark::compare::{compare_files, in_words};
 
 use crate::args::CompareArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &CompareArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let comparison = compare_files(&arguments.first, &arguments.second)?;

@@ -27,8 +27,8 @@ use crate::args::{
     DataImportArguments, DataPullArguments, DataPushArguments, DataRerenderArguments, DataShowArguments,
     DataSplitArguments,
 };
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// Leaks that are printed; with --json all are.
 const LISTED_LEAKS: usize = 12;
@@ -164,7 +164,7 @@ fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<Exit
         cameras: arguments.cameras.clone(),
         workers: workers::workers(arguments.workers),
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let Some(made) = rerender::rerender(&arguments.dataset, &options, &arguments.out, printer, &stop)? else {
         printer.say("interrupted; pictures that were drawn are kept, start again to continue");
         return Ok(ExitStatus::NotMet);

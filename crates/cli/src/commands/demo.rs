@@ -18,12 +18,12 @@ use genmanip_workspace::task_spool::Tasks;
 
 use crate::args::DemoArguments;
 use crate::commands::{collect, report};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let (started, out) = (Instant::now(), &arguments.out);
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     printer.say("1/4  tasks: checking recorded language-model answers");
     let tasks = tasks(arguments)?;
     printer.say(format!("     {} valid tasks", tasks.entries().len()));

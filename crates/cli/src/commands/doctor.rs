@@ -10,8 +10,8 @@ use genmanip_sim::{Scene, Sim};
 use genmanip_workspace::text_table;
 use serde::Serialize;
 
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// Control steps for which physics are tried.
 const HELD_STEPS: usize = 6;

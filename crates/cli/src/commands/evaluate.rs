@@ -8,8 +8,8 @@ use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate, table, table
 use genmanip_workspace::{workers, worlds};
 
 use crate::args::EvaluateArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let named = arguments.policies.iter().map(|text| PolicyFactory::resolve(text));
@@ -45,7 +45,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         }
         (run, out) => run.or(out.as_ref()),
     };
-    let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
+    let shard = arguments.shard.map(|choice| choice.resolve(&genmanip_terminal::environment)).transpose()?;
     let options = EvaluateOptions {
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
@@ -54,7 +54,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
     let of_traits = table_of_traits(&reports);

@@ -8,8 +8,8 @@ use genmanip_workspace::scenarios;
 use genmanip_workspace::workers;
 
 use crate::args::{DatasetArguments, ExportArguments};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if arguments.mjcf {
@@ -24,7 +24,7 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         out: arguments.out.clone(),
         workers: workers::workers(dataset.workers),
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let Some(exported) = export(&arguments.source, &options, printer, &stop)? else {
         printer.say("interrupted; pictures that were drawn are kept, start again to continue");
         return Ok(ExitStatus::NotMet);

@@ -10,8 +10,8 @@ use genmanip_workspace::{text_table, workers, worlds};
 use serde::Serialize;
 
 use crate::args::{BakeArguments, ShowGraspsArguments};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// What GraspNet rows say about the fingers: how far their tips are ahead of a row's origin, m.
 const DEPTH_M: f64 = 0.02;
@@ -27,7 +27,7 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
         catalog: arguments.catalog.clone(),
     };
     let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let baked = grasps::bake(
         &arguments.out,
         &arguments.objects,

@@ -8,8 +8,8 @@ use genmanip_workspace::task_files;
 use serde::Serialize;
 
 use crate::args::{Arguments, CollectArguments, Command, LaunchArguments};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// What was found and written.
 #[derive(Serialize)]

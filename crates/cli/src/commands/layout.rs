@@ -10,8 +10,8 @@ use genmanip_workspace::workers;
 use genmanip_workspace::worlds;
 
 use crate::args::LayoutArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = task_files::read_tasks(&arguments.tasks)?;

@@ -5,8 +5,8 @@ use genmanip_benchmark::{boards, leaderboard_html, leaderboard_markdown};
 use genmanip_workspace::documents;
 
 use crate::args::LeaderboardArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &LeaderboardArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let boards = boards(&evaluations_below(&arguments.folder, printer)?);

@@ -11,7 +11,6 @@ pub mod doctor;
 pub mod evaluate;
 pub mod export;
 pub mod grasps;
-pub mod lab;
 pub mod launch;
 pub mod layout;
 pub mod leaderboard;

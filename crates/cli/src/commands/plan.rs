@@ -9,8 +9,8 @@ use genmanip_viz::motion_images;
 use genmanip_workspace::{documents, scenarios, worlds};
 
 use crate::args::PlanArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let stage = scenarios::read_stage(&arguments.scenario)?;

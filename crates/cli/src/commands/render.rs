@@ -7,8 +7,8 @@ use genmanip_workspace::workers;
 
 use super::collect::vary;
 use crate::args::RenderArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let holds = |channel: &str| arguments.channels.iter().any(|named| named == channel);
@@ -35,7 +35,7 @@ pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus,
         paths: (arguments.quality == "reference").then_some(arguments.paths),
         workers: workers::workers(arguments.workers),
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     let rendered = render::render(&arguments.source, &arguments.out, &options, printer, &stop)?;
     printer.data(&rendered, &render::table(&rendered));
     let is_whole = !stop.load(std::sync::atomic::Ordering::Relaxed);

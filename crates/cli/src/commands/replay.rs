@@ -4,8 +4,8 @@ use genmanip_viz::replay::{self, Replayed};
 use genmanip_workspace::workers;
 
 use crate::args::ReplayArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let workers = workers::workers(arguments.workers);

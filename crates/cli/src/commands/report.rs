@@ -8,8 +8,8 @@ use genmanip_workspace::documents;
 use genmanip_workspace::workers;
 
 use crate::args::ReportArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &ReportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if arguments.full {

@@ -12,8 +12,8 @@ use genmanip_serve::{AgentOffer, EnvOffer, Offer, ServeSettings, Server, openapi
 use genmanip_workspace::worlds;
 
 use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {

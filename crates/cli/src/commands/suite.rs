@@ -14,8 +14,8 @@ use crate::args::{
     SuiteBuildArguments, SuiteCommand, SuitePerturbArguments, SuiteReviewArguments, SuiteTrainArguments,
 };
 use crate::commands::assets::catalogue;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
@@ -23,7 +23,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Perturb(arguments) => return perturb(arguments, printer),
         SuiteCommand::Train(arguments) => return train(arguments, printer),
         SuiteCommand::Check(arguments) => {
-            let (workers, stop) = (workers::workers(arguments.workers), crate::stop::on_interrupt());
+            let (workers, stop) = (workers::workers(arguments.workers), genmanip_terminal::on_interrupt());
             let Some(checked) = suites::check(&arguments.folder, workers, printer, &stop)? else {
                 return Ok(ExitStatus::NotMet);
             };
@@ -42,7 +42,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             printer.data(&difference, &suites::diff_in_words(&difference));
         }
         SuiteCommand::Freeze(arguments) => {
-            let (workers, stop) = (workers::workers(arguments.workers), crate::stop::on_interrupt());
+            let (workers, stop) = (workers::workers(arguments.workers), genmanip_terminal::on_interrupt());
             return match suites::freeze(&arguments.folder, workers, printer, &stop)? {
                 Some(_) => show(&arguments.folder, printer),
                 None => Ok(ExitStatus::NotMet),
@@ -68,7 +68,7 @@ fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatu
         world: worlds::read_world(None)?,
         workers: workers::workers(arguments.workers),
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     match suite_steps::build(&options, printer, &stop)? {
         Some(_) => show(&arguments.out, printer),
         None => Ok(ExitStatus::NotMet),
@@ -85,7 +85,7 @@ fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitS
         seed: Seed::new(arguments.seed),
         workers: workers::workers(arguments.workers),
     };
-    let stop = crate::stop::on_interrupt();
+    let stop = genmanip_terminal::on_interrupt();
     match suite_steps::perturb(&options, printer, &stop)? {
         Some(_) => show(&arguments.out, printer),
         None => Ok(ExitStatus::NotMet),

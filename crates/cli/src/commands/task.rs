@@ -11,8 +11,8 @@ use genmanip_workspace::task_checks::{self, BareAnswers, Checked};
 use genmanip_workspace::task_files;
 
 use crate::args::{CheckArguments, ShowArguments};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let bare = BareAnswers {

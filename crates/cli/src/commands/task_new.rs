@@ -19,8 +19,8 @@ use genmanip_workspace::{MOST_ROWS, text_table};
 
 use crate::args::NewArguments;
 use crate::commands::assets::catalogue;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 /// Folder beside the tasks with what the model answered and what was wrong with it.
 const ROUNDS: &str = "rounds";

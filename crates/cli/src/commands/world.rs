@@ -12,8 +12,8 @@ use genmanip_workspace::worlds::{self, CameraChange, CameraEdit, Setting};
 use serde_json::json;
 
 use crate::args::{CameraCommand, CameraEditArguments, WorldCommand};
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &WorldCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {

@@ -1,4 +1,4 @@
-//! `task new` and `lab design`: tasks by rules and from a language model; the model here is a script on loopback.
+//! `task new`: tasks by rules and from a language model; the model here is a script on loopback.
 
 use std::fs;
 use std::path::Path;
@@ -77,33 +77,6 @@ fn many_tasks_are_counted_by_kind_unless_each_is_asked_for() {
     assert_eq!((short.code, short.stdout.lines().count()), (Some(0), 10), "{short:?}");
     assert!(short.stdout.contains("articulated     6      0"), "{short:?}");
     assert_eq!(new(&["--each"]).stdout.lines().count(), 38);
-}
-
-#[test]
-fn lab_design_prints_its_contract() {
-    let folder = tempfile::tempdir().unwrap();
-    let report = genmanip(folder.path(), &["lab", "design", "--seed", "9", "--count", "60", "--json"]).json(0);
-    let keys: Vec<&String> = report.as_object().unwrap().keys().collect();
-    let expected = [
-        "seed",
-        "tasks",
-        "valid",
-        "distinct_instructions",
-        "distinct_share",
-        "kinds",
-        "relations",
-        "worst_quota_deviation",
-        "references",
-        "references_unique",
-        "words_max",
-        "cpu_s",
-        "rejections",
-        "flaws",
-    ];
-    assert_eq!(keys, expected);
-    assert_eq!((&report["tasks"], &report["valid"], &report["flaws"]), (&60.into(), &60.into(), &json!([])));
-    assert_eq!(report["kinds"]["spatial"], json!({"count": 10, "quota": 10.0}));
-    assert!(report["relations"]["between"]["count"].as_u64().unwrap() > 0);
 }
 
 fn write_settings(folder: &Path, address: &str) {

@@ -37,23 +37,11 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["data", "rerender"],
         &["grasps", "bake"],
         &["grasps", "show"],
-        &["lab", "layout"],
-        &["lab", "relations"],
-        &["lab", "answers"],
-        &["lab", "expert"],
-        &["lab", "agent"],
-        &["lab", "blame"],
         &["camera", "list"],
         &["camera", "add"],
         &["camera", "set"],
         &["camera", "remove"],
         &["camera", "preview"],
-        &["lab", "data"],
-        &["lab", "design"],
-        &["lab", "motion"],
-        &["lab", "grasp"],
-        &["lab", "fit"],
-        &["lab", "scale"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);
@@ -68,6 +56,14 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         assert!(help.stdout.contains("Example") && help.stdout.contains(&example), "{verb:?}: {}", help.stdout);
         let widest = help.stdout.lines().map(|line| line.chars().count()).max().unwrap();
         assert!(widest <= 100, "{verb:?} prints lines of {widest} characters");
+    }
+}
+
+#[test]
+fn the_old_form_of_measurements_names_their_program() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [&["lab"][..], &["lab", "expert", "--count", "3", "--json"], &["lab", "--help"]] {
+        genmanip(folder.path(), arguments).assert_ended(2, &["genmanip-lab", "cargo run --release -p genmanip-lab --"]);
     }
 }
 

@@ -72,7 +72,7 @@ fn lost_output_is_an_error_and_a_closed_pipe_is_none() {
 /// Both are begun before either has written: one wins, the other says why, and nothing is mixed.
 #[test]
 fn two_starts_with_other_seeds_never_mix() {
-    // `genmanip lab hostile --races` does this as often as one likes.
+    // `genmanip-lab hostile --races` does this as often as one likes.
     for pair in 0..2 {
         let folder = tempfile::tempdir().unwrap();
         let task = example("024_appearance");

@@ -12,7 +12,6 @@ mod importing;
 mod interrupted;
 mod labels;
 mod messages;
-mod motion;
 mod planning;
 mod reading;
 mod refusals;
@@ -89,6 +88,13 @@ fn program(folder: &Path, arguments: &[&str]) -> Command {
 /// Runs the program in a folder to its end.
 fn genmanip(folder: &Path, arguments: &[&str]) -> Outcome {
     program(folder, arguments).output().unwrap().into()
+}
+
+/// Runs `genmanip-lab`, which is built beside the program, in a folder to its end.
+fn genmanip_lab(folder: &Path, arguments: &[&str]) -> Outcome {
+    let program = Path::new(PROGRAM).with_file_name("genmanip-lab");
+    assert!(program.is_file(), "build it first: cargo build --release -p genmanip-lab");
+    Command::new(program).current_dir(folder).args(arguments).output().unwrap().into()
 }
 
 /// Path of an example task.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::{REPOSITORY, genmanip, tree};
+use crate::{REPOSITORY, genmanip, genmanip_lab, tree};
 
 #[test]
 fn a_suite_is_built_checked_and_evaluated_on() {
@@ -106,7 +106,7 @@ fn a_suite_is_built_checked_and_evaluated_on() {
 
 /// Cards of the suite's scenarios, answered from the scenarios themselves: once rightly, once with one thing exchanged.
 fn readers_point_at_what_is_meant(here: &Path) {
-    let questions = genmanip(here, &["lab", "readers", "--suite", "mine", "--out", "cards", "--json"]).json(0);
+    let questions = genmanip_lab(here, &["readers", "--suite", "mine", "--out", "cards", "--json"]).json(0);
     let mut answers = Vec::new();
     for card in questions["cards"].as_array().unwrap() {
         assert!(here.join("cards").join(card["picture"].as_str().unwrap()).is_file());
@@ -129,12 +129,12 @@ fn readers_point_at_what_is_meant(here: &Path) {
     fs::write(here.join("right.json"), json!({"answers": answers}).to_string()).unwrap();
     answers[1]["moves"] = json!([{"object": 99, "place": [1]}]);
     fs::write(here.join("wrong.json"), json!({"answers": answers}).to_string()).unwrap();
-    let call = ["lab", "readers", "--suite", "mine", "--answers", "right.json,wrong.json", "--json"];
-    let compared = genmanip(here, &call).json(0);
+    let call = ["readers", "--suite", "mine", "--answers", "right.json,wrong.json", "--json"];
+    let compared = genmanip_lab(here, &call).json(0);
     let agree = |reader: usize| compared["readers"][reader]["agree"]["successes"].as_u64();
     assert_eq!((agree(0), agree(1), &compared["agree"]["trials"]), (Some(4), Some(3), &8.into()));
     assert_eq!(compared["readers"][1]["differ"][0]["card"], "001");
-    genmanip(here, &["lab", "readers", "--ends", "nowhere", "--out", "ends"]).assert_refused(&["nowhere/evaluation"]);
+    genmanip_lab(here, &["readers", "--ends", "nowhere", "--out", "ends"]).assert_refused(&["nowhere/evaluation"]);
 }
 
 fn scenario_of(here: &Path, sentence: &str) -> Value {

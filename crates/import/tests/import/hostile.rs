@@ -47,7 +47,7 @@ fn every_broken_file_has_one_clear_error() {
     assert!(refused(&disk(&[]), "missing.glb").message.contains("no such file"));
 }
 
-/// The corpus that `genmanip lab hostile --kind import-…` changes.
+/// The corpus that `genmanip-lab hostile --kind import-…` changes.
 #[test]
 fn the_sound_file_of_every_format_comes_in_as_it_is() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound");

@@ -1,5 +1,6 @@
 //! One call of the program under limits.
 
+use super::HostileArguments;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -73,8 +74,18 @@ impl Ended {
     }
 }
 
-/// Calls the program in the room; `sh` sets the limits, since a library cannot do that safely between fork and exec.
-pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) -> Result<Ended, LabError> {
+/// Calls `genmanip`, or `genmanip-lab` where the first word is `lab`, in the room; `sh` sets the limits, since a library
+/// cannot do that safely between fork and exec.
+pub(super) fn run(
+    arguments: &HostileArguments,
+    call: &[String],
+    room: &Room,
+    limits: Limits,
+) -> Result<Ended, LabError> {
+    let (program, call) = match call {
+        [first, rest @ ..] if first == "lab" => (&arguments.lab, rest),
+        all => (&arguments.program, all),
+    };
     let script = format!(
         "ulimit -v {}; ulimit -t {}; ulimit -c 0; ulimit -f 2000000; exec \"$0\" \"$@\"",
         limits.memory_mib << 10,

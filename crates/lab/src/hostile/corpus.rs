@@ -104,11 +104,11 @@ const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, idle_s: 600 };
 impl Corpus {
     /// Makes the sound inputs with the program itself.
     pub(super) fn make(arguments: &HostileArguments, room: &Room) -> Result<Self, LabError> {
-        let HostileArguments { program, project, .. } = arguments;
+        let HostileArguments { project, .. } = arguments;
         let examples = project.join("examples/tasks");
         let run = |call: &[&str]| -> Result<(), LabError> {
             let call: Vec<String> = call.iter().map(|word| (*word).to_owned()).collect();
-            let ended = child::run(program, &call, room, TRIES)?;
+            let ended = child::run(arguments, &call, room, TRIES)?;
             match ended.code {
                 Some(0) => Ok(()),
                 _ => Err(LabError::input(format!("a sound input cannot be made: {}", ended.stderr.trim()))

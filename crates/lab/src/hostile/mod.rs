@@ -33,8 +33,10 @@ pub use starts::Starts;
 /// What is tried.
 #[derive(Clone, Debug)]
 pub struct HostileArguments {
-    /// The program, its own file.
+    /// The program `genmanip`.
     pub program: PathBuf,
+    /// The program `genmanip-lab`.
+    pub lab: PathBuf,
     /// Folder with `examples/tasks`, cassettes and the kept corpus: the project's.
     pub project: PathBuf,
     /// Processor time of all calls together, minutes.
@@ -164,7 +166,7 @@ fn attempt(
 ) -> Result<(), LabError> {
     room.fill(case)?;
     let before = if case.only_reads { listing(&room.work()) } else { BTreeMap::new() };
-    let ended = child::run(&arguments.program, &case.call, room, Limits::default())?;
+    let ended = child::run(arguments, &case.call, room, Limits::default())?;
     if stop.load(Ordering::Relaxed) {
         // What stops this program may have ended the call, too.
         return room.clear();

@@ -56,7 +56,7 @@ fn call(
     words: &str,
 ) -> Result<Reader, LabError> {
     let words: Vec<String> = words.split(' ').map(String::from).collect();
-    let ended = child::run(&arguments.program, &words, room, WIDE)?;
+    let ended = child::run(arguments, &words, room, WIDE)?;
     let outcome = match ended.code {
         _ if ended.is_over_memory() => "needs more than 6 GiB",
         _ if ended.is_hanging() => "needs more than 60 s",

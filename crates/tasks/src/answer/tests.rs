@@ -300,7 +300,7 @@ fn states_and_kinds() {
     check_kind(articulated, cabinet("closed", beside("top_open")), &["mixed_condition", "not_graspable"]);
 }
 
-/// How long they take is measured by `genmanip lab answers`.
+/// How long they take is measured by `genmanip-lab answers`.
 #[test]
 fn worst_cases_are_refused() {
     for (name, text) in hostile::worst_cases() {

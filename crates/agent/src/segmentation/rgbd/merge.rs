@@ -79,7 +79,7 @@ pub const FEATURES: [&str; COUNT] = [
     "border_size",
 ];
 
-/// Chance that a pair belongs to one thing, as a logistic model; from `genmanip lab segment --seed 101 --count 60 --fit`.
+/// Chance that a pair belongs to one thing, as a logistic model; from `genmanip-lab segment --seed 101 --count 60 --fit`.
 const WEIGHTS: Features = [
     5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28,
     -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,

@@ -5,7 +5,7 @@
 //! Where the strip rises above the tips it must fit between the pads, and beside it the pads must find room: so bodies,
 //! rims, walls and handles come out alike, and things that lie flat on the table are searched down to the table.
 //! The contacts are where flat pads would meet the points on closing; their slope, offset, area and lever to the centre
-//! give features, and a logistic model fitted to physics trials (`genmanip lab grasp`) turns these into a chance.
+//! give features, and a logistic model fitted to physics trials (`genmanip-lab grasp`) turns these into a chance.
 
 mod filter;
 mod points;

@@ -1,4 +1,4 @@
-//! `genmanip lab`: one measurement each.
+//! One measurement per subcommand.
 
 use genmanip_workspace::task_files;
 use genmanip_workspace::workers;
@@ -26,9 +26,8 @@ use genmanip_lab::{
 use genmanip_workspace::RunError;
 
 use crate::args::{self, LabCommand};
-use crate::commands::assets::catalogue;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_terminal::Printer;
+use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
@@ -95,7 +94,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &fit::in_words(&measured));
         }
         LabCommand::Hostile(arguments) => {
-            let stop = crate::stop::on_interrupt();
+            let stop = genmanip_terminal::on_interrupt();
             let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer, &stop)?;
             printer.data(&measured, &hostile::in_words(&measured));
         }
@@ -230,7 +229,8 @@ fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArgume
         found.map_err(|error| Failed::because(format!("cannot find {what}"), &error).hint("name it with --project"))
     };
     Ok(HostileArguments {
-        program: own("the program itself", std::env::current_exe())?,
+        program: genmanip_lab::program()?,
+        lab: own("this program", std::env::current_exe())?,
         project: own("the project's folder", arguments.project.canonicalize())?,
         minutes: arguments.minutes,
         kind: arguments.kind.clone(),
@@ -327,4 +327,8 @@ fn motion_arguments(arguments: &args::MotionArguments) -> Result<MotionArguments
         ik_poses: arguments.ik_poses,
         paths: arguments.paths.clone(),
     })
+}
+
+fn catalogue(name: &str) -> &'static Catalogue {
+    Catalogue::named(name).unwrap_or_else(Catalogue::builtin)
 }

@@ -1,164 +1,190 @@
-//! What the user may type after `lab`.
+//! The command line of `genmanip-lab`.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Parser, Subcommand};
+use genmanip_assets::CATALOGUES;
+use genmanip_terminal::parse;
 
-use super::{LabReadersArguments, LabSuiteArguments};
+pub use motion::*;
+pub use suites::*;
+
+mod motion;
+mod suites;
+
+/// Measurements of GenManip on cases that the project has not seen: agreement, validity, success rates, time.
+#[derive(Debug, Parser)]
+#[command(name = "genmanip-lab", version, about, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
+                        130 stopped by a second Ctrl-C. Data goes to stdout, the log to stderr.")]
+pub struct Arguments {
+    /// Print data as JSON on stdout
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress, no log; errors only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub packs: Option<PathBuf>,
+    /// The measurement
+    #[command(subcommand)]
+    pub command: LabCommand,
+}
 
 /// Measurements that take data the project has not seen.
 #[derive(Debug, Subcommand)]
 pub enum LabCommand {
     /// Compare verdicts: of a profile with recorded ones, or of rendered clouds with posed geometry
-    #[command(after_help = "Examples:\n  genmanip lab relations --cases cases.json --profile genmanip-0.9 --json\n  \
-                      genmanip lab relations --rendered --seed 1 --count 500 --json\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab relations --cases cases.json --profile genmanip-0.9 --json\n  \
+                      genmanip-lab relations --rendered --seed 1 --count 500 --json\n\n\
                       The clouds of cases are read from the archive beside the file: cases.npz.\n\
                       With --rendered, scenes are laid out and drawn, and the clouds that three cameras see are\n\
                       judged by profile seed, as posed geometry is.")]
     Relations(RelationsArguments),
     /// Check hostile answers: how long it takes at worst, and whether anything breaks the reader
-    #[command(after_help = "Examples:\n  genmanip lab answers --seed 1 --count 10000 --json\n  \
-                      genmanip lab answers --seed 1 --minutes 10 --json")]
+    #[command(after_help = "Examples:\n  genmanip-lab answers --seed 1 --count 10000 --json\n  \
+                      genmanip-lab answers --seed 1 --minutes 10 --json")]
     Answers(AnswersArguments),
     /// Let the expert (oracle) try tasks, each on fresh layouts until an attempt is verified
-    #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
     /// Let the agent do fresh tasks from RGB-D images, its questions answered by an oracle or a model
     #[command(after_help = "Examples:\n  \
-                      genmanip lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
-                      genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
+                      genmanip-lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
+                      genmanip-lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
                       One thread; processor time covers looking, asking, planning and physics, not the layout.")]
     Agent(AgentArguments),
     /// Make one mistake per episode, and see whether the failure analysis, which is not told, finds it
     #[command(after_help = "Examples:\n  \
-                      genmanip lab blame --seed 7 --per-class 30 --json\n  \
-                      genmanip lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
+                      genmanip-lab blame --seed 7 --per-class 30 --json\n  \
+                      genmanip-lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
                       Each failed episode is restored to the moment before the blamed answer, only that answer is replaced by the \
                       oracle's, and the episode runs on: the share that then succeeds is reported. A mistake without an \
                       answer, such as jammed fingers, cannot be replaced.")]
     Blame(BlameArguments),
     /// Let many agents at once ask one slow model server on this machine, with faults, answered by the oracle
     #[command(
-        after_help = "Example:\n  genmanip lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
+        after_help = "Example:\n  genmanip-lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
                       Faults are 429, cut connections, answers that are no JSON, and time-outs after 5 s."
     )]
     Batch(BatchArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
-    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
     /// Plan motion problems, test every returned path again, and time planning, timing and kinematics
-    #[command(after_help = "Examples:\n  genmanip lab motion --problems problems.json --json\n  \
-                      genmanip lab motion --problems problems.json --robot panda/ --json\n  \
-                      genmanip lab motion --generate hard --seed 7 --count 100 --out problems.json\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab motion --problems problems.json --json\n  \
+                      genmanip-lab motion --problems problems.json --robot panda/ --json\n  \
+                      genmanip-lab motion --generate hard --seed 7 --count 100 --out problems.json\n\n\
                       A problem holds joint positions start and goal, and obstacles (box: size; cylinder: radius, \
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
     /// Make new objects of all families and try them: stability, grasps, containers, states, cost of physics
-    #[command(after_help = "Example:\n  genmanip lab assets --seed 7 --count 200 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab assets --seed 7 --count 200 --json\n\n\
                       The families in turn, each with seeds of its own; docs/concepts/assets.md says what is measured.")]
     Assets(LabAssetsArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
-    #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
     /// Try grasps from points in physics: lift, shake, hold
-    #[command(after_help = "Example:\n  genmanip lab grasp --seed 2000 --count 100 --view one --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab grasp --seed 2000 --count 100 --view one --json\n\n\
                       Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
                       docs/concepts/grasps.md says what is measured.")]
     Grasp(GraspArguments),
     /// Step through episodes in the environment: what it costs beside the bare simulation, and whether it is exact
-    #[command(after_help = "Examples:\n  genmanip lab environment --seed 1 --count 10 --json\n  \
-                      genmanip lab environment --store out/run --json\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \
+                      genmanip-lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
     /// Collect episodes, export them, and play every kind of action at every rate back: cost, size, success
-    #[command(after_help = "Examples:\n  genmanip lab data --seed 7 --episodes 60 --json\n  \
-                      genmanip lab data --synthetic --episodes 10000 --json\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab data --seed 7 --episodes 60 --json\n  \
+                      genmanip-lab data --synthetic --episodes 10000 --json\n\n\
                       Processor time; playback is open loop, from the rows of exported datasets, through the policy\n\
                       interface; docs/formats/lerobot-dataset.md says what is measured.")]
     Data(LabDataArguments),
     /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
     #[command(
-        after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
-                      genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
+        after_help = "Examples:\n  genmanip-lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+                      genmanip-lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
                       Run it in the project's folder; Ctrl-C ends it with what was measured until then.\n\
                       Minutes are processor time of all calls; each may use 1 GiB and 10 s.\n\
                       What once broke something lies in crates/lab/testdata/hostile and is tried first."
     )]
     Hostile(HostileArguments),
     /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
-    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n  \
-                      genmanip lab render --seed 1 --flip 10 --out out/flip\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab render --seed 1 --json\n  \
+                      genmanip-lab render --seed 1 --flip 10 --out out/flip\n\n\
                       One thread, processor time, medians over the frames of the episode; the static camera is drawn \
                       first and draws the shadows, which the wrist camera shares.")]
     Render(LabRenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
-    #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
     Fit(FitArguments),
     /// Segment what the data cameras see, from colour and depth, and compare with the renderer's ids
-    #[command(after_help = "Examples:\n  genmanip lab segment --seed 1 --count 60 --json\n  \
-                      genmanip lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab segment --seed 1 --count 60 --json\n  \
+                      genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
     /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
-    #[command(after_help = "Example:\n  genmanip lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
                       the folder.")]
     Scale(ScaleArguments),
     /// Repeat evaluations with known success rates, and say how often intervals cover and tests err
-    #[command(after_help = "Example:\n  genmanip lab statistics --seed 1 --repetitions 20000 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip-lab statistics --seed 1 --repetitions 20000 --json\n\n\
                       Rates from 2 to 98 %, 50 and 200 scenarios of one and of five episodes; differences by scenario,\n\
                       which take a bootstrap each, are repeated a tenth as often.")]
     Statistics(LabStatisticsArguments),
     /// Check a frozen suite, and let the expert try its scenarios by streams that they were not chosen by
-    #[command(after_help = "Example:\n  genmanip lab suite --suite suites/mine --json")]
+    #[command(after_help = "Example:\n  genmanip-lab suite --suite suites/mine --json")]
     Suite(LabSuiteArguments),
     /// Draw cards for readers who know nothing but picture and sentence, and compare their answers with what is meant
-    #[command(after_help = "Examples:\n  genmanip lab readers --suite suites/mine --out out/cards\n  \
-                      genmanip lab readers --suite suites/mine --answers one.json,two.json --json\n  \
-                      genmanip lab readers --ends out/evaluated --count 200 --out out/ends\n\n\
+    #[command(after_help = "Examples:\n  genmanip-lab readers --suite suites/mine --out out/cards\n  \
+                      genmanip-lab readers --suite suites/mine --answers one.json,two.json --json\n  \
+                      genmanip-lab readers --ends out/evaluated --count 200 --out out/ends\n\n\
                       out/cards/questions.json says what is asked and how it is answered. Episodes come from\n\
                       `evaluate --keep-episodes --out`. Answers belong to the cards of the same seed.")]
     Readers(LabReadersArguments),
 }
 
-/// Arguments of `lab statistics`.
+/// Arguments of `genmanip-lab statistics`.
 #[derive(Debug, Args)]
 pub struct LabStatisticsArguments {
     /// Seed of the simulation
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Evaluations per setting
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = super::parse_count)]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = parse::count)]
     pub repetitions: usize,
 }
 
-/// Arguments of `lab scale`.
+/// Arguments of `genmanip-lab scale`.
 #[derive(Debug, Args)]
 pub struct ScaleArguments {
     /// Finished run to copy
     #[arg(long, value_name = "DIR")]
     pub run: PathBuf,
     /// Episodes to copy it to
-    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    #[arg(long, value_name = "N", value_parser = parse::count)]
     pub episodes: usize,
     /// Empty folder for the copies: 0.5 MB per episode
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
 
-/// Arguments of `lab segment`.
+/// Arguments of `genmanip-lab segment`.
 #[derive(Debug, Args)]
 pub struct SegmentArguments {
     /// Seed of tasks, layouts and noise
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Scenes, each seen by two cameras
-    #[arg(long, default_value_t = 40, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 40, value_parser = parse::count)]
     pub count: usize,
     /// Depth as this camera measures it, instead of the exact one
     #[arg(long, value_parser = ["d435"])]
@@ -174,11 +200,11 @@ pub struct SegmentArguments {
     pub out: Option<PathBuf>,
 }
 
-/// Arguments of `lab hostile`.
+/// Arguments of `genmanip-lab hostile`.
 #[derive(Debug, Args)]
 pub struct HostileArguments {
     /// Seed of the changes
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Processor time of all calls together, minutes
     #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
@@ -220,23 +246,23 @@ fn parse_few(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Arguments of `lab batch`.
+/// Arguments of `genmanip-lab batch`.
 #[derive(Debug, Args)]
 pub struct BatchArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts, episodes and faults
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Episodes, the kinds in turn, without those that open and shut things
-    #[arg(long, default_value_t = 64, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 64, value_parser = parse::count)]
     pub count: usize,
     /// Episodes under way at once
-    #[arg(long, default_value_t = 64, value_name = "N", value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = parse::count)]
     pub at_once: usize,
     /// Cores that they share [default: all]
-    #[arg(long, value_parser = super::parse_count)]
+    #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// How long the server takes to answer, s
     #[arg(long, default_value_t = 2.0, value_name = "S", value_parser = parse_minute)]
@@ -260,7 +286,7 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Arguments of `lab fit`.
+/// Arguments of `genmanip-lab fit`.
 #[derive(Debug, Args)]
 pub struct FitArguments {
     /// Trials to fit to
@@ -274,48 +300,48 @@ pub struct FitArguments {
     pub test: Vec<PathBuf>,
 }
 
-/// Arguments of `lab environment`.
+/// Arguments of `genmanip-lab environment`.
 #[derive(Debug, Args)]
 pub struct EnvironmentArguments {
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Designed tasks, one attempt of the expert each
-    #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 10, value_parser = parse::count)]
     pub count: usize,
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
 
-/// Arguments of `lab data`.
+/// Arguments of `genmanip-lab data`.
 #[derive(Debug, Args)]
 pub struct LabDataArguments {
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Designed tasks, one attempt of the expert each; with --synthetic episodes
-    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub episodes: usize,
     /// Made-up episodes of 30 rows with pictures of 64x64, to measure what checking and opening a large dataset costs
     #[arg(long)]
     pub synthetic: bool,
     /// Write the made-up episodes also as so many datasets, and merge these
-    #[arg(long, value_name = "N", value_parser = super::parse_count, requires = "synthetic")]
+    #[arg(long, value_name = "N", value_parser = parse::count, requires = "synthetic")]
     pub shards: Option<usize>,
     /// Keep episodes and dataset in this new folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
 
-/// Arguments of `lab render`.
+/// Arguments of `genmanip-lab render`.
 #[derive(Debug, Args)]
 pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Scenes of which the picture is also compared with a traced one (LDR-FLIP)
     #[arg(long, value_name = "SCENES", default_value_t = 0)]
@@ -334,28 +360,28 @@ pub struct LabRenderArguments {
     pub python: PathBuf,
 }
 
-/// Arguments of `lab design`.
+/// Arguments of `genmanip-lab design`.
 #[derive(Debug, Args)]
 pub struct DesignArguments {
     /// Seed
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Tasks, the six kinds in turn
-    #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 300, value_parser = parse::count)]
     pub count: usize,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
 
-/// Arguments of `lab answers`.
+/// Arguments of `genmanip-lab answers`.
 #[derive(Debug, Args)]
 pub struct AnswersArguments {
     /// Seed of the fuzzer
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Texts that the fuzzer makes
-    #[arg(long, default_value_t = 10_000, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 10_000, value_parser = parse::count)]
     pub count: usize,
     /// Fuzz for so many minutes of processor time instead
     #[arg(long, conflicts_with = "count")]
@@ -365,7 +391,7 @@ pub struct AnswersArguments {
     pub answers: PathBuf,
 }
 
-/// Arguments of `lab relations`.
+/// Arguments of `genmanip-lab relations`.
 #[derive(Debug, Args)]
 pub struct RelationsArguments {
     /// Recorded cases; the archive of clouds beside it has the ending .npz
@@ -378,17 +404,17 @@ pub struct RelationsArguments {
     #[arg(long, conflicts_with_all = ["cases", "profile"])]
     pub rendered: bool,
     /// Seed of the layouts
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed, requires = "rendered")]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed, requires = "rendered")]
     pub seed: u64,
     /// Scenes that are laid out
-    #[arg(long, default_value_t = 500, requires = "rendered", value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 500, requires = "rendered", value_parser = parse::count)]
     pub count: usize,
     /// Tasks that are laid out in turn: a file or a folder
     #[arg(long, value_name = "PATH", default_value = "examples/tasks", requires = "rendered")]
     pub tasks: PathBuf,
 }
 
-/// Arguments of `lab expert`.
+/// Arguments of `genmanip-lab expert`.
 #[derive(Debug, Args)]
 pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
@@ -398,10 +424,10 @@ pub struct ExpertArguments {
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Tasks of the rule-based designer, the six kinds in turn
-    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub count: usize,
     /// Attempts at a task before it counts as not solved
     #[arg(long, default_value_t = 5)]
@@ -410,7 +436,7 @@ pub struct ExpertArguments {
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
 
@@ -434,17 +460,17 @@ pub struct AgentChoiceArguments {
     pub preset: String,
 }
 
-/// Arguments of `lab agent`.
+/// Arguments of `genmanip-lab agent`.
 #[derive(Debug, Args)]
 pub struct AgentArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and episodes
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Episodes, the kinds in turn
-    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub count: usize,
     #[command(flatten)]
     pub agent: AgentChoiceArguments,
@@ -462,17 +488,17 @@ pub struct AgentArguments {
     pub page: Option<PathBuf>,
 }
 
-/// Arguments of `lab blame`.
+/// Arguments of `genmanip-lab blame`.
 #[derive(Debug, Args)]
 pub struct BlameArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and episodes
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Failed episodes of each class
-    #[arg(long, default_value_t = 30, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 30, value_parser = parse::count)]
     pub per_class: usize,
     /// What the mistakes are to make fail [default: all but `service`]
     #[arg(long, value_delimiter = ',', value_name = "CLASS")]
@@ -487,42 +513,7 @@ pub struct BlameArguments {
     pub closed_loop: String,
 }
 
-/// Arguments of `lab motion`.
-#[derive(Debug, Args)]
-pub struct MotionArguments {
-    /// Problems: {"problems": [{"start", "goal", "obstacles"}]}
-    #[arg(long, value_name = "FILE", required_unless_present = "generate")]
-    pub problems: Option<PathBuf>,
-    /// Make problems instead: picking and placing on a table, hard ones with a shelf and taller things
-    #[arg(long, value_parser = ["easy", "hard"], conflicts_with = "problems")]
-    pub generate: Option<String>,
-    /// Problems to make, 100 without it; or how many of the file are planned, from its first on, all without it
-    #[arg(long, value_parser = super::parse_count)]
-    pub count: Option<usize>,
-    /// Also write the problems that were made to this file
-    #[arg(long, value_name = "FILE", requires = "generate")]
-    pub out: Option<PathBuf>,
-    /// Folder of another robot, or its URDF; without it, the built-in Panda
-    #[arg(long, value_name = "DIR")]
-    pub robot: Option<PathBuf>,
-    /// Link of that robot that is the tool frame
-    #[arg(long, value_name = "LINK", requires = "robot")]
-    pub tip: Option<String>,
-    /// Seed of the searches, and of the problems that are made
-    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
-    pub seed: u64,
-    /// Longest edge of the search tree, rad; without it, the planner's own
-    #[arg(long, value_name = "RAD", value_parser = super::parse_edge)]
-    pub rrt_range: Option<f64>,
-    /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = super::parse_count)]
-    pub ik_poses: usize,
-    /// Write the states of every path, 0.02 rad apart, to this JSON file
-    #[arg(long, value_name = "FILE")]
-    pub paths: Option<PathBuf>,
-}
-
-/// Arguments of `lab layout`.
+/// Arguments of `genmanip-lab layout`.
 #[derive(Debug, Args)]
 pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
@@ -532,10 +523,10 @@ pub struct LabLayoutArguments {
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed of tasks and layouts
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Tasks to design and lay out; with --tasks: layouts of each
-    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 100, value_parser = parse::count)]
     pub count: usize,
     /// Tasks instead of designed ones: recorded answers, task documents or folders of them
     #[arg(long, value_name = "PATH")]
@@ -544,18 +535,18 @@ pub struct LabLayoutArguments {
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
 }
 
-/// Arguments of `lab assets`.
+/// Arguments of `genmanip-lab assets`.
 #[derive(Debug, Args)]
 pub struct LabAssetsArguments {
     /// Seed of the objects
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Objects to make, the families in turn
-    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    #[arg(long, default_value_t = 100, value_parser = parse::count)]
     pub count: usize,
     /// Only this family
     #[arg(long, value_name = "NAME")]
@@ -571,11 +562,11 @@ pub struct LabAssetsArguments {
     pub workers: Option<usize>,
 }
 
-/// Arguments of `lab grasp`.
+/// Arguments of `genmanip-lab grasp`.
 #[derive(Debug, Args)]
 pub struct GraspArguments {
     /// Seed of things, views and noise
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Trials per class
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]

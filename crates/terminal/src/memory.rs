@@ -13,7 +13,7 @@ static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 /// - `dirty_decay_ms:1000`: freed memory goes back to the system within a second rather than ten.
 ///
 /// The last two are for runs of many episodes at once, of which each needs 90 MB for a moment to take its pictures:
-/// `genmanip lab batch --seed 675801 --count 12` holds 530 MB instead of 740.
+/// `genmanip-lab batch --seed 675801 --count 12` holds 530 MB instead of 740.
 #[allow(unsafe_code)] // A name for the linker: there is no other way to set this from within the program.
 #[unsafe(export_name = "malloc_conf")]
 static SETTINGS: &u8 = &b"thp:always,narenas:4,dirty_decay_ms:1000\0"[0];

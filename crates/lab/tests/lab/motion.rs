@@ -1,6 +1,6 @@
-//! `lab motion`: problems of the user's own, for the built-in robot and for one from a folder.
+//! `genmanip-lab motion`: problems of the user's own, for the built-in robot and for one from a folder.
 
-use crate::genmanip;
+use crate::lab;
 
 /// Around a post, over a table; then the same way with the goal inside of the post.
 const PROBLEMS: &str = r#"{"seed": 3, "problems": [
@@ -26,9 +26,9 @@ fn lab_motion_plans_and_tests_again() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("problems.json"), PROBLEMS).unwrap();
-    let arguments = "lab motion --problems problems.json --paths paths.json --ik-poses 200 --json";
+    let arguments = "motion --problems problems.json --paths paths.json --ik-poses 200 --json";
     let arguments: Vec<&str> = arguments.split(' ').collect();
-    let measured = genmanip(folder.path(), &arguments).json(0);
+    let measured = lab(folder.path(), &arguments).json(0);
     assert_eq!((&measured["problems"], &measured["solved"]), (&2.into(), &1.into()), "{measured}");
     assert_eq!((&measured["invalid_paths"], &measured["limits_exceeded"]), (&0.into(), &0.into()), "{measured}");
     assert!(measured["failures"][0].as_str().unwrap().contains("every goal is in collision"), "{measured}");
@@ -49,18 +49,18 @@ fn lab_motion_plans_and_tests_again() {
     let paths: serde_json::Value = serde_json::from_slice(&std::fs::read(at("paths.json")).unwrap()).unwrap();
     assert!(paths[0].as_array().unwrap().len() > 90 && paths[1].is_null(), "{paths}");
     // Only the first of them.
-    let first = genmanip(folder.path(), &[&arguments[..], &["--count", "1"]].concat()).json(0);
+    let first = lab(folder.path(), &[&arguments[..], &["--count", "1"]].concat()).json(0);
     assert_eq!((&first["problems"], &first["solved"]), (&1.into(), &1.into()), "{first}");
 
     std::fs::create_dir(at("robot")).unwrap();
     std::fs::write(at("robot/turntable.urdf"), TURNTABLE).unwrap();
     let turn = r#"{"problems": [{"start": [-1, 0], "goal": [1, 0.2], "obstacles": []}]}"#;
     std::fs::write(at("turn.json"), turn).unwrap();
-    let arguments = ["lab", "motion", "--problems", "turn.json", "--robot", "robot", "--json"];
+    let arguments = ["motion", "--problems", "turn.json", "--robot", "robot", "--json"];
     let missing = ["turntable.urdf is no robot", "mesh package://m/bar.obj of link arm: no such file"];
-    genmanip(folder.path(), &arguments).assert_refused(&missing);
+    lab(folder.path(), &arguments).assert_refused(&missing);
     std::fs::write(at("robot/bar.obj"), BAR).unwrap();
-    let measured = genmanip(folder.path(), &arguments).json(0);
+    let measured = lab(folder.path(), &arguments).json(0);
     assert_eq!((&measured["solved"], &measured["robot"]), (&1.into(), &"turntable".into()), "{measured}");
     let length = measured["path_length_rad"]["median"].as_f64().unwrap();
     assert!((length - 2.0_f64.hypot(0.2)).abs() < 1e-6, "a straight way is straight: {length}");
@@ -72,8 +72,8 @@ fn lab_motion_plans_and_tests_again() {
         ("turn.json", "nowhere", ["cannot read nowhere", "check the path"]),
         ("turn.json", ".", [". holds 0 URDF files", "expected one"]),
     ] {
-        let arguments = ["lab", "motion", "--problems", file, "--robot", robot];
-        genmanip(folder.path(), &arguments).assert_refused(&wanted);
+        let arguments = ["motion", "--problems", file, "--robot", robot];
+        lab(folder.path(), &arguments).assert_refused(&wanted);
     }
 }
 
@@ -84,8 +84,8 @@ fn lab_motion_makes_problems() {
     let measure = |arguments: [&str; 4]| {
         let more = ["--count", "7", "--out", "made.json"];
         let more = if arguments[0] == "--generate" { &more[..] } else { &[] };
-        let arguments = [&["lab", "motion", "--json", "--ik-poses", "200"], &arguments[..], more].concat();
-        let measured = genmanip(folder.path(), &arguments).json(0);
+        let arguments = [&["motion", "--json", "--ik-poses", "200"], &arguments[..], more].concat();
+        let measured = lab(folder.path(), &arguments).json(0);
         assert_eq!((&measured["problems"], &measured["invalid_paths"]), (&7.into(), &0.into()), "{measured}");
         assert!(!measured["failures"].to_string().contains("in collision"), "{measured}");
         measured["path_length_rad"].clone()
@@ -104,6 +104,6 @@ fn lab_motion_makes_problems() {
             assert_eq!(measure(["--problems", "made.json", "--seed", "5"]), fresh);
         }
     }
-    let refused = genmanip(folder.path(), &["lab", "motion", "--rrt-range", "0"]);
+    let refused = lab(folder.path(), &["motion", "--rrt-range", "0"]);
     assert_eq!(refused.code, Some(2), "{refused:?}");
 }

@@ -1,0 +1,49 @@
+//! Arguments of the measurements on suites.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use genmanip_benchmark::suites;
+use genmanip_terminal::parse;
+
+/// Arguments of `genmanip-lab suite`.
+#[derive(Debug, Args)]
+pub struct LabSuiteArguments {
+    /// Folder of the suite, or its name
+    #[arg(long, value_name = "NAME|DIR", value_parser = suites::parse_folder)]
+    pub suite: PathBuf,
+    /// Episodes per scenario
+    #[arg(long, value_name = "K", default_value_t = 5, value_parser = parse::count)]
+    pub episodes: usize,
+    /// Seed of the episodes
+    #[arg(long, default_value_t = 1, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse::count)]
+    pub workers: Option<usize>,
+}
+
+/// Arguments of `genmanip-lab readers`.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
+#[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
+pub struct LabReadersArguments {
+    /// Folder or name of a suite: which things are meant at the start of its scenarios
+    #[arg(long, value_name = "NAME|DIR", value_parser = suites::parse_folder)]
+    pub suite: Option<PathBuf>,
+    /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
+    #[arg(long, value_name = "DIR")]
+    pub ends: Option<PathBuf>,
+    /// Episodes, half of them successes where there are enough
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
+    pub count: usize,
+    /// Folder for the cards
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Answers of readers, one file each
+    #[arg(long, value_name = "FILE,…", value_delimiter = ',')]
+    pub answers: Vec<PathBuf>,
+    /// Seed of the order of the cards, and of the choice of episodes
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+}

@@ -1,0 +1,16 @@
+//! The terminal: one printer, exit codes, messages, Ctrl-C, command-line parsing and the allocator of the programs.
+//!
+//! Used by the programs `genmanip` and `genmanip-lab`; no other crate prints.
+
+mod error;
+#[cfg(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu"))]
+mod memory;
+pub mod parse;
+mod printer;
+mod program;
+mod stop;
+
+pub use error::{ExitStatus, Failed};
+pub use printer::{List, Printer};
+pub use program::{arguments, environment, packs_folder, run};
+pub use stop::on_interrupt;

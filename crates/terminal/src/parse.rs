@@ -1,0 +1,47 @@
+//! Value parsers of command lines.
+
+use genmanip_core::Seed;
+
+/// A whole number from 1 to a million.
+///
+/// # Errors
+/// The expected range.
+pub fn count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 1..=1_000_000) => Ok(count),
+        _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
+}
+
+/// A seed; JSON readers keep 53 bits.
+///
+/// # Errors
+/// The expected range.
+pub fn seed(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(seed) if seed <= Seed::MAX => Ok(seed),
+        _ => Err(format!("expected a whole number from 0 to {}", Seed::MAX)),
+    }
+}
+
+/// A positive number from 1e-6 to 1e6.
+///
+/// # Errors
+/// The expected range.
+pub fn edge(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected a number from 1e-6 to 1e6".into()),
+    }
+}
+
+/// A position, angle or width from -1000 to 1000.
+///
+/// # Errors
+/// The expected range.
+pub fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(value) if (-1e3..=1e3).contains(&value) => Ok(value),
+        _ => Err("expected a number from -1000 to 1000".into()),
+    }
+}

@@ -1,0 +1,61 @@
+//! The frame of a program: parse the command line, run, print, exit.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, FromArgMatches};
+
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+/// Parses the command line of this process; prints help, the version or what is wrong with it.
+///
+/// # Errors
+/// The exit code with which the program ends at once.
+pub fn arguments<A: CommandFactory + FromArgMatches>() -> Result<A, ExitCode> {
+    let command = taking_negative_numbers(A::command());
+    let matches = command.try_get_matches().and_then(|matches| A::from_arg_matches(&matches));
+    matches.map_err(|error| report(&error))
+}
+
+/// Runs a program with a printer, and prints its error if it failed.
+pub fn run(json: bool, quiet: bool, body: impl FnOnce(&Printer) -> Result<ExitStatus, Failed>) -> ExitCode {
+    let printer = Printer::new(json, quiet);
+    match body(&printer).and_then(|status| printer.finish().map(|()| status)) {
+        Ok(status) => status.into(),
+        Err(failed) => {
+            printer.error(&failed);
+            failed.status().into()
+        }
+    }
+}
+
+/// An environment variable; `None` where it is empty.
+pub fn environment(name: &str) -> Option<String> {
+    std::env::var(name).ok().filter(|value| !value.is_empty())
+}
+
+/// The folder of the packs of imported objects: as named, else `GENMANIP_PACKS`, else `packs` in the current folder.
+pub fn packs_folder(named: Option<&PathBuf>) -> PathBuf {
+    let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
+    named.unwrap_or_else(|| "packs".into())
+}
+
+/// Help, the version, or what is wrong with the command line.
+fn report(error: &clap::Error) -> ExitCode {
+    use std::io::{ErrorKind, Write};
+    let printed = error.print().and_then(|()| std::io::stdout().flush());
+    let is_lost = printed.is_err_and(|error| error.kind() != ErrorKind::BrokenPipe);
+    match (error.use_stderr(), is_lost) {
+        (true, _) => ExitStatus::NotUnderstood.into(),
+        (false, true) => ExitStatus::NotMet.into(),
+        (false, false) => ExitStatus::Done.into(),
+    }
+}
+
+/// Negative numbers reach the parsers of their options, which say what they expect; they are no options themselves.
+fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
+    let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
+    command.mut_subcommands(taking_negative_numbers)
+}
