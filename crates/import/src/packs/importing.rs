@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::place::lying_from_standing;
 use crate::report::Guess;
 use crate::{Given, Imported, pack};
-use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, remember};
+use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
 use genmanip_data::files;
@@ -128,7 +128,7 @@ pub fn import(
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             if !settings.without_grasps {
                 let physics_hash = model.physics_hash();
-                remember(&trials.robot.physics_hash(), &physics_hash, tried.clone());
+                cache_grasps(&trials.robot.physics_hash(), &physics_hash, tried.clone());
                 kept.grasps.objects.insert(uid.clone(), ObjectGrasps { physics_hash, grasps: tried });
             }
             kept.entries

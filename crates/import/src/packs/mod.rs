@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::report::Report;
 use genmanip_assets::imported::{self, Origin};
-use genmanip_assets::{AssetError, AssetSource, GraspFile, remember};
+use genmanip_assets::{AssetError, AssetSource, GraspFile, cache_grasps};
 use genmanip_core::{AssetRef, Document, ObjectCard, ObjectModel, limits};
 use genmanip_data::files;
 use serde::{Deserialize, Serialize};
@@ -143,7 +143,7 @@ fn remember_grasps(pack: &Path) -> Result<(), RunError> {
         let file: GraspFile = documents::read_document(&path, limits::GRASPS)?;
         let Some(robot_hash) = &file.made_by.robot_hash else { continue };
         for object in file.objects.into_values() {
-            remember(robot_hash, &object.physics_hash, object.grasps);
+            cache_grasps(robot_hash, &object.physics_hash, object.grasps);
         }
     }
     Ok(())
