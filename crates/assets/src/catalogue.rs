@@ -43,7 +43,8 @@ impl Catalogue {
         BUILTIN.get_or_init(|| Self::from_json(RECORDS).expect("built-in data files are tested"))
     }
 
-    /// The hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated objects in total.
+    /// The hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated objects in
+    /// total.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.

@@ -93,8 +93,8 @@ impl FrozenAsset {
         })
     }
 
-    /// The object: stored physics, cavities and states, with visuals built from the stored recipe, at full resolution if the
-    /// appearance hash asks for it.
+    /// The object: stored physics, cavities and states, with visuals built from the stored recipe, at full resolution
+    /// if the appearance hash asks for it.
     ///
     /// # Errors
     /// [`AssetError::NotFrozen`] if recipe and links do not match, or the hashes differ.

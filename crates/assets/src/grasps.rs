@@ -1,7 +1,7 @@
 //! Grasps that were tried in physics beforehand and ship as object data.
 //!
-//! A file records how it was made and, per object, the physics hash that the grasps were tried with; grasps of an object
-//! that has changed since are not used.
+//! A file records how it was made and, per object, the physics hash that the grasps were tried with; grasps of an
+//! object that has changed since are not used.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -92,8 +92,8 @@ impl GraspLibrary {
         LIBRARY.get_or_init(|| Self::new([GraspFile::instances().clone(), GraspFile::builtin().clone()]))
     }
 
-    /// Grasps that a robot tried on an object or on one with the same physics, highest success rate first; empty if it was
-    /// never tried. Objects missing from the files fall back to [`cached_grasps`].
+    /// Grasps that a robot tried on an object or on one with the same physics, highest success rate first; empty if it
+    /// was never tried. Objects missing from the files fall back to [`cached_grasps`].
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] if the object's or the robot's physics have changed since.
@@ -130,8 +130,8 @@ impl GraspLibrary {
 /// Grasps tried at run time, by the physics hashes of robot and object.
 static CACHE: Mutex<BTreeMap<(String, String), &'static [TriedGrasp]>> = Mutex::new(BTreeMap::new());
 
-/// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries are
-/// kept. Leaks at most one list per object for the lifetime of the program.
+/// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries
+/// are kept. Leaks at most one list per object for the lifetime of the program.
 pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<TriedGrasp>) {
     let mut known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());

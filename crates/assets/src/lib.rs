@@ -1,14 +1,14 @@
 //! Parametric objects and robots: surfaces, collision pieces and mass properties.
 //!
 //! Nothing is downloaded or scanned.
-//! `data/catalog.json` has one record per object with its description and recipe; each kind of part builds its surface, its
-//! exact convex collision pieces and their moments.
+//! `data/catalog.json` has one record per object with its description and recipe; each kind of part builds its
+//! surface, its exact convex collision pieces and their moments.
 //!
 //! Articulated objects add links with one joint each, and define the joint intervals of their states.
-//! Every state is stable without external force: doors and dials rotate about vertical axes, drawers are level, a chest's
-//! lid and a faucet's lever lean against their stops, and a spring carries most of a laptop's lid.
-//! The push button latches: a soft spring carries its cap's weight and dry friction of 2 N keeps it where it was pushed, so
-//! that `pressed` can be judged after the gripper has left.
+//! Every state is stable without external force: doors and dials rotate about vertical axes, drawers are level, a
+//! chest's lid and a faucet's lever lean against their stops, and a spring carries most of a laptop's lid.
+//! The push button latches: a soft spring carries its cap's weight and dry friction of 2 N keeps it where it was
+//! pushed, so that `pressed` can be judged after the gripper has left.
 //!
 //! ```
 //! use genmanip_assets::Catalogue;

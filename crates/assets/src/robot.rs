@@ -15,13 +15,15 @@ use crate::parts::{Part, assemble};
 /// The Franka Emika Panda with its parallel gripper; the same `Arc` on every call.
 ///
 /// Link frames, limits and torques: published values (modified DH, joint axis = +z of its link).
-/// Masses and inertias: Gaz et al. 2019, "Dynamic Identification of the Franka Emika Panda Robot"; link 0 and the hand as in
-/// the manufacturer's robot description.
-/// The fingers' maximum acceleration and jerk are unpublished; ours make the planner account for realistic closing times.
+/// Masses and inertias: Gaz et al. 2019, "Dynamic Identification of the Franka Emika Panda Robot"; link 0 and the hand
+/// as in the manufacturer's robot description.
+/// The fingers' maximum acceleration and jerk are unpublished; ours make the planner account for realistic closing
+/// times.
 /// Shapes are our own, within a few millimetres of the robot's outline.
 ///
 /// Drives: gains near critical damping for the arm's inertia; rotor inertia as in MuJoCo Menagerie's Panda.
-/// Of 146 test picks (8-73 mm, 12-700 g) all hold from 25 N grip force, and some slip 10 mm at 15 N; it is set to 40 N.
+/// Of 146 test picks (8-73 mm, 12-700 g) all hold from 25 N grip force, and some slip 10 mm at 15 N; it is set to 40
+/// N.
 /// The width drive reaches full force at 5 mm of squeeze and aims 10 mm beyond closed.
 /// Reach: 0.855 m is published; 0.32-0.70 m is the range of top-down picks off a table.
 /// The wrist camera sits in front of the hand, tilted so that the pads are at the lower edge of the image.
@@ -36,11 +38,12 @@ pub fn panda() -> Arc<RobotModel> {
     Arc::clone(built)
 }
 
-/// The Panda with a gripper like Robotiq's 2F-85, the second configuration of the DROID dataset; the same `Arc` on every call.
+/// The Panda with a gripper like Robotiq's 2F-85, the second configuration of the DROID dataset; the same `Arc` on
+/// every call.
 ///
 /// From the data sheet: 85 mm stroke, up to 235 N, 20-150 mm/s between the fingers, 0.9 kg, pads 22 mm wide.
-/// Shapes are our own. The real fingers move on four-bar linkages that keep the pads parallel; here the pads move in straight
-/// lines at the height that the real ones have at half stroke.
+/// Shapes are our own. The real fingers move on four-bar linkages that keep the pads parallel; here the pads move in
+/// straight lines at the height that the real ones have at half stroke.
 ///
 /// # Panics
 /// Never in a tested build: the data files are compiled in.
@@ -53,8 +56,8 @@ pub fn panda_2f85() -> Arc<RobotModel> {
     Arc::clone(built)
 }
 
-/// Mounts another gripper on an arm: its links replace the arm's hand and fingers, its other fields replace those of the
-/// same name.
+/// Mounts another gripper on an arm: its links replace the arm's hand and fingers, its other fields replace those of
+/// the same name.
 fn with_gripper(arm: &str, hand: &str) -> Result<RobotModel, AssetError> {
     let mut robot: Map<String, Value> = read("robot", arm)?;
     let mut changes: Map<String, Value> = read("hand", hand)?;

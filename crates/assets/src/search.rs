@@ -167,7 +167,8 @@ impl Index {
         Self { entries, postings }
     }
 
-    /// Objects that match the most query words and pass the filter, best first; all that pass the filter if there are no words.
+    /// Objects that match the most query words and pass the filter, best first; all that pass the filter if there are
+    /// no words.
     ///
     /// "not", "no" and "without" exclude the next word, `-word` excludes a word, `key:value` filters.
     pub fn search(&self, query: &str, filter: &Filter, limit: usize) -> Vec<SearchResult<'_>> {

@@ -60,8 +60,8 @@ impl Solid {
 
     /// The body lofted between rings of equally many points, each counter-clockwise seen from the last ring.
     ///
-    /// The rings must span a convex body (tested for every object of the catalogue), so that the hull of the points equals the
-    /// body and its moments follow from the rings.
+    /// The rings must span a convex body (tested for every object of the catalogue), so that the hull of the points
+    /// equals the body and its moments follow from the rings.
     pub fn loft(rings: &[Vec<DVec3>]) -> Self {
         let moments = Moments::of_surface(&loft_triangles(rings));
         let points = rings.iter().flatten().map(|&point| point - moments.center).collect();

@@ -11,8 +11,8 @@ pub trait AssetSource: Send + Sync {
     /// Cards of the objects that may be placed unrequested (as distractors), in a fixed order.
     fn cards(&self) -> &[ObjectCard];
 
-    /// The model of an asset, the same `Arc` on every call. Its own `asset` field holds the actual version, which may be newer
-    /// than the requested one.
+    /// The model of an asset, the same `Arc` on every call. Its own `asset` field holds the actual version, which may
+    /// be newer than the requested one.
     ///
     /// # Errors
     /// If the source has no such asset.
@@ -49,8 +49,8 @@ pub trait AssetSource: Send + Sync {
         }
     }
 
-    /// The model rendered with full-resolution meshes, if the scenario's appearance hash asks for it, as in older scenarios;
-    /// `hashes` are the current ones of the asset.
+    /// The model rendered with full-resolution meshes, if the scenario's appearance hash asks for it, as in older
+    /// scenarios; `hashes` are the current ones of the asset.
     ///
     /// # Errors
     /// As [`AssetSource::model`].

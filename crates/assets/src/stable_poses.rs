@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Support points within this height of the lowest one carry the object, m: more than data rounding, less than a foot.
 const TOUCHING_M: f64 = 0.0004;
-/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge topples the object.
+/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge topples the
+/// object.
 const MARGIN_M: f64 = 0.003;
 /// Number of directions in which the support polygon is measured.
 const DIRECTIONS: usize = 32;

@@ -9,8 +9,8 @@ use glam::{DQuat, DVec2, DVec3};
 /// Faces that meet at a smaller angle share smooth normals.
 const CREASE_COSINE: f64 = 0.77; // 40 degrees
 
-/// Maximum deviation of the rendering mesh from the full-resolution mesh, m; chosen below a sub-sample of a 1280x720 image at
-/// a distance of 0.2 m.
+/// Maximum deviation of the rendering mesh from the full-resolution mesh, m; chosen below a sub-sample of a 1280x720
+/// image at a distance of 0.2 m.
 const FLAT_M: f64 = 1e-4;
 
 /// Maximum patch length of a painted surface, m; chosen by eye.
@@ -38,10 +38,10 @@ impl Detail {
 
 /// Mesh through rings of equally many points, each counter-clockwise seen from the last ring.
 ///
-/// Texture: u runs once around along the longest ring; v from 1 at the first ring to 0 at the last, proportional to the mean
-/// distance of the rings.
-/// A ring of equal points closes the surface. Normals and texture coordinates are computed from all rings, also where a
-/// rendering mesh skips some.
+/// Texture: u runs once around along the longest ring; v from 1 at the first ring to 0 at the last, proportional to
+/// the mean distance of the rings.
+/// A ring of equal points closes the surface. Normals and texture coordinates are computed from all rings, also where
+/// a rendering mesh skips some.
 pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
     let mut rings = rings.to_vec();
     rings.dedup();

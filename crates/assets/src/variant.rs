@@ -23,8 +23,8 @@ const MAX_GRASPABLE_M: f64 = 0.0745;
 
 /// A variant of a rigid object, scaled and with another density by factors sampled from the seed.
 ///
-/// Width and depth scale equally, so that round objects stay round; objects more than 1.8 times as long as wide also change
-/// their length. A graspable object stays graspable by the 8 cm gripper.
+/// Width and depth scale equally, so that round objects stay round; objects more than 1.8 times as long as wide also
+/// change their length. A graspable object stays graspable by the 8 cm gripper.
 /// Pieces stay exact linear images: primitives where possible, otherwise hulls (for round bodies the inscribed hull of
 /// 32 sides).
 /// Articulated objects are returned unchanged.

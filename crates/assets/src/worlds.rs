@@ -36,8 +36,8 @@ pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     Ok((world, robot))
 }
 
-/// The same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the new
-/// robot's default pose.
+/// The same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the
+/// new robot's default pose.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.

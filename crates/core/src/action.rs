@@ -54,8 +54,8 @@ pub enum ActionSpace {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DeltaFrom {
-    /// Command in force when the action begins (the home position before the first action). TCP deltas are relative to the
-    /// pose that the previous action commanded, even if the arm has not reached it yet.
+    /// Command in force when the action begins (the home position before the first action). TCP deltas are relative to
+    /// the pose that the previous action commanded, even if the arm has not reached it yet.
     #[default]
     Command,
     /// Joint positions measured when the action begins.
@@ -71,8 +71,8 @@ pub enum Interpolation {
     /// Constant: the action's joint targets and opening width, from its start.
     #[default]
     Hold,
-    /// Linear from the command in force when the action begins to the action's joint targets and opening width, which are
-    /// reached in its last control step.
+    /// Linear from the command in force when the action begins to the action's joint targets and opening width, which
+    /// are reached in its last control step.
     Linear,
 }
 

@@ -44,8 +44,8 @@ impl Distortion {
             + DVec2::new(self.p1 * cross + self.p2 * (r2 + 2.0 * x * x), self.p1 * (r2 + 2.0 * y * y) + self.p2 * cross)
     }
 
-    /// Inverse of [`Distortion::distort`]; `None` beyond the radius at which the distortion folds over and has no unique
-    /// inverse.
+    /// Inverse of [`Distortion::distort`]; `None` beyond the radius at which the distortion folds over and has no
+    /// unique inverse.
     ///
     /// ```
     /// use genmanip_core::{Distortion, glam::DVec2};

@@ -1,9 +1,9 @@
 //! Content hashes of an asset: physics, judging inputs, appearance.
 //!
 //! A hash is its version (`v2:`) and sixteen hexadecimal digits of the SHA-256 of a canonical byte sequence.
-//! Numbers are quantised to 1e-9 of their unit (so that the last bits of platform arithmetic do not matter), strings and
-//! lists are preceded by their length, enums are written as numbers, and of the two quaternions of a rotation the one
-//! whose first non-zero component is positive is used.
+//! Numbers are quantised to 1e-9 of their unit (so that the last bits of platform arithmetic do not matter), strings
+//! and lists are preceded by their length, enums are written as numbers, and of the two quaternions of a rotation the
+//! one whose first non-zero component is positive is used.
 //! No hash depends on the asset's name.
 
 use glam::DVec3;
@@ -19,7 +19,8 @@ const PARTS: f64 = 1e9;
 pub struct AssetHashes {
     /// Physics inputs: collision pieces, mass, joints, friction.
     pub physics: String,
-    /// Further inputs of the judge: cavities, named states, link frames, and area and centroid of the measured surface.
+    /// Further inputs of the judge: cavities, named states, link frames, and area and centroid of the measured
+    /// surface.
     pub judging: String,
     /// Rendering inputs: meshes and materials.
     pub looks: String,
@@ -62,8 +63,8 @@ impl ObjectModel {
         }
     }
 
-    /// Version 1 of the physics hash, without its prefix, to verify old documents. It depends on the uid and ignores the
-    /// rotation of joint frames.
+    /// Version 1 of the physics hash, without its prefix, to verify old documents. It depends on the uid and ignores
+    /// the rotation of joint frames.
     pub fn physics_hash_v1(&self) -> String {
         let mut text = format!("{} {}", self.card.uid, rounded(&[self.friction]));
         for link in &self.links {

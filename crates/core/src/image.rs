@@ -137,8 +137,8 @@ impl RgbdImage {
         Self { distortion: self.distortion, ..Self::of_depth(self.intrinsics, self.world_from_camera, Vec::new()) }
     }
 
-    /// Depth resampled to an undistorted pinhole image with the same K, for obstacle detection; 0 where the distorted image
-    /// has no data.
+    /// Depth resampled to an undistorted pinhole image with the same K, for obstacle detection; 0 where the distorted
+    /// image has no data.
     #[must_use]
     pub fn pinhole_depth(&self) -> Self {
         let Some(lens) = self.distortion else {

@@ -12,9 +12,9 @@ use crate::DocumentError;
 /// Parses a JSON text.
 ///
 /// # Errors
-/// [`DocumentError::NotJson`] with line, column and a hint for a syntax error; for a duplicate key (the standard leaves
-/// open which one counts, so programs would read different documents); and for a text whose values exceed the memory
-/// budget.
+/// [`DocumentError::NotJson`] with line, column and a hint for a syntax error; for a duplicate key (the standard
+/// leaves open which one counts, so programs would read different documents); and for a text whose values exceed the
+/// memory budget.
 ///
 /// ```
 /// assert!(genmanip_core::json::parse(r#"{"seed": 1}"#).is_ok());
@@ -26,8 +26,8 @@ pub fn parse(text: &str) -> Result<Value, DocumentError> {
     read(serde_json::Deserializer::from_str(text), text, UniqueKeys { budget: &budget })
 }
 
-/// Parses a document of `schema` without the list at `key`: every entry of the list is passed to `take` as soon as it is
-/// parsed.
+/// Parses a document of `schema` without the list at `key`: every entry of the list is passed to `take` as soon as it
+/// is parsed.
 ///
 /// If the schema differs or follows the list, the list stays in the returned value and `take` is not called.
 ///
@@ -140,8 +140,8 @@ fn hint(text: &str, error: &serde_json::Error) -> &'static str {
     }
 }
 
-/// Memory budget for the values of one text, bytes. Together with the text and the growth of lists, reading stays below
-/// 1 GB.
+/// Memory budget for the values of one text, bytes. Together with the text and the growth of lists, reading stays
+/// below 1 GB.
 const MAX_BYTES: usize = 256 << 20;
 const TOO_MANY: &str = "so many values that they need more than 256 MiB of memory";
 /// Size of a list item, and of an object entry without the bytes of its key (hash, key and value).

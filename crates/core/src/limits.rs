@@ -1,7 +1,7 @@
 //! Maximum sizes of input files, for every reader.
 //!
-//! The limits are several times the largest useful file of each kind, and small enough that reading takes at most 1 GB of
-//! memory and 10 s; `genmanip-lab hostile` measures it.
+//! The limits are several times the largest useful file of each kind, and small enough that reading takes at most 1 GB
+//! of memory and 10 s; `genmanip-lab hostile` measures it.
 
 /// Maximum size of one kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,8 +47,8 @@ pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
 pub const PROMPT: Limit = Limit::mib("a prompt", 1);
 /// A recorded exchange with a model or service; images are stored as hashes.
 pub const CASSETTE: Limit = Limit::mib("a cassette", 32);
-/// `run.json`: all tasks of a run, 9 KiB each. It is streamed task by task at 64 MiB/s or faster, so a longer file takes
-/// more time but no more memory.
+/// `run.json`: all tasks of a run, 9 KiB each. It is streamed task by task at 64 MiB/s or faster, so a longer file
+/// takes more time but no more memory.
 pub const RUN: Limit = Limit::mib("the record of a run", 16 << 10);
 /// Maximum number of tasks of a run; their names are held in memory, 100 bytes each.
 pub const TASKS: usize = 1_000_000;

@@ -111,8 +111,8 @@ impl CavitySize {
 
 /// A complete object model for simulation, rendering and planning.
 ///
-/// The object's frame has its origin at the centre of the base in the canonical pose, +z up; the front of an articulated
-/// object faces -x.
+/// The object's frame has its origin at the centre of the base in the canonical pose, +z up; the front of an
+/// articulated object faces -x.
 #[derive(Clone, Debug)]
 pub struct ObjectModel {
     /// Description.

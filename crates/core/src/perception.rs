@@ -117,8 +117,8 @@ impl VisibleRegion {
     }
 }
 
-/// Labels of the objects in an image, given each object's id, visible region, unoccluded region and oriented bounding box
-/// in the world.
+/// Labels of the objects in an image, given each object's id, visible region, unoccluded region and oriented bounding
+/// box in the world.
 pub fn labels<'a>(
     projection: &Projection,
     objects: impl IntoIterator<Item = (&'a str, VisibleRegion, VisibleRegion, OrientedBox)>,

@@ -66,8 +66,8 @@ impl Projection {
         }
     }
 
-    /// Pixel of a view ray in the camera frame, of any length; the pixel may lie outside the image. `None` behind the camera
-    /// and where the distortion folds over.
+    /// Pixel of a view ray in the camera frame, of any length; the pixel may lie outside the image. `None` behind the
+    /// camera and where the distortion folds over.
     pub fn pixel_of_ray(&self, ray: DVec3) -> Option<DVec2> {
         let on_plane = (ray.z > 1e-9).then(|| ray.truncate() / ray.z)?;
         let shown = match self.distortion {

@@ -112,8 +112,8 @@ pub struct Drives {
     pub grip_overclose_m: f64,
     /// Inertia of the finger drive reflected to one finger, kg.
     pub finger_armature: f64,
-    /// Viscous friction of a finger, N·s/m. Its product with the physics time step must stay well below the inertia: the
-    /// integrator adds it after solving contacts, and larger values make the grip chatter and creep.
+    /// Viscous friction of a finger, N·s/m. Its product with the physics time step must stay well below the inertia:
+    /// the integrator adds it after solving contacts, and larger values make the grip chatter and creep.
     pub finger_damping: f64,
     /// Pad friction: sliding (1), torsional (m), rolling (m); overrides the object's.
     pub pad_friction: [f64; 3],

@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 
 /// Root of a random stream, at most 53 bits wide so that every JSON reader represents it exactly.
 ///
-/// Functions that need randomness take a `Seed` and fork it with one label per purpose, so that an additional draw in one
-/// place does not shift the numbers drawn elsewhere.
+/// Functions that need randomness take a `Seed` and fork it with one label per purpose, so that an additional draw in
+/// one place does not shift the numbers drawn elsewhere.
 ///
 /// ```
 /// use genmanip_core::Seed;

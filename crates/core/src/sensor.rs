@@ -20,13 +20,14 @@ pub struct CameraSensor {
 /// Triangulation depth sensor: an imager with a second imager (active stereo) or a projector (structured light) as
 /// partner.
 ///
-/// Depth is `focal_length_px · baseline_m / disparity`, so disparity errors and steps, in device pixels at any image size,
-/// cause depth errors that grow with the squared depth.
+/// Depth is `focal_length_px · baseline_m / disparity`, so disparity errors and steps, in device pixels at any image
+/// size, cause depth errors that grow with the squared depth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DepthSensor {
-    /// Signed distance from the imager to its partner, to the right, metres. Points visible to only one of the two have no
-    /// depth: an occlusion shadow on the left of near objects, which widens with the distance of the background.
+    /// Signed distance from the imager to its partner, to the right, metres. Points visible to only one of the two
+    /// have no depth: an occlusion shadow on the left of near objects, which widens with the distance of the
+    /// background.
     pub baseline_m: f64,
     /// Focal length of the imager at its measuring resolution, pixels.
     pub focal_length_px: f64,
@@ -56,8 +57,8 @@ pub struct ColorSensor {
     pub exposure_stops: f64,
     /// White balance relative to the ideal image: factors of linear red, green and blue.
     pub white_balance: [f64; 3],
-    /// Exposure time, ending at the image's timestamp, seconds: moving objects are blurred. Does not affect brightness; 0
-    /// for no motion blur.
+    /// Exposure time, ending at the image's timestamp, seconds: moving objects are blurred. Does not affect
+    /// brightness; 0 for no motion blur.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shutter_s: f64,
     /// Light loss in the corners relative to the centre, 0-1.
@@ -133,8 +134,8 @@ const D435_DEPTH: DepthSensor = DepthSensor {
     least_return: 0.015,
 };
 
-/// Known devices. `least_cosine` and `least_return` are chosen so that black plastic has holes, and glass and mirrors are
-/// almost entirely missing.
+/// Known devices. `least_cosine` and `least_return` are chosen so that black plastic has holes, and glass and mirrors
+/// are almost entirely missing.
 pub const SENSORS: [SensorPreset; 3] = [
     SensorPreset {
         name: "d435",

@@ -68,8 +68,8 @@ struct Shared {
 }
 
 impl SharedCards {
-    /// Replaces a task's cards by known equal ones, remembers the others, and shrinks its lists to fit. The task's value
-    /// does not change.
+    /// Replaces a task's cards by known equal ones, remembers the others, and shrinks its lists to fit. The task's
+    /// value does not change.
     pub fn share(&mut self, task: &mut Task) {
         for (card, node) in task.objects.iter_mut().zip(&mut task.scene_graph.nodes) {
             let known = self.by_uid.entry(card.uid.clone());
@@ -126,7 +126,8 @@ impl TaskKind {
     }
 }
 
-/// A support surface as named in a task: fixed furniture that is not an object of the scene, see [`crate::SupportSurface`].
+/// A support surface as named in a task: fixed furniture that is not an object of the scene, see
+/// [`crate::SupportSurface`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NamedSurface {
@@ -267,8 +268,8 @@ impl Task {
         self.surfaces.iter().find(|surface| surface.id == id)
     }
 
-    /// Display name of an instance: `Red Mug`, or `Red Mug #2` for its second copy; a surface's name; the id if there is no
-    /// card.
+    /// Display name of an instance: `Red Mug`, or `Red Mug #2` for its second copy; a surface's name; the id if there
+    /// is no card.
     pub fn name_of(&self, id: &str) -> String {
         if let Some(surface) = self.surface(id) {
             return surface.name.clone();

@@ -23,8 +23,8 @@ pub struct AtomVerdict {
     pub atom: Atom,
     /// True if it holds.
     pub holds: bool,
-    /// Distance of the deciding quantity from its threshold, in that quantity's unit; negative if the condition does not
-    /// hold. Compare verdicts by [`Self::normalised_margin`].
+    /// Distance of the deciding quantity from its threshold, in that quantity's unit; negative if the condition does
+    /// not hold. Compare verdicts by [`Self::normalised_margin`].
     pub margin: f64,
     /// Measurements, the deciding quantity first.
     pub measurements: Vec<Measurement>,

@@ -187,7 +187,8 @@ fn any_pose() -> impl Strategy<Value = Pose> {
 
 proptest! {
     /// A pixel unprojected at any depth projects back to the same pixel and depth, for any camera and lens.
-    /// The strongest lens folds over at a radius of 1.3 on the image plane; the farthest pixel of any of these is at 1.22.
+    /// The strongest lens folds over at a radius of 1.3 on the image plane; the farthest pixel of any of these is at
+    /// 1.22.
     #[test]
     fn pixels_and_points_lead_to_each_other(
         world_from_camera in any_pose(),

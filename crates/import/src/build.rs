@@ -24,8 +24,8 @@ const GRASP_KG: f64 = 2.0;
 /// Fractions of a joint's range up to which it counts as closed, and from which it counts as open.
 const CLOSED: f64 = 0.1;
 const OPEN: f64 = 0.7;
-/// Maximum number of collision pieces of all links; chosen: objects of most packs have fewer than 100, and an object standing
-/// on 600 needed 12 s of CPU time to settle.
+/// Maximum number of collision pieces of all links; chosen: objects of most packs have fewer than 100, and an object
+/// standing on 600 needed 12 s of CPU time to settle.
 const MAX_PIECES: usize = 256;
 /// Maximum number of joints for which states are generated.
 const MAX_STATES: usize = 6;
@@ -176,7 +176,8 @@ fn visual(link: &RawLink) -> Vec<VisualPart> {
         .collect()
 }
 
-/// The state `closed`, and `LINK open` for each of at most six joints: at most 10 %, and at least 70 % of the joint's range.
+/// The state `closed`, and `LINK open` for each of at most six joints: at most 10 %, and at least 70 % of the joint's
+/// range.
 fn joint_states(links: &[RawLink]) -> Vec<JointState> {
     let joints: Vec<_> = links.iter().filter_map(|link| link.joint.as_ref()).collect();
     if joints.is_empty() || joints.len() > MAX_STATES {

@@ -9,13 +9,14 @@ use zune_jpeg::JpegDecoder;
 
 /// Maximum image width and height: 8192 x 8192 pixels take 200 MB.
 const MAX_SIDE: usize = 8192;
-/// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time; a small file can decode to many.
+/// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time; a small file can decode
+/// to many.
 pub const MAX_PIXELS: usize = 4 * MAX_SIDE * MAX_SIDE;
 /// Maximum texture side after downscaling by whole factors, pixels.
 const KEPT_PIXELS: usize = 512;
 
-/// Decodes a texture, with a note if it was downscaled; errors are messages. Decoded pixels are deducted from `pixels_left`,
-/// initially [`MAX_PIXELS`].
+/// Decodes a texture, with a note if it was downscaled; errors are messages. Decoded pixels are deducted from
+/// `pixels_left`, initially [`MAX_PIXELS`].
 pub fn texture(bytes: &[u8], pixels_left: &mut usize) -> Result<(Texture, Option<String>), String> {
     let (width, height, rgb) = match bytes {
         [0x89, b'P', b'N', b'G', ..] => from_png(bytes, pixels_left)?,

@@ -75,8 +75,8 @@ fn is_plausible(mass: &MassProperties, uniform: &MassProperties) -> bool {
     let diagonal = |inertia: &DMat3| DVec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
     let (own, usual) = (diagonal(&mass.inertia), diagonal(&uniform.inertia));
     let ratio = own / usual;
-    // A physical body has non-negative second moments, which is the triangle inequality along every axis; those of a flat
-    // plate vanish across it, up to rounding.
+    // A physical body has non-negative second moments, which is the triangle inequality along every axis; those of a
+    // flat plate vanish across it, up to rounding.
     let trace = own.element_sum();
     let second = DMat3::from_diagonal(DVec3::splat((0.5 + 1e-9) * trace)) - mass.inertia;
     let reach = (usual.max_element() / uniform.mass_kg).sqrt();

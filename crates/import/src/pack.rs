@@ -1,7 +1,7 @@
 //! File format of an imported object: a JSON header followed by binary meshes and textures.
 //!
-//! `GMOBJ1\n`, the header's length (u32), the header, then in the order of the header's parts: positions and normals (three
-//! f32 per vertex), texture coordinates (two), triangles (three u32), and textures (rows of RGB).
+//! `GMOBJ1\n`, the header's length (u32), the header, then in the order of the header's parts: positions and normals
+//! (three f32 per vertex), texture coordinates (two), triangles (three u32), and textures (rows of RGB).
 //! Numbers are little-endian. Files are untrusted: every length and index is validated.
 
 use std::collections::BTreeMap;

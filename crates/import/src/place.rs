@@ -30,8 +30,8 @@ pub struct Given {
     pub scale: Option<f64>,
     /// Up axis.
     pub up: Option<Up>,
-    /// Found by simulation instead of given: the direction that points up once the object has toppled and come to rest, in the
-    /// frame in which it stands without this.
+    /// Found by simulation instead of given: the direction that points up once the object has toppled and come to
+    /// rest, in the frame in which it stands without this.
     pub tipped_up: Option<DVec3>,
 }
 
@@ -98,8 +98,8 @@ pub fn lying_from_standing(up: DVec3) -> DQuat {
     DQuat::from_rotation_arc(up.normalize_or(DVec3::Z), DVec3::Z)
 }
 
-/// Of +y and +z, the axis along which the object stands on the larger fraction of its footprint; if both are equal, the one
-/// that gives the category's typical height, otherwise +y, as modelling programs write OBJ.
+/// Of +y and +z, the axis along which the object stands on the larger fraction of its footprint; if both are equal,
+/// the one that gives the category's typical height, otherwise +y, as modelling programs write OBJ.
 fn more_stable_up(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
     let points = raw.all_surfaces().positions;
     let standing = |up: usize| {

@@ -30,8 +30,8 @@ pub struct Prior {
     synonyms: Vec<String>,
 }
 
-/// The category that matches a name best: by number of matching words, then match of the last word, then category name before
-/// synonyms in order, then alphabetically.
+/// The category that matches a name best: by number of matching words, then match of the last word, then category name
+/// before synonyms in order, then alphabetically.
 pub fn of_name(name: &str) -> Option<&'static Prior> {
     let words: Vec<String> = name.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(singular).collect();
     let last = words.iter().rposition(|word| word.chars().any(char::is_alphabetic));

@@ -27,8 +27,8 @@ pub(crate) struct Endpoint {
 }
 
 impl Access {
-    /// Reads `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` or `AWS_DEFAULT_REGION`, and
-    /// `AWS_ENDPOINT_URL_S3` or `AWS_ENDPOINT_URL`.
+    /// Reads `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` or `AWS_DEFAULT_REGION`,
+    /// and `AWS_ENDPOINT_URL_S3` or `AWS_ENDPOINT_URL`.
     ///
     /// # Errors
     /// [`S3Error::Environment`] for a missing or invalid variable.

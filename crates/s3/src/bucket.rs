@@ -83,8 +83,8 @@ impl Bucket {
         })
     }
 
-    /// Uploads an object of `bytes` bytes in parts, one of which is held in memory at a time; returns the SHA-256 of the
-    /// uploaded bytes.
+    /// Uploads an object of `bytes` bytes in parts, one of which is held in memory at a time; returns the SHA-256 of
+    /// the uploaded bytes.
     pub(crate) fn put_in_parts(
         &self,
         key: &str,
@@ -159,8 +159,8 @@ impl Bucket {
             if text.contains("<Error>") { Err(AttemptError::transient(error_message(&text))) } else { Ok(()) }
         });
         match completed {
-            // The response to an earlier attempt may have been lost; servers then report that the upload does not exist or is
-            // not accessible.
+            // The response to an earlier attempt may have been lost; servers then report that the upload does not
+            // exist or is not accessible.
             Err(S3Error::Refused { .. }) if matches!(self.head(key), Ok(Some(about)) if about.sha256.as_deref() == Some(sha256)) => {
                 Ok(())
             }
@@ -168,8 +168,8 @@ impl Bucket {
         }
     }
 
-    /// Downloads an object of at most `most` bytes into a new writer per attempt, and returns the writer once `wanted` accepts
-    /// size and SHA-256. `None` if there is no such object.
+    /// Downloads an object of at most `most` bytes into a new writer per attempt, and returns the writer once `wanted`
+    /// accepts size and SHA-256. `None` if there is no such object.
     pub(crate) fn fetch<W: Write>(
         &self,
         key: &str,

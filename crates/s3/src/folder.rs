@@ -1,7 +1,7 @@
 //! Upload and download of folders.
 //!
-//! The object `PREFIX/PATH` holds the file PATH and its SHA-256 as metadata, so that a repeated push uploads only missing or
-//! changed files. [`LIST`] is written last: if it exists, so does everything it lists.
+//! The object `PREFIX/PATH` holds the file PATH and its SHA-256 as metadata, so that a repeated push uploads only
+//! missing or changed files. [`LIST`] is written last: if it exists, so does everything it lists.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -124,8 +124,8 @@ pub fn push(
     Ok(moved)
 }
 
-/// Downloads a pushed folder. Files that already exist with the same size and hash are skipped, others are replaced. Files
-/// that are not listed are kept, except unfinished files of an earlier pull that was killed on this machine.
+/// Downloads a pushed folder. Files that already exist with the same size and hash are skipped, others are replaced.
+/// Files that are not listed are kept, except unfinished files of an earlier pull that was killed on this machine.
 ///
 /// # Errors
 /// [`S3Error::NotComplete`] if there is no file list; [`S3Error::Stopped`] with the progress.

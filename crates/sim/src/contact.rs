@@ -138,7 +138,8 @@ impl TouchTally {
 
     /// Peak stray force, N, and its two bodies, the robot link first.
     ///
-    /// Excludes held objects, whichever robot link they touch, and the gripper on a moving link of an articulated object.
+    /// Excludes held objects, whichever robot link they touch, and the gripper on a moving link of an articulated
+    /// object.
     pub fn stray(&self) -> Option<(f64, [BodyId; 2])> {
         let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
         let pairs = self.stray.iter().filter(|((_, other), _)| !is_held(other));

@@ -1,7 +1,7 @@
 //! Conversion of commands to actuator set points.
 //!
-//! The arm's position servos keep the last applied command in the saved state (`ctrl`), so that the interpolation of the
-//! next interval starts from the same bits after a restore.
+//! The arm's position servos keep the last applied command in the saved state (`ctrl`), so that the interpolation of
+//! the next interval starts from the same bits after a restore.
 
 use genmanip_core::{Drives, RobotModel};
 

@@ -1,8 +1,8 @@
 //! Physics simulation: MJCF assembly, a compiled [`Scene`], its mutable [`Sim`] state, and control at 60 Hz.
 //!
 //! This is the only crate that uses a simulator (MuJoCo through `mujoco-rs`).
-//! A [`Scene`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and restored
-//! byte for byte.
+//! A [`Scene`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and
+//! restored byte for byte.
 //!
 //! Objects are free bodies, held only by friction between the finger pads.
 //! The arm's motors carry the arm against gravity within the published torque limits.

@@ -2,7 +2,8 @@
 //!
 //! Names are stable and readable: bodies `table`, `floor`, `robot/<link>`, `object/<name>/<link>`;
 //! joints carry the same prefix; actuators are `arm/<joint>/position`, `arm/<joint>/velocity` and `grip`.
-//! The keyframe `start` holds the robot at its start position with the gripper open, and every object at its initial pose.
+//! The keyframe `start` holds the robot at its start position with the gripper open, and every object at its initial
+//! pose.
 
 mod objects;
 mod robot;

@@ -58,7 +58,8 @@ impl Scene {
     /// Compiles a world with a robot, fixed at the world origin, and objects.
     ///
     /// # Errors
-    /// Invalid settings, names or numbers, or a model that the engine rejects ([`SimError::Compile`] carries its message).
+    /// Invalid settings, names or numbers, or a model that the engine rejects ([`SimError::Compile`] carries its
+    /// message).
     pub fn compile(world: &World, robot: &RobotModel, objects: &[SceneObject]) -> Result<Self, SimError> {
         Self::compile_with(world, Some(robot), objects)
     }

@@ -57,24 +57,24 @@ impl Sim {
     /// Simulates one control interval (1/60 s).
     ///
     /// `command` = arm joint targets and gripper width.
-    /// It is rounded to f32, clamped to the joint ranges and maximum joint velocities (a target too far away is approached at
-    /// maximum velocity), and interpolated linearly over the interval's physics steps.
+    /// It is rounded to f32, clamped to the joint ranges and maximum joint velocities (a target too far away is
+    /// approached at maximum velocity), and interpolated linearly over the interval's physics steps.
     /// The fingers move at their maximum velocity: closing the Panda's gripper from fully open takes 0.9 s.
-    /// The frame holds the command as applied, the state at the *start* of the interval, and the peak torque, grip force and
-    /// stray contact *during* it.
+    /// The frame holds the command as applied, the state at the *start* of the interval, and the peak torque, grip
+    /// force and stray contact *during* it.
     /// - `joint_torque`: motor torque including gravity compensation; never above the published limit.
     /// - `grip_force`: sum over both fingers.
     /// - `grasped`: the object pressed by both fingers at the start; the most firmly held one if there are several.
-    /// - `stray_contact_n`: normal force summed over the contact points between one robot link (fingers included) and one
-    ///   other body; the maximum over pairs and physics steps.
-    ///   Excluded are objects pressed by both fingers at any step of the interval, the inner side of a finger pressing on an
-    ///   object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    /// - `stray_contact_n`: normal force summed over the contact points between one robot link (fingers included) and
+    ///   one other body; the maximum over pairs and physics steps.
+    ///   Excluded are objects pressed by both fingers at any step of the interval, the inner side of a finger pressing
+    ///   on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
     ///   Also excluded is the gripper on a moving link of an articulated object.
     ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
     ///
     /// # Errors
-    /// For a command of the wrong length or with non-finite numbers (the state is then unchanged), and if the simulation
-    /// diverges.
+    /// For a command of the wrong length or with non-finite numbers (the state is then unchanged), and if the
+    /// simulation diverges.
     pub fn control_step(&mut self, command: &[f32]) -> Result<Frame, SimError> {
         let scene = Arc::clone(&self.scene);
         let physics = scene.physics();

@@ -1,8 +1,9 @@
 //! Families: data-driven parametric generators of objects.
 //!
-//! `data/families/*.json` has one record per family: parameters with their ranges, and templates of parts and description.
-//! [`Families::instance`] turns a family and a seed into an object with annotations; the same seed gives the same object,
-//! and fixing a parameter does not change the others.
+//! `data/families/*.json` has one record per family: parameters with their ranges, and templates of parts and
+//! description.
+//! [`Families::instance`] turns a family and a seed into an object with annotations; the same seed gives the same
+//! object, and fixing a parameter does not change the others.
 //! Shapes shared by families (finishes, patterns, handles) are in `shapes.json`, colours in `palettes.json`.
 
 mod expression;

@@ -31,9 +31,10 @@ pub struct Block {
     /// Edge radius, m.
     #[serde(default)]
     pub round: f64,
-    /// Fraction of the rounding kept at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single vertex.
-    /// Small roundings crowd vertices: the physics engine keeps four contacts per face, and an object whose contacts all lie
-    /// at two opposite corners never stops rocking.
+    /// Fraction of the rounding kept at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single
+    /// vertex.
+    /// Small roundings crowd vertices: the physics engine keeps four contacts per face, and an object whose contacts
+    /// all lie at two opposite corners never stops rocking.
     #[serde(default = "corner")]
     pub corner: f64,
     /// True for a purely visual part.

@@ -10,8 +10,8 @@ use crate::solid::Solid;
 
 /// A box that is open at the front (-x), with shelves: carcass of a cabinet, microwave.
 ///
-/// Collision: a box per wall and shelf, of which only the floor touches the table. Cavity: the space above each shelf, unless
-/// drawers fill it.
+/// Collision: a box per wall and shelf, of which only the floor touches the table. Cavity: the space above each shelf,
+/// unless drawers fill it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {

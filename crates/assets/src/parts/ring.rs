@@ -12,8 +12,8 @@ use crate::surface::{from_rings, smooth_curve};
 
 /// A horizontal ring around +z: doughnut, tape roll.
 ///
-/// Collision: consecutive convex sectors of the cross-section. Four of them, a quarter turn apart, support the ring; the
-/// others keep clear of what is below and above.
+/// Collision: consecutive convex sectors of the cross-section. Four of them, a quarter turn apart, support the ring;
+/// the others keep clear of what is below and above.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {

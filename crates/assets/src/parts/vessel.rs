@@ -13,8 +13,8 @@ use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 /// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
 /// The wall lies between two profiles of (radius, height) with equally many points, base to rim.
-/// Collision: one convex wedge per sector and profile segment, and a solid base up to the first inner point, which is the
-/// only piece that touches the table.
+/// Collision: one convex wedge per sector and profile segment, and a solid base up to the first inner point, which is
+/// the only piece that touches the table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vessel {

@@ -12,8 +12,8 @@ use crate::worlds::default_world;
 
 /// Minimum fraction of the image width that the workspace spans.
 const MIN_WIDTH_SHARE: f64 = 0.70;
-/// Minimum fraction of the workspace area inside the image: a strip of its near edge, beyond the reach of top-down picks, may
-/// be cut off.
+/// Minimum fraction of the workspace area inside the image: a strip of its near edge, beyond the reach of top-down
+/// picks, may be cut off.
 const MIN_AREA_SHARE: f64 = 0.93;
 /// Magnification relative to the cameras of version 1: "about 1.4 times".
 const ENLARGEMENT: std::ops::RangeInclusive<f64> = 1.35..=1.45;

@@ -44,7 +44,8 @@ fn separation(piece: &Piece, point: DVec3) -> f64 {
     largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
 }
 
-/// Largest distance by which the visual surface protrudes from the collision pieces, sampled at every `stride`-th vertex.
+/// Largest distance by which the visual surface protrudes from the collision pieces, sampled at every `stride`-th
+/// vertex.
 fn uncovered(visual: &[VisualPart], pieces: &[Piece], stride: usize) -> f64 {
     let corners = visual.iter().flat_map(|part| {
         part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))

@@ -51,8 +51,8 @@ fn lofts_are_convex_and_few() {
         }
         for (index, piece) in pieces().chain(&model.cavities(&[])).enumerate() {
             let Shape::Hull { points } = &piece.shape else { continue };
-            // A point that is not a vertex of the hull is redundant: every point must be extreme in some direction, up to the
-            // chord error of a bent tube.
+            // A point that is not a vertex of the hull is redundant: every point must be extreme in some direction, up
+            // to the chord error of a bent tube.
             let inside = points.iter().map(|&point| depth_in_hull(points, point)).fold(0.0, f64::max);
             if inside > 4e-4 {
                 flaws.push(format!("piece {index} has a point {:.2} mm inside its hull", inside * 1e3));

@@ -56,8 +56,8 @@ fn gap(mesh: &TriMesh, at: DVec3, normal: DVec3) -> [f64; 2] {
     best
 }
 
-/// Distance of a point from a triangle, and the barycentric coordinates of the nearest point; after Ericson, *Real-Time
-/// Collision Detection*, 5.1.5.
+/// Distance of a point from a triangle, and the barycentric coordinates of the nearest point; after Ericson,
+/// *Real-Time Collision Detection*, 5.1.5.
 fn closest([a, b, c]: [DVec3; 3], at: DVec3) -> (f64, [f64; 3]) {
     let on_edge = |from: DVec3, to: DVec3| {
         ((at - from).dot(to - from) / (to - from).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)

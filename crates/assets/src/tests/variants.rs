@@ -2,7 +2,8 @@ use genmanip_core::{Aabb, Pose, Seed};
 
 use crate::{Catalogue, variant};
 
-/// For every rigid object, visuals, collision pieces and mass scale consistently, and graspable objects stay graspable.
+/// For every rigid object, visuals, collision pieces and mass scale consistently, and graspable objects stay
+/// graspable.
 #[test]
 fn variants_scale_consistently() {
     let catalogue = Catalogue::builtin();

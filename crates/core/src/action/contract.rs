@@ -6,8 +6,8 @@ use crate::{ActionSpec, Document};
 
 /// Meaning of a dataset's `action` column; a policy trained on the dataset returns such actions.
 ///
-/// Row i holds for `1 / rate_hz` from the timestamp of row i. Deltas and velocities are relative to `delta_from`; in the
-/// first row, to the robot's home position and the open gripper.
+/// Row i holds for `1 / rate_hz` from the timestamp of row i. Deltas and velocities are relative to `delta_from`; in
+/// the first row, to the robot's home position and the open gripper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionContract {

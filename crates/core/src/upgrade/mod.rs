@@ -1,7 +1,7 @@
 //! Upgrades of documents from the preceding schema version.
 //!
-//! Missing fields are filled with the values that were fixed at the time, never with current defaults; all constants here
-//! are therefore frozen.
+//! Missing fields are filled with the values that were fixed at the time, never with current defaults; all constants
+//! here are therefore frozen.
 
 mod feasibility;
 pub mod generation;

@@ -14,8 +14,8 @@ use crate::{Camera, Document, DocumentError, Intrinsics, RobotModel};
 /// A world file before its shorthands are resolved.
 ///
 /// Shorthands: `robot` may omit hash and home position; a camera may give `eye_m` and `target_m` in its mount's frame
-/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, a device name instead of `sensor`
-/// parameters; a wrist camera may omit its pose to use the robot's default.
+/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, a device name instead of
+/// `sensor` parameters; a wrist camera may omit its pose to use the robot's default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldFile {
     body: Map<String, Value>,

@@ -1,10 +1,11 @@
 //! The world of a scenario as data: surfaces, robot, cameras, physics and judging settings.
 //!
 //! Physics, planner, renderer, prompts, drawings and layout all read one [`World`].
-//! World frame = robot base frame: +x away from the robot over the table, +y to its left, +z up, the table top at z = 0.
+//! World frame = robot base frame: +x away from the robot over the table, +y to its left, +z up, the table top at z =
+//! 0.
 //!
-//! A world has three parts with a hash each ([`WorldPart`]): *physics* and *judging* decide the outcome, so a replay in a
-//! world that differs there is refused; *looks* only affects appearance, so differences are merely reported.
+//! A world has three parts with a hash each ([`WorldPart`]): *physics* and *judging* decide the outcome, so a replay
+//! in a world that differs there is refused; *looks* only affects appearance, so differences are merely reported.
 
 mod check;
 mod compare;
@@ -114,8 +115,8 @@ impl World {
         self.cameras.iter().find(|camera| camera.name == name)
     }
 
-    /// Cameras used by prompt-based systems, which must see the objects of a task: `overview`, `left` and `right`, or every
-    /// fixed camera if none of these exists.
+    /// Cameras used by prompt-based systems, which must see the objects of a task: `overview`, `left` and `right`, or
+    /// every fixed camera if none of these exists.
     pub fn prompt_cameras(&self) -> Vec<&Camera> {
         let fixed = || self.cameras.iter().filter(|camera| camera.mount == crate::CameraMount::World);
         let named: Vec<&Camera> =

@@ -34,7 +34,8 @@ pub struct SupportSurface {
     /// Additional fixed boxes of the same body, e.g. the sides of a shelf.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub boards: Vec<Board>,
-    /// True to render four legs down to the floor. They have no collision geometry: use boards where the arm could touch one.
+    /// True to render four legs down to the floor. They have no collision geometry: use boards where the arm could
+    /// touch one.
     #[serde(default)]
     pub legs: bool,
 }

@@ -1,5 +1,5 @@
-//! Collision geometry of an object: a primitive if one fits, otherwise the convex hull, otherwise walls around a cavity,
-//! otherwise a convex decomposition (V-HACD, Mamou 2016, as implemented in parry).
+//! Collision geometry of an object: a primitive if one fits, otherwise the convex hull, otherwise walls around a
+//! cavity, otherwise a convex decomposition (V-HACD, Mamou 2016, as implemented in parry).
 
 mod fit;
 pub mod hull;
@@ -72,8 +72,8 @@ pub fn body(link: &RawLink) -> Body {
     body
 }
 
-/// The hulls of a mesh's connected components if there are several and all are nearly convex, i.e. if the mesh is already
-/// decomposed.
+/// The hulls of a mesh's connected components if there are several and all are nearly convex, i.e. if the mesh is
+/// already decomposed.
 fn convex_parts(mesh: &RawMesh) -> Option<Vec<Piece>> {
     let parts = connected(mesh);
     if !(2..=MAX_COMPONENTS).contains(&parts.len()) {

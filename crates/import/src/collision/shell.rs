@@ -1,5 +1,5 @@
-//! Objects that are open at the top: wedges around a cavity, a base, and protrusions, so that they stay hollow with walls of
-//! their true thickness.
+//! Objects that are open at the top: wedges around a cavity, a base, and protrusions, so that they stay hollow with
+//! walls of their true thickness.
 
 use std::f64::consts::TAU;
 

@@ -12,8 +12,8 @@ use crate::files::{Files, beside, shortened};
 use crate::place::transformed_mass;
 use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that stays where it is
-/// left.
+/// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that stays where
+/// it is left.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
 /// Range of a continuous joint, rad.

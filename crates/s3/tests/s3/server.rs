@@ -1,6 +1,7 @@
 //! An in-memory S3 server with fault injection.
 //!
-//! It verifies the payload hash, not the signature itself, which is covered by Amazon's examples and by tests on a real server.
+//! It verifies the payload hash, not the signature itself, which is covered by Amazon's examples and by tests on a
+//! real server.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};

@@ -127,7 +127,8 @@ fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives) {
     }
 }
 
-/// A force-limited drive on the opening width, and an equality constraint that couples the fingers like the gripper's gear.
+/// A force-limited drive on the opening width, and an equality constraint that couples the fingers like the gripper's
+/// gear.
 fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, drives: &Drives, timestep_s: f64) {
     let (Some(first), Some(second)) = (finger_joint(robot, 0), finger_joint(robot, 1)) else { return };
     let term = |joint: &str| Element::new("joint").text("joint", joint).number("coef", 1.0);

@@ -1,6 +1,6 @@
-//! MJCF as written by robosuite, RoboCasa, MolmoSpaces, MetaWorld and gymnasium-robotics: bodies with visual and collision
-//! geoms, joints and masses; includes, defaults, meshes and textures. Actuators, sensors and equality constraints are
-//! ignored.
+//! MJCF as written by robosuite, RoboCasa, MolmoSpaces, MetaWorld and gymnasium-robotics: bodies with visual and
+//! collision geoms, joints and masses; includes, defaults, meshes and textures. Actuators, sensors and equality
+//! constraints are ignored.
 
 mod assets;
 mod bodies;
@@ -40,7 +40,8 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// Parses a file and expands its includes; names are relative to the main file or, in older files, to the including file.
+/// Parses a file and expands its includes; names are relative to the main file or, in older files, to the including
+/// file.
 fn with_includes(
     main: &str,
     path: &str,
