@@ -1,4 +1,4 @@
-//! The catalogue: cards for all objects, models on demand.
+//! Catalogue of objects: cards for all, models built on demand.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -7,22 +7,22 @@ use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
 
 use crate::data_file::read;
 use crate::imported;
-use crate::listed::listed;
-use crate::notes::Split;
+use crate::instances::generated_instances;
+use crate::metadata::Split;
 use crate::parts::Part;
 use crate::recipe::Recipe;
 use crate::record::Record;
 use crate::search::Index;
-use crate::variant::{VARIED, variant};
+use crate::variant::{VARIANT_OF, variant};
 use crate::{AssetError, AssetSource, Families};
 use serde_json::Value;
 
 const RECORDS: &str = include_str!("../data/catalog.json");
 
-/// Name of the built-in file in messages.
+/// Name of the built-in file in error messages.
 const FILE: &str = "records";
 
-/// Objects by uid. Models are built when first asked for and kept; the hash maps are only looked up.
+/// Objects by uid. Models are built on first use and cached; the hash maps are never iterated.
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
@@ -37,7 +37,7 @@ pub struct Catalogue {
 pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
 
 impl Catalogue {
-    /// The objects that come with the program.
+    /// The hand-written objects that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -46,7 +46,8 @@ impl Catalogue {
         BUILTIN.get_or_init(|| Self::from_json(RECORDS).expect("built-in data files are tested"))
     }
 
-    /// The built-in objects and the listed ones that the families make, 1,000 rigid and 120 articulated in all.
+    /// The hand-written objects and the listed instances of the families: 1,000 rigid and 120 articulated objects in
+    /// total.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -54,12 +55,12 @@ impl Catalogue {
         static FULL: OnceLock<Catalogue> = OnceLock::new();
         FULL.get_or_init(|| {
             let mut full = Self::from_json(RECORDS).expect("built-in data files are tested");
-            full.cards.extend(listed().iter().map(|one| one.card.clone()));
+            full.cards.extend(generated_instances().iter().map(|one| one.card.clone()));
             full
         })
     }
 
-    /// The objects of the opened packs, see [`imported::open`]; none before a pack was opened.
+    /// The objects of the opened packs, see [`imported::open`]; empty if no pack is open.
     ///
     /// # Panics
     /// As [`Catalogue::builtin`].
@@ -80,13 +81,13 @@ impl Catalogue {
         static ALL: OnceLock<Catalogue> = OnceLock::new();
         ALL.get_or_init(|| {
             let mut all = Self::from_json(RECORDS).expect("built-in data files are tested");
-            all.cards.extend(listed().iter().map(|one| one.card.clone()));
+            all.cards.extend(generated_instances().iter().map(|one| one.card.clone()));
             all.cards.extend_from_slice(imported::cards());
             all
         })
     }
 
-    /// A catalogue by its name: `builtin`, `full`, `imported` or `all`.
+    /// A catalogue by name: `builtin`, `full`, `imported` or `all`.
     pub fn named(name: &str) -> Option<&'static Self> {
         match name {
             "builtin" => Some(Self::builtin()),
@@ -97,22 +98,23 @@ impl Catalogue {
         }
     }
 
-    /// What may be trained on of an object.
+    /// Train/test split of an object.
     pub fn split(&self, uid: &str) -> Split {
-        listed().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
+        generated_instances().iter().find(|one| one.card.uid == uid).map_or(Split::Train, |one| one.split)
     }
 
-    /// The cards with their splits, for searching.
+    /// Search index over the cards and their splits.
     pub fn index(&self) -> Index {
-        let splits: BTreeMap<&str, Split> = listed().iter().map(|one| (one.card.uid.as_str(), one.split)).collect();
+        let splits: BTreeMap<&str, Split> =
+            generated_instances().iter().map(|one| (one.card.uid.as_str(), one.split)).collect();
         let split = |card: &ObjectCard| splits.get(card.uid.as_str()).copied().unwrap_or_default();
         Index::new(self.cards.iter().map(|card| (card.clone(), split(card))))
     }
 
-    /// A catalogue from a list of records, JSON.
+    /// A catalogue from a JSON list of records.
     ///
     /// # Errors
-    /// [`AssetError::Data`] with the place of the mistake.
+    /// [`AssetError::Data`] with the position of the error.
     pub fn from_json(records: &str) -> Result<Self, AssetError> {
         let records: Vec<Record> = read(FILE, records)?;
         let (mut cards, mut recipes) = (Vec::new(), BTreeMap::new());
@@ -126,7 +128,7 @@ impl Catalogue {
             }
             let (card, recipe) = record.into_parts();
             if card.uid.contains(['#', '/']) || cards.iter().any(|other: &ObjectCard| other.uid == card.uid) {
-                return Err(wrong(format!("{}: expected a uid of its own without # and /", card.uid)));
+                return Err(wrong(format!("{}: expected a unique uid without # and /", card.uid)));
             }
             if let Some(recipe) = recipe {
                 if let Some(message) = recipe.flaw(&card) {
@@ -146,7 +148,7 @@ impl Catalogue {
         })
     }
 
-    /// All cards, by uid.
+    /// All cards, sorted by uid.
     pub fn cards(&self) -> &[ObjectCard] {
         &self.cards
     }
@@ -177,7 +179,7 @@ impl Catalogue {
         Ok(Arc::clone(model))
     }
 
-    /// An object of a family, or with the one parameter `of` a [`variant`] of a built-in one.
+    /// Generates an object of a family, or a [`variant`] of a built-in object if `params` is just `of`.
     fn generate(
         &self,
         family: &str,
@@ -186,26 +188,26 @@ impl Catalogue {
         seed: Seed,
     ) -> Result<ObjectModel, AssetError> {
         let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
-        let Some(of) = params.get(VARIED) else {
+        let Some(of) = params.get(VARIANT_OF) else {
             return Families::builtin().instance_of(family, version, params, seed);
         };
         let Some(of) = of.as_str().filter(|_| params.len() == 1) else {
-            return Err(refused(format!("expected the one parameter `{VARIED}`, the uid of a built-in object")));
+            return Err(refused(format!("expected only the parameter `{VARIANT_OF}`, the uid of a built-in object")));
         };
         let base = self.build(of)?;
         if base.family != family {
             return Err(refused(format!("object {of} is of family {}", base.family)));
         }
         if base.card.is_articulated {
-            return Err(refused(format!("object {of} is articulated, of which there are no variants")));
+            return Err(refused(format!("object {of} is articulated, which has no variants")));
         }
         Ok(variant(&base, seed))
     }
 
-    /// The recipe of an object, all expressions worked out, and the stream of what it leaves open.
+    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
-    /// When there is no such object, or it has no recipe of its own: imported ones and variants.
+    /// If there is no such object, or it has no recipe of its own (imported objects and variants).
     pub(crate) fn recipe(&self, asset: &AssetRef) -> Result<(Value, Seed), AssetError> {
         match asset {
             AssetRef::Builtin { uid, .. } => {
@@ -214,7 +216,7 @@ impl Catalogue {
                 let record = records.into_iter().find(|record| record["uid"] == *uid).ok_or_else(unknown)?;
                 Ok((record["recipe"].clone(), seed_of(uid)))
             }
-            AssetRef::Generated { family, params, seed, version } if !params.contains_key(VARIED) => {
+            AssetRef::Generated { family, params, seed, version } if !params.contains_key(VARIANT_OF) => {
                 Families::builtin().recipe_of(family, *version, params, *seed)
             }
             _ => Err(AssetError::NoRecipe { asset: asset.clone() }),
@@ -227,7 +229,7 @@ impl Catalogue {
         missing.map(|card| card.uid.clone()).collect()
     }
 
-    /// Up to three `uid (name)`: names that contain the text or share a word with it, then uids that look alike.
+    /// Up to three suggestions `uid (name)`: names that contain the text or share a word with it, then similar uids.
     fn near_misses(&self, text: &str) -> Vec<String> {
         let wanted = text.to_lowercase();
         let mut scored: Vec<(usize, &ObjectCard)> = self
@@ -284,19 +286,19 @@ impl AssetSource for Catalogue {
         Ok(hashes)
     }
 
-    fn measured_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
+    fn full_mesh_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
         let known = || self.measured.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(made) = known().get(asset) {
             return Ok(made.clone());
         }
-        let model = self.model(asset)?.drawn_as_measured();
+        let model = self.model(asset)?.with_full_meshes();
         let looks = model.looks_hash();
-        // Of two threads that made it, both get the one that was kept.
+        // If two threads built it concurrently, both return the one that was inserted.
         Ok(known().entry(asset.clone()).or_insert((Arc::new(model), looks)).clone())
     }
 }
 
-/// Refuses parts that cannot be made.
+/// Rejects parts that cannot be built.
 pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(), AssetError> {
     match parts.iter().enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
         Some((index, flaw)) => {
@@ -306,7 +308,7 @@ pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(),
     }
 }
 
-/// Built-in objects use their number as seed, so that the seed in a scenario says something.
+/// Seed of a built-in object: its number, so that the seed in a scenario is meaningful.
 fn seed_of(uid: &str) -> Seed {
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
 }

@@ -1,11 +1,11 @@
-//! Reading the data files that the crate is made of.
+//! Parsing of the data files that are compiled into the crate.
 
 use crate::AssetError;
 
-/// What a JSON text holds.
+/// Parses a JSON text.
 ///
 /// # Errors
-/// [`AssetError::Data`] naming the file and the place of the mistake.
+/// [`AssetError::Data`] with the file and the position of the error.
 pub fn read<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, AssetError> {
     let mut reader = serde_json::Deserializer::from_str(text);
     serde_path_to_error::deserialize(&mut reader)

@@ -1,107 +1,111 @@
-//! Why an object cannot be had.
+//! Errors of finding and building objects.
 
 use genmanip_core::AssetRef;
 
 /// Errors of the catalogue.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AssetError {
-    /// No such object.
+    /// Unknown uid.
     #[error("no object has uid \"{got}\"; near misses: {}", if near.is_empty() { "none".into() } else { near.join(", ") })]
     UnknownUid {
-        /// What was asked for.
+        /// The requested uid.
         got: String,
-        /// Uids and names that look alike, best first.
+        /// Similar uids and names, best first.
         near: Vec<String>,
     },
-    /// No such robot.
-    #[error("no robot is called \"{got}\"; near misses: {}; there are {}", if near.is_empty() { "none".into() } else { near.join(", ") }, known.join(", "))]
+    /// Unknown robot.
+    #[error("unknown robot \"{got}\"; near misses: {}; known robots: {}", if near.is_empty() { "none".into() } else { near.join(", ") }, known.join(", "))]
     UnknownRobot {
-        /// What was asked for.
+        /// The requested name.
         got: String,
-        /// Names that look alike.
+        /// Similar names.
         near: Vec<String>,
         /// All names.
         known: Vec<String>,
     },
-    /// A world was made for another version of its robot.
-    #[error("world field {field}: expected {expected}, got {got}; the world was made for another version of its robot")]
+    /// The world was made for a different version of its robot.
+    #[error(
+        "world field {field}: expected {expected}, got {got}; the world was made for a different version of its robot"
+    )]
     RobotMismatch {
-        /// Which field of the world differs.
+        /// Field that differs.
         field: &'static str,
-        /// What the world says.
+        /// Value in the world.
         expected: String,
-        /// What the robot has.
+        /// Value of the robot.
         got: String,
     },
-    /// The card exists, the generator does not know the object yet.
-    #[error("object {uid} ({name}) has no generator yet; without one are {}", missing.join(", "))]
+    /// The object has a card but no recipe yet.
+    #[error("object {uid} ({name}) has no recipe yet; objects without a recipe: {}", missing.join(", "))]
     NotYetGenerated {
-        /// What was asked for.
+        /// The requested uid.
         uid: String,
         /// Its name.
         name: String,
-        /// All uids without a generator.
+        /// All uids without a recipe.
         missing: Vec<String>,
     },
-    /// A scenario was made with other physics than this version of the generator makes.
-    #[error("object {id}: expected {what} {expected}, got {got}; the scenario was made with other assets")]
+    /// The scenario was made with different physics than this version produces.
+    #[error(
+        "object {id}: expected {what} {expected}, got {got}; the scenario was made with a different version of the assets"
+    )]
     Mismatch {
-        /// What the scenario calls the object.
+        /// Instance id in the scenario.
         id: String,
-        /// Which field differs.
+        /// Field that differs.
         what: &'static str,
-        /// What the scenario names.
+        /// Value in the scenario.
         expected: String,
-        /// What this program makes.
+        /// Current value.
         got: String,
     },
-    /// Objects that were not made from a recipe of their own.
-    #[error("{asset} cannot be frozen: it was imported, or varies another object")]
+    /// An object without a recipe of its own.
+    #[error("{asset} cannot be frozen: it was imported, or is a variant of another object")]
     NoRecipe {
-        /// Which.
+        /// The asset.
         asset: AssetRef,
     },
-    /// A frozen object whose file says what cannot be.
+    /// A frozen object with inconsistent contents.
     #[error("the frozen object {asset}: {message}")]
     NotFrozen {
-        /// Which.
+        /// The asset.
         asset: AssetRef,
-        /// What is wrong.
+        /// The inconsistency.
         message: String,
     },
-    /// A family cannot make what a reference asks for.
-    #[error("family {family} cannot make an object: {reason}")]
+    /// A family cannot generate the requested object.
+    #[error("family {family} cannot generate an object: {reason}")]
     NotGenerated {
         /// Name of the family.
         family: String,
-        /// Which parameter is missing or wrong.
+        /// The missing or invalid parameter.
         reason: String,
     },
-    /// No opened pack holds the object.
-    #[error("no pack holds the imported object {hash}; open packs with --packs DIR, or import its files again")]
+    /// No opened pack contains the object.
+    #[error("no open pack contains the imported object {hash}; open packs with --packs DIR, or import its files again")]
     NotImported {
         /// Hash of the files.
         hash: String,
     },
-    /// Grasps that were tried with other physics than this version of the generator makes.
+    /// Grasps that were tried with different physics than this version produces.
     #[error(
-        "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; make them again with \
+        "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; regenerate them with \
          `genmanip grasps bake`"
     )]
     StaleGrasps {
         /// Uid of the object.
         uid: String,
-        /// Hash that the grasps were tried with.
+        /// Physics hash that the grasps were tried with.
         expected: String,
-        /// Hash of the object as it is now.
+        /// Current physics hash of the object.
         got: String,
     },
-    /// A data file that cannot be read.
+    /// An invalid data file.
     #[error("{file}: {message}")]
     Data {
-        /// Which file.
+        /// Name of the file.
         file: String,
-        /// What is wrong and where.
+        /// The error and its position.
         message: String,
     },
 }

@@ -1,4 +1,4 @@
-//! Finishes: material and painted texture, as written in a recipe.
+//! Surface finishes of recipes: material and painted texture.
 
 use std::sync::Arc;
 
@@ -8,45 +8,45 @@ use serde::Deserialize;
 use crate::color::Color;
 use crate::paint::{Canvas, Paint};
 
-/// How a surface looks.
+/// Material and texture of a surface.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finish {
-    /// Ground colour.
+    /// Base colour.
     pub color: Color,
-    /// 0 mirror, 1 chalk.
+    /// 0 mirror, 1 fully rough.
     #[serde(default = "default_roughness")]
     pub rough: f32,
     /// Bare metal.
     #[serde(default)]
     pub metal: bool,
-    /// 1 opaque; below, a thin translucent wall.
+    /// 1 opaque; below 1, a thin translucent wall.
     #[serde(default = "one")]
     pub opacity: f32,
     /// Index of refraction.
     #[serde(default = "default_ior")]
     pub ior: f32,
-    /// Painted over the ground colour, in this order; without any there is no texture.
+    /// Layers painted over the base colour, in order; no texture if empty.
     #[serde(default)]
     pub paint: Vec<Paint>,
-    /// Width of the painted area over its height, so that discs are round.
+    /// Aspect ratio of the painted area, so that discs are round.
     #[serde(default = "one")]
     pub aspect: f32,
-    /// Width and height of the texture.
+    /// Width and height of the texture, pixels.
     #[serde(default = "default_pixels")]
     pub pixels: [u32; 2],
 }
 
-/// Metallic share of worn, fingerprinted metal; a perfect mirror would show nothing of itself in an empty room.
+/// Metallic fraction of worn metal; a perfect mirror would be invisible in an empty room.
 const HOUSEHOLD_METAL: f32 = 0.7;
 
 impl Finish {
-    /// Whether it has a texture.
+    /// True if it has a texture.
     pub fn is_painted(&self) -> bool {
         !self.paint.is_empty()
     }
 
-    /// The material, its texture painted with chance from `seed`.
+    /// Material with its texture painted; `seed` drives the random patterns.
     pub fn material(&self, seed: Seed) -> Material {
         let texture = self.is_painted().then(|| {
             let mut canvas = Canvas::new(self.pixels, self.aspect, self.color);

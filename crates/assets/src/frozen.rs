@@ -1,6 +1,6 @@
-//! Objects as a frozen suite keeps them: everything that physics and the judge use, and the recipe of what is drawn.
+//! Frozen objects of a suite: all inputs of physics and judging, and the rendering recipe.
 //!
-//! A later version of the program may make an object of a name otherwise; a frozen one stays what it was.
+//! A later version of the program may generate a different object for the same name; a frozen one never changes.
 
 use genmanip_core::{
     AssetHashes, AssetRef, Document, Joint, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece,
@@ -13,48 +13,48 @@ use crate::parts::Part;
 use crate::recipe::Recipe;
 use crate::{AssetError, AssetSource, Catalogue};
 
-/// One object of a frozen suite.
+/// An object of a frozen suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenAsset {
-    /// What people and language models are told about it.
+    /// Description for people and language models.
     pub card: ObjectCard,
-    /// Which asset it is.
+    /// Asset reference.
     pub asset: AssetRef,
-    /// Family of the generator that made it.
+    /// Family that generated it.
     pub family: String,
-    /// Hash of its physics.
+    /// Physics hash.
     pub physics_hash: String,
-    /// Hash of what the judge uses besides.
+    /// Hash of further judging inputs.
     pub judging_hash: String,
-    /// Hash of what is drawn.
+    /// Appearance hash.
     pub looks_hash: String,
-    /// Sliding friction coefficient against a like surface.
+    /// Sliding friction coefficient against the same surface.
     pub friction: f64,
-    /// Its bodies, without what is drawn.
+    /// Links, without visuals.
     pub links: Vec<FrozenLink>,
-    /// What each state of the card means for the joints.
+    /// Joint intervals of each state of the card.
     pub states: Vec<JointState>,
-    /// The parts that it is drawn from, as `data/catalog.json` has them, all expressions worked out.
+    /// Recipe of the visuals, as in `data/catalog.json`, with all expressions evaluated.
     pub recipe: Value,
-    /// Stream of what the recipe leaves open.
+    /// Seed of the recipe's randomness.
     pub recipe_seed: Seed,
 }
 
-/// One body of a frozen object; see [`ObjectLink`].
+/// A link of a frozen object; see [`ObjectLink`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenLink {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// How it hangs on its parent.
+    /// Joint to the parent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Convex collision bodies.
+    /// Convex collision pieces.
     pub pieces: Vec<Piece>,
     /// Convex regions in which something counts as in the object.
     pub cavity: Vec<Piece>,
-    /// Mass, its centre and its inertia.
+    /// Mass, centre of mass and inertia.
     pub mass: MassProperties,
 }
 
@@ -63,10 +63,10 @@ impl Document for FrozenAsset {
 }
 
 impl FrozenAsset {
-    /// An object as the catalogue makes it now.
+    /// Freezes an object as the catalogue currently builds it.
     ///
     /// # Errors
-    /// When there is no such object, or it was imported: packs keep those.
+    /// If there is no such object, or it was imported (packs already store those).
     pub fn of(asset: &AssetRef, catalogue: &Catalogue) -> Result<Self, AssetError> {
         let model = catalogue.model(asset)?;
         let AssetHashes { physics, judging, looks } = catalogue.hashes(asset)?;
@@ -93,11 +93,11 @@ impl FrozenAsset {
         })
     }
 
-    /// The object, with physics, cavities and states as they were kept, drawn from the recipe that was kept, and by all
-    /// triangles where it was frozen so.
+    /// The object: stored physics, cavities and states, with visuals built from the stored recipe, at full resolution
+    /// if the appearance hash asks for it.
     ///
     /// # Errors
-    /// [`AssetError::NotFrozen`] when recipe and bodies do not fit, or the object is not the one its hashes name.
+    /// [`AssetError::NotFrozen`] if recipe and links do not match, or the hashes differ.
     pub fn model(&self) -> Result<ObjectModel, AssetError> {
         let wrong = |message: String| AssetError::NotFrozen { asset: self.asset.clone(), message };
         let recipe: Recipe = serde_json::from_value(self.recipe.clone()).map_err(|error| wrong(error.to_string()))?;
@@ -108,14 +108,14 @@ impl FrozenAsset {
         if let Some(flaw) = recipe.flaw(&self.card) {
             return Err(wrong(format!("recipe: {flaw}")));
         }
-        let drawn = recipe.build(&self.card, self.recipe_seed);
-        if drawn.links.len() != self.links.len() {
-            return Err(wrong(format!("{} bodies, and a recipe of {}", self.links.len(), drawn.links.len())));
+        let built = recipe.build(&self.card, self.recipe_seed);
+        if built.links.len() != self.links.len() {
+            return Err(wrong(format!("{} links, but a recipe of {}", self.links.len(), built.links.len())));
         }
-        let link = |(link, drawn): (&FrozenLink, ObjectLink)| ObjectLink {
+        let link = |(link, built): (&FrozenLink, ObjectLink)| ObjectLink {
             name: link.name.clone(),
             joint: link.joint.clone(),
-            visual: drawn.visual,
+            visual: built.visual,
             pieces: link.pieces.clone(),
             cavity: link.cavity.clone(),
             mass: link.mass,
@@ -124,7 +124,7 @@ impl FrozenAsset {
             card: self.card.clone(),
             family: self.family.clone(),
             asset: self.asset.clone(),
-            links: self.links.iter().zip(drawn.links).map(link).collect(),
+            links: self.links.iter().zip(built.links).map(link).collect(),
             friction: self.friction,
             joint_states: self.states.clone(),
         };
@@ -133,11 +133,11 @@ impl FrozenAsset {
             [("physics", got.physics, &self.physics_hash), ("judging", got.judging, &self.judging_hash)]
         {
             if got != *kept {
-                return Err(wrong(format!("its {what} has hash {got}, not {kept}")));
+                return Err(wrong(format!("{what} hash: expected {kept}, got {got}")));
             }
         }
         if got.looks != self.looks_hash {
-            let measured = model.drawn_as_measured();
+            let measured = model.with_full_meshes();
             if measured.looks_hash() == self.looks_hash {
                 return Ok(measured);
             }
@@ -145,7 +145,7 @@ impl FrozenAsset {
         Ok(model)
     }
 
-    /// What differs from another of the same asset, as places in the file, e.g. `links[0].pieces[3]`; at most `most`.
+    /// Paths of at most `most` fields that differ from another version of the asset, e.g. `links[0].pieces[3]`.
     pub fn differences(&self, other: &Self, most: usize) -> Vec<String> {
         let mut places = Vec::new();
         differ(&self.to_value(), &other.to_value(), String::new(), &mut places);
@@ -154,7 +154,7 @@ impl FrozenAsset {
     }
 }
 
-/// Collects the places where two values differ.
+/// Collects the paths at which two values differ.
 fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
     match (a, b) {
         (Value::Object(a), Value::Object(b)) if a.len() == b.len() && a.keys().all(|key| b.contains_key(key)) => {
@@ -163,7 +163,7 @@ fn differ(a: &Value, b: &Value, place: String, places: &mut Vec<String>) {
                 differ(value, &b[key], format!("{place}{dot}{key}"), places);
             }
         }
-        // Numbers of a point or a quaternion are one place.
+        // Report a vector or quaternion as one path.
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() && !a.iter().all(Value::is_number) => {
             for (index, (a, b)) in a.iter().zip(b).enumerate() {
                 differ(a, b, format!("{place}[{index}]"), places);

@@ -1,7 +1,7 @@
-//! Grasps that were tried in physics beforehand, kept as data of their objects.
+//! Grasps that were tried in physics beforehand and ship as object data.
 //!
-//! A file says how it was made and holds, per object, the hash of the physics that its grasps were tried with:
-//! grasps of an object that has changed since are not given out.
+//! A file records how it was made and, per object, the physics hash that the grasps were tried with; grasps of an
+//! object that has changed since are not used.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -18,17 +18,17 @@ const BUILTIN: &str = include_str!("../data/grasps.json");
 /// Four grasps of each object of the whole list: `genmanip grasps bake --catalog full --brief`.
 const INSTANCES: &str = include_str!("../data/instance_grasps.json");
 
-/// Tried grasps of several objects; a file of `genmanip grasps bake`.
+/// Tried grasps of several objects, written by `genmanip grasps bake`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspFile {
-    /// How they were made.
+    /// Provenance.
     pub made_by: GraspProvenance,
-    /// By uid.
+    /// Grasps by uid.
     pub objects: BTreeMap<String, ObjectGrasps>,
 }
 
-/// Everything that the grasps of a file depend on besides their objects.
+/// Everything besides the objects that the grasps depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspProvenance {
@@ -38,9 +38,9 @@ pub struct GraspProvenance {
     pub genmanip_version: String,
     /// Physics engine and version.
     pub engine: String,
-    /// Name of the robot whose hand tried them.
+    /// Name of the robot that tried them.
     pub robot: String,
-    /// [`RobotModel::physics_hash`] of that robot; files made before it was kept have none, and go by the name.
+    /// [`RobotModel::physics_hash`] of that robot; absent in older files, which are matched by name only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_hash: Option<String>,
     /// Settings of generator, trials and physics.
@@ -51,28 +51,28 @@ pub struct GraspProvenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectGrasps {
-    /// [`ObjectModel::physics_hash`] of the object when it was tried; `v1:` marks one of version 1.
+    /// [`ObjectModel::physics_hash`] at the time of the trials; `v1:` marks version 1.
     pub physics_hash: String,
-    /// Object frame, those that held most often first.
+    /// Grasps in the object frame, highest success rate first.
     #[serde(with = "rows")]
     pub grasps: Vec<TriedGrasp>,
 }
 
-/// Tried grasps of whatever robots and objects there are, by the name of the robot and the physics of the object.
+/// Tried grasps by robot name and object physics.
 ///
-/// What a layout or the expert is given: it has no grasps of a robot or an object that were not tried with them.
+/// Input of layouts and of the expert; contains only grasps tried with the given robot and object.
 #[derive(Clone, Debug, Default)]
 pub struct GraspLibrary {
-    /// By robot and uid.
+    /// Grasps by robot and uid.
     tried: BTreeMap<(String, String), ObjectGrasps>,
-    /// By robot and hash of the physics: the uid of the first object that has them.
+    /// Uid of the first object with the same physics, by robot and physics hash.
     alike: BTreeMap<(String, String), String>,
-    /// Hash of each robot's physics when it tried them, where it is known.
+    /// Physics hash of each robot at the time of the trials, if known.
     robots: BTreeMap<String, String>,
 }
 
 impl GraspLibrary {
-    /// The grasps of files; of several for the same robot and object the last one counts.
+    /// Merges files; later files override earlier ones for the same robot and object.
     pub fn new(files: impl IntoIterator<Item = GraspFile>) -> Self {
         let (mut tried, mut robots) = (BTreeMap::new(), BTreeMap::new());
         for GraspFile { made_by, objects } in files {
@@ -86,17 +86,17 @@ impl GraspLibrary {
         Self { tried, alike, robots }
     }
 
-    /// The grasps that come with the program.
+    /// The grasps that ship with the program.
     pub fn builtin() -> &'static Self {
         static LIBRARY: OnceLock<GraspLibrary> = OnceLock::new();
         LIBRARY.get_or_init(|| Self::new([GraspFile::instances().clone(), GraspFile::builtin().clone()]))
     }
 
-    /// The grasps that a robot's hand tried on an object, or on another one with the same physics, those that held most
-    /// often first; none of what it never tried. Objects of no file have what was [`remember`]ed of them.
+    /// Grasps that a robot tried on an object or on one with the same physics, highest success rate first; empty if it
+    /// was never tried. Objects missing from the files fall back to [`cached_grasps`].
     ///
     /// # Errors
-    /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics, or has changed itself.
+    /// [`AssetError::StaleGrasps`] if the object's or the robot's physics have changed since.
     pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
         if let Some(expected) = self.robots.get(&robot.name) {
             let got = robot.physics_hash();
@@ -106,7 +106,7 @@ impl GraspLibrary {
             }
         }
         let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
-        // A variant of an object is not that object, although it may have its card.
+        // A variant is a different object although it may share the card.
         let own = match &model.asset {
             AssetRef::Builtin { uid, .. } => of_uid(uid),
             AssetRef::Generated { .. } | AssetRef::Imported { .. } => None,
@@ -118,7 +118,7 @@ impl GraspLibrary {
                 let physics_hash = model.physics_hash();
                 let alike = self.alike.get(&(robot.name.clone(), physics_hash.clone())).and_then(|uid| of_uid(uid));
                 if alike.is_none() {
-                    return Ok(remembered(&robot.physics_hash(), &physics_hash).unwrap_or_default());
+                    return Ok(cached_grasps(&robot.physics_hash(), &physics_hash).unwrap_or_default());
                 }
                 alike
             }
@@ -127,19 +127,19 @@ impl GraspLibrary {
     }
 }
 
-/// Grasps that were tried while the program runs, by the physics hashes of robot and object.
-static REMEMBERED: Mutex<BTreeMap<(String, String), &'static [TriedGrasp]>> = Mutex::new(BTreeMap::new());
+/// Grasps tried at run time, by the physics hashes of robot and object.
+static CACHE: Mutex<BTreeMap<(String, String), &'static [TriedGrasp]>> = Mutex::new(BTreeMap::new());
 
-/// Makes grasps that were tried on demand known to every [`GraspLibrary`], for objects that its files do not know;
-/// what is known already stays. They are kept as long as the program runs: at most a list per object that it meets.
-pub fn remember(robot_hash: &str, physics_hash: &str, grasps: Vec<TriedGrasp>) {
-    let mut known = REMEMBERED.lock().unwrap_or_else(PoisonError::into_inner);
+/// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries
+/// are kept. Leaks at most one list per object for the lifetime of the program.
+pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<TriedGrasp>) {
+    let mut known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());
 }
 
-/// What [`remember`] was told; `None` of what was never tried.
-pub fn remembered(robot_hash: &str, physics_hash: &str) -> Option<&'static [TriedGrasp]> {
-    let known = REMEMBERED.lock().unwrap_or_else(PoisonError::into_inner);
+/// Grasps cached by [`cache_grasps`].
+pub fn cached_grasps(robot_hash: &str, physics_hash: &str) -> Option<&'static [TriedGrasp]> {
+    let known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.get(&(robot_hash.to_owned(), physics_hash.to_owned())).copied()
 }
 
@@ -152,7 +152,7 @@ impl Document for GraspFile {
     const PREVIOUS: Option<Upgrade> = Some(Upgrade { schema: "genmanip.grasps/1", upgrade: mark_hashes });
 }
 
-/// Files of version 1 held physics hashes of version 1 without saying so.
+/// Files of version 1 contain unprefixed physics hashes of version 1.
 fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let objects = file.get_mut("objects").and_then(Value::as_object_mut);
     for object in objects.into_iter().flat_map(|objects| objects.values_mut()) {
@@ -165,7 +165,7 @@ fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
 }
 
 impl GraspFile {
-    /// The grasps that come with the program.
+    /// The grasps that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data file is compiled in.
@@ -174,7 +174,7 @@ impl GraspFile {
         FILE.get_or_init(|| Self::from_json(BUILTIN).expect("built-in data files are tested"))
     }
 
-    /// A few grasps of every object of the whole list that can be grasped, those of families included.
+    /// A few grasps of every graspable object of the full catalogue, including those of the families.
     ///
     /// # Panics
     /// Never in a tested build: the data file is compiled in.
@@ -183,10 +183,10 @@ impl GraspFile {
         FILE.get_or_init(|| Self::from_json(INSTANCES).expect("built-in data files are tested"))
     }
 
-    /// The grasps of an object; `None` when the file does not know it.
+    /// The grasps of an object; `None` if it is not in the file.
     ///
     /// # Errors
-    /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
+    /// [`AssetError::StaleGrasps`] if the object has changed since the trials.
     pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
         if !model.has_physics(&object.physics_hash) {
@@ -195,7 +195,7 @@ impl GraspFile {
         Ok(Some(&object.grasps))
     }
 
-    /// The text of the file: a line per object.
+    /// The file's text, one line per object.
     pub fn to_text(&self) -> String {
         let line = |value: &dyn Fn() -> serde_json::Result<String>| value().unwrap_or_default();
         let objects: Vec<String> = self
@@ -212,7 +212,7 @@ impl GraspFile {
     }
 }
 
-/// A grasp as a row: position (m), rotation as axis times angle (rad), width (m), score, times held, trials.
+/// Row format of a grasp: position (m), rotation vector (rad), width (m), score, successes, trials.
 mod rows {
     use genmanip_core::glam::{DQuat, DVec3};
     use serde::de::Error;
@@ -234,7 +234,7 @@ mod rows {
     fn to_row(tried: &TriedGrasp) -> Row {
         let Grasp { pose, width, score } = &tried.grasp;
         let ([x, y, z], [rx, ry, rz]) = (pose.position.to_array(), pose.rotation.to_scaled_axis().to_array());
-        // A hundredth of a millimetre is finer than any hand; what was read is written alike.
+        // Rounded to 0.01 mm; reading and writing again gives the same bytes.
         let rounded = [x, y, z, rx, ry, rz, *width, *score].map(|value| (value * 1e5).round() / 1e5 + 0.0);
         let [x, y, z, rx, ry, rz, width, score] = rounded;
         [x, y, z, rx, ry, rz, width, score, f64::from(tried.held), f64::from(tried.trials)]

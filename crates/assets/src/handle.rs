@@ -1,11 +1,11 @@
-//! Where a hand takes hold of a link.
+//! Handles of articulated links.
 
 use genmanip_core::{Aabb, ObjectLink};
 
-/// Name of the part of a link by which a hand moves it.
+/// Name of the visual part by which the gripper moves a link.
 pub const HANDLE: &str = "handle";
 
-/// Bounds of a link's handle in the link's frame: bar, knob, tab, lever, button; `None` without one.
+/// Bounds of a link's handle (bar, knob, tab, lever, button) in the link's frame; `None` without one.
 ///
 /// Every moving link of the catalogue has one. A laptop's is the lip of its lid that overhangs the base.
 pub fn handle_bounds(link: &ObjectLink) -> Option<Aabb> {

@@ -1,20 +1,20 @@
-//! Objects and robots made from parameters: what they look like, what they touch with, what they weigh.
+//! Parametric objects and robots: surfaces, collision pieces and mass properties.
 //!
-//! Nothing is downloaded and nothing is scanned.
-//! `data/catalog.json` has one record per object: what it is, how it looks, and of which parts it is made,
-//! and the part families know how to make a part: its surface, its exact convex collision bodies and their moments.
+//! Nothing is downloaded or scanned.
+//! `data/catalog.json` has one record per object with its description and recipe; each kind of part builds its
+//! surface, its exact convex collision pieces and their moments.
 //!
-//! Articulated objects add links with a joint each, and say which joint positions a state of the card stands for.
-//! All states are such that the object stays in them by itself: doors and dials turn about upright axes, drawers lie
-//! level, a chest's lid and a faucet's lever lean against their stops, and a spring carries most of a laptop's lid.
+//! Articulated objects add links with one joint each, and define the joint intervals of their states.
+//! Every state is stable without external force: doors and dials rotate about vertical axes, drawers are level, a
+//! chest's lid and a faucet's lever lean against their stops, and a spring carries most of a laptop's lid.
 //! The push button latches: a soft spring carries its cap's weight and dry friction of 2 N keeps it where it was
-//! pushed, so that `pressed` can be checked after the hand has left.
+//! pushed, so that `pressed` can be judged after the gripper has left.
 //!
 //! ```
 //! use genmanip_assets::Catalogue;
 //! let mug = Catalogue::builtin().build("001")?;
 //! assert_eq!(mug.card.name, "Red Mug");
-//! assert!(mug.is_hollow(), "things can be put in");
+//! assert!(mug.is_hollow(), "it has a cavity");
 //! # Ok::<(), genmanip_assets::AssetError>(())
 //! ```
 
@@ -28,9 +28,9 @@ mod frozen;
 mod grasps;
 mod handle;
 pub mod imported;
+pub mod instances;
 mod link_builder;
-pub mod listed;
-pub mod notes;
+pub mod metadata;
 mod paint;
 mod parts;
 mod recipe;
@@ -40,7 +40,7 @@ pub mod robots;
 pub mod search;
 pub mod solid;
 mod source;
-pub mod standing;
+pub mod stable_poses;
 pub mod surface;
 mod variant;
 pub mod worlds;
@@ -52,7 +52,7 @@ pub use catalogue::{CATALOGUES, Catalogue};
 pub use error::AssetError;
 pub use families::{Families, Family};
 pub use frozen::{FrozenAsset, FrozenLink};
-pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps, remember, remembered};
+pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps, cache_grasps, cached_grasps};
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, panda_2f85, robot_from_json};
 pub use source::AssetSource;

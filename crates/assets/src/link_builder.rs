@@ -1,23 +1,23 @@
-//! A link while it is put together from parts.
+//! Assembly of a link from parts.
 
 use genmanip_core::{Joint, MassProperties, ObjectLink, Piece, VisualPart};
 use glam::DVec3;
 
 use crate::solid::{Moments, Solid};
 
-/// What the parts of a link have added to it so far, in the frame of its object.
+/// Geometry of a link accumulated from its parts, in the object's frame.
 #[derive(Debug, Default)]
 pub struct LinkBuilder {
-    /// Surfaces to draw.
+    /// Rendered surfaces.
     pub visual: Vec<VisualPart>,
-    /// Collision bodies with their moments.
+    /// Collision pieces with their moments.
     pub solids: Vec<Solid>,
-    /// Where something counts as in the link.
+    /// Regions in which something counts as in the link.
     pub cavity: Vec<Piece>,
 }
 
 impl LinkBuilder {
-    /// Moves everything by a vector, m.
+    /// Translates everything, m.
     pub fn shift(&mut self, by: DVec3) {
         for part in &mut self.visual {
             part.link_from_part.position += by;
@@ -31,7 +31,7 @@ impl LinkBuilder {
         }
     }
 
-    /// The link, its mass spread evenly over the volume of its solids.
+    /// The finished link, with its mass spread uniformly over the volume of its solids.
     pub fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
         ObjectLink {
             name: name.to_owned(),
@@ -44,7 +44,7 @@ impl LinkBuilder {
     }
 }
 
-/// Matter of uniform density in all solids.
+/// Mass properties of uniform density over all solids.
 fn mass_of(solids: &[Solid], mass_kg: f64) -> MassProperties {
     let moments: Vec<Moments> = solids.iter().map(|solid| solid.moments).collect();
     Moments::sum(&moments).with_mass(mass_kg)

@@ -1,7 +1,7 @@
-//! Procedural pictures: what is printed, grown, woven or glazed on a surface.
+//! Procedural textures: prints, wood grain, weaves, glazes.
 //!
-//! Coordinates are those of the texture: u to the right, v downwards, both 0-1.
-//! Lengths are fractions of the picture's height.
+//! Texture coordinates: u to the right, v downwards, both 0-1.
+//! Lengths are fractions of the texture's height.
 
 use std::f32::consts::TAU;
 
@@ -12,11 +12,11 @@ use serde::Deserialize;
 
 use crate::color::Color;
 
-/// One layer of a picture.
+/// One layer of a texture.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Paint {
-    /// Soft irregular clouds.
+    /// Soft irregular noise.
     Noise { color: Color, scale: [f32; 2], amount: f32 },
     /// Grain along u (or along v when `upright`).
     Wood {
@@ -25,7 +25,7 @@ pub enum Paint {
         #[serde(default)]
         upright: bool,
     },
-    /// Random dots, on a surface wrapped around v.
+    /// Random dots, on a surface that wraps around v.
     Speckle {
         color: Color,
         count: u32,
@@ -33,7 +33,7 @@ pub enum Paint {
         #[serde(default = "full")]
         v: [f32; 2],
     },
-    /// Everything between two heights.
+    /// Uniform band between two heights.
     Band { color: Color, v: [f32; 2] },
     /// A wavy band.
     Wave { color: Color, v: f32, amplitude: f32, width: f32, periods: f32 },
@@ -77,23 +77,23 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Straight stripes across u (or across v when `level`); `width` is the painted share.
+    /// Straight stripes across u (or across v when `level`); `width` is the painted fraction.
     Stripes {
         color: Color,
         count: f32,
         width: f32,
         #[serde(default)]
         level: bool,
-        /// How far the stripes lean, in periods over the height.
+        /// Slant of the stripes, in periods over the height.
         #[serde(default)]
         lean: f32,
     },
     /// Over-and-under weave of `cells` strands, shaded towards the colour.
     Weave { color: Color, cells: [f32; 2] },
-    /// Lines of text as bars: `lines` rows between two heights.
+    /// Text lines drawn as bars: `lines` rows in a rectangle.
     Text { color: Color, at: [f32; 2], size: [f32; 2], lines: u32 },
-    /// Words in capitals around a point, `height` high, made smaller where they are wider than `width` (a share of the
-    /// picture's width); `weight` is the strokes' width in heights of a capital.
+    /// Words in capitals centred at a point, `height` high, shrunk to fit `width` (a fraction of the texture's width);
+    /// `weight` is the stroke width relative to the cap height.
     Words {
         color: Color,
         text: String,
@@ -106,13 +106,13 @@ pub enum Paint {
         #[serde(default = "one")]
         repeat: f32,
     },
-    /// Coloured squares on a grid, chosen at random.
+    /// Randomly coloured squares on a grid.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
-    /// The seam of a tennis ball, on a surface wrapped around a ball.
+    /// Seam of a tennis ball, on a spherical surface.
     Seam { color: Color, width: f32 },
 }
 
-/// A picture being painted.
+/// A texture in progress.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     width: u32,
@@ -122,7 +122,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// An empty picture; `aspect` is the width of the painted area over its height.
+    /// An empty texture; `aspect` is the width of the painted area over its height.
     pub fn new([width, height]: [u32; 2], aspect: f32, ground: Color) -> Self {
         let (width, height) = (width.clamp(1, 4096), height.clamp(1, 4096));
         Self { width, height, aspect, pixels: vec![Vec3::from_array(ground.0); (width * height) as usize] }
@@ -134,7 +134,7 @@ impl Canvas {
         let edge = |distance: f32| (0.5 - distance / soft).clamp(0.0, 1.0);
         let within = |value: f32, [low, high]: [f32; 2]| edge(low - value).min(edge(value - high));
         let aspect = self.aspect;
-        // Offset from a point in heights, after folding the picture `repeat` times around u.
+        // Offset from a point in heights, after repeating the texture `repeat` times around u.
         let from = move |p: Vec2, at: [f32; 2], repeat: f32| {
             let folded = (p.x * repeat).rem_euclid(1.0);
             let mut du = folded - at[0];
@@ -260,7 +260,7 @@ impl Canvas {
                 }
             }
             Paint::Seam { color, width } => self.blend(*color, |p| {
-                // On a unit ball the seam is where x² − y² equals about z (a saddle line).
+                // On a unit sphere the seam is near the saddle curve x² − y² = z.
                 let (polar, around) = (p.y * TAU / 2.0, p.x * TAU);
                 let (x, y, z) = (polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos());
                 let value = x * x - y * y - 0.85 * z * (2.2 - z * z) * 0.75;
@@ -269,7 +269,7 @@ impl Canvas {
         }
     }
 
-    /// The finished picture.
+    /// The finished texture.
     pub fn into_texture(self) -> Texture {
         let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
         let rgb = self.pixels.iter().flat_map(|pixel| pixel.to_array().map(byte)).collect();
@@ -280,12 +280,12 @@ impl Canvas {
         self.blend_rows(color, [0.0, 1.0], coverage);
     }
 
-    /// Only between two heights, which the coverage may exceed by a pixel.
+    /// Blends between two heights only; the coverage may exceed them by a pixel.
     fn blend_rows(&mut self, color: Color, v: [f32; 2], coverage: impl Fn(Vec2) -> f32) {
         self.blend_pixels(color, v, (0, i64::from(self.width) - 1), coverage);
     }
 
-    /// Only around a point; columns wrap.
+    /// Blends around a point only; columns wrap.
     fn blend_within(&mut self, color: Color, at: [f32; 2], reach: f32, coverage: impl Fn(Vec2) -> f32) {
         let across = reach / self.aspect;
         let column = |u: f32| (u * self.width as f32).floor() as i64;
@@ -308,19 +308,19 @@ impl Canvas {
     }
 }
 
-/// Of a point to a segment.
+/// Squared distance from a point to a segment.
 fn distance_squared(p: Vec2, [a, b]: [Vec2; 2]) -> f32 {
     let along = b - a;
     let t = ((p - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
     p.distance_squared(a + along * t)
 }
 
-/// Heights that something reaches.
+/// Height interval around a point.
 fn around(at: &[f32; 2], reach: f32) -> [f32; 2] {
     [at[1] - reach, at[1] + reach]
 }
 
-/// u bent to a circle of `scale` features, so that the picture has no seam.
+/// Maps u onto a circle with `scale` features, so that the noise has no seam.
 fn wrapped(p: Vec2, scale: f32) -> Vec3 {
     let radius = scale / TAU;
     Vec3::new(radius * (p.x * TAU).cos(), radius * (p.x * TAU).sin(), 0.0)
@@ -330,7 +330,7 @@ fn fractal_noise(p: Vec3, seed: Seed) -> f32 {
     noise(p, seed) * 0.65 + noise(p * 2.13, seed) * 0.35
 }
 
-/// Value noise in 0-1, smooth, one feature per unit.
+/// Smooth value noise in 0-1 with one feature per unit.
 fn noise(p: Vec3, seed: Seed) -> f32 {
     let cell = p.floor();
     let f = p - cell;

@@ -1,12 +1,12 @@
-//! Recipes: of which parts an object is made and how they move, as data.
+//! Recipes: parts and joints of an object as data.
 
-use genmanip_core::{Joint, JointKind, JointState, ObjectCard, ObjectLink, ObjectModel, Pose, Room, Seed};
+use genmanip_core::{CavitySize, Joint, JointKind, JointState, ObjectCard, ObjectLink, ObjectModel, Pose, Seed};
 use glam::DVec3;
 use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
 
-/// Name of the link that stands on the table.
+/// Name of the root link.
 const ROOT: &str = "body";
 
 /// An object as a list of parts in its frame.
@@ -15,41 +15,41 @@ const ROOT: &str = "body";
 pub struct Recipe {
     /// Family, e.g. `mug`.
     pub family: String,
-    /// Sliding friction coefficient against a like surface.
+    /// Sliding friction coefficient against the same surface.
     pub friction: f64,
-    /// The parts of what stands on the table; their union is the object or, with links, its body.
+    /// Parts of the root link.
     pub parts: Vec<Part>,
-    /// What moves against the body.
+    /// Moving links.
     #[serde(default)]
     pub links: Vec<LinkRecipe>,
-    /// What the states of the card mean.
+    /// Joint intervals of the card's states.
     #[serde(default)]
     pub states: Vec<StateRecipe>,
 }
 
-/// A drawer, door, lid, lever, dial or button.
+/// A moving link: drawer, door, lid, lever, dial or button.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkRecipe {
     /// Name of the link and of its joint.
     pub name: String,
-    /// Its share of the card's mass, kg.
+    /// Share of the card's mass, kg.
     pub mass_kg: f64,
-    /// How it moves.
+    /// Joint to the root link.
     pub joint: JointRecipe,
-    /// Its parts, in the object's frame at joint position 0.
+    /// Parts in the object's frame at joint position 0.
     ///
-    /// The part by which a hand moves it is named `handle`.
+    /// The part by which the gripper moves it is named `handle`.
     pub parts: Vec<Part>,
 }
 
-/// A joint to the body, its frame parallel to the object's.
+/// A joint to the root link; its frame is parallel to the object's.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointRecipe {
-    /// Turning or sliding.
+    /// Joint type.
     pub kind: JointKind,
-    /// A point of the axis in the object's frame, m.
+    /// Point on the axis in the object's frame, m.
     pub at: DVec3,
     /// Unit axis.
     pub axis: DVec3,
@@ -59,10 +59,10 @@ pub struct JointRecipe {
     pub damping: f64,
     /// Dry friction, N or N·m.
     pub friction_loss: f64,
-    /// Spring, N/m or N·m/rad; it carries the link's weight where the engine's dry friction, which creeps, would not.
+    /// Spring, N/m or N·m/rad; it carries the link's weight, for which the engine's dry friction creeps.
     #[serde(default)]
     pub stiffness: f64,
-    /// Rest position of the spring; far outside the range for a force that is nearly constant.
+    /// Rest position of the spring; far outside the range for a nearly constant force.
     #[serde(default)]
     pub spring_reference: f64,
 }
@@ -73,12 +73,12 @@ pub struct JointRecipe {
 pub struct StateRecipe {
     /// Name as on the card.
     pub name: String,
-    /// Least, nominal and largest position of each joint, in the order of the links.
+    /// Smallest, nominal and largest position of each joint, in link order.
     pub joints: Vec<[f64; 3]>,
 }
 
 impl Recipe {
-    /// The object: the mass of the card less that of the links spread evenly over the body's parts.
+    /// Builds the object; the card's mass minus that of the links is spread uniformly over the root link's parts.
     pub fn build(&self, card: &ObjectCard, seed: Seed) -> ObjectModel {
         let body = assemble(&self.parts, seed.fork("part"));
         let body_mass = card.mass_kg - self.links.iter().map(|link| link.mass_kg).sum::<f64>();
@@ -103,13 +103,13 @@ impl Recipe {
         }
     }
 
-    /// The room in what stands on the table, where that has one hollow.
-    pub fn room(&self) -> Option<Room> {
+    /// Size of the root link's cavity, if it has exactly one.
+    pub fn room(&self) -> Option<CavitySize> {
         let mut cavities = self.parts.iter().filter_map(Part::cavity);
-        cavities.next().filter(|_| cavities.next().is_none()).and_then(|cavity| Room::of_cavity(&cavity))
+        cavities.next().filter(|_| cavities.next().is_none()).and_then(|cavity| CavitySize::of_cavity(&cavity))
     }
 
-    /// Why the links and states cannot be those of a card, if they cannot.
+    /// Reason why links and states do not match a card; `None` if they do.
     pub fn flaw(&self, card: &ObjectCard) -> Option<String> {
         let moving: f64 = self.links.iter().map(|link| link.mass_kg).sum();
         let weightless = self.links.iter().any(|link| link.mass_kg <= 0.0) || moving >= card.mass_kg;

@@ -1,4 +1,4 @@
-//! Records: everything that is known about the assets of the catalogue.
+//! Records of the built-in catalogue.
 
 use genmanip_core::{Annotations, AssetRef, ObjectCard};
 use glam::DVec3;
@@ -6,13 +6,13 @@ use serde::Deserialize;
 
 use crate::recipe::Recipe;
 
-/// One object of the catalogue.
+/// An object of the built-in catalogue.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// See [`ObjectCard`] for what is not said here.
+    /// Uid; see [`ObjectCard`] for undocumented fields.
     pub uid: String,
-    /// Grows when pieces, inertia, joints, cavities or states change.
+    /// Version, incremented when pieces, inertia, joints, cavities or states change.
     version: u32,
     name: String,
     description: String,
@@ -36,13 +36,13 @@ pub struct Record {
     upright_only: bool,
     #[serde(default)]
     affordances: Vec<String>,
-    /// Of which parts it is made; without it there is only a card.
+    /// Recipe; without it there is only a card.
     #[serde(default)]
     pub recipe: Option<Recipe>,
 }
 
 impl Record {
-    /// What people and language models are told about it, and its recipe.
+    /// Card and recipe.
     pub fn into_parts(self) -> (ObjectCard, Option<Recipe>) {
         let annotations = Annotations {
             looks: self.looks,

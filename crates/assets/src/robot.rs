@@ -1,4 +1,4 @@
-//! Robots from data: kinematics, limits and inertia as published, surfaces and collision bodies from parts.
+//! Robots from data files: published kinematics, limits and inertia; surfaces and collision pieces from parts.
 
 use std::sync::{Arc, OnceLock};
 
@@ -12,19 +12,21 @@ use crate::catalogue::check_parts;
 use crate::data_file::read;
 use crate::parts::{Part, assemble};
 
-/// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
+/// The Franka Emika Panda with its parallel gripper; the same `Arc` on every call.
 ///
-/// Link frames, limits and torques: the maker's published figures (modified DH, joint axis = +z of its link).
-/// Masses and inertias: Gaz et al. 2019, "Dynamic Identification of the Franka Emika Panda Robot", link 0 and the hand
-/// as in the maker's robot description.
-/// The fingers' largest acceleration and jerk are not published; ours keep the planner honest about closing times.
+/// Link frames, limits and torques: published values (modified DH, joint axis = +z of its link).
+/// Masses and inertias: Gaz et al. 2019, "Dynamic Identification of the Franka Emika Panda Robot"; link 0 and the hand
+/// as in the manufacturer's robot description.
+/// The fingers' maximum acceleration and jerk are unpublished; ours make the planner account for realistic closing
+/// times.
 /// Shapes are our own, within a few millimetres of the robot's outline.
 ///
-/// Drives: gains are about critical for the arm's inertia; the rotors' inertia is that of MuJoCo Menagerie's Panda.
-/// Of 146 test picks (8-73 mm, 12-700 g) all hold from 25 N of grip on and some slip 10 mm with 15 N; it is 40 N.
-/// The width drive reaches full force from 5 mm of squeeze on and aims 10 mm beyond closed.
-/// Reach: 0.855 m is the maker's; 0.32-0.70 m is where the hand pointing down takes things off a table.
-/// The wrist camera sits in front of the hand, tilted so that the pads are at the lower edge of the picture.
+/// Drives: gains near critical damping for the arm's inertia; rotor inertia as in MuJoCo Menagerie's Panda.
+/// Of 146 test picks (8-73 mm, 12-700 g) all hold from 25 N grip force, and some slip 10 mm at 15 N; it is set to 40
+/// N.
+/// The width drive reaches full force at 5 mm of squeeze and aims 10 mm beyond closed.
+/// Reach: 0.855 m is published; 0.32-0.70 m is the range of top-down picks off a table.
+/// The wrist camera sits in front of the hand, tilted so that the pads are at the lower edge of the image.
 ///
 /// # Panics
 /// Never in a tested build: the data file is compiled in.
@@ -36,10 +38,11 @@ pub fn panda() -> Arc<RobotModel> {
     Arc::clone(built)
 }
 
-/// The Panda with a hand like Robotiq's 2F-85, the second configuration of the DROID data set; the same `Arc` every time.
+/// The Panda with a gripper like Robotiq's 2F-85, the second configuration of the DROID dataset; the same `Arc` on
+/// every call.
 ///
-/// From the maker's data sheet: 85 mm stroke, up to 235 N, 20-150 mm/s between the fingers, 0.9 kg, pads 22 mm wide.
-/// Shapes are our own. The real fingers swing on four-bar linkages and keep their pads parallel; here the pads move in
+/// From the data sheet: 85 mm stroke, up to 235 N, 20-150 mm/s between the fingers, 0.9 kg, pads 22 mm wide.
+/// Shapes are our own. The real fingers move on four-bar linkages that keep the pads parallel; here the pads move in
 /// straight lines at the height that the real ones have at half stroke.
 ///
 /// # Panics
@@ -48,14 +51,14 @@ pub fn panda_2f85() -> Arc<RobotModel> {
     static BUILT: OnceLock<Arc<RobotModel>> = OnceLock::new();
     let built = BUILT.get_or_init(|| {
         let (arm, hand) = (include_str!("../data/panda.json"), include_str!("../data/hand_2f85.json"));
-        Arc::new(with_hand(arm, hand).expect("built-in data files are tested"))
+        Arc::new(with_gripper(arm, hand).expect("built-in data files are tested"))
     });
     Arc::clone(built)
 }
 
-/// An arm with another hand: the hand's links replace those from the arm's hand on, its other fields those of the same
-/// name.
-fn with_hand(arm: &str, hand: &str) -> Result<RobotModel, AssetError> {
+/// Mounts another gripper on an arm: its links replace the arm's hand and fingers, its other fields replace those of
+/// the same name.
+fn with_gripper(arm: &str, hand: &str) -> Result<RobotModel, AssetError> {
     let mut robot: Map<String, Value> = read("robot", arm)?;
     let mut changes: Map<String, Value> = read("hand", hand)?;
     changes.remove("on");
@@ -68,10 +71,10 @@ fn with_hand(arm: &str, hand: &str) -> Result<RobotModel, AssetError> {
     robot_from_json(&Value::Object(robot).to_string())
 }
 
-/// A robot from its data file.
+/// Builds a robot from its data file.
 ///
 /// # Errors
-/// [`AssetError::Data`] with the place of the mistake, also when a link refers to a later or missing one.
+/// [`AssetError::Data`] with the position of the error, also for a link that refers to a later or missing one.
 pub fn robot_from_json(text: &str) -> Result<RobotModel, AssetError> {
     let data: RobotData = read("robot", text)?;
     let count = data.links.len();
@@ -131,13 +134,13 @@ struct RobotData {
     never_colliding: Vec<(usize, usize)>,
 }
 
-/// A camera beside the hand, its picture's upper edge towards +x of the hand.
+/// A camera beside the hand, with the image's upper edge towards +x of the hand.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WristCameraData {
-    /// Of the optical frame in the hand's frame.
+    /// Position of the optical frame in the hand's frame, m.
     position: DVec3,
-    /// From looking along the approach direction towards the pads.
+    /// Tilt from the approach direction towards the pads, degrees.
     tilt_deg: f64,
 }
 
@@ -153,14 +156,14 @@ impl WristCameraData {
 struct LinkData {
     name: String,
     parent: Option<usize>,
-    /// Of the link's frame in the parent's frame.
+    /// Position of the link's frame in the parent's frame, m.
     position: DVec3,
-    /// About fixed x, y, z.
+    /// Roll, pitch, yaw about the fixed axes x, y, z.
     rpy_deg: [f64; 3],
     joint: Option<JointData>,
     mass_kg: f64,
     center: DVec3,
-    /// xx, yy, zz, xy, xz, yz about the centre.
+    /// xx, yy, zz, xy, xz, yz about the centre of mass.
     inertia: [f64; 6],
     parts: Vec<Part>,
 }

@@ -1,4 +1,4 @@
-//! The one registry of robots: from a name to a model.
+//! Registry of built-in robots.
 
 use std::sync::Arc;
 
@@ -6,10 +6,10 @@ use genmanip_core::{RobotModel, World};
 
 use crate::{AssetError, panda, panda_2f85};
 
-/// Names of the robots there are.
+/// Names of the built-in robots.
 pub const NAMES: [&str; 2] = ["panda", "panda_2f85"];
 
-/// The robot of a name; the same `Arc` every time.
+/// A robot by name; the same `Arc` on every call.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.
@@ -32,10 +32,10 @@ pub fn named(name: &str) -> Result<Arc<RobotModel>, AssetError> {
     }
 }
 
-/// The robot of a world, starting where the world says, provided that it is the one the world was made for.
+/// The robot of a world with the world's home position, after checking that it is the one the world was made for.
 ///
 /// # Errors
-/// [`AssetError::UnknownRobot`], or [`AssetError::RobotMismatch`] naming the field that differs.
+/// [`AssetError::UnknownRobot`], or [`AssetError::RobotMismatch`] with the field that differs.
 pub fn of_world(world: &World) -> Result<Arc<RobotModel>, AssetError> {
     let robot = named(&world.robot.name)?;
     let mismatch = |field, expected: &dyn ToString, got: &dyn ToString| {

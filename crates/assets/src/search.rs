@@ -1,20 +1,20 @@
-//! Finding objects by words: names, categories, synonyms, uses, colours, materials, and what they must not be.
+//! Keyword search over objects: names, categories, synonyms, uses, colours, materials; with negation and filters.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::ObjectCard;
 use serde::Serialize;
 
-use crate::notes::{Notes, Split, notes};
+use crate::metadata::{AssetMetadata, Split, asset_metadata};
 
-/// Words that say nothing about an object.
-const STOP: &str = "a an the i me my we you it is are be am can could would something anything some any thing things \
+/// Stop words.
+const STOP_WORDS: &str = "a an the i me my we you it is are be am can could would something anything some any thing things \
                     object objects item that which who what with of for and to in on at from into onto one ones this \
                     these those want need has have having made please find show give kind sort like used use using \
                     as by very really good there where how much many do does";
-/// Words after which the next ones must not apply.
-const NOT: [&str; 6] = ["not", "no", "without", "isnt", "never", "non"];
-/// Phrases in which a small word decides, and the word that they stand for.
+/// Words that negate the following word.
+const NEGATIONS: [&str; 6] = ["not", "no", "without", "isnt", "never", "non"];
+/// Phrases in which a stop word matters, with the word they are replaced by.
 const PHRASES: [(&str, &str); 8] = [
     ("drink from", "drinkware"),
     ("drink out of", "drinkware"),
@@ -25,8 +25,8 @@ const PHRASES: [(&str, &str); 8] = [
     ("draw with", "writing"),
     ("wash with", "washing"),
 ];
-/// Words of a query and what they stand for besides.
-const ALIKE: [(&str, &str); 44] = [
+/// Query words with an additional search word.
+const SYNONYMS: [(&str, &str); 44] = [
     ("beverage", "drink"),
     ("drinking", "drink"),
     ("sip", "drink"),
@@ -73,49 +73,49 @@ const ALIKE: [(&str, &str); 44] = [
     ("lamp", "light"),
 ];
 
-/// What must hold besides the words.
+/// Filter conditions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
-    /// One of its colour words.
+    /// Required colour word.
     pub color: Option<String>,
-    /// One of its materials.
+    /// Required material.
     pub material: Option<String>,
-    /// A word of its category path.
+    /// Required word of the category path.
     pub category: Option<String>,
-    /// Something that can be done with it.
+    /// Required affordance.
     pub affordance: Option<String>,
-    /// Whether things can be put in.
+    /// True for containers only, false for others only.
     pub container: Option<bool>,
-    /// Whether the hand can take it.
+    /// True for graspable objects only, false for others only.
     pub graspable: Option<bool>,
-    /// Whether it has joints.
+    /// True for articulated objects only, false for rigid ones only.
     pub articulated: Option<bool>,
-    /// What may be trained on.
+    /// Required split.
     pub split: Option<Split>,
-    /// Its longest side is at most this, m.
+    /// Maximum length of the longest side, m.
     pub max_size_m: Option<f64>,
-    /// Its longest side is at least this, m.
+    /// Minimum length of the longest side, m.
     pub min_size_m: Option<f64>,
-    /// Its licence.
+    /// Required licence.
     pub licence: Option<String>,
 }
 
-/// A found object.
+/// A search result.
 #[derive(Clone, Debug, Serialize)]
-pub struct Found<'a> {
+pub struct SearchResult<'a> {
     /// Its card.
     pub card: &'a ObjectCard,
-    /// How well it fits; higher is better.
+    /// Relevance; higher is better.
     pub score: f64,
-    /// Words of the query that it fits.
+    /// Matched query words.
     pub matched: Vec<String>,
 }
 
-/// Cards with an inverted index of their words.
+/// Inverted index over cards.
 #[derive(Debug)]
 pub struct Index {
-    entries: Vec<(ObjectCard, Notes, Split)>,
-    /// Word to the objects that it says something about, with the weight of the place where it stands.
+    entries: Vec<(ObjectCard, AssetMetadata, Split)>,
+    /// Objects of each word, with the weight of the field it occurs in.
     postings: BTreeMap<String, Vec<(u32, f32)>>,
 }
 
@@ -125,7 +125,7 @@ impl Index {
         let mut entries = Vec::new();
         let mut postings: BTreeMap<String, Vec<(u32, f32)>> = BTreeMap::new();
         for (card, split) in cards {
-            let notes = notes(&card);
+            let metadata = asset_metadata(&card);
             let number = entries.len() as u32;
             let mut words: BTreeMap<String, f32> = BTreeMap::new();
             let mut add = |text: &str, weight: f32| {
@@ -137,12 +137,12 @@ impl Index {
             add(&card.uid, 4.0);
             add(&card.name, 3.0);
             add(&card.category, 4.0);
-            notes.synonyms.iter().for_each(|text| add(text, 3.0));
-            notes.category_path.iter().for_each(|text| add(text, 2.5));
+            metadata.synonyms.iter().for_each(|text| add(text, 3.0));
+            metadata.category_path.iter().for_each(|text| add(text, 2.5));
             card.colors.iter().for_each(|text| add(text, 2.0));
             card.materials.iter().for_each(|text| add(text, 2.0));
             card.annotations.affordances.iter().for_each(|text| add(text, 2.0));
-            notes.uses.iter().for_each(|text| add(text, 2.0));
+            metadata.uses.iter().for_each(|text| add(text, 2.0));
             add(&card.shape, 1.0);
             add(&card.description, 1.0);
             card.states.iter().for_each(|text| add(text, 1.0));
@@ -162,25 +162,26 @@ impl Index {
             for (word, weight) in words {
                 postings.entry(word).or_default().push((number, weight));
             }
-            entries.push((card, notes, split));
+            entries.push((card, metadata, split));
         }
         Self { entries, postings }
     }
 
-    /// The objects that fit most words of a query and the filter, best first; all that pass the filter without words.
+    /// Objects that match the most query words and pass the filter, best first; all that pass the filter if there are
+    /// no words.
     ///
-    /// "not", "no" and "without" exclude what the next word says, `-word` excludes, `key:value` filters.
-    pub fn search(&self, query: &str, filter: &Filter, limit: usize) -> Vec<Found<'_>> {
+    /// "not", "no" and "without" exclude the next word, `-word` excludes a word, `key:value` filters.
+    pub fn search(&self, query: &str, filter: &Filter, limit: usize) -> Vec<SearchResult<'_>> {
         let query = Query::read(query, filter);
         let mut scores: BTreeMap<u32, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, word) in query.words.iter().enumerate() {
-            for (number, weight) in self.fitting(word) {
+            for (number, weight) in self.matches(word) {
                 let entry = scores.entry(number).or_default();
                 entry.0 += weight;
                 entry.1.push(index);
             }
         }
-        let excluded: BTreeSet<u32> = query.without.iter().flat_map(|word| self.stated(word)).collect();
+        let excluded: BTreeSet<u32> = query.without.iter().flat_map(|word| self.matches_strongly(word)).collect();
         let fits = |number: &u32| {
             let entry = &self.entries[*number as usize];
             !excluded.contains(number) && query.filter.holds(entry)
@@ -198,7 +199,7 @@ impl Index {
         found.retain(|(_, _, words)| words.len() == most);
         found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         found.truncate(limit);
-        let shown = |(number, score, words): (u32, f64, Vec<usize>)| Found {
+        let shown = |(number, score, words): (u32, f64, Vec<usize>)| SearchResult {
             card: &self.entries[number as usize].0,
             score,
             matched: words.iter().map(|&index| query.words[index].clone()).collect(),
@@ -206,24 +207,24 @@ impl Index {
         found.into_iter().map(shown).collect()
     }
 
-    /// Objects that a word or what it stands for says something about, rare words counting more.
-    fn fitting(&self, word: &str) -> BTreeMap<u32, f64> {
-        let also = ALIKE.iter().filter(|(from, _)| *from == word).map(|(_, to)| (*to, 0.8));
-        let mut fitting: BTreeMap<u32, f64> = BTreeMap::new();
+    /// Objects that match a word or its synonym, weighted by inverse document frequency.
+    fn matches(&self, word: &str) -> BTreeMap<u32, f64> {
+        let also = SYNONYMS.iter().filter(|(from, _)| *from == word).map(|(_, to)| (*to, 0.8));
+        let mut matches: BTreeMap<u32, f64> = BTreeMap::new();
         for (word, share) in std::iter::once((word, 1.0)).chain(also) {
             let Some(postings) = self.postings.get(word) else { continue };
             let rarity = (1.0 + self.entries.len() as f64 / postings.len() as f64).ln();
             for &(number, weight) in postings {
-                let score = fitting.entry(number).or_insert(0.0);
+                let score = matches.entry(number).or_insert(0.0);
                 *score = score.max(share * f64::from(weight) * rarity);
             }
         }
-        fitting
+        matches
     }
 
-    /// Objects that are said to be so by more than the story of their description.
-    fn stated(&self, word: &str) -> Vec<u32> {
-        let also = ALIKE.iter().filter(|(from, _)| *from == word).map(|(_, to)| *to);
+    /// Objects that match a word in a field other than the description.
+    fn matches_strongly(&self, word: &str) -> Vec<u32> {
+        let also = SYNONYMS.iter().filter(|(from, _)| *from == word).map(|(_, to)| *to);
         std::iter::once(word)
             .chain(also)
             .filter_map(|word| self.postings.get(word))
@@ -252,7 +253,7 @@ impl Query {
                 continue;
             }
             let (raw, minus) = raw.strip_prefix('-').map_or((raw, false), |rest| (rest, true));
-            if NOT.contains(&raw.trim_matches(|c: char| !c.is_alphanumeric())) {
+            if NEGATIONS.contains(&raw.trim_matches(|c: char| !c.is_alphanumeric())) {
                 negated = true;
                 continue;
             }
@@ -267,7 +268,7 @@ impl Query {
                 }
                 negated = false;
             }
-            // A clause ends at a comma, and so does what it denies.
+            // A clause ends at a comma, and with it the negation.
             if raw.ends_with([',', ';']) || raw == "but" {
                 negated = false;
             }
@@ -279,7 +280,7 @@ impl Query {
 }
 
 impl Filter {
-    /// Sets a filter by its name; false for what is none.
+    /// Sets a filter by name; returns false for an unknown one.
     pub fn set(&mut self, key: &str, value: &str) -> bool {
         let text = || Some(value.to_owned());
         let truth = || match value {
@@ -308,7 +309,7 @@ impl Filter {
         true
     }
 
-    fn holds(&self, (card, notes, split): &(ObjectCard, Notes, Split)) -> bool {
+    fn holds(&self, (card, metadata, split): &(ObjectCard, AssetMetadata, Split)) -> bool {
         let has = |wanted: &Option<String>, have: &[&[String]]| {
             let Some(wanted) = wanted else { return true };
             let wanted = words_of(wanted);
@@ -319,9 +320,9 @@ impl Filter {
         let longest = card.size_m.max_element();
         has(&self.color, &[&card.colors])
             && has(&self.material, &[&card.materials])
-            && has(&self.category, &[&notes.category_path, std::slice::from_ref(&card.category)])
+            && has(&self.category, &[&metadata.category_path, std::slice::from_ref(&card.category)])
             && has(&self.affordance, &[&card.annotations.affordances])
-            && self.licence.as_ref().is_none_or(|wanted| notes.licence.eq_ignore_ascii_case(wanted))
+            && self.licence.as_ref().is_none_or(|wanted| metadata.licence.eq_ignore_ascii_case(wanted))
             && self.container.is_none_or(|wanted| card.is_container == wanted)
             && self.graspable.is_none_or(|wanted| card.can_grasp == wanted)
             && self.articulated.is_none_or(|wanted| card.is_articulated == wanted)
@@ -332,10 +333,10 @@ impl Filter {
 }
 
 fn is_stop(word: &str) -> bool {
-    STOP.split_whitespace().any(|stop| stop == word)
+    STOP_WORDS.split_whitespace().any(|stop| stop == word)
 }
 
-/// Lower-case words without their plural ending; parts of hyphenated words as well.
+/// Lower-case singular words, including the parts of hyphenated words.
 fn words_of(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     for raw in text.split(|c: char| !(c.is_alphanumeric() || c == '-' || c == '_')) {

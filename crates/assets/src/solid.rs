@@ -1,16 +1,16 @@
-//! Convex bodies that know their own volume and moments, by construction.
+//! Convex pieces with analytic volume and moments.
 
 use std::f64::consts::PI;
 
 use genmanip_core::{MassProperties, Piece, Pose, Shape};
 use glam::{DMat3, DQuat, DVec3};
 
-/// A convex collision piece with the moments of the matter in it.
+/// A convex collision piece with the moments of its volume.
 #[derive(Clone, Debug)]
 pub struct Solid {
     /// The piece, in the link's frame.
     pub piece: Piece,
-    /// Its moments, in the link's frame.
+    /// Moments in the link's frame.
     pub moments: Moments,
 }
 
@@ -26,7 +26,7 @@ pub struct Moments {
 }
 
 impl Solid {
-    /// A turned box.
+    /// An oriented box.
     pub fn cuboid(link_from_piece: Pose, half_extents: DVec3) -> Self {
         let volume = 8.0 * half_extents.element_product();
         Self::primitive(
@@ -37,7 +37,7 @@ impl Solid {
         )
     }
 
-    /// A flat-ended cylinder between the centres of its ends.
+    /// A cylinder between the centres of its ends.
     pub fn cylinder(from: DVec3, to: DVec3, radius: f64) -> Self {
         let half_height = from.distance(to) / 2.0;
         let volume = 2.0 * PI * radius * radius * half_height;
@@ -46,7 +46,7 @@ impl Solid {
         Self::primitive(along(from, to), Shape::Cylinder { radius, half_height }, volume, second)
     }
 
-    /// A round-ended cylinder between the centres of its caps.
+    /// A capsule between the centres of its caps.
     pub fn capsule(from: DVec3, to: DVec3, radius: f64) -> Self {
         let half_length = from.distance(to) / 2.0;
         let tube = 2.0 * PI * radius * radius * half_length;
@@ -58,10 +58,10 @@ impl Solid {
         Self::primitive(along(from, to), Shape::Capsule { radius, half_length }, tube + caps, second)
     }
 
-    /// The body between rings of equally many points, each ring counter-clockwise seen from the last ring.
+    /// The body lofted between rings of equally many points, each counter-clockwise seen from the last ring.
     ///
     /// The rings must span a convex body (tested for every object of the catalogue), so that the hull of the points
-    /// *is* the body and its moments follow from the rings.
+    /// equals the body and its moments follow from the rings.
     pub fn loft(rings: &[Vec<DVec3>]) -> Self {
         let moments = Moments::of_surface(&loft_triangles(rings));
         let points = rings.iter().flatten().map(|&point| point - moments.center).collect();
@@ -77,7 +77,7 @@ impl Solid {
 }
 
 impl Moments {
-    /// Of the inside of a closed surface, triangles counter-clockwise seen from outside.
+    /// Moments of the interior of a closed surface with counter-clockwise triangles seen from outside.
     pub fn of_surface(triangles: &[[DVec3; 3]]) -> Self {
         let origin = triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
         let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
@@ -93,7 +93,7 @@ impl Moments {
         Self { volume, center: center + origin, second: second - outer(center) * volume }
     }
 
-    /// Of several bodies together; overlaps count twice.
+    /// Combined moments of several bodies; overlaps count twice.
     pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Self> + Clone) -> Self {
         let volume: f64 = parts.clone().into_iter().map(|part| part.volume).sum();
         let center = parts.clone().into_iter().fold(DVec3::ZERO, |sum, part| sum + part.center * part.volume) / volume;
@@ -103,7 +103,7 @@ impl Moments {
         Self { volume, center, second }
     }
 
-    /// Mass properties of matter of uniform density with the given total mass.
+    /// Mass properties for a uniform density with the given total mass.
     pub fn with_mass(&self, mass_kg: f64) -> MassProperties {
         let second = self.second * (mass_kg / self.volume);
         let trace = second.x_axis.x + second.y_axis.y + second.z_axis.z;
@@ -111,7 +111,7 @@ impl Moments {
     }
 }
 
-/// Triangles of the closed surface between rings, counter-clockwise seen from outside.
+/// Triangles of the closed surface lofted between rings, counter-clockwise seen from outside.
 pub fn loft_triangles(rings: &[Vec<DVec3>]) -> Vec<[DVec3; 3]> {
     let mut triangles = Vec::new();
     for pair in rings.windows(2) {
@@ -131,7 +131,7 @@ pub fn loft_triangles(rings: &[Vec<DVec3>]) -> Vec<[DVec3; 3]> {
     triangles
 }
 
-/// Frame at the middle of a segment with z along it.
+/// Frame at the midpoint of a segment with z along it.
 pub fn along(from: DVec3, to: DVec3) -> Pose {
     let direction = (to - from).normalize_or(DVec3::Z);
     Pose::new((from + to) / 2.0, DQuat::from_rotation_arc(DVec3::Z, direction))

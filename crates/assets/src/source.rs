@@ -1,4 +1,4 @@
-//! Where models of assets come from, whatever the assets are.
+//! Interface to model sources: catalogue, parametric families, imported packs.
 
 use std::sync::Arc;
 
@@ -6,16 +6,16 @@ use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, PlacedObject
 
 use crate::AssetError;
 
-/// Makes models of assets: of the catalogue, of parametric families, of files that were read.
+/// A source of object models.
 pub trait AssetSource: Send + Sync {
-    /// Cards of what can be put into a scene without being asked for, in a fixed order.
+    /// Cards of the objects that may be placed unrequested (as distractors), in a fixed order.
     fn cards(&self) -> &[ObjectCard];
 
-    /// The model of an asset as this program makes it, the same `Arc` every time; its own `asset` says the version,
-    /// which may be newer than the one that was asked for.
+    /// The model of an asset, the same `Arc` on every call. Its own `asset` field holds the actual version, which may
+    /// be newer than the requested one.
     ///
     /// # Errors
-    /// When the source has no such asset.
+    /// If the source has no such asset.
     fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError>;
 
     /// The hashes of [`AssetSource::model`].
@@ -26,10 +26,10 @@ pub trait AssetSource: Send + Sync {
         Ok(self.model(asset)?.hashes())
     }
 
-    /// The model of an instance of a scenario, provided that physics and judge see what the scenario was made with.
+    /// The model of a scenario's instance, after checking that physics and judging inputs match the scenario's hashes.
     ///
     /// # Errors
-    /// As [`AssetSource::model`], and [`AssetError::Mismatch`] naming the instance and what differs.
+    /// As [`AssetSource::model`], and [`AssetError::Mismatch`] with the instance and the field that differs.
     fn instance(&self, placed: &PlacedObject) -> Result<Arc<ObjectModel>, AssetError> {
         let model = self.model(&placed.asset)?;
         let hashes = self.hashes(&placed.asset)?;
@@ -45,45 +45,45 @@ pub trait AssetSource: Send + Sync {
         }
         match &placed.judging_hash {
             Some(expected) if *expected != hashes.judging => differs("judging hash", expected, hashes.judging),
-            _ => Ok(self.drawn_as_measured(placed, &hashes)?.unwrap_or(model)),
+            _ => Ok(self.with_full_meshes(placed, &hashes)?.unwrap_or(model)),
         }
     }
 
-    /// The model of an instance drawn by all triangles that judges measure, where its scenario was made so, as all once
-    /// were; `hashes` are those of its asset.
+    /// The model rendered with full-resolution meshes, if the scenario's appearance hash asks for it, as in older
+    /// scenarios; `hashes` are the current ones of the asset.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
-    fn drawn_as_measured(
+    fn with_full_meshes(
         &self,
         placed: &PlacedObject,
         hashes: &AssetHashes,
     ) -> Result<Option<Arc<ObjectModel>>, AssetError> {
         let Some(known) = placed.looks_hash.as_ref().filter(|known| **known != hashes.looks) else { return Ok(None) };
-        let (model, looks) = self.measured_model(&placed.asset)?;
+        let (model, looks) = self.full_mesh_model(&placed.asset)?;
         Ok((looks == *known).then_some(model))
     }
 
-    /// [`AssetSource::model`] drawn by all triangles that judges measure, and the hash of its looks.
+    /// [`AssetSource::model`] rendered with full-resolution meshes, and its appearance hash.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
-    fn measured_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
-        let model = self.model(asset)?.drawn_as_measured();
+    fn full_mesh_model(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, String), AssetError> {
+        let model = self.model(asset)?.with_full_meshes();
         let looks = model.looks_hash();
         Ok((Arc::new(model), looks))
     }
 
-    /// Ids of the instances that look otherwise than when their scenario was made, which refuses nothing.
+    /// Ids of the instances whose appearance has changed since the scenario was made; not an error.
     ///
     /// # Errors
     /// As [`AssetSource::model`].
-    fn changed_looks(&self, objects: &[PlacedObject]) -> Result<Vec<String>, AssetError> {
+    fn changed_appearance(&self, objects: &[PlacedObject]) -> Result<Vec<String>, AssetError> {
         let mut changed = Vec::new();
         for placed in objects {
             let hashes = self.hashes(&placed.asset)?;
             let is_known = placed.looks_hash.as_ref().is_none_or(|known| *known == hashes.looks);
-            if !is_known && self.drawn_as_measured(placed, &hashes)?.is_none() {
+            if !is_known && self.with_full_meshes(placed, &hashes)?.is_none() {
                 changed.push(placed.id.clone());
             }
         }

@@ -1,4 +1,4 @@
-//! Triangle surfaces from rings of points, with smooth normals and texture coordinates.
+//! Triangle meshes from rings of points, with smooth normals and texture coordinates.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -6,41 +6,42 @@ use std::f64::consts::TAU;
 use genmanip_core::TriMesh;
 use glam::{DQuat, DVec2, DVec3};
 
-/// Faces that meet at a smaller angle are shaded as one smooth surface.
+/// Faces that meet at a smaller angle share smooth normals.
 const CREASE_COSINE: f64 = 0.77; // 40 degrees
 
-/// How far a drawn surface may lie from the measured one, m; chosen: less than a sub-sample of a picture of 1280x720
-/// from 0.2 m.
+/// Maximum deviation of the rendering mesh from the full-resolution mesh, m; chosen below a sub-sample of a 1280x720
+/// image at a distance of 0.2 m.
 const FLAT_M: f64 = 1e-4;
 
-/// Longest patch of a painted surface, m; chosen by looking.
+/// Maximum patch length of a painted surface, m; chosen by eye.
 const PATCH_M: f64 = 0.012;
 
-/// What a surface is made for.
+/// Level of detail of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
-    /// Judges and planners, which measure it; what they find does not depend on how it is drawn.
-    Measured,
-    /// Pictures: no more triangles than stay within 0.1 mm of its shape.
-    Drawn,
+    /// Full resolution, for judges and planners; independent of rendering.
+    Full,
+    /// Rendering: as few triangles as stay within 0.1 mm of the shape.
+    Simplified,
 }
 
 impl Detail {
-    /// In how many chords to draw an arc of a radius (m) and an angle (rad) for which `most` are enough.
+    /// Number of chords of an arc of a radius (m) and an angle (rad), at most `most`.
     pub fn chords(self, most: usize, radius: f64, angle: f64) -> usize {
         let widest = 2.0 * (1.0 - FLAT_M / radius.max(FLAT_M)).acos();
         match self {
-            Self::Measured => most,
-            Self::Drawn => most.min((angle / widest).ceil() as usize).max(1),
+            Self::Full => most,
+            Self::Simplified => most.min((angle / widest).ceil() as usize).max(1),
         }
     }
 }
 
-/// The surface through rings of equally many points, each counter-clockwise seen from the last ring.
+/// Mesh through rings of equally many points, each counter-clockwise seen from the last ring.
 ///
-/// Texture: u runs once around along the widest ring, v from 1 at the first ring to 0 at the last one, along the mean distance of the rings.
-/// A ring of equal points closes the surface. Normals and texture coordinates are those of all rings, whichever of them
-/// the triangles of a drawn surface stand between.
+/// Texture: u runs once around along the longest ring; v from 1 at the first ring to 0 at the last, proportional to
+/// the mean distance of the rings.
+/// A ring of equal points closes the surface. Normals and texture coordinates are computed from all rings, also where
+/// a rendering mesh skips some.
 pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
     let mut rings = rings.to_vec();
     rings.dedup();
@@ -55,10 +56,10 @@ pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
         .collect();
     let normals = smooth_normals(&faces);
     let kept = match detail {
-        Detail::Measured => (0..rings.len()).collect(),
-        Detail::Drawn => kept_rings(&rings),
+        Detail::Full => (0..rings.len()).collect(),
+        Detail::Simplified => kept_rings(&rings),
     };
-    let mut surface = Shared::default();
+    let mut surface = MeshBuilder::default();
     for pair in kept.windows(2) {
         for column in 0..count {
             for (half, face) in patch(pair[0], pair[1], column).into_iter().enumerate() {
@@ -68,7 +69,7 @@ pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
                 }
                 surface.add([0, 1, 2].map(|corner| {
                     let (ring, at) = face[corner];
-                    // Of all rows, the one that touches this end of the patch.
+                    // The row that touches this end of the patch.
                     let row = if ring == pair[0] { ring } else { ring - 1 };
                     let normal = normals[(row * count + column) * 2 + half][corner].normalize_or(own.normalize());
                     (position(ring, at), normal, DVec2::new(around[at], 1.0 - along[ring] / total))
@@ -79,13 +80,13 @@ pub fn from_rings(rings: &[Vec<DVec3>], detail: Detail) -> TriMesh {
     surface.mesh
 }
 
-/// The two triangles between neighbouring columns of two rings, as (ring, column) of their corners.
+/// The two triangles between neighbouring columns of two rings, as (ring, column) of their vertices.
 fn patch(low: usize, high: usize, column: usize) -> [[(usize, usize); 3]; 2] {
     let (a, b, c, d) = ((low, column), (low, column + 1), (high, column + 1), (high, column));
     [[a, b, c], [a, c, d]]
 }
 
-/// Indices of the rings that a surface needs: all others lie within [`FLAT_M`] of the lines between their neighbours.
+/// Indices of the rings to keep: all others lie within [`FLAT_M`] of the segments between their neighbours.
 fn kept_rings(rings: &[Vec<DVec3>]) -> Vec<usize> {
     let is_flat = |from: usize, to: usize| {
         let mut sides = rings[from].iter().zip(&rings[to]).enumerate();
@@ -137,7 +138,7 @@ pub fn rounded_rectangle(half: DVec2, corner: f64, height: f64, per_corner: usiz
         .collect()
 }
 
-/// Rings of elliptic cross-sections along a path. `half_widths` per station: across (horizontal) and upright.
+/// Rings of elliptic cross-sections along a path; `half_widths` per station: horizontal and vertical.
 pub fn tube_rings(path: &[DVec3], half_widths: &[DVec2], sides: usize) -> Vec<Vec<DVec3>> {
     let frames = path_frames(path);
     path.iter()
@@ -154,7 +155,7 @@ pub fn tube_rings(path: &[DVec3], half_widths: &[DVec2], sides: usize) -> Vec<Ve
         .collect()
 }
 
-/// A frame per station: z along the path, y as upright as possible at the start, then carried along without twist.
+/// Rotation-minimising frames along a path: z along the path, y as upright as possible at the start.
 fn path_frames(path: &[DVec3]) -> Vec<DQuat> {
     let tangent = |i: usize| {
         let (before, after) = (path[i.saturating_sub(1)], path[(i + 1).min(path.len() - 1)]);
@@ -172,7 +173,7 @@ fn path_frames(path: &[DVec3]) -> Vec<DQuat> {
     frames
 }
 
-/// A smooth curve through points (Catmull-Rom), kept within their bounds so that sizes stay exact.
+/// Catmull-Rom curve through points, clamped to their bounds so that sizes stay exact.
 pub fn smooth_curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return Vec::new() };
     if points.len() < 3 || steps < 2 {
@@ -202,7 +203,7 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
-/// The same profile with no segment longer than 12 mm: pictures stay straight on patches that are nearly square.
+/// Subdivides a profile into segments of at most 12 mm, so that textures are mapped onto nearly square patches.
 pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
     for pair in profile.windows(2) {
@@ -212,10 +213,10 @@ pub fn subdivided(profile: &[DVec2]) -> Vec<DVec2> {
     fine
 }
 
-/// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
+/// Mesh with vertex normals smoothed except across creases, from loose triangles with texture coordinates.
 pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     let faces: Vec<[DVec3; 3]> = corners.iter().map(|triangle| triangle.map(|(position, _)| position)).collect();
-    let mut surface = Shared::default();
+    let mut surface = MeshBuilder::default();
     for (triangle, normals) in
         corners.iter().zip(smooth_normals(&faces)).filter(|(_, normals)| normals[0] != DVec3::ZERO)
     {
@@ -224,7 +225,7 @@ pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     surface.mesh
 }
 
-/// Of each corner of loose triangles the normal that is smooth except across creases; zero where a triangle has no area.
+/// Vertex normals of loose triangles, smoothed except across creases; zero for degenerate triangles.
 fn smooth_normals(faces: &[[DVec3; 3]]) -> Vec<[DVec3; 3]> {
     let weighted: Vec<DVec3> = faces.iter().map(|&face| weighted_normal(face)).collect();
     let mut around: HashMap<[i64; 3], Vec<usize>> = HashMap::new(); // only looked up, never iterated
@@ -245,7 +246,7 @@ fn smooth_normals(faces: &[[DVec3; 3]]) -> Vec<[DVec3; 3]> {
     faces.iter().enumerate().map(|(index, face)| face.map(|position| normal(index, position))).collect()
 }
 
-/// Across a face, as long as twice its area.
+/// Face normal with a length of twice the area.
 fn weighted_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
@@ -254,17 +255,17 @@ fn is_degenerate(weighted_normal: DVec3) -> bool {
     weighted_normal.length_squared() <= 1e-20
 }
 
-/// Position, normal and texture coordinates of a corner, rounded.
+/// Quantised position, normal and texture coordinates of a vertex.
 type CornerKey = ([i64; 3], [i64; 3], [i64; 2]);
 
-/// A mesh in the making, whose triangles share equal vertices.
+/// Mesh builder that merges equal vertices.
 #[derive(Default)]
-struct Shared {
+struct MeshBuilder {
     mesh: TriMesh,
     known: HashMap<CornerKey, u32>, // only looked up
 }
 
-impl Shared {
+impl MeshBuilder {
     /// Adds a triangle of positions, normals and texture coordinates.
     fn add(&mut self, triangle: [(DVec3, DVec3, DVec2); 3]) {
         let Self { mesh, known } = self;
@@ -294,7 +295,7 @@ fn ring_distances(rings: &[Vec<DVec3>]) -> Vec<f64> {
     along
 }
 
-/// How far around each column lies, 0-1, on the longest ring; one more than columns.
+/// Fraction of the circumference at each column of the longest ring, 0-1; one more entry than columns.
 fn around_fractions(rings: &[Vec<DVec3>]) -> Vec<f64> {
     let lengths = |ring: &Vec<DVec3>| {
         let mut sum = 0.0;

@@ -1,7 +1,7 @@
-//! Further instances of an object's family: other proportions, size and weight from the same recipe.
+//! Variants of a rigid object: other proportions, size and mass.
 
 use genmanip_core::{
-    AssetRef, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Room, Seed, Shape, TriMesh, VisualPart,
+    AssetRef, CavitySize, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, TriMesh, VisualPart,
 };
 use glam::{DMat3, DQuat, DVec3};
 use rand::RngExt;
@@ -9,25 +9,25 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Name of the parameter that says, by uid, of which built-in object something is a variant.
-pub(crate) const VARIED: &str = "of";
+/// Name of the parameter with the uid of the varied built-in object.
+pub(crate) const VARIANT_OF: &str = "of";
 
-/// Largest change of width, of height, and of what is long once more of length, as a share.
+/// Maximum relative change of width, of height, and, for elongated objects, additionally of length.
 const WIDTH_SPREAD: f64 = 0.15;
 const HEIGHT_SPREAD: f64 = 0.15;
 const LENGTH_SPREAD: f64 = 0.1;
-/// Largest change of density, as a share.
+/// Maximum relative change of density.
 const DENSITY_SPREAD: f64 = 0.15;
-/// What fits the hand stays that narrow, m.
-const WIDEST_BODY_M: f64 = 0.0745;
+/// Maximum width of a graspable object after scaling, m.
+const MAX_GRASPABLE_M: f64 = 0.0745;
 
-/// Another instance of a rigid object: stretched, and denser or lighter, by factors drawn from the seed.
+/// A variant of a rigid object, scaled and with another density by factors sampled from the seed.
 ///
-/// Width and depth change alike, so that round things stay round, and things more than 1.8 times as long as wide change
-/// their length besides; a body that fits the 8 cm hand keeps fitting.
-/// Pieces stay exact: the linear image of each, as a primitive where it is one and as a hull otherwise
-/// (of round bodies the hull of 32 sides, inscribed).
-/// Articulated objects come back unchanged.
+/// Width and depth scale equally, so that round objects stay round; objects more than 1.8 times as long as wide also
+/// change their length. A graspable object stays graspable by the 8 cm gripper.
+/// Pieces stay exact linear images: primitives where possible, otherwise hulls (for round bodies the inscribed hull of
+/// 32 sides).
+/// Articulated objects are returned unchanged.
 pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
     let ([link], false) = (model.links.as_slice(), model.card.is_articulated) else { return model.clone() };
     let mut rng = seed.fork("variant").rng();
@@ -36,7 +36,7 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
     let (width, height, length) = (spread(WIDTH_SPREAD), spread(HEIGHT_SPREAD), spread(LENGTH_SPREAD));
     let density = spread(DENSITY_SPREAD);
     let narrow = size.x.min(size.y);
-    let width = if narrow <= WIDEST_BODY_M + 0.001 { width.min(WIDEST_BODY_M / narrow) } else { width };
+    let width = if narrow <= MAX_GRASPABLE_M + 0.001 { width.min(MAX_GRASPABLE_M / narrow) } else { width };
     let factors = match () {
         () if size.x > 1.8 * size.y => DVec3::new(width * length, width, height),
         () if size.y > 1.8 * size.x => DVec3::new(width, width * length, height),
@@ -49,12 +49,12 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
     };
     changed.asset = AssetRef::Generated {
         family: model.family.clone(),
-        params: BTreeMap::from([(VARIED.to_owned(), model.card.uid.as_str().into())]),
+        params: BTreeMap::from([(VARIANT_OF.to_owned(), model.card.uid.as_str().into())]),
         seed,
         version,
     };
     changed.card.size_m = size * factors;
-    changed.card.annotations.room = changed.card.annotations.room.map(|room| Room {
+    changed.card.annotations.room = changed.card.annotations.room.map(|room| CavitySize {
         inside_m: [room.inside_m[0] * factors.x, room.inside_m[1] * factors.y],
         depth_m: room.depth_m * factors.z,
     });
@@ -72,7 +72,7 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
 fn stretched_mass(mass: &MassProperties, factors: DVec3, density: f64) -> MassProperties {
     let scale = DMat3::from_diagonal(factors);
     let share = factors.element_product() * density;
-    // From inertia to second moments and back: I = tr(Σ) 1 - Σ.
+    // Convert inertia to second moments and back: I = tr(Σ) 1 - Σ.
     let trace = |m: &DMat3| m.x_axis.x + m.y_axis.y + m.z_axis.z;
     let second = DMat3::IDENTITY * (trace(&mass.inertia) / 2.0) - mass.inertia;
     let second = scale * second * scale * share;
@@ -95,8 +95,8 @@ fn stretched_visual(part: &VisualPart, factors: DVec3) -> VisualPart {
             ..mesh.clone()
         })
     };
-    let (mesh, drawn) = (stretched(&part.mesh), stretched(&part.drawn));
-    VisualPart { mesh, drawn, link_from_part: Pose::IDENTITY, ..part.clone() }
+    let (mesh, render_mesh) = (stretched(&part.mesh), stretched(&part.render_mesh));
+    VisualPart { mesh, render_mesh, link_from_part: Pose::IDENTITY, ..part.clone() }
 }
 
 fn stretched_piece(piece: &Piece, factors: DVec3) -> Piece {
@@ -126,7 +126,7 @@ fn stretched_piece(piece: &Piece, factors: DVec3) -> Piece {
     }
 }
 
-/// Points whose hull is the shape, or for round ones the inscribed body of 32 sides.
+/// Points whose hull is the shape, or for round shapes the inscribed body of 32 sides.
 fn outline(shape: &Shape) -> Vec<DVec3> {
     const SIDES: usize = 32;
     const RINGS: usize = 8;

@@ -1,4 +1,4 @@
-//! Worlds from text, their robots found in the registry.
+//! Parsing of worlds, with their robots from the registry.
 
 use std::sync::{Arc, OnceLock};
 
@@ -6,10 +6,10 @@ use genmanip_core::{CameraMount, RobotModel, World, WorldFault, WorldFile, World
 
 use crate::{AssetError, robots};
 
-/// The world that is used when nobody names one, as a commented TOML file to start from.
+/// The default world as a commented TOML file, also used as a template.
 pub const DEFAULT_TEXT: &str = include_str!("../data/world.toml");
 
-/// The world of [`DEFAULT_TEXT`]; the same `Arc` every time.
+/// The parsed [`DEFAULT_TEXT`]; the same `Arc` on every call.
 ///
 /// # Panics
 /// Never in a tested build: the text is compiled in.
@@ -25,7 +25,7 @@ pub fn default_world() -> Arc<World> {
 /// A world and its robot from TOML or JSON text.
 ///
 /// # Errors
-/// All faults that can be found at once.
+/// All faults found.
 pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     let file = WorldFile::from_text(text).map_err(|fault| vec![fault])?;
     let name = file.robot_name().unwrap_or_default();
@@ -36,8 +36,8 @@ pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     Ok((world, robot))
 }
 
-/// The same world with another robot at its home; a camera that sat where the one robot's wrist camera sits by default
-/// moves to where the other's does.
+/// The same world with another robot at its home position; a wrist camera at the old robot's default pose moves to the
+/// new robot's default pose.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.

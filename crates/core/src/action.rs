@@ -1,4 +1,4 @@
-//! What the numbers of an action mean.
+//! Action contract: space, frame, units and encoding of an action vector.
 
 mod contract;
 mod encode;
@@ -10,28 +10,28 @@ pub use contract::ActionContract;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The contract of an action: motion first, then one number for the gripper; everything in radians and metres.
+/// Layout of an action vector: motion first, then one gripper value; radians and metres throughout.
 ///
-/// How long an action lasts is the rate of the policy, [`crate::PolicySpec::rate_hz`], and nothing else.
+/// The duration of an action is `1 / rate_hz` of the policy ([`crate::PolicySpec::rate_hz`]); nothing else sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActionSpec {
     /// Space of the motion.
     pub space: ActionSpace,
-    /// What changes and speeds are counted from; absolute spaces do not read it.
+    /// Reference of deltas and velocities; ignored by absolute spaces.
     #[serde(default)]
     pub delta_from: DeltaFrom,
-    /// Axes of end-effector motions; joint spaces do not read it.
+    /// Axes of end-effector motions; ignored by joint spaces.
     #[serde(default)]
     pub frame: ActionFrame,
-    /// Encoding of the rotation in end-effector motions; joint spaces do not read it.
+    /// Encoding of the rotation in end-effector motions; ignored by joint spaces.
     #[serde(default)]
     pub rotation: RotationEncoding,
-    /// The gripper.
+    /// Encoding of the gripper value.
     pub gripper: GripperSpec,
-    /// What is commanded while the action lasts; speeds do not read it, they are a ramp.
+    /// Interpolation of the command during the action; ignored by joint velocities, which are a ramp.
     #[serde(default)]
-    pub between: Between,
+    pub between: Interpolation,
 }
 
 /// Space of the motion part of an action.
@@ -40,39 +40,39 @@ pub struct ActionSpec {
 pub enum ActionSpace {
     /// Absolute joint targets, rad.
     JointPosition,
-    /// Changes of the joint positions over the action, rad.
+    /// Joint displacement over the action, rad.
     JointDelta,
-    /// Joint speeds during the action, rad/s.
+    /// Joint velocity during the action, rad/s.
     JointVelocity,
-    /// Absolute pose of the tcp: position, then rotation.
+    /// Absolute TCP pose: position, then rotation.
     EePose,
-    /// Change of the tcp's pose over the action: position, then rotation.
+    /// TCP displacement over the action: position, then rotation.
     EeDelta,
 }
 
-/// What changes and speeds are counted from.
+/// Reference of deltas and velocities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DeltaFrom {
-    /// The command in force when the action begins; the robot's home before the first one. Changes of the tool are counted
-    /// from the pose that the action before asked for, also where the arm is too slow to be there yet.
+    /// Command in force when the action begins (the home position before the first action). TCP deltas are relative to
+    /// the pose that the previous action commanded, even if the arm has not reached it yet.
     #[default]
     Command,
-    /// The joint positions measured when the action begins.
+    /// Joint positions measured when the action begins.
     Measured,
-    /// The joint positions measured when the chunk was asked for.
+    /// Joint positions measured when the chunk was requested.
     ChunkStart,
 }
 
-/// What is commanded at 60 Hz while an action of a lower rate lasts.
+/// Interpolation of the 60 Hz commands within an action of a lower rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Between {
-    /// The action's joint targets and opening, from its beginning on.
+pub enum Interpolation {
+    /// Constant: the action's joint targets and opening width, from its start.
     #[default]
     Hold,
-    /// From the command in force when the action begins, joint targets and opening move evenly to those of the action,
-    /// and reach them in its last control step.
+    /// Linear from the command in force when the action begins to the action's joint targets and opening width, which
+    /// are reached in its last control step.
     Linear,
 }
 
@@ -80,10 +80,10 @@ pub enum Between {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionFrame {
-    /// The world, which is the robot's base: changes of position along its axes, rotations about them.
+    /// World (robot base): translation along its axes, rotation about them.
     #[default]
     World,
-    /// The tcp that a change is counted from; only for changes.
+    /// TCP frame at the reference of the delta; valid for deltas only.
     EndEffector,
 }
 
@@ -105,46 +105,46 @@ pub enum RotationEncoding {
     AxisAngle,
 }
 
-/// How the gripper's number is read.
+/// Encoding of the gripper value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GripperSpec {
     /// Range and polarity.
     pub encoding: GripperEncoding,
-    /// For hands that only open and shut: above it the number counts as the upper end of its range, otherwise as the
-    /// lower end; in the encoding's own unit.
+    /// Binary grippers: a value above the threshold becomes the upper end of the range, any other value the lower end;
+    /// in the encoding's own unit.
     #[serde(default)]
     pub binary_threshold: Option<f64>,
 }
 
-/// Range and polarity of the gripper's number.
+/// Range and polarity of the gripper value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GripperEncoding {
-    /// Opening between the pads, metres: the native one.
+    /// Opening width between the pads, metres (the native encoding).
     WidthM,
-    /// 0 shut to 1 open.
+    /// 0 closed to 1 open.
     OpenFraction,
-    /// 0 open to 1 shut, as in DROID.
+    /// 0 open to 1 closed, as in DROID.
     ClosedFraction,
-    /// -1 shut to +1 open.
+    /// -1 closed to +1 open.
     PlusOneOpen,
-    /// -1 open to +1 shut, as in robosuite and LIBERO.
+    /// -1 open to +1 closed, as in robosuite and LIBERO.
     PlusOneClosed,
-    /// 0 open to 255 shut, as of Robotiq hands.
+    /// 0 open to 255 closed, as on Robotiq grippers.
     #[serde(rename = "closed_255")]
     Closed255,
 }
 
-/// Two contracts that are not the same.
+/// Mismatch between two action contracts.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} of the action: expected {expected}, got {got}")]
 pub struct ActionMismatch {
-    /// What differs.
+    /// Name of the part that differs.
     pub what: &'static str,
-    /// On the side that receives the action.
+    /// Value on the receiving side.
     pub expected: String,
-    /// On the side that gives it.
+    /// Value on the sending side.
     pub got: String,
 }
 
@@ -154,7 +154,7 @@ impl ActionSpec {
         Self::new(ActionSpace::JointPosition, GripperEncoding::WidthM)
     }
 
-    /// A space and a gripper, the rest as by default.
+    /// An action spec with default reference, frame, rotation and interpolation.
     pub fn new(space: ActionSpace, gripper: GripperEncoding) -> Self {
         Self {
             space,
@@ -162,16 +162,16 @@ impl ActionSpec {
             frame: ActionFrame::default(),
             rotation: RotationEncoding::default(),
             gripper: GripperSpec { encoding: gripper, binary_threshold: None },
-            between: Between::default(),
+            between: Interpolation::default(),
         }
     }
 
-    /// Number of numbers, for an arm with `dof` joints.
+    /// Length of the action vector for an arm with `dof` joints.
     pub fn length(&self, dof: usize) -> usize {
         self.motion_length(dof) + 1
     }
 
-    /// Number of numbers of the motion.
+    /// Length of the motion part for an arm with `dof` joints.
     pub fn motion_length(&self, dof: usize) -> usize {
         match self.space.is_joint() {
             true => dof,
@@ -179,10 +179,10 @@ impl ActionSpec {
         }
     }
 
-    /// Refuses a contract that contradicts itself.
+    /// Rejects a contract that contradicts itself.
     ///
     /// # Errors
-    /// An absolute pose in the end effector's own frame, or a threshold that is not a number.
+    /// For an absolute pose in the end-effector frame, or a threshold that is not finite.
     pub fn check(&self) -> Result<(), ActionMismatch> {
         if self.space == ActionSpace::EePose && self.frame == ActionFrame::EndEffector {
             return Err(ActionMismatch {
@@ -201,10 +201,10 @@ impl ActionSpec {
         }
     }
 
-    /// Refuses actions that were made for another contract than this one; parts that are not read do not count.
+    /// Rejects actions made for a different contract; parts that the space ignores are not compared.
     ///
     /// # Errors
-    /// The first part that differs, both sides named.
+    /// The first part that differs, with both values.
     pub fn require_same(&self, given: &Self) -> Result<(), ActionMismatch> {
         let differs = |what, expected: String, got: String| {
             if expected == got { Ok(()) } else { Err(ActionMismatch { what, expected, got }) }
@@ -227,7 +227,7 @@ impl ActionSpec {
 }
 
 impl ActionSpace {
-    /// Whether the motion is that of joints, not of the end effector.
+    /// True for joint-space motions, false for end-effector motions.
     pub fn is_joint(self) -> bool {
         matches!(self, Self::JointPosition | Self::JointDelta | Self::JointVelocity)
     }
@@ -243,7 +243,7 @@ impl std::fmt::Display for ActionSpec {
     }
 }
 
-/// The name in files.
+/// The serialised name of an enum value.
 fn name(value: &impl Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,

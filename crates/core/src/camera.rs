@@ -9,32 +9,32 @@ use serde::{Deserialize, Serialize};
 
 use crate::{CameraSensor, Distortion, Intrinsics, Pose};
 
-/// A camera: where it is and what it sees.
+/// A camera: mount, pose and projection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Camera {
     /// Name, unique in the rig, e.g. `static`.
     pub name: String,
-    /// What it is fixed to.
+    /// Frame that the camera is fixed to.
     pub mount: CameraMount,
     /// Optical frame in the frame of the mount.
     pub mount_from_camera: Pose,
-    /// Projection.
+    /// Pinhole projection.
     pub intrinsics: Intrinsics,
-    /// How its lens bends the picture; a pinhole without.
+    /// Lens distortion; `None` for an ideal pinhole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
-    /// What its sensors add to a perfect picture; nothing without.
+    /// Sensor model; `None` for an ideal sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<CameraSensor>,
 }
 
-/// What a camera is fixed to.
+/// Frame that a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraMount {
     /// The world.
     World,
-    /// The robot's hand.
+    /// The robot's hand link (wrist camera).
     Hand,
 }
 
@@ -44,7 +44,7 @@ impl Camera {
         Self::new(name, CameraMount::World, Self::pose_looking_at(eye, target), intrinsics)
     }
 
-    /// A perfect camera: a pinhole whose sensors add nothing.
+    /// An ideal camera: no distortion, no sensor model.
     pub fn new(name: &str, mount: CameraMount, mount_from_camera: Pose, intrinsics: Intrinsics) -> Self {
         Self { name: name.into(), mount, mount_from_camera, intrinsics, distortion: None, sensor: None }
     }
@@ -58,7 +58,7 @@ impl Camera {
         Pose::from_axes(eye, right, down, forward)
     }
 
-    /// `world_from_camera`, given the pose of the hand.
+    /// `world_from_camera`, given the pose of the hand link.
     pub fn world_from_camera(&self, world_from_hand: &Pose) -> Pose {
         match self.mount {
             CameraMount::World => self.mount_from_camera,
@@ -67,20 +67,20 @@ impl Camera {
     }
 }
 
-/// A camera that can be bought, as a pinhole with square pixels.
+/// A commercial camera as a pinhole with square pixels.
 ///
-/// Colour and depth of one device are two presets: they see different fields.
+/// Colour and depth of one device are two presets because their fields of view differ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CameraPreset {
     /// Name on the command line and in world files, e.g. `d435`.
     pub name: &'static str,
-    /// What it stands for.
+    /// Device and stream that the preset models.
     pub what: &'static str,
-    /// Pixels per row and rows.
+    /// Width and height.
     pub size_px: [u32; 2],
     /// Horizontal field of view, degrees.
     pub horizontal_fov_deg: f64,
-    /// Where the field of view comes from.
+    /// Source of the field of view.
     pub source: &'static str,
 }
 
@@ -123,7 +123,7 @@ pub const PRESETS: [CameraPreset; 8] = [
         size_px: [1280, 720],
         // 2 atan(640 / 528)
         horizontal_fov_deg: 100.96,
-        source: "focal length of rectified ZED 2 pictures at HD720, about 528 px (2.1 mm lens, 4 um binned pixels)",
+        source: "focal length of rectified ZED 2 images at HD720, about 528 px (2.1 mm lens, 4 um binned pixels)",
     },
     CameraPreset {
         name: "droid_wrist",
@@ -142,7 +142,7 @@ pub const PRESETS: [CameraPreset; 8] = [
     },
     CameraPreset {
         name: "paper_small",
-        what: "the paper's pictures as models get them: 1280x720 resized to 512x288",
+        what: "the paper's images as policies receive them: 1280x720 resized to 512x288",
         size_px: [512, 288],
         horizontal_fov_deg: 90.0,
         source: "camera1 of the released GenManip; the released exporter resizes to 512x288",
@@ -150,7 +150,7 @@ pub const PRESETS: [CameraPreset; 8] = [
 ];
 
 impl CameraPreset {
-    /// The preset of a name; `None` if there is none.
+    /// The preset with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
         PRESETS.iter().find(|preset| preset.name == name)
     }
@@ -160,7 +160,7 @@ impl CameraPreset {
         PRESETS.map(|preset| preset.name)
     }
 
-    /// Its projection at its own size; [`Intrinsics::filling`] gives it at another one.
+    /// Intrinsics at the preset's own size; use [`Intrinsics::filling`] for another size.
     pub fn intrinsics(&self) -> Intrinsics {
         let [width, height] = self.size_px;
         Intrinsics::from_horizontal_fov(width, height, self.horizontal_fov_deg.to_radians())

@@ -1,4 +1,4 @@
-//! How a lens bends a picture: the model of Brown and Conrady in the order and signs of OpenCV.
+//! Lens distortion: the Brown-Conrady model with OpenCV's coefficient order and signs.
 
 use glam::{DMat2, DVec2};
 use schemars::JsonSchema;
@@ -6,35 +6,35 @@ use serde::{Deserialize, Serialize};
 
 use crate::Intrinsics;
 
-/// Steps of Newton's method; from the distorted point itself, lenses that people use need three or four.
-const STEPS: usize = 20;
-/// Points along each edge of a picture that are tried before it is believed that the lens shows all of it.
-const TRIED: u32 = 33;
-/// How many times as wide or high as the picture the pinhole picture behind it may be.
-const WIDEST: f64 = 2.0;
+/// Newton iterations; realistic lenses converge in three or four.
+const MAX_ITERATIONS: usize = 20;
+/// Samples along each image edge when testing that the whole image can be undistorted.
+const EDGE_SAMPLES: u32 = 33;
+/// Largest ratio of the undistorted image's width or height to the distorted image's.
+const MAX_STRETCH: f64 = 2.0;
 
 /// Radial (`k1`, `k2`, `k3`) and tangential (`p1`, `p2`) coefficients, on the image plane at a distance of 1.
 ///
-/// With r² = x² + y²: x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and y' the same way with p1 and p2
-/// exchanged. Pixels are then fx x' + cx and fy y' + cy. A barrel has a negative `k1`.
+/// With r² = x² + y²: x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and likewise y' with p1 and p2
+/// exchanged. Pixels are fx x' + cx and fy y' + cy. Barrel distortion has a negative `k1`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distortion {
-    /// Of r².
+    /// Coefficient of r².
     pub k1: f64,
-    /// Of r⁴.
+    /// Coefficient of r⁴.
     pub k2: f64,
-    /// Of x y in x', of r² + 2 y² in y'.
+    /// Coefficient of x y in x', of r² + 2 y² in y'.
     pub p1: f64,
-    /// Of r² + 2 x² in x', of x y in y'.
+    /// Coefficient of r².+ 2 x² in x', of x y in y'.
     pub p2: f64,
-    /// Of r⁶.
+    /// Coefficient of r⁶.
     #[serde(default)]
     pub k3: f64,
 }
 
 impl Distortion {
-    /// Where the lens shows what a pinhole shows at a point of the image plane (x / z, y / z in the camera's frame).
+    /// Distorts a point of the normalised image plane (x / z, y / z in the camera frame).
     pub fn distort(&self, pinhole: DVec2) -> DVec2 {
         let DVec2 { x, y } = pinhole;
         let r2 = pinhole.length_squared();
@@ -44,8 +44,8 @@ impl Distortion {
             + DVec2::new(self.p1 * cross + self.p2 * (r2 + 2.0 * x * x), self.p1 * (r2 + 2.0 * y * y) + self.p2 * cross)
     }
 
-    /// Where a pinhole shows what the lens shows at a point of the image plane; `None` beyond the point where the lens
-    /// folds its picture over, so that no single point belongs there.
+    /// Inverse of [`Distortion::distort`]; `None` beyond the radius at which the distortion folds over and has no
+    /// unique inverse.
     ///
     /// ```
     /// use genmanip_core::{Distortion, glam::DVec2};
@@ -55,15 +55,15 @@ impl Distortion {
     /// ```
     pub fn undistort(&self, distorted: DVec2) -> Option<DVec2> {
         let mut pinhole = distorted;
-        for _ in 0..STEPS {
-            let slope = self.slope(pinhole);
-            // The picture is upright as long as both axes and the area keep their signs.
-            let is_upright = slope.determinant() > 0.0 && slope.x_axis.x > 0.0 && slope.y_axis.y > 0.0;
+        for _ in 0..MAX_ITERATIONS {
+            let jacobian = self.jacobian(pinhole);
+            // The mapping preserves orientation while both axes and the determinant stay positive.
+            let is_upright = jacobian.determinant() > 0.0 && jacobian.x_axis.x > 0.0 && jacobian.y_axis.y > 0.0;
             if !is_upright {
                 return None;
             }
             let miss = self.distort(pinhole) - distorted;
-            pinhole -= slope.inverse() * miss;
+            pinhole -= jacobian.inverse() * miss;
             if miss.length_squared() < 1e-26 {
                 break;
             }
@@ -71,14 +71,15 @@ impl Distortion {
         ((self.distort(pinhole) - distorted).length_squared() < 1e-20).then_some(pinhole)
     }
 
-    /// The pinhole picture that holds all that a lens shows in a picture: of the same focal lengths, with more pixels
-    /// around it, by whole numbers. `None` when the lens folds the picture over, or stretches an edge more than twice.
-    pub fn pinhole(&self, picture: &Intrinsics) -> Option<Intrinsics> {
-        let Intrinsics { width, height, fx, fy, cx, cy } = *picture;
+    /// Intrinsics of the smallest pinhole image, with the same focal lengths and whole extra pixels on each side, that
+    /// covers everything a distorted image shows. `None` if the lens folds over within the image or stretches an edge
+    /// more than twofold.
+    pub fn pinhole(&self, image: &Intrinsics) -> Option<Intrinsics> {
+        let Intrinsics { width, height, fx, fy, cx, cy } = *image;
         let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
         let (mut low, mut high) = (DVec2::ZERO, DVec2::new(right, bottom));
-        for step in 0..TRIED {
-            let share = f64::from(step) / f64::from(TRIED - 1);
+        for step in 0..EDGE_SAMPLES {
+            let share = f64::from(step) / f64::from(EDGE_SAMPLES - 1);
             let (x, y) = (share * right, share * bottom);
             for at in [DVec2::new(x, 0.0), DVec2::new(x, bottom), DVec2::new(0.0, y), DVec2::new(right, y)] {
                 let pinhole = self.undistort(DVec2::new((at.x - cx) / fx, (at.y - cy) / fy))?;
@@ -86,12 +87,12 @@ impl Distortion {
                 (low, high) = (low.min(pixel), high.max(pixel));
             }
         }
-        // A pixel more on each side, which the look-up between pixels needs.
+        // One more pixel per side, for bilinear interpolation.
         let before = (-low).ceil() + 1.0;
         let after = (high - DVec2::new(right, bottom)).ceil() + 1.0;
         let size = DVec2::new(f64::from(width), f64::from(height));
         let all = size + before + after;
-        let fits = all.is_finite() && all.cmple(size * WIDEST + 4.0).all();
+        let fits = all.is_finite() && all.cmple(size * MAX_STRETCH + 4.0).all();
         fits.then_some(Intrinsics {
             width: all.x as u32,
             height: all.y as u32,
@@ -102,12 +103,12 @@ impl Distortion {
         })
     }
 
-    /// Derivative of [`Distortion::distort`].
-    fn slope(&self, at: DVec2) -> DMat2 {
+    /// Jacobian of [`Distortion::distort`].
+    fn jacobian(&self, at: DVec2) -> DMat2 {
         let DVec2 { x, y } = at;
         let r2 = at.length_squared();
         let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
-        // Twice the derivative of the radial factor by r².
+        // Twice the derivative of the radial factor with respect to r².
         let change = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3));
         let mixed = change * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
         DMat2::from_cols(

@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use crate::document_error::DocumentError;
 use crate::limits::ENTRIES;
 
-/// A type that is exchanged as a versioned JSON file.
+/// A type that is stored as a versioned JSON file.
 ///
 /// ```
 /// use genmanip_core::{Document, DocumentError, Task};
@@ -17,37 +17,37 @@ use crate::limits::ENTRIES;
 /// assert!(matches!(error, DocumentError::WrongSchema { .. }));
 /// ```
 pub trait Document: Serialize + DeserializeOwned {
-    /// Name and version, e.g. `genmanip.task/1`.
+    /// Schema name and version, e.g. `genmanip.task/1`.
     const SCHEMA: &'static str;
 
-    /// The version before this one, which readers still accept; `None` for a first version.
+    /// Upgrade from the preceding schema version, which is still accepted; `None` for a first version.
     const PREVIOUS: Option<Upgrade> = None;
 
-    /// Reads the text of a file.
+    /// Parses the text of a file.
     ///
     /// # Errors
-    /// Says what was expected and where: position of a syntax error, schema, or JSON path of a wrong value.
+    /// States what was expected and where: position of a syntax error, schema, or JSON path of an invalid value.
     fn from_json(text: &str) -> Result<Self, DocumentError> {
         Self::from_value(crate::json::parse(text)?)
     }
 
-    /// Reads the bytes of a file, see [`Document::from_json`].
+    /// Parses the bytes of a file, see [`Document::from_json`].
     ///
     /// # Errors
-    /// As [`Document::from_json`], also for what is no UTF-8.
+    /// As [`Document::from_json`], and for bytes that are not UTF-8.
     fn from_bytes(bytes: &[u8]) -> Result<Self, DocumentError> {
         Self::from_json(crate::json::text(bytes)?)
     }
 
-    /// What else must hold than that every value has its type; readers call it, whoever makes a value need not.
+    /// Validates constraints beyond the field types; called on reading, not on construction.
     ///
     /// # Errors
-    /// [`DocumentError::Invalid`] with the first thing that is wrong.
+    /// [`DocumentError::Invalid`] with the first violation.
     fn check(&self) -> Result<(), DocumentError> {
         Ok(())
     }
 
-    /// Reads a parsed value, see [`Document::from_json`].
+    /// Converts a parsed JSON value, see [`Document::from_json`].
     ///
     /// # Errors
     /// As [`Document::from_json`].
@@ -74,14 +74,14 @@ pub trait Document: Serialize + DeserializeOwned {
         Ok(document)
     }
 
-    /// The text of the file, indented, the schema first, with a final newline.
+    /// Serialises to indented JSON, schema first, with a final newline.
     fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(&self.to_value()).unwrap_or_default();
         text.push('\n');
         text
     }
 
-    /// The value of the file, the schema first.
+    /// Serialises to a JSON value, schema first.
     fn to_value(&self) -> Value {
         let mut document = Map::new();
         document.insert("schema".into(), Self::SCHEMA.into());
@@ -92,34 +92,34 @@ pub trait Document: Serialize + DeserializeOwned {
     }
 }
 
-/// How the version before becomes the present one.
+/// Upgrade of a document from the preceding schema version.
 ///
-/// What the older version did not say is filled in with what was fixed when it was current, never with today's default.
+/// Missing fields are filled with the values that were fixed at the time, never with current defaults.
 #[derive(Clone, Copy, Debug)]
 pub struct Upgrade {
-    /// Name and version that is read, e.g. `genmanip.task/1`.
+    /// Schema that is upgraded, e.g. `genmanip.task/1`.
     pub schema: &'static str,
-    /// Changes the body, without its schema, into a body of the present version.
+    /// Rewrites a body (without its schema) to the current version.
     pub upgrade: fn(&mut Map<String, Value>) -> Result<(), DocumentError>,
 }
 
-/// A document with one list that may be so long that it is read entry by entry.
+/// A document with one list that may be long enough to be read entry by entry.
 ///
-/// Its [`Document::from_json`] is [`long_from_json`], and its [`Document::to_json`] is [`long_to_json`].
+/// Implement [`Document::from_json`] with [`long_from_json`] and [`Document::to_json`] with [`long_to_json`].
 pub trait LongDocument: Document {
-    /// Key of the list, which stands behind the schema.
+    /// Key of the list, which follows the schema.
     const LIST: &'static str;
-    /// Most entries of the list.
-    const MOST: usize = ENTRIES;
-    /// What the list holds.
+    /// Maximum number of entries.
+    const MAX_ENTRIES: usize = ENTRIES;
+    /// Type of the entries.
     type Entry: DeserializeOwned;
 
     /// The list.
     fn entries(&mut self) -> &mut Vec<Self::Entry>;
 }
 
-/// Reads a document without holding all of it twice; each entry is given to `keep` before it is kept, so that what
-/// entries have in common need not be held with each.
+/// Reads a document without holding it in memory twice; `keep` is called on every entry before it is stored, so that
+/// data shared between entries can be deduplicated.
 ///
 /// # Errors
 /// As [`Document::from_json`].
@@ -139,11 +139,11 @@ pub fn long_from_json<T: LongDocument>(text: &str, mut keep: impl FnMut(&mut T::
     Ok(document)
 }
 
-/// Reads a document whose list is kept elsewhere: each entry is handed to `take` as soon as it is read, and the list of
-/// the document stays empty. Only a document of an older version is held as a whole.
+/// Streams a document: every entry is passed to `take` as soon as it is parsed, and the returned document's list stays
+/// empty. Documents of an older version are held in memory as a whole.
 ///
 /// # Errors
-/// As [`Document::from_json`], and those of `take`.
+/// As [`Document::from_json`], and errors of `take`.
 pub fn long_from_reader<T: LongDocument>(
     reader: impl io::Read,
     mut take: impl FnMut(T::Entry) -> Result<(), DocumentError>,
@@ -155,27 +155,28 @@ pub fn long_from_reader<T: LongDocument>(
     Ok(document)
 }
 
-/// An entry of a list from its value.
+/// Parses an entry of the list.
 fn entry<T: LongDocument>(index: usize, value: Value) -> Result<T::Entry, DocumentError> {
-    if index == T::MOST {
-        let (path, message) = (format!("$.{}", T::LIST), format!("expected at most {} entries, got more", T::MOST));
+    if index == T::MAX_ENTRIES {
+        let (path, message) =
+            (format!("$.{}", T::LIST), format!("expected at most {} entries, got more", T::MAX_ENTRIES));
         return Err(DocumentError::Invalid { path, message });
     }
     typed(value, &format!("$.{}[{index}]", T::LIST))
 }
 
-/// The text of [`Document::to_json`], made without a copy of the document.
+/// As [`Document::to_json`], without an intermediate JSON value.
 pub fn long_to_json<T: LongDocument>(document: &T) -> String {
     let mut bytes = Vec::new();
-    // Nothing refuses to be written to memory.
+    // Writing to memory cannot fail.
     let _ = write_tagged(&mut bytes, T::SCHEMA, document);
     String::from_utf8(bytes).unwrap_or_default()
 }
 
-/// Writes what [`Document::to_json`] says of a document of a schema with that body, piece by piece.
+/// Streams the JSON of [`Document::to_json`] for a schema and a body.
 ///
 /// # Errors
-/// Those of the writer, and of a body that cannot be read.
+/// Errors of the writer and of the serialisation.
 pub fn write_tagged(mut out: impl io::Write, schema: &'static str, body: &impl Serialize) -> io::Result<()> {
     #[derive(Serialize)]
     struct Tagged<'a, T> {
@@ -187,7 +188,7 @@ pub fn write_tagged(mut out: impl io::Write, schema: &'static str, body: &impl S
     out.write_all(b"\n")
 }
 
-/// A value of a type, or where in the document it is something else.
+/// Deserialises a value; errors carry its JSON path.
 fn typed<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, DocumentError> {
     serde_path_to_error::deserialize(value).map_err(|error| DocumentError::Invalid {
         path: match error.path().to_string() {
@@ -239,13 +240,13 @@ mod tests {
     }
 
     #[test]
-    fn a_long_document_is_read_and_written_as_any_other() {
+    fn a_long_document_round_trips_like_any_other() {
         let diary = Diary { title: "a".into(), days: vec![(1, "b".into()), (2, "c\"".into())], pages: Some(3) };
         let whole = serde_json::to_string_pretty(&diary.to_value()).unwrap() + "\n";
         assert_eq!(diary.to_json(), whole);
         assert_eq!(Diary::from_json(&whole).unwrap(), diary);
         for (text, days, pages) in [
-            // The list before the schema, an older version, no entry.
+            // List before the schema; an older version; an empty list.
             (r#"{"days": [[1, "b"]], "schema": "diary/2", "title": "a", "pages": 1}"#, 1, Some(1)),
             (r#"{"schema": "diary/1", "title": "a", "days": [[1, "b"], [2, "c"]]}"#, 2, None),
             (r#"{"schema": "diary/2", "title": "a", "days": [], "pages": null}"#, 0, None),
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_in_a_long_document_has_its_place() {
+    fn errors_in_a_long_document_carry_their_path() {
         for (text, expected) in [
             (r#"{"schema": "diary/2", "title": "a", "days": [[1, "b"], [2, 3]]}"#, "at $.days[1][1]: invalid type"),
             (r#"{"schema": "diary/2", "title": "a", "days": [[1, "b"], 7]}"#, "at $.days[1]: invalid type"),
@@ -274,8 +275,8 @@ mod tests {
             (r#"{"schema": "diary/2", "title": 1, "days": [[1, "b"]]}"#, "at $.title: invalid type"),
             (r#"{"schema": "diary/2", "days": [[1, "b"]]}"#, "at $: missing field `title`"),
             (r#"{"schema": "diary/3", "title": "a", "days": [7]}"#, "expected schema \"diary/2\", got \"diary/3\""),
-            (r#"{"schema": "diary/2", "days": [[1, "b"]], "days": []}"#, "key `days` stands twice"),
-            (r#"{"schema": "diary/2", "days": [{"a": 1, "a": 2}]}"#, "key `a` stands twice"),
+            (r#"{"schema": "diary/2", "days": [[1, "b"]], "days": []}"#, "key `days` occurs twice"),
+            (r#"{"schema": "diary/2", "days": [{"a": 1, "a": 2}]}"#, "key `a` occurs twice"),
             (r#"{"schema": "diary/2", "days": [[1, "b"]"#, "EOF"),
             ("[1]", "at $: expected an object"),
         ] {

@@ -1,34 +1,34 @@
-//! What can be wrong with a file that should be a document.
+//! Errors of reading versioned documents.
 
-/// Why a text is not the document it should be.
+/// Reason why a text is not the expected document.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DocumentError {
-    /// Not JSON at all.
+    /// Malformed JSON.
     #[error("not JSON: {message}")]
     NotJson {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser says, position included.
+        /// The parser's message, including the position.
         message: String,
-        /// What most likely is wrong.
+        /// Likely cause or fix.
         hint: &'static str,
     },
-    /// Another kind or version of document.
+    /// Unsupported schema name or version.
     #[error("expected schema \"{expected}\", got {got}")]
     WrongSchema {
-        /// The schema that can be read.
+        /// The supported schema.
         expected: String,
-        /// What the file says.
+        /// The schema in the file.
         got: String,
     },
-    /// A value that does not fit.
+    /// An invalid value.
     #[error("at {path}: {message}")]
     Invalid {
         /// JSON path, e.g. `$.objects[2].pose`.
         path: String,
-        /// What was expected.
+        /// Description of the violation.
         message: String,
     },
 }

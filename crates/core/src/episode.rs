@@ -1,4 +1,4 @@
-//! What happened: frames, episodes, results.
+//! Recorded frames, episodes and their results.
 
 use std::cmp::Ordering;
 
@@ -7,34 +7,34 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, upgrade};
 
-/// The world at one control step and the command in force during the following interval.
+/// Simulation state at one control step, and the command applied during the following interval.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Time since the start of the episode.
+    /// Time since the start of the episode, s.
     pub time_s: f64,
-    /// Arm joint targets and gripper width, as applied.
+    /// Arm joint targets [rad] and opening width [m], as applied.
     pub command: Vec<f32>,
-    /// Arm joint positions.
+    /// Arm joint positions, rad.
     pub joint_position: Vec<f64>,
-    /// Arm joint velocities.
+    /// Arm joint velocities, rad/s.
     pub joint_velocity: Vec<f64>,
-    /// Largest magnitude of each arm joint's torque during the interval, N·m.
+    /// Peak torque magnitude of each arm joint during the interval, N·m.
     pub joint_torque: Vec<f64>,
-    /// Opening between the pads.
+    /// Opening width between the pads, m.
     pub gripper_width: f64,
-    /// Largest force the gripper's drive exerted during the interval (sum over both fingers), N.
+    /// Peak force of the gripper drive during the interval (sum over both fingers), N.
     pub grip_force: f64,
     /// `world_from_tcp`.
     pub tcp: Pose,
     /// Objects in the order of the scenario.
     pub objects: Vec<ObjectState>,
-    /// Index of the object that both fingers touch.
+    /// Index of the object touched by both fingers.
     pub grasped: Option<usize>,
-    /// Largest contact force during the interval between the robot and anything but the grasped object, N.
+    /// Peak contact force during the interval between the robot and anything but the grasped object, N.
     pub stray_contact_n: f64,
 }
 
-/// Where an object is and how it moves.
+/// Pose, joint positions and speed of an object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ObjectState {
     /// `world_from_object`.
@@ -47,72 +47,72 @@ pub struct ObjectState {
     pub angular_speed: f64,
 }
 
-/// A recorded episode: enough to replay it bit for bit and to draw it from anywhere.
+/// A recorded episode: enough to replay it bit-exactly and to render it from any viewpoint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// What it started from.
+    /// Initial conditions.
     pub scenario: Scenario,
-    /// How it went.
+    /// Outcome.
     pub result: EpisodeResult,
-    /// Complete state of the simulation before the first command.
+    /// Full simulator state before the first command.
     pub initial_state: Vec<f64>,
-    /// Complete state of the simulation after the last frame.
+    /// Full simulator state after the last frame.
     pub final_state: Vec<f64>,
-    /// One per control step.
+    /// One frame per control step.
     pub frames: Vec<Frame>,
 }
 
 /// The judged outcome of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EpisodeResult {
-    /// Name of the episode, usable as a file name.
+    /// Episode id, usable as a file name.
     pub id: String,
-    /// Id of the scenario.
+    /// Scenario id.
     pub scenario_id: String,
-    /// Id of the task.
+    /// Task id.
     pub task_id: String,
-    /// Name of the policy.
+    /// Policy name.
     pub policy: String,
-    /// Whether the policy read simulator truth.
+    /// True if the policy reads simulator ground truth.
     pub oracle: bool,
-    /// Stream of the episode.
+    /// Seed of the episode.
     pub seed: Seed,
-    /// The headline: the goal held at the end, after settling, nothing held or moving.
+    /// Primary metric: the goal holds at the end, after settling, with nothing held or moving.
     pub success: bool,
-    /// The goal held at some control step (nothing held, all at rest).
+    /// True if the goal held at any control step with nothing held and everything at rest.
     pub success_once: bool,
-    /// The verdict at the end.
+    /// Verdict at the end of the episode.
     pub verdict: GoalVerdict,
-    /// How it ended; `None` when it never began, because no layout was found.
+    /// Termination reason; `None` if the episode never began because no layout was found.
     pub ending: Option<Ending>,
-    /// Why it did not succeed: every cause that was seen, the most decisive first; empty after a success.
+    /// Observed failure causes, the most decisive first; empty on success.
     pub failures: Vec<Failure>,
-    /// Simulated length.
+    /// Simulated duration, s.
     pub duration_s: f64,
-    /// Longest allowed length.
+    /// Time limit, s.
     pub horizon_s: f64,
-    /// Control rate.
+    /// Control rate, Hz.
     pub control_rate_hz: f64,
     /// Number of control steps.
     pub frames: usize,
-    /// Distance the tcp travelled.
+    /// Path length of the TCP, m.
     pub tcp_path_m: f64,
-    /// Largest stray contact of the robot, N.
+    /// Peak stray contact force of the robot, N.
     pub max_stray_contact_n: f64,
-    /// Who touched what in that contact; `None` when there was none.
+    /// Details of that contact; `None` if there was none.
     #[serde(default)]
     pub stray_contact: Option<StrayContact>,
-    /// Hashes of the world's parts, its robot included; results of older versions and attempts without a layout have
-    /// none.
+    /// Hashes of the world's parts, including its robot; absent in results of older versions and in attempts without a
+    /// layout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_hashes: Option<WorldHashes>,
-    /// What point clouds of the final scene say, of evaluated episodes; beside the headline, which it does not change.
+    /// Verdict on point clouds of the final scene, for evaluated episodes; does not affect `success`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud: Option<CloudVerdict>,
-    /// Whether the request that was not made is fulfilled at the end, where the scenario has one.
+    /// True if the scenario's alternative request, which was not made, is satisfied at the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request_success: Option<bool>,
-    /// Where another policy acted first and failed, and what was corrected.
+    /// Takeover from another policy that failed, and the failure that was corrected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
@@ -121,25 +121,25 @@ pub struct EpisodeResult {
     pub genmanip_version: String,
 }
 
-/// Where an episode was taken over from a policy that had failed: the intervention of DAgger-like training.
+/// Takeover of an episode from a failing policy, as in DAgger-style training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Correction {
-    /// Name of the policy that acted first.
+    /// Name of the failing policy.
     pub policy: String,
-    /// The first control step of the correction; those before it are the failed policy's.
+    /// First control step of the correction; earlier steps belong to the failing policy.
     pub from_step: usize,
-    /// Why the episode would have failed there, the most decisive cause first.
+    /// Causes of the failure that the correction prevented, the most decisive first.
     pub failures: Vec<Failure>,
 }
 
-/// The goal judged on point clouds, as the paper judges it: from what the fixed cameras see of the final scene.
+/// Goal verdict computed from point clouds of the fixed cameras in the final scene, as in the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CloudVerdict {
-    /// Whether the goal holds.
+    /// True if the goal holds.
     pub success: bool,
-    /// Fraction of the goal reached, 0-1.
+    /// Fraction of the goal satisfied, 0-1.
     pub score: f64,
-    /// Things of the goal that no camera sees enough of, by id; conditions about them do not hold.
+    /// Ids of the goal's objects with too few visible points; conditions on them do not hold.
     pub unseen: Vec<String>,
 }
 
@@ -149,7 +149,7 @@ impl Document for EpisodeResult {
 }
 
 impl EpisodeResult {
-    /// The most decisive cause, with the evidence of all causes; `None` after a success.
+    /// The most decisive cause, with the evidence of all causes joined; `None` on success.
     pub fn failure(&self) -> Option<Failure> {
         let evidence: Vec<&str> = self.failures.iter().map(|failure| failure.evidence.as_str()).collect();
         let first = self.failures.first()?;
@@ -157,22 +157,22 @@ impl EpisodeResult {
     }
 }
 
-/// How an episode ended, whatever came of it.
+/// Termination reason of an episode, regardless of success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// The policy said that it is finished.
+    /// The policy reported that it is finished.
     Finished,
-    /// The policy gave up, or what it returned could not be executed.
+    /// The policy gave up, or returned an action that could not be executed.
     GaveUp,
-    /// The longest allowed time was over.
+    /// The time limit was reached.
     Horizon,
-    /// The goal had held long enough and the loop was told to stop then.
+    /// The goal held long enough and early termination was enabled.
     Success,
 }
 
 impl Ending {
-    /// The name in files and tables.
+    /// Name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",
@@ -183,51 +183,51 @@ impl Ending {
     }
 }
 
-/// An episode that was asked for but not run, because its policy could not be reached: no result, to be tried again.
+/// An episode that was requested but not run because its policy was unreachable; not a result, retried next time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NotRun {
-    /// Name of the episode.
+    /// Episode id.
     pub id: String,
-    /// Id of the scenario.
+    /// Scenario id.
     pub scenario_id: String,
-    /// What the policy's end said.
+    /// Error reported by the policy's endpoint.
     pub reason: String,
 }
 
-/// Who touched what in the hardest stray contact of an episode, and when.
+/// Strongest stray contact of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StrayContact {
-    /// Start of the control interval in which it was hardest.
+    /// Start of the control interval with the peak force, s.
     pub time_s: f64,
     /// Link of the robot, e.g. `robot/hand`.
     pub link: String,
-    /// What it touched: `table`, `floor`, another link of the robot, or an object's uid, e.g. `001` or `057/body`.
+    /// Contact partner: `table`, `floor`, another link of the robot, or an object's link, e.g. `001` or `057/body`.
     pub other: String,
-    /// What the hand was doing.
-    pub hand: HandPhase,
-    /// Whether it touched what it had held within the last second: what is let go of may fall against the open hand.
+    /// State of the gripper at that time.
+    pub hand: GripperPhase,
+    /// True if the partner was held within the last second: a released object may fall against the open gripper.
     #[serde(default)]
     pub let_go: bool,
 }
 
-/// What the hand is doing, as its command and its fingers tell.
+/// State of the gripper, derived from its command and contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum HandPhase {
+pub enum GripperPhase {
     /// Nothing between the fingers.
     Empty,
-    /// The fingers are sent together.
+    /// The fingers are commanded to close.
     Closing,
-    /// Both fingers press on something.
+    /// Both fingers press on an object.
     Holding,
-    /// The fingers are sent apart.
+    /// The fingers are commanded to open.
     Opening,
 }
 
-impl HandPhase {
-    /// The phase of a frame, given the opening width that was commanded before it.
+impl GripperPhase {
+    /// Phase of a frame, given the previously commanded opening width.
     pub fn of(frame: &Frame, width_before: f32) -> Self {
         let width = frame.command.last().copied().unwrap_or(width_before);
         match width.total_cmp(&width_before) {
@@ -238,7 +238,7 @@ impl HandPhase {
         }
     }
 
-    /// The name in files and tables.
+    /// Name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Empty => "empty",
@@ -256,52 +256,52 @@ impl std::fmt::Display for StrayContact {
     }
 }
 
-/// One attempt to collect a demonstration, as counted in the yield.
+/// Outcome of one attempt to collect a demonstration, as counted in the yield.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AttemptOutcome {
     /// The goal held after settling.
     Verified,
-    /// It did not, and why.
+    /// The attempt failed.
     Failed(Failure),
 }
 
-/// A cause with its evidence.
+/// A failure cause with its evidence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Failure {
     /// The cause.
     pub cause: FailureCause,
-    /// What was seen, with numbers, e.g. `Red Mug slipped at 3.2 s`.
+    /// Observation with numbers, e.g. `Red Mug slipped at 3.2 s`.
     pub evidence: String,
 }
 
-/// Why an attempt fails.
+/// Cause of a failed attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureCause {
-    /// The layout could not be made.
+    /// No valid layout was found.
     Layout,
-    /// No grasp candidate is free of collisions.
+    /// No collision-free grasp candidate.
     NoGrasp,
-    /// No arm configuration reaches.
+    /// No inverse-kinematics solution.
     NoIk,
-    /// No place satisfies the goal.
+    /// No placement satisfies the goal.
     NoGoalPose,
-    /// No collision-free path was found.
+    /// No collision-free path.
     Planning,
-    /// The object left the gripper while carried, or was never held.
+    /// The object slipped out of the gripper or was never held.
     Slipped,
-    /// Something else was knocked over or displaced.
+    /// Another object was knocked over or displaced.
     Disturbed,
-    /// Everything ran, the goal does not hold.
+    /// All motions were executed, but the goal does not hold.
     GoalMissed,
-    /// The horizon ended first.
+    /// The time limit was reached.
     Timeout,
-    /// The policy refused or broke.
+    /// The policy refused or raised an error.
     Policy,
 }
 
 impl FailureCause {
-    /// The name in files and tables.
+    /// Name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Layout => "layout",

@@ -1,4 +1,4 @@
-//! Exact convex geometry: what things are made of when they touch.
+//! Convex collision geometry.
 
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::Pose;
 
-/// A convex body centred in its own frame; every shape is one that the physics engine knows exactly.
+/// A convex shape centred in its own frame; a primitive or hull that the physics engine represents exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Shape {
     /// Axis-aligned box.
     Box {
-        /// Half of the extent along each axis.
+        /// Half extent along each axis.
         #[schemars(with = "[f64; 3]")]
         half_extents: DVec3,
     },
@@ -31,30 +31,30 @@ pub enum Shape {
     Cylinder {
         /// Radius.
         radius: f64,
-        /// Half of the height.
+        /// Half height.
         half_height: f64,
     },
     /// Round-ended cylinder along z.
     Capsule {
         /// Radius of the tube and of the caps.
         radius: f64,
-        /// Half of the distance between the centres of the caps.
+        /// Half distance between the centres of the caps.
         half_length: f64,
     },
     /// Convex hull of points.
     Hull {
-        /// The corners, in no particular order, not all in one plane.
+        /// Vertices, unordered, not coplanar.
         #[schemars(with = "Vec<[f64; 3]>")]
         points: Vec<DVec3>,
     },
 }
 
-/// One convex body of a link, at its place in the link's frame.
+/// One convex piece of a link, posed in the link's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Piece {
-    /// The body.
+    /// Shape of the piece.
     pub shape: Shape,
-    /// Where it sits.
+    /// Pose of the piece in the link's frame.
     pub link_from_piece: Pose,
 }
 
@@ -64,7 +64,7 @@ impl Piece {
         Self { shape, link_from_piece: Pose::from_position(position) }
     }
 
-    /// The farthest point along `direction`, both in the link's frame.
+    /// Support point along `direction`, both in the link's frame.
     pub fn support(&self, direction: DVec3) -> DVec3 {
         let local = self.link_from_piece.rotation.inverse() * direction;
         self.link_from_piece.transform_point(self.shape.support(local))
@@ -72,7 +72,7 @@ impl Piece {
 }
 
 impl Shape {
-    /// The farthest point of the shape along `direction` (need not be of unit length).
+    /// Support point of the shape along `direction`, which need not be normalised.
     pub fn support(&self, direction: DVec3) -> DVec3 {
         let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
         match self {
@@ -99,7 +99,7 @@ impl Shape {
         }
     }
 
-    /// Radius of a ball about the origin of the shape's frame that holds the shape.
+    /// Radius of the bounding sphere about the origin of the shape's frame.
     pub fn bounding_radius(&self) -> f64 {
         match self {
             Self::Box { half_extents } => half_extents.length(),
@@ -124,7 +124,7 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// Bounds of nothing: grows with the first point.
+    /// Empty bounds, which grow with the first point.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// Bounds of points.
@@ -132,7 +132,7 @@ impl Aabb {
         points.into_iter().fold(Self::EMPTY, |bounds, point| bounds.including(point))
     }
 
-    /// Exact bounds of pieces under a transform, e.g. `world_from_link`.
+    /// Exact bounds of pieces transformed by a pose, e.g. `world_from_link`.
     pub fn from_pieces<'a>(outer_from_link: &Pose, pieces: impl IntoIterator<Item = &'a Piece>) -> Self {
         let to_link = outer_from_link.rotation.inverse();
         pieces.into_iter().fold(Self::EMPTY, |bounds, piece| {
@@ -147,7 +147,7 @@ impl Aabb {
         })
     }
 
-    /// The smallest bounds that hold this and a point.
+    /// The bounds extended to a point.
     #[must_use]
     pub fn including(&self, point: DVec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
@@ -170,26 +170,26 @@ impl Aabb {
     }
 }
 
-/// A box with axes of its own.
+/// Oriented bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
-    /// Centre and axes of the box, in the frame that is spoken of, e.g. the world.
+    /// Centre and axes of the box in the outer frame, e.g. the world.
     pub outer_from_box: Pose,
     /// Lengths along its axes, metres.
     pub size: DVec3,
 }
 
 impl OrientedBox {
-    /// The corners that each edge joins.
+    /// Corner indices of each edge.
     pub const EDGES: [[usize; 2]; 12] =
         [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
-    /// Bounds in a frame that is itself placed in the outer one.
+    /// Box of axis-aligned bounds given in an inner frame.
     pub fn of_bounds(outer_from_inner: &Pose, bounds: &Aabb) -> Self {
         Self { outer_from_box: *outer_from_inner * Pose::from_position(bounds.center()), size: bounds.size() }
     }
 
-    /// Its corners in the outer frame; bits 0, 1 and 2 of a corner's number say whether x, y and z are high.
+    /// Corners in the outer frame; bits 0, 1 and 2 of the index select the high side of x, y and z.
     pub fn corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|corner| {
             let side = |axis: usize| if corner >> axis & 1 == 1 { 0.5 } else { -0.5 };

@@ -6,27 +6,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::Pose;
 
-/// A way to close a parallel gripper on something.
+/// A grasp pose and opening width of a parallel gripper.
 ///
-/// The pose is that of the *tcp* (midpoint between the pads; z = approach, y = closing direction)
-/// in the frame the producer documents: the object's, or the world's.
+/// The pose is that of the TCP (midpoint between the pads; z = approach, y = closing direction) in the frame that the
+/// producer documents: the object's or the world's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Grasp {
-    /// Pose of the tcp.
+    /// Pose of the TCP.
     pub pose: Pose,
-    /// Distance between the two contacts.
+    /// Distance between the two contacts, m.
     pub width: f64,
     /// Quality, larger is better, 0-1.
     pub score: f64,
 }
 
 impl Grasp {
-    /// Direction in which the hand moves towards the object.
+    /// Approach direction, towards the object.
     pub fn approach(&self) -> DVec3 {
         self.pose.transform_vector(DVec3::Z)
     }
 
-    /// The same contacts with the hand turned half around its approach axis.
+    /// The same contacts with the gripper rotated by π about the approach axis.
     #[must_use]
     pub fn flipped(&self) -> Self {
         let turn = Pose { position: DVec3::ZERO, rotation: glam::DQuat::from_rotation_z(std::f64::consts::PI) };
@@ -34,29 +34,29 @@ impl Grasp {
     }
 }
 
-/// A grasp that was tried in physics.
+/// A grasp with the results of its physics trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriedGrasp {
     /// The grasp, in the object's frame.
     pub grasp: Grasp,
-    /// How often it was tried.
+    /// Number of trials.
     pub trials: u32,
-    /// How often it held.
+    /// Number of successful trials.
     pub held: u32,
 }
 
 impl TriedGrasp {
-    /// Share of the trials in which it held, 0-1.
+    /// Success rate over the trials, 0-1.
     pub fn share(&self) -> f64 {
         f64::from(self.held) / f64::from(self.trials.max(1))
     }
 }
 
-/// A grasp with the numbers that the GraspNet convention adds, in the frame of the pose.
+/// A grasp in the GraspNet convention, in the frame of its pose.
 ///
-/// A row of that convention is `[score, width, height, depth, R (9, row by row), t (3), object id]`.
-/// Its rotation has the columns approach, closing and height direction, of our tcp
-/// `R = [z, y, -x]`; its origin lies `depth` behind the tips, which is where our tcp is: `tcp = t + depth · approach`.
+/// A GraspNet row is `[score, width, height, depth, R (9, row-major), t (3), object id]`.
+/// The columns of R are the approach, closing and height directions, `R = [z, y, -x]` in our TCP axes; the origin lies
+/// `depth` behind the fingertips, where our TCP is: `tcp = t + depth · approach`.
 ///
 /// ```
 /// use genmanip_core::grasp::GraspNetGrasp;
@@ -70,44 +70,44 @@ impl TriedGrasp {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspNetGrasp {
-    /// Pose of the tcp, opening between the contacts, score.
+    /// Pose of the TCP, opening width, score.
     pub grasp: Grasp,
-    /// Extent of the fingers across closing and approach direction, m.
+    /// Finger extent across the closing and approach directions, m.
     pub height_m: f64,
-    /// Distance of the tips from the origin of the row's pose, m.
+    /// Distance from the row's origin to the fingertips, m.
     pub depth_m: f64,
-    /// Which object; -1 when unknown.
+    /// Object id; -1 if unknown.
     pub object_id: i64,
 }
 
-/// A row that is no grasp.
+/// Reason why a GraspNet row is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GraspNetError {
     /// A number is NaN or infinite.
     #[error("number {index} of a GraspNet row is not finite")]
     NotFinite {
-        /// Place in the row.
+        /// Index in the row.
         index: usize,
     },
-    /// The nine numbers of the rotation are none.
-    #[error("numbers 4-12 of a GraspNet row are no rotation: they differ from one by {deviation:.1e}, expected ≤ 1e-4")]
+    /// The rotation is not orthonormal.
+    #[error("numbers 4-12 of a GraspNet row are not a rotation matrix: deviation {deviation:.1e}, expected ≤ 1e-4")]
     NoRotation {
-        /// Largest entry of RᵀR - 1, or of the determinant's distance from 1.
+        /// Largest absolute deviation of RᵀR or of the determinant from identity.
         deviation: f64,
     },
-    /// The object id is no whole number.
+    /// The object id is not a whole number.
     #[error("the object id of a GraspNet row must be a whole number, got {got}")]
     ObjectId {
-        /// Number 16.
+        /// Entry 16.
         got: f64,
     },
 }
 
 impl GraspNetGrasp {
-    /// From the 17 numbers of a row; the pose is in the row's frame (for the original service the camera's).
+    /// From a 17-number row; the pose is in the row's frame (the camera frame for the original service).
     ///
     /// # Errors
-    /// Numbers that are not finite, a matrix that is no rotation, or a broken object id.
+    /// For non-finite numbers, a matrix that is not a rotation, or an invalid object id.
     pub fn from_graspnet(row: &[f64; 17]) -> Result<Self, GraspNetError> {
         if let Some(index) = row.iter().position(|value| !value.is_finite()) {
             return Err(GraspNetError::NotFinite { index });
@@ -136,7 +136,7 @@ impl GraspNetGrasp {
         Ok(Self { grasp: Grasp { pose, width, score }, height_m, depth_m, object_id: row[16] as i64 })
     }
 
-    /// The 17 numbers; what [`from_graspnet`](Self::from_graspnet) read comes back to rounding.
+    /// The 17-number row; inverse of [`from_graspnet`](Self::from_graspnet) up to rounding.
     pub fn to_graspnet(&self) -> [f64; 17] {
         let pose = &self.grasp.pose;
         let axis = |axis: DVec3| pose.transform_vector(axis);
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A row of any rotation, as a file of 32-bit numbers would hold it when `single` is set.
+    /// A row with an arbitrary rotation, rounded to 32-bit floats if `single` is set.
     fn row(axis: [f64; 3], angle: f64, numbers: [f64; 7], object: i32, single: bool) -> [f64; 17] {
         let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::Z);
         let rotation = glam::DMat3::from_axis_angle(axis, angle).transpose().to_cols_array();
@@ -174,7 +174,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rows_come_back(
+        fn rows_round_trip(
             axis in prop::array::uniform3(-1.0..1.0), angle in -3.2..3.2, numbers in prop::array::uniform7(-1.0..1.0),
             object in -1..100_000_i32, single in any::<bool>(),
         ) {

@@ -1,33 +1,33 @@
-//! Hashes of an asset: of its physics, of what else the judge uses, and of its looks.
+//! Content hashes of an asset: physics, judging inputs, appearance.
 //!
-//! A hash names its version (`v2:`) and sixteen hexadecimal digits of the SHA-256 of canonical bytes:
-//! numbers enter as whole multiples of a nanometre (nanokilogram, …), so that the last bits of a platform's arithmetic
-//! do not matter, texts and lists with their length, choices with a number, and of the two quaternions of a rotation
-//! the one whose first number that is not zero is positive.
-//! No hash depends on what the asset is called.
+//! A hash is its version (`v2:`) and sixteen hexadecimal digits of the SHA-256 of a canonical byte sequence.
+//! Numbers are quantised to 1e-9 of their unit (so that the last bits of platform arithmetic do not matter), strings
+//! and lists are preceded by their length, enums are written as numbers, and of the two quaternions of a rotation the
+//! one whose first non-zero component is positive is used.
+//! No hash depends on the asset's name.
 
 use glam::DVec3;
 use sha2::{Digest, Sha256};
 
 use crate::{Joint, JointKind, JointState, Material, ObjectLink, ObjectModel, Piece, Pose, Shape, TriMesh};
 
-/// Numbers enter as so many parts of their unit, rounded; version 1 rounded alike.
+/// Quantisation steps per unit; the same in version 1.
 const PARTS: f64 = 1e9;
 
-/// The hashes of one asset; which field they stand in is said in [`crate::PlacedObject`].
+/// The hashes of one asset; [`crate::PlacedObject`] documents the fields that store them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AssetHashes {
-    /// Of everything physics depends on: collision pieces, mass, joints, friction.
+    /// Physics inputs: collision pieces, mass, joints, friction.
     pub physics: String,
-    /// Of what the judge uses besides: cavities, named states, frames of the links, and area and middle of the
-    /// measured surface.
+    /// Further inputs of the judge: cavities, named states, link frames, and area and centroid of the measured
+    /// surface.
     pub judging: String,
-    /// Of what is drawn: meshes and materials.
+    /// Rendering inputs: meshes and materials.
     pub looks: String,
 }
 
 impl ObjectModel {
-    /// All hashes of today's version. Takes milliseconds where textures are large; keep them.
+    /// All hashes of the current version. Large textures take milliseconds, so keep the result.
     pub fn hashes(&self) -> AssetHashes {
         AssetHashes { physics: self.physics_hash(), judging: self.judging_hash(), looks: self.looks_hash() }
     }
@@ -55,7 +55,7 @@ impl ObjectModel {
         bytes.finish()
     }
 
-    /// Whether a hash of any version that is still read is the one of these physics.
+    /// True if a hash of any supported version matches these physics.
     pub fn has_physics(&self, hash: &str) -> bool {
         match hash.split_once(':') {
             Some(("v1", digits)) => digits == self.physics_hash_v1(),
@@ -63,7 +63,7 @@ impl ObjectModel {
         }
     }
 
-    /// The physics hash of documents of version 1, without its prefix, to check them: it depends on the uid and not on
+    /// Version 1 of the physics hash, without its prefix, to verify old documents. It depends on the uid and ignores
     /// the rotation of joint frames.
     pub fn physics_hash_v1(&self) -> String {
         let mut text = format!("{} {}", self.card.uid, rounded(&[self.friction]));
@@ -109,7 +109,7 @@ fn rounded(values: &[f64]) -> String {
     values.iter().fold(String::new(), |text, value| text + &format!("{},", (value * PARTS).round() as i64))
 }
 
-/// Range, damping, friction and spring.
+/// Range, damping, friction and spring parameters.
 fn dynamics(joint: &Joint) -> [f64; 6] {
     let [least, most] = joint.range;
     [least, most, joint.damping, joint.friction_loss, joint.stiffness, joint.spring_reference]
@@ -119,7 +119,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Canonical bytes on their way into a hash.
+/// Hasher of canonical bytes.
 #[derive(Default)]
 pub(crate) struct Canonical(Sha256);
 
@@ -138,7 +138,7 @@ impl Canonical {
         }
     }
 
-    /// Numbers of single precision, to a millionth.
+    /// Single-precision numbers, quantised to 1e-6.
     fn singles(&mut self, values: &[f32]) {
         for value in values {
             self.0.update(((f64::from(*value) * 1e6).round() as i32).to_le_bytes());
@@ -167,6 +167,13 @@ impl Canonical {
         self.numbers(&turn.map(|value| sign * value));
     }
 
+    pub(crate) fn joint_kind(&mut self, kind: JointKind) {
+        self.whole(match kind {
+            JointKind::Revolute => 0,
+            JointKind::Prismatic => 1,
+        });
+    }
+
     fn physics(&mut self, link: &ObjectLink) {
         self.numbers(&[link.mass.mass_kg]);
         self.vector(&link.mass.center);
@@ -190,15 +197,12 @@ impl Canonical {
         });
     }
 
-    /// How a link hangs on its parent.
+    /// Kinematics of a link relative to its parent.
     fn frame(&mut self, joint: Option<&Joint>) {
         self.whole(u64::from(joint.is_some()));
         let Some(joint) = joint else { return };
         self.whole(joint.parent as u64);
-        self.whole(match joint.kind {
-            JointKind::Revolute => 0,
-            JointKind::Prismatic => 1,
-        });
+        self.joint_kind(joint.kind);
         self.pose(&joint.parent_from_joint);
         self.vector(&joint.axis);
     }
@@ -234,7 +238,7 @@ impl Canonical {
     fn looks(&mut self, link: &ObjectLink) {
         self.list(&link.visual, |bytes, part| {
             bytes.pose(&part.link_from_part);
-            bytes.mesh(&part.drawn);
+            bytes.mesh(&part.render_mesh);
             bytes.material(&part.material);
         });
     }
@@ -260,7 +264,7 @@ impl Canonical {
     }
 }
 
-/// Area and middle of a measured surface in the frame of its link.
+/// Area and centroid of a measured surface in its link's frame.
 fn surface(mesh: &TriMesh, link_from_part: &Pose) -> (f64, DVec3) {
     let area = mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
     (area, link_from_part.transform_point(mesh.centroid()))
@@ -275,8 +279,8 @@ mod tests {
     use super::*;
     use crate::{AssetRef, MassProperties, ObjectCard, Texture, VisualPart};
 
-    /// A thing with everything that can be hashed: a box with a lid, and one piece of every shape.
-    fn thing() -> ObjectModel {
+    /// A model with every hashed feature: a box with a lid, and one piece of every shape.
+    fn model_with_every_feature() -> ObjectModel {
         let mass =
             MassProperties { mass_kg: 0.3, center: DVec3::new(0.0, 0.01, 0.02), inertia: DMat3::IDENTITY * 0.001 };
         let mesh = TriMesh {
@@ -351,11 +355,11 @@ mod tests {
         Arc::make_mut(&mut part(model).mesh)
     }
 
-    fn drawn(model: &mut ObjectModel) -> &mut TriMesh {
-        Arc::make_mut(&mut part(model).drawn)
+    fn render_mesh(model: &mut ObjectModel) -> &mut TriMesh {
+        Arc::make_mut(&mut part(model).render_mesh)
     }
 
-    /// A change and the hashes it must change: physics, judging, looks; all others must stay.
+    /// A mutation and the hashes it must change (physics, judging, looks); the others must not.
     type Mutation = (&'static str, [bool; 3], fn(&mut ObjectModel));
 
     const PHYSICS: [bool; 3] = [true, false, false];
@@ -424,10 +428,10 @@ mod tests {
         ("surface place", SURFACE, |m| part(m).link_from_part.position.x = 0.1),
         ("no surface", SURFACE, |m| m.links[0].visual.clear()),
         ("triangles", JUDGING, |m| mesh(m).triangles.clear()),
-        ("drawn corner", LOOKS, |m| drawn(m).positions[1].x = 0.2),
-        ("drawn triangles", LOOKS, |m| drawn(m).triangles.clear()),
-        ("normal", LOOKS, |m| drawn(m).normals[0] = Vec3::X),
-        ("texture coordinate", LOOKS, |m| drawn(m).uvs[0] = Vec2::ONE),
+        ("rendered vertex", LOOKS, |m| render_mesh(m).positions[1].x = 0.2),
+        ("rendered triangles", LOOKS, |m| render_mesh(m).triangles.clear()),
+        ("normal", LOOKS, |m| render_mesh(m).normals[0] = Vec3::X),
+        ("texture coordinate", LOOKS, |m| render_mesh(m).uvs[0] = Vec2::ONE),
         ("colour", LOOKS, |m| part(m).material.base_color[2] = 0.4),
         ("roughness", LOOKS, |m| part(m).material.roughness = 0.6),
         ("metal", LOOKS, |m| part(m).material.metallic = 1.0),
@@ -443,9 +447,9 @@ mod tests {
 
     #[test]
     fn each_field_changes_the_hashes_of_what_depends_on_it() {
-        let before = thing().hashes();
+        let before = model_with_every_feature().hashes();
         for (what, expected, mutate) in MUTATIONS {
-            let mut model = thing();
+            let mut model = model_with_every_feature();
             mutate(&mut model);
             let after = model.hashes();
             let got = [before.physics != after.physics, before.judging != after.judging, before.looks != after.looks];
@@ -454,13 +458,13 @@ mod tests {
     }
 
     #[test]
-    fn the_old_hash_is_known_by_its_prefix() {
-        let mut model = thing();
+    fn version_1_hashes_are_recognised_by_their_prefix() {
+        let mut model = model_with_every_feature();
         let old = format!("v1:{}", model.physics_hash_v1());
         assert!(model.has_physics(&old) && model.has_physics(&model.physics_hash()));
-        assert!(!model.has_physics(&model.physics_hash_v1()), "a hash without a version is none");
+        assert!(!model.has_physics(&model.physics_hash_v1()), "a hash without a version prefix is invalid");
         joint(&mut model).parent_from_joint.rotation = DQuat::from_rotation_z(0.1);
-        assert!(model.has_physics(&old), "version 1 knew no rotation of joint frames");
+        assert!(model.has_physics(&old), "version 1 ignored the rotation of joint frames");
         model.card.uid = "008".into();
         assert!(!model.has_physics(&old), "version 1 depended on the uid");
     }

@@ -1,4 +1,4 @@
-//! Images with what is needed to place them in space, and what is asked of a camera.
+//! RGB-D images with camera parameters, and requests for them.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -6,41 +6,41 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Distortion, Intrinsics, Pose, Projection};
 
-/// One camera's image: what policies, depth perception and recorders speak.
+/// One camera image: the exchange type of policies, perception and recorders.
 ///
-/// All channels are row by row from the top left; one that was not asked for is empty.
+/// All channels are row-major from the top left; channels that were not requested are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RgbdImage {
-    /// Projection, at the size of this image.
+    /// Intrinsics at the size of this image.
     pub intrinsics: Intrinsics,
-    /// How the lens bent it; a pinhole without.
+    /// Lens distortion; `None` for a pinhole image.
     pub distortion: Option<Distortion>,
-    /// Where the camera was; x right, y down, z forward.
+    /// Camera pose; x right, y down, z forward.
     pub world_from_camera: Pose,
     /// Colour, 8-bit sRGB, three bytes per pixel.
     pub rgb: Vec<u8>,
-    /// Metres along the optical axis at the pixels' centres; where it is not positive and finite, nothing was seen.
+    /// Depth along the optical axis at pixel centres, metres; not positive or not finite where nothing was measured.
     pub depth_m: Vec<f32>,
-    /// What each pixel sees, by the renderer's instance ids; 0 where nothing was seen.
+    /// Instance id of each pixel as assigned by the renderer; 0 for background.
     pub ids: Vec<u16>,
-    /// Unit surface normals in the camera's frame times 127, towards the camera; zero where nothing was seen.
+    /// Unit surface normals in the camera frame times 127, towards the camera; zero for background.
     pub normals: Vec<[i8; 3]>,
-    /// Points in the world, metres, one per pixel; not a number where nothing was seen.
+    /// Points in the world frame, metres, one per pixel; NaN where there is no depth.
     pub points_m: Vec<[f32; 3]>,
 }
 
-/// What is asked of one camera.
+/// An image request for one camera.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraRequest {
     /// Name of the camera in the scenario.
     pub name: String,
-    /// Pixels per row and rows; `None` for the camera's own size.
+    /// Width and height; `None` for the camera's own size.
     ///
-    /// The whole image is resized: another aspect ratio gives pixels that are not square, as K says.
+    /// The whole image is resized: a different aspect ratio gives non-square pixels, as reflected in K.
     #[serde(default)]
     pub size: Option<[u32; 2]>,
-    /// What is wanted.
+    /// Requested channels.
     #[serde(default)]
     pub channels: ImageChannels,
 }
@@ -51,13 +51,13 @@ pub struct CameraRequest {
 pub struct ImageChannels {
     /// Colour.
     pub rgb: bool,
-    /// Distance along the optical axis.
+    /// Depth along the optical axis.
     pub depth: bool,
-    /// Which object each pixel sees: simulator truth, for privileged policies only.
+    /// Instance ids: simulator ground truth, for privileged policies only.
     pub ids: bool,
-    /// Which way the surface faces.
+    /// Surface normals.
     pub normals: bool,
-    /// The point in the world that each pixel sees.
+    /// World points.
     pub points: bool,
 }
 
@@ -88,7 +88,7 @@ impl CameraRequest {
 }
 
 impl RgbdImage {
-    /// A depth image alone.
+    /// A depth-only image.
     pub fn of_depth(intrinsics: Intrinsics, world_from_camera: Pose, depth_m: Vec<f32>) -> Self {
         Self {
             intrinsics,
@@ -102,23 +102,23 @@ impl RgbdImage {
         }
     }
 
-    /// Pixels per row.
+    /// Image width, pixels.
     pub fn width(&self) -> u32 {
         self.intrinsics.width
     }
 
-    /// Rows.
+    /// Image height, pixels.
     pub fn height(&self) -> u32 {
         self.intrinsics.height
     }
 
-    /// The camera that took the image.
+    /// Projection of the image's camera.
     pub fn projection(&self) -> Projection {
         let Self { intrinsics, distortion, world_from_camera, .. } = *self;
         Projection { intrinsics, distortion, world_from_camera }
     }
 
-    /// The point in the world that a pixel sees, by its index; `None` where nothing was seen or there is no depth.
+    /// World point of a pixel, by pixel index; `None` without valid depth.
     pub fn point(&self, index: usize) -> Option<DVec3> {
         let depth_m = *self.depth_m.get(index).filter(|depth_m| **depth_m > 0.0 && depth_m.is_finite())?;
         let width = (self.intrinsics.width as usize).max(1);
@@ -126,19 +126,19 @@ impl RgbdImage {
         self.projection().point(pixel, f64::from(depth_m))
     }
 
-    /// Where the image shows a point of the world, in pixels, which may lie outside of it; `None` behind the camera.
+    /// Pixel of a world point, which may lie outside the image; `None` behind the camera.
     pub fn pixel_of(&self, point: DVec3) -> Option<DVec2> {
         self.projection().pixel(point).map(|(pixel, _)| pixel)
     }
 
-    /// The same camera, without a channel.
+    /// The same camera without any channel.
     #[must_use]
     pub fn without_pixels(&self) -> Self {
         Self { distortion: self.distortion, ..Self::of_depth(self.intrinsics, self.world_from_camera, Vec::new()) }
     }
 
-    /// Depth alone, as a pinhole with the same K would have it, for those who look for obstacles; 0 where the lens showed
-    /// nothing of it.
+    /// Depth resampled to an undistorted pinhole image with the same K, for obstacle detection; 0 where the distorted
+    /// image has no data.
     #[must_use]
     pub fn pinhole_depth(&self) -> Self {
         let Some(lens) = self.distortion else {
@@ -156,7 +156,7 @@ impl RgbdImage {
         Self::of_depth(k, self.world_from_camera, (0..width * height).map(depth_at).collect())
     }
 
-    /// Fills in [`RgbdImage::points_m`] from the depth.
+    /// Fills [`RgbdImage::points_m`] from the depth.
     #[must_use]
     pub fn with_points(mut self) -> Self {
         let point = |index| self.point(index).map_or([f32::NAN; 3], |point| point.as_vec3().to_array());

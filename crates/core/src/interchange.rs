@@ -1,55 +1,54 @@
-//! Identical copies that stand for each other in a goal.
+//! Interchangeable copies of an asset in a goal.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{Atom, Goal, Task};
 
-/// Most instances that may stand for each other in one group: their orders are tried, 24 for four.
-pub const MOST_INTERCHANGEABLE: usize = 4;
+/// Maximum number of instances in a group; their permutations are enumerated (24 for four).
+pub const MAX_INTERCHANGEABLE: usize = 4;
 
-/// Most alternatives that a goal may have once every way to exchange copies is an alternative of its own; what is
-/// judged in every control step has to stay small.
-pub const MOST_ALTERNATIVES: usize = 96;
+/// Maximum number of goal alternatives after expanding the permutations; bounded because the goal is judged at every
+/// control step.
+pub const MAX_ALTERNATIVES: usize = 96;
 
-/// Why groups of interchangeable instances make no sense.
+/// Reason why groups of interchangeable instances are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InterchangeError {
-    /// A group of none, one, or too many.
-    #[error("a group of {got} interchangeable instances, expected 2 to {MOST_INTERCHANGEABLE}")]
+    /// A group of fewer than two or too many instances.
+    #[error("a group of {got} interchangeable instances, expected 2 to {MAX_INTERCHANGEABLE}")]
     Size {
-        /// Instances in the group.
+        /// Size of the group.
         got: usize,
     },
-    /// An id that is no node, or stands in the groups twice.
+    /// An unknown id, or an id listed twice.
     #[error("interchangeable instance `{id}` is {what}")]
     Instance {
         /// The id.
         id: String,
-        /// What is wrong with it.
+        /// The violation.
         what: &'static str,
     },
-    /// Two assets in one group.
+    /// Different assets in one group.
     #[error("`{first}` and `{second}` are made from different assets and cannot be exchanged")]
     Assets {
-        /// An id of the group.
+        /// First id of the group.
         first: String,
-        /// Another one.
+        /// Id with a different asset.
         second: String,
     },
-    /// The goal grows too large.
-    #[error("exchanging copies gives the goal {got} alternatives, expected at most {MOST_ALTERNATIVES}")]
+    /// Too many alternatives after expansion.
+    #[error("exchanging copies gives the goal {got} alternatives, expected at most {MAX_ALTERNATIVES}")]
     Alternatives {
-        /// How many there would be.
+        /// Number of alternatives.
         got: usize,
     },
 }
 
 impl Task {
-    /// The goal as it is judged: every way to exchange interchangeable copies is an alternative of its own.
+    /// The goal expanded by every permutation of interchangeable copies.
     ///
-    /// The alternatives as they were written come first; without interchangeable copies there are no others.
-    /// A verdict then names the instances that satisfied it.
+    /// The alternatives as written come first, so that a verdict names the instances that satisfied the goal.
     pub fn judged_goal(&self) -> Cow<'_, Goal> {
         if self.interchangeable.is_empty() {
             return Cow::Borrowed(&self.goal);
@@ -69,17 +68,17 @@ impl Task {
     /// Checks the groups of interchangeable instances.
     ///
     /// # Errors
-    /// [`InterchangeError`] with the first thing that is wrong.
+    /// [`InterchangeError`] with the first violation.
     pub fn check_interchangeable(&self) -> Result<(), InterchangeError> {
         let mut seen = BTreeSet::new();
         for group in &self.interchangeable {
-            if !(2..=MOST_INTERCHANGEABLE).contains(&group.len()) {
+            if !(2..=MAX_INTERCHANGEABLE).contains(&group.len()) {
                 return Err(InterchangeError::Size { got: group.len() });
             }
             for id in group {
                 let refused = |what| Err(InterchangeError::Instance { id: id.clone(), what });
                 if self.scene_graph.index_of(id).is_none() {
-                    return refused("no node of the scene");
+                    return refused("not a node of the scene");
                 }
                 if !seen.insert(id) {
                     return refused("listed twice");
@@ -91,7 +90,7 @@ impl Task {
             }
         }
         let exchanges: usize = self.goal.alternatives.iter().map(|atoms| count(&self.interchangeable, atoms)).sum();
-        if exchanges > MOST_ALTERNATIVES {
+        if exchanges > MAX_ALTERNATIVES {
             return Err(InterchangeError::Alternatives { got: exchanges });
         }
         Ok(())
@@ -99,7 +98,7 @@ impl Task {
 }
 
 impl Atom {
-    /// Ids of the instances that the condition is about, the one that is tested first.
+    /// Ids of the instances in the condition, the subject first.
     pub fn ids(&self) -> impl Iterator<Item = &str> {
         let (subject, reference, second) = match self {
             Self::Relation { subject, reference, second_reference, .. } => {
@@ -110,7 +109,7 @@ impl Atom {
         std::iter::once(subject).chain(reference).chain(second).map(String::as_str)
     }
 
-    /// The condition on other instances; those that are not in the table stay.
+    /// The condition with instances renamed; ids missing from the table are kept.
     #[must_use]
     pub fn renamed(&self, other: &BTreeMap<&str, &str>) -> Self {
         let new = |id: &String| other.get(id.as_str()).map_or_else(|| id.clone(), |id| (*id).to_owned());
@@ -126,25 +125,25 @@ impl Atom {
     }
 }
 
-/// Members of each group that the conditions are about, with the whole group.
+/// Members of each group that occur in the conditions, with the whole group.
 fn concerned<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<(Vec<&'g str>, &'g [String])> {
     let is_meant = |id: &&str| atoms.iter().flat_map(Atom::ids).any(|other| other == *id);
     groups.iter().map(|group| (group.iter().map(String::as_str).filter(is_meant).collect(), group.as_slice())).collect()
 }
 
-/// In how many ways copies can stand for those that the conditions are about.
+/// Number of substitutions of copies for the instances in the conditions.
 fn count(groups: &[Vec<String>], atoms: &[Atom]) -> usize {
     let ways =
         |(meant, group): &(Vec<&str>, &[String])| (0..meant.len()).map(|taken| group.len() - taken).product::<usize>();
     concerned(groups, atoms).iter().map(ways).product()
 }
 
-/// All ways to let copies stand for those that the conditions are about, the identity first.
+/// All substitutions of copies for the instances in the conditions, the identity first.
 fn exchanges<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<BTreeMap<&'g str, &'g str>> {
     let mut all = vec![BTreeMap::new()];
     for (meant, group) in concerned(groups, atoms) {
         for id in meant {
-            // What stood for itself comes first.
+            // The identity comes first.
             let own = group.iter().filter(|other| *other == id);
             let others: Vec<&str> = own.chain(group.iter().filter(|other| *other != id)).map(String::as_str).collect();
             let with = |so_far: BTreeMap<&'g str, &'g str>| {
@@ -189,7 +188,7 @@ mod tests {
         task
     }
 
-    /// Alternatives in words.
+    /// The expanded alternatives as text.
     fn judged(task: &Task) -> Vec<String> {
         let words = |atoms: &Vec<Atom>| atoms.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         task.judged_goal().alternatives.iter().map(words).collect()
@@ -213,7 +212,7 @@ mod tests {
                 &[&["1", "1#2"]],
                 &["1 on 8, 1#2 on 8#2", "1#2 on 8, 1 on 8#2"],
             ),
-            // What two alternatives have in common is judged once.
+            // Duplicate alternatives are judged once.
             (vec![vec![on("1", "8")], vec![on("1#2", "8")]], &[&["1", "1#2"]], &["1 on 8", "1#2 on 8"]),
         ] {
             let task = task(&ids, goal, groups);
@@ -223,12 +222,12 @@ mod tests {
     }
 
     #[test]
-    fn groups_that_make_no_sense_are_refused() {
+    fn invalid_groups_are_refused() {
         let ids = ["1", "1#2", "1#3", "1#4", "1#5", "8", "8#2", "8#3", "8#4"];
         for (groups, expected) in [
             (&[&["1"][..]][..], "a group of 1"),
             (&[&["1", "1#2", "1#3", "1#4", "1#5"]], "a group of 5"),
-            (&[&["1", "7"]], "`7` is no node"),
+            (&[&["1", "7"]], "`7` is not a node"),
             (&[&["1", "1"]], "`1` is listed twice"),
             (&[&["1", "1#2"], &["1#2", "1#3"]], "`1#2` is listed twice"),
             (&[&["1", "8"]], "different assets"),

@@ -6,12 +6,12 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Pinhole intrinsics, pixels.
+/// Pinhole intrinsics, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Intrinsics {
-    /// Pixels per row.
+    /// Image width.
     pub width: u32,
-    /// Rows.
+    /// Image height.
     pub height: u32,
     /// Focal length along x.
     pub fx: f64,
@@ -24,13 +24,13 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Square pixels, principal point in the middle, the given vertical field of view in radians.
+    /// Square pixels, centred principal point, vertical field of view in rad.
     pub fn from_vertical_fov(width: u32, height: u32, vertical_fov: f64) -> Self {
         let f = f64::from(height) / 2.0 / (vertical_fov / 2.0).tan();
         Self { width, height, fx: f, fy: f, cx: (f64::from(width) - 1.0) / 2.0, cy: (f64::from(height) - 1.0) / 2.0 }
     }
 
-    /// As [`Intrinsics::from_vertical_fov`], from the horizontal field of view in radians.
+    /// As [`Intrinsics::from_vertical_fov`], from the horizontal field of view in rad.
     pub fn from_horizontal_fov(width: u32, height: u32, horizontal_fov: f64) -> Self {
         let f = f64::from(width) / 2.0 / (horizontal_fov / 2.0).tan();
         Self { fx: f, fy: f, ..Self::from_vertical_fov(width, height, 1.0) }
@@ -46,13 +46,13 @@ impl Intrinsics {
         2.0 * (f64::from(self.width) / 2.0 / self.fx).atan()
     }
 
-    /// Pixel of a point in the camera's frame; `None` behind the camera.
+    /// Projects a point of the camera frame to a pixel; `None` behind the camera.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         (point.z > 1e-9)
             .then(|| DVec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy))
     }
 
-    /// Point in the camera's frame seen at a pixel with a depth along the optical axis, metres.
+    /// Unprojects a pixel to a point of the camera frame; `depth_m` is along the optical axis.
     ///
     /// ```
     /// use genmanip_core::{Intrinsics, glam::DVec3};
@@ -65,7 +65,7 @@ impl Intrinsics {
         DVec3::new((pixel.x - self.cx) / self.fx * depth_m, (pixel.y - self.cy) / self.fy * depth_m, depth_m)
     }
 
-    /// The same view at another size.
+    /// Intrinsics after resizing the image.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
@@ -79,9 +79,9 @@ impl Intrinsics {
         }
     }
 
-    /// As much of the same view as fills another size with pixels of the same shape.
+    /// Intrinsics after scaling to fill another size and centre-cropping, with pixels of the same shape.
     ///
-    /// Where the ratio of the sides changes, two opposite edges are cut off; [`Intrinsics::resized`] would stretch.
+    /// [`Intrinsics::resized`] stretches instead when the aspect ratio changes.
     #[must_use]
     pub fn filling(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));

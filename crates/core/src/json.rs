@@ -1,4 +1,4 @@
-//! Strict JSON: as the standard has it, and every key of an object once.
+//! Strict JSON: standard syntax, no duplicate keys, bounded memory.
 
 use std::cell::Cell;
 use std::fmt;
@@ -9,31 +9,30 @@ use serde_json::{Map, Number, Value};
 
 use crate::DocumentError;
 
-/// The value that a text stands for.
+/// Parses a JSON text.
 ///
 /// # Errors
-/// [`DocumentError::NotJson`] with line, column and what to do, also for a key that stands twice in one object: which of
-/// the two counts is left open by the standard, so programs would read different documents; and for a text of so many
-/// small values that they would take more memory than any document needs.
+/// [`DocumentError::NotJson`] with line, column and a hint for a syntax error; for a duplicate key (the standard
+/// leaves open which one counts, so programs would read different documents); and for a text whose values exceed the
+/// memory budget.
 ///
 /// ```
 /// assert!(genmanip_core::json::parse(r#"{"seed": 1}"#).is_ok());
 /// let error = genmanip_core::json::parse(r#"{"seed": 1, "seed": 2}"#).unwrap_err();
-/// assert!(error.to_string().contains("key `seed` stands twice"));
+/// assert!(error.to_string().contains("key `seed` occurs twice"));
 /// ```
 pub fn parse(text: &str) -> Result<Value, DocumentError> {
-    let room = Room::new();
-    read(serde_json::Deserializer::from_str(text), text, Unique { room: &room })
+    let budget = MemoryBudget::new();
+    read(serde_json::Deserializer::from_str(text), text, UniqueKeys { budget: &budget })
 }
 
-/// The value that the text of a document of `schema` stands for, without the list that it has at `key`: each of its
-/// entries is handed over as soon as it is read.
+/// Parses a document of `schema` without the list at `key`: every entry of the list is passed to `take` as soon as it
+/// is parsed.
 ///
-/// A document whose schema is another, or does not come before the list, keeps the list; nothing is handed over then.
+/// If the schema differs or follows the list, the list stays in the returned value and `take` is not called.
 ///
 /// # Errors
-/// As [`parse`], where every entry may take as much memory as a whole text may there; and those of `take`, which gets the
-/// index of the entry and the entry.
+/// As [`parse`], with one memory budget per entry; and errors of `take`, which receives the entry's index and value.
 pub(crate) fn parse_listing(
     text: &str,
     schema: &str,
@@ -43,13 +42,13 @@ pub(crate) fn parse_listing(
     list(serde_json::Deserializer::from_str(text), text, schema, key, take)
 }
 
-/// The first bytes of a file by which it is told what it is instead of JSON.
+/// Length of the file prefix that is inspected to tell which format a non-JSON file has, bytes.
 const HEAD: u64 = 4 << 10;
 
-/// As [`parse_listing`], of a text that is read piece by piece.
+/// As [`parse_listing`], reading the text incrementally.
 ///
 /// # Errors
-/// As [`parse_listing`]; what the reader says stands in [`DocumentError::NotJson`].
+/// As [`parse_listing`]; read errors become [`DocumentError::NotJson`].
 pub(crate) fn read_listing(
     mut reader: impl io::Read,
     schema: &str,
@@ -58,13 +57,13 @@ pub(crate) fn read_listing(
 ) -> Result<Value, DocumentError> {
     let mut head = Vec::new();
     io::Read::read_to_end(&mut io::Read::take(&mut reader, HEAD), &mut head).map_err(|error| {
-        DocumentError::NotJson { line: 1, column: 1, message: error.to_string(), hint: "check that the disk is sound" }
+        DocumentError::NotJson { line: 1, column: 1, message: error.to_string(), hint: "check the disk for errors" }
     })?;
     let whole = io::Read::chain(head.as_slice(), reader);
     list(serde_json::Deserializer::from_reader(whole), &String::from_utf8_lossy(&head), schema, key, take)
 }
 
-/// Reads an object with a list; `text` is how the text begins.
+/// Parses an object with a list; `text` is a prefix of the input.
 fn list<'de, R: serde_json::de::Read<'de>>(
     reader: serde_json::Deserializer<R>,
     text: &str,
@@ -72,15 +71,15 @@ fn list<'de, R: serde_json::de::Read<'de>>(
     key: &str,
     take: &mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
 ) -> Result<Value, DocumentError> {
-    let room = Room::new();
+    let budget = MemoryBudget::new();
     if !text.trim_start().starts_with('{') {
-        return read(reader, text, Unique { room: &room });
+        return read(reader, text, UniqueKeys { budget: &budget });
     }
     let mut refused = None;
     let value = read(reader, text, Listing { schema, key, take, refused: &mut refused });
     match (refused, value) {
         (Some(error), _) => Err(error),
-        // Within an object, only the list must be of one type.
+        // The list is the only value of an object with a fixed type.
         (None, Err(DocumentError::NotJson { message, .. })) if message.starts_with("invalid type") => {
             Err(DocumentError::Invalid { path: format!("$.{key}"), message })
         }
@@ -88,7 +87,7 @@ fn list<'de, R: serde_json::de::Read<'de>>(
     }
 }
 
-/// Reads all that there is; `text` is how it begins.
+/// Parses the whole input; `text` is a prefix of it.
 fn read<'de, R: serde_json::de::Read<'de>, S: DeserializeSeed<'de, Value = Value>>(
     mut reader: serde_json::Deserializer<R>,
     text: &str,
@@ -103,10 +102,10 @@ fn read<'de, R: serde_json::de::Read<'de>, S: DeserializeSeed<'de, Value = Value
     })
 }
 
-/// The text of a file that should be JSON.
+/// Decodes the bytes of a JSON file as UTF-8.
 ///
 /// # Errors
-/// [`DocumentError::NotJson`] when it is no UTF-8, with the place of the first byte that is not.
+/// [`DocumentError::NotJson`] with the position of the first invalid byte.
 pub fn text(bytes: &[u8]) -> Result<&str, DocumentError> {
     std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
@@ -122,7 +121,7 @@ pub fn text(bytes: &[u8]) -> Result<&str, DocumentError> {
     })
 }
 
-/// What most likely is wrong with a text that is not JSON.
+/// Likely cause of a syntax error.
 fn hint(text: &str, error: &serde_json::Error) -> &'static str {
     if text.trim().is_empty() {
         "the file is empty"
@@ -132,31 +131,31 @@ fn hint(text: &str, error: &serde_json::Error) -> &'static str {
         "the file holds zero bytes; is it binary, or UTF-16? save it as UTF-8"
     } else if error.is_eof() {
         "the file ends too early; was it cut off while it was copied or written?"
-    } else if error.to_string().contains("stands twice") {
+    } else if error.to_string().contains("occurs twice") {
         "keep one of the two"
     } else if error.to_string().contains(TOO_MANY) {
-        "expected a document with fewer values; is it what it should be?"
+        "expected a document with fewer values; is it the right file?"
     } else {
         "JSON has no NaN, no infinity, no comments and no trailing commas"
     }
 }
 
-/// Memory that the values of one text may take, bytes: with what a growing list needs besides and the text itself, it
-/// stays below the 1 GB that any reader may need.
-const MOST_BYTES: usize = 256 << 20;
+/// Memory budget for the values of one text, bytes. Together with the text and the growth of lists, reading stays
+/// below 1 GB.
+const MAX_BYTES: usize = 256 << 20;
 const TOO_MANY: &str = "so many values that they need more than 256 MiB of memory";
-/// What a value takes in a list, and in an object beside the bytes of its key (its hash, its key and itself).
+/// Size of a list item, and of an object entry without the bytes of its key (hash, key and value).
 const ITEM: usize = size_of::<Value>();
 const ENTRY: usize = size_of::<(usize, String, Value)>() + size_of::<usize>();
-/// Entries for which the first one makes room.
+/// Capacity that a collection reserves for its first entry.
 const FIRST: usize = 4;
 
-/// Counts the memory that is left for values.
-struct Room(Cell<usize>);
+/// Memory left for values, bytes.
+struct MemoryBudget(Cell<usize>);
 
-impl Room {
+impl MemoryBudget {
     fn new() -> Self {
-        Self(Cell::new(MOST_BYTES))
+        Self(Cell::new(MAX_BYTES))
     }
 
     fn take<E: Error>(&self, bytes: usize) -> Result<(), E> {
@@ -165,13 +164,13 @@ impl Room {
     }
 }
 
-/// Reads any value and refuses a key that stands twice.
+/// Parses any value and rejects duplicate keys.
 #[derive(Clone, Copy)]
-struct Unique<'a> {
-    room: &'a Room,
+struct UniqueKeys<'a> {
+    budget: &'a MemoryBudget,
 }
 
-impl<'de> DeserializeSeed<'de> for Unique<'_> {
+impl<'de> DeserializeSeed<'de> for UniqueKeys<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
@@ -179,7 +178,7 @@ impl<'de> DeserializeSeed<'de> for Unique<'_> {
     }
 }
 
-impl<'de> Visitor<'de> for Unique<'_> {
+impl<'de> Visitor<'de> for UniqueKeys<'_> {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -217,7 +216,7 @@ impl<'de> Visitor<'de> for Unique<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         let mut array = Vec::new();
         while let Some(item) = items.next_element_seed(self)? {
-            self.room.take(if array.is_empty() { FIRST * ITEM } else { ITEM })?;
+            self.budget.take(if array.is_empty() { FIRST * ITEM } else { ITEM })?;
             array.push(item);
         }
         Ok(Value::Array(array))
@@ -226,27 +225,27 @@ impl<'de> Visitor<'de> for Unique<'_> {
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
         while let Some(key) = next_key(&map, &mut entries)? {
-            self.room.take(key.len() + if map.is_empty() { FIRST * ENTRY } else { ENTRY })?;
+            self.budget.take(key.len() + if map.is_empty() { FIRST * ENTRY } else { ENTRY })?;
             map.insert(key, entries.next_value_seed(self)?);
         }
         Ok(Value::Object(map))
     }
 }
 
-/// The next key, which must be a new one.
+/// The next key; an error if it is a duplicate.
 fn next_key<'de, A: MapAccess<'de>>(map: &Map<String, Value>, entries: &mut A) -> Result<Option<String>, A::Error> {
     match entries.next_key::<String>()? {
-        Some(key) if map.contains_key(&key) => Err(A::Error::custom(format_args!("key `{key}` stands twice"))),
+        Some(key) if map.contains_key(&key) => Err(A::Error::custom(format_args!("key `{key}` occurs twice"))),
         key => Ok(key),
     }
 }
 
-/// Reads an object of a schema whose list is handed over entry by entry.
+/// Parses an object of a schema and streams its list entry by entry.
 struct Listing<'a> {
     schema: &'a str,
     key: &'a str,
     take: &'a mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
-    /// Why an entry was not taken.
+    /// Error returned by `take`.
     refused: &'a mut Option<DocumentError>,
 }
 
@@ -266,15 +265,15 @@ impl<'de> Visitor<'de> for Listing<'_> {
     }
 
     fn visit_map<A: MapAccess<'de>>(mut self, mut entries: A) -> Result<Value, A::Error> {
-        let room = Room::new();
+        let budget = MemoryBudget::new();
         let mut map = Map::new();
         while let Some(key) = next_key(&map, &mut entries)? {
             let is_listed = key == self.key && map.get("schema").is_some_and(|schema| schema == self.schema);
-            room.take(key.len() + ENTRY)?;
+            budget.take(key.len() + ENTRY)?;
             let value = if is_listed {
                 entries.next_value_seed(Entries(&mut self))?
             } else {
-                entries.next_value_seed(Unique { room: &room })?
+                entries.next_value_seed(UniqueKeys { budget: &budget })?
             };
             map.insert(key, value);
         }
@@ -282,7 +281,7 @@ impl<'de> Visitor<'de> for Listing<'_> {
     }
 }
 
-/// The entries of that list; the value is an empty one.
+/// Streams the entries of the list; its own value is an empty list.
 struct Entries<'a, 'b>(&'a mut Listing<'b>);
 
 impl<'de> DeserializeSeed<'de> for Entries<'_, '_> {
@@ -302,8 +301,8 @@ impl<'de> Visitor<'de> for Entries<'_, '_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         for index in 0.. {
-            let room = Room::new();
-            let Some(entry) = items.next_element_seed(Unique { room: &room })? else { break };
+            let budget = MemoryBudget::new();
+            let Some(entry) = items.next_element_seed(UniqueKeys { budget: &budget })? else { break };
             if let Err(error) = (self.0.take)(index, entry) {
                 *self.0.refused = Some(error);
                 return Err(A::Error::custom("an entry is not as expected"));
@@ -319,7 +318,7 @@ mod tests {
     use crate::DocumentError;
 
     #[test]
-    fn what_is_json_reads_as_everywhere() {
+    fn valid_json_parses_as_with_serde() {
         for text in ["null", "[1, -2, 2.5, 1e300, true, \"ä\\n\", {}]", r#"{"a": {"a": [18446744073709551615]}}"#] {
             assert_eq!(parse(text).unwrap(), serde_json::from_str::<serde_json::Value>(text).unwrap());
         }
@@ -327,7 +326,7 @@ mod tests {
 
     #[test]
     fn many_small_values_are_refused_before_they_fill_the_memory() {
-        // What costs most per byte of text: values that each take some hundred bytes.
+        // Worst case per byte of text: small values that each take about a hundred bytes.
         for unit in ["[0],", "{\"a\":0},", "0,"] {
             let text = format!("[{}0]", unit.repeat((16 << 20) / unit.len()));
             let Err(DocumentError::NotJson { message, hint, .. }) = parse(&text) else { panic!("{unit} was read") };
@@ -338,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_json_is_told_with_its_place_and_a_fitting_hint() {
+    fn syntax_errors_carry_their_position_and_a_hint() {
         let cases = [
             ("", 1, "empty"),
             (" \n ", 2, "empty"),

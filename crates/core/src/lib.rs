@@ -1,10 +1,10 @@
-//! The vocabulary of GenManip: what a task, an object, a robot, a scenario, a policy and a verdict *are*.
+//! The shared data types of GenManip: tasks, objects, robots, scenarios, policies and verdicts.
 //!
-//! Everything here is a plain value with a documented unit and frame.
-//! The crate does no IO, knows no simulator and draws no picture; every other crate speaks through these types.
+//! Every type is a plain value with a documented unit and frame.
+//! The crate performs no IO, knows no simulator and renders nothing; the other crates exchange these types.
 //!
 //! World frame = robot base frame: +x away from the robot over the table, +y to the robot's left, +z up.
-//! Metres, radians, seconds, kilograms and newtons everywhere; a unit is in a name only where SI is not obvious.
+//! SI units (m, rad, s, kg, N) throughout; names carry a unit only where it is not obvious.
 //!
 //! ```
 //! use genmanip_core::{Pose, Seed, glam::DVec3};
@@ -13,7 +13,7 @@
 //! let handle_in_world = world_from_mug.transform_point(DVec3::new(0.05, 0.0, 0.04));
 //! assert!((handle_in_world - DVec3::new(0.5, 0.15, 0.04)).length() < 1e-12);
 //!
-//! // Labelled sub-streams: one more draw for the layout changes nothing about the grasps.
+// Labelled sub-streams: an additional draw for the layout does not change the grasps.
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 
@@ -53,8 +53,8 @@ pub mod world;
 pub use glam;
 
 pub use action::{
-    ActionContract, ActionFrame, ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, GripperEncoding,
-    GripperSpec, RotationEncoding,
+    ActionContract, ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec,
+    Interpolation, RotationEncoding,
 };
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount};
@@ -62,19 +62,19 @@ pub use distortion::Distortion;
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_from_reader, long_to_json, write_tagged};
 pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase,
-    NotRun, ObjectState, StrayContact,
+    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame,
+    GripperPhase, NotRun, ObjectState, StrayContact,
 };
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
-pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
+pub use interchange::{InterchangeError, MAX_ALTERNATIVES, MAX_INTERCHANGEABLE};
 pub use intrinsics::Intrinsics;
 pub use look::{Look, Vary};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{
-    Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,
+    Annotations, CavitySize, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel,
 };
 pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;

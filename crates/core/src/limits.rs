@@ -1,14 +1,14 @@
-//! How large the files are that a person may hand to the program: every reader's bound, in one place.
+//! Maximum sizes of input files, for every reader.
 //!
-//! All bounds are chosen: several times the largest file of that kind that is of use, and small enough that a reader
-//! needs at most 1 GB and 10 s for anything of that size; `genmanip-lab hostile` measures it.
+//! The limits are several times the largest useful file of each kind, and small enough that reading takes at most 1 GB
+//! of memory and 10 s; `genmanip-lab hostile` measures it.
 
-/// The largest file of a kind that is read.
+/// Maximum size of one kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limit {
-    /// What such a file is, with its article: `a task`.
+    /// Kind of file, with its article: `a task`.
     pub what: &'static str,
-    /// Bytes.
+    /// Limit, bytes.
     pub bytes: u64,
 }
 
@@ -21,8 +21,8 @@ impl Limit {
         Self::kib(what, mib << 10)
     }
 
-    /// The bound as people write it, e.g. `16 MiB`.
-    pub fn in_words(self) -> String {
+    /// Human-readable size, e.g. `16 MiB`.
+    pub fn human_readable(self) -> String {
         match self.bytes {
             0..=1023 => format!("{} bytes", self.bytes),
             1024..=0xf_ffff => format!("{} KiB", self.bytes >> 10),
@@ -31,11 +31,11 @@ impl Limit {
     }
 }
 
-/// A task document or a recorded answer; those of the examples are below 20 KiB.
+/// A task document or a recorded answer; the examples are below 20 KiB.
 pub const TASK: Limit = Limit::mib("a task or recorded answer", 4);
-/// A scenario, with its world; usual ones are below 100 KiB.
+/// A scenario with its world; typically below 100 KiB.
 pub const SCENARIO: Limit = Limit::mib("a scenario", 8);
-/// A world, TOML or JSON, below 20 KiB; tables in TOML take some 400 times their size in memory.
+/// A world, TOML or JSON, typically below 20 KiB; TOML tables take about 400 times their size in memory.
 pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.
 pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
@@ -43,22 +43,22 @@ pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
 pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
 /// Settings of a language model, TOML.
 pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
-/// A prompt of a language model, or a schema of its answers; those of the program are below 20 KiB.
+/// A prompt for a language model, or a schema of its answers; the built-in ones are below 20 KiB.
 pub const PROMPT: Limit = Limit::mib("a prompt", 1);
-/// A recorded exchange with a model or service; of an image it holds a hash only.
+/// A recorded exchange with a model or service; images are stored as hashes.
 pub const CASSETTE: Limit = Limit::mib("a cassette", 32);
-/// `run.json`: all tasks of a run, 9 KiB each. It is read task by task, 64 MiB/s or faster: a longer one takes longer
-/// and no more memory.
+/// `run.json`: all tasks of a run, 9 KiB each. It is streamed task by task at 64 MiB/s or faster, so a longer file
+/// takes more time but no more memory.
 pub const RUN: Limit = Limit::mib("the record of a run", 16 << 10);
-/// Most tasks of a run: their names are held, 100 bytes each.
+/// Maximum number of tasks of a run; their names are held in memory, 100 bytes each.
 pub const TASKS: usize = 1_000_000;
-/// Most entries of any other list that is read one by one, however small they are.
+/// Maximum number of entries of any other streamed list, however small the entries are.
 pub const ENTRIES: usize = 100_000;
-/// `suite.json` and the record of its review, 10 KiB per scenario.
+/// `suite.json` and its review record, 10 KiB per scenario.
 pub const SUITE: Limit = Limit::mib("the list of a suite", 192);
 /// A chunk of a zarr array.
 pub const CHUNK: Limit = Limit::mib("a chunk of an array", 192);
-/// The list of what a call has finished, 100 to 500 bytes each.
+/// The ledger of finished work items of a command, 100 to 500 bytes each.
 pub const LEDGER: Limit = Limit::mib("the list of what is finished", 192);
 /// The index of a run's episodes, 500 bytes to 1 KiB each.
 pub const INDEX: Limit = Limit::mib("the index of a run", 192);
@@ -66,37 +66,37 @@ pub const INDEX: Limit = Limit::mib("the index of a run", 192);
 pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
 /// A results file of an evaluation, 3 to 5 KiB per episode.
 pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
-/// The identity of an evaluation that is under way.
+/// The identity of an evaluation in progress.
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
-/// Results of an evaluation that is under way, one per line.
+/// Results of an evaluation in progress, one per line.
 pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 192);
-/// Longest line of those results: a result names every condition of its goal.
+/// Maximum length of a line of those results; a result lists every condition of its goal.
 pub const RESULT_LINE: Limit = Limit::mib("a result", 1);
-/// Tried grasps; those of the catalogue take 1 MiB.
+/// Tried grasps; the catalogue's take 1 MiB.
 pub const GRASPS: Limit = Limit::mib("a file of tried grasps", 16);
 /// Motion problems, 500 bytes to 3 KiB each.
 pub const PROBLEMS: Limit = Limit::mib("a file of motion problems", 16);
 /// Recorded relation cases.
 pub const CASES: Limit = Limit::mib("a file of recorded cases", 16);
-/// The clouds of recorded cases.
+/// Point clouds of recorded cases.
 pub const CLOUDS: Limit = Limit::mib("an archive of clouds", 64);
 /// Trials of grasps, one per line.
 pub const TRIALS: Limit = Limit::mib("a file of trials", 64);
-/// Families of objects; the largest built-in file is 60 KiB.
+/// Object families; the largest built-in file is 60 KiB.
 pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
 /// URDF or SRDF text.
 pub const ROBOT: Limit = Limit::mib("a robot description", 8);
-/// A mesh of a robot, STL or OBJ.
+/// A robot mesh, STL or OBJ.
 pub const MESH: Limit = Limit::mib("a mesh", 32);
-/// URDF or MJCF text of an object to import, or a GLB's or OBJ's list of materials.
+/// URDF or MJCF text of an object to import, or the material list of a GLB or OBJ.
 pub const IMPORTED_DESCRIPTION: Limit = Limit::mib("a description of an object to import", 8);
-/// A mesh to import: OBJ text takes 60 bytes per triangle, so more than the 400,000 triangles that are read.
+/// A mesh to import: OBJ text takes 60 bytes per triangle, so this exceeds the limit of 400,000 triangles.
 pub const IMPORTED_MESH: Limit = Limit::mib("a mesh to import", 64);
-/// A texture to import, as the picture file that it is.
-pub const IMPORTED_PICTURE: Limit = Limit::mib("a picture to import", 32);
-/// The list of a pack of imported objects, 1 to 4 KiB each.
-pub const PACK: Limit = Limit::mib("the list of a pack", 64);
-/// An imported object of a pack: at most 16 textures of 512 x 512 and 24,000 corners.
+/// A texture to import, as an encoded image file.
+pub const IMPORTED_PICTURE: Limit = Limit::mib("an image to import", 32);
+/// The index of a pack of imported objects, 1 to 4 KiB per object.
+pub const PACK: Limit = Limit::mib("the index of a pack", 64);
+/// An imported object of a pack: at most 16 textures of 512 x 512 and 24,000 vertices.
 pub const PACK_OBJECT: Limit = Limit::mib("an object of a pack", 32);
 /// `NAME/assets/UID.json.gz` of a frozen suite.
 pub const FROZEN_ASSET: Limit = Limit::mib("an object of a frozen suite", 8);
@@ -104,21 +104,21 @@ pub const FROZEN_ASSET: Limit = Limit::mib("an object of a frozen suite", 8);
 pub const STORE_MARK: Limit = Limit::kib("the mark of an episode store", 64);
 /// `episode.json` and `files.json` in a store.
 pub const EPISODE_RECORD: Limit = Limit::mib("the record of an episode", 4);
-/// The frames of an episode: 60 Hz, about 1 KiB per frame, ten minutes and more.
+/// The frames of an episode: 60 Hz, about 1 KiB per frame, ten minutes or more.
 pub const FRAMES: Limit = Limit::mib("the frames of an episode", 128);
 /// A physics state of an episode.
 pub const STATE: Limit = Limit::mib("a physics state", 16);
-/// A file kept beside an episode, such as one camera's depth images: half an hour at 10 images of 512×288 per second;
-/// they are cut into images while the file is still held.
-pub const ATTACHMENT: Limit = Limit::mib("a file kept beside an episode", 256);
+/// A file attached to an episode, such as one camera's depth images: half an hour at 10 images of 512×288 per second,
+/// split into images while the file is in memory.
+pub const ATTACHMENT: Limit = Limit::mib("a file attached to an episode", 256);
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn bounds_are_written_as_people_do() {
-        assert_eq!((TASK.in_words().as_str(), STORE_MARK.in_words().as_str()), ("4 MiB", "64 KiB"));
-        assert_eq!(Limit { what: "a note", bytes: 7 }.in_words(), "7 bytes");
+    fn limits_are_human_readable() {
+        assert_eq!((TASK.human_readable().as_str(), STORE_MARK.human_readable().as_str()), ("4 MiB", "64 KiB"));
+        assert_eq!(Limit { what: "a note", bytes: 7 }.human_readable(), "7 bytes");
     }
 }

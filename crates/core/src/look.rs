@@ -1,11 +1,11 @@
-//! How a world is drawn differently from the usual: which parts of the picture, how much, and by which chance.
+//! Appearance randomisation of a world: factors, strength and seed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Seed;
 
-/// A look of a world that is drawn by chance; the renderer knows what each part may become.
+/// Appearance randomisation of a world; the renderer defines the range of each factor.
 ///
 /// ```
 /// use genmanip_core::{Look, Seed, Vary};
@@ -15,52 +15,52 @@ use crate::Seed;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Where the chance comes from.
+    /// Seed of the randomisation.
     pub seed: Seed,
-    /// What differs from the usual look.
+    /// Randomised factors.
     pub vary: Vec<Vary>,
-    /// How far it may differ: 1 for all that can still be told, 0 for nothing.
-    #[serde(default = "whole", skip_serializing_if = "is_whole")]
+    /// Strength of the randomisation: 0 is the default appearance, 1 the full range.
+    #[serde(default = "full_strength", skip_serializing_if = "is_full_strength")]
     pub strength: f64,
 }
 
 impl Look {
-    /// A look as different as can be.
+    /// Full-strength randomisation of the given factors.
     pub fn new(seed: Seed, vary: Vec<Vary>) -> Self {
-        Self { seed, vary, strength: whole() }
+        Self { seed, vary, strength: full_strength() }
     }
 }
 
-fn whole() -> f64 {
+fn full_strength() -> f64 {
     1.0
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, clippy::float_cmp, reason = "what serde asks for; exactly the default")]
-fn is_whole(strength: &f64) -> bool {
-    *strength == whole()
+fn is_full_strength(strength: &f64) -> bool {
+    *strength == full_strength()
 }
 
-/// What a drawing may vary.
+/// Factor of appearance randomisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Vary {
-    /// Direction, colour, strength and size of the key light, the light of the sky, exposure.
+    /// Direction, colour, intensity and size of the key light; ambient light; exposure.
     Light,
-    /// What is seen where nothing stands: one colour, or a room of some walls and floor.
+    /// Background: one colour, or a room with walls and floor.
     Background,
-    /// What the table's top is made of.
+    /// Material of the table top.
     Material,
-    /// Tint, roughness and shine of the objects, so little that every colour word stays true.
+    /// Tint, roughness and gloss of the objects, small enough that every colour word stays true.
     Objects,
-    /// Where the cameras stand, by a hand's tremble.
+    /// Camera poses, by a small perturbation.
     Camera,
 }
 
 impl Vary {
-    /// All of them.
+    /// All factors.
     pub const ALL: [Self; 5] = [Self::Light, Self::Background, Self::Material, Self::Objects, Self::Camera];
 
-    /// The name in files and on the command line.
+    /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Light => "light",

@@ -1,4 +1,4 @@
-//! What things look like: triangle meshes and materials.
+//! Triangle meshes and materials.
 
 use std::sync::Arc;
 
@@ -7,39 +7,39 @@ use rand::{Rng, RngExt};
 
 use crate::Pose;
 
-/// An indexed triangle mesh in its link's frame, counter-clockwise seen from outside.
+/// An indexed triangle mesh in its link's frame, counter-clockwise winding seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {
-    /// Corners, metres.
+    /// Vertices, metres.
     pub positions: Vec<Vec3>,
-    /// Unit normal per corner.
+    /// Unit normal per vertex.
     pub normals: Vec<Vec3>,
-    /// Texture coordinate per corner; (0, 0) is the first pixel of the first row.
+    /// Texture coordinates per vertex; (0, 0) is the first pixel of the first row.
     pub uvs: Vec<Vec2>,
-    /// Three corners per triangle.
+    /// Three vertex indices per triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A mesh with its material, at its place in the link.
+/// A mesh with its material, posed in the link.
 #[derive(Clone, Debug)]
 pub struct VisualPart {
     /// Name of the part, e.g. `handle`.
     pub name: String,
-    /// The surface as finely as it is known: what judges and planners measure.
+    /// Full-resolution mesh, used by judges and planners.
     pub mesh: Arc<TriMesh>,
-    /// The surface that pictures show: the same, or one of fewer triangles within 0.1 mm of it.
-    pub drawn: Arc<TriMesh>,
-    /// How it reflects.
+    /// Mesh used for rendering: the same, or a simplified one within 0.1 mm of it.
+    pub render_mesh: Arc<TriMesh>,
+    /// Material.
     pub material: Material,
-    /// Where it sits.
+    /// Pose of the part in the link's frame.
     pub link_from_part: Pose,
 }
 
 impl VisualPart {
-    /// A part that is drawn as it is measured.
+    /// A part whose rendering mesh is its full-resolution mesh.
     pub fn new(name: impl Into<String>, mesh: TriMesh, material: Material, link_from_part: Pose) -> Self {
         let mesh = Arc::new(mesh);
-        Self { name: name.into(), drawn: Arc::clone(&mesh), mesh, material, link_from_part }
+        Self { name: name.into(), render_mesh: Arc::clone(&mesh), mesh, material, link_from_part }
     }
 }
 
@@ -48,33 +48,33 @@ impl VisualPart {
 pub struct Material {
     /// Albedo in sRGB, 0-1; multiplied with the texture.
     pub base_color: [f32; 3],
-    /// 0 mirror, 1 chalk.
+    /// 0 mirror, 1 fully rough.
     pub roughness: f32,
     /// 0 dielectric, 1 metal.
     pub metallic: f32,
-    /// 1 opaque; below, what is behind shows through.
+    /// 1 opaque, 0 transparent.
     pub opacity: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// A shell without volume, e.g. a drinking glass.
+    /// True for a shell without volume, e.g. a drinking glass.
     pub thin_walled: bool,
-    /// Picture over the texture coordinates.
+    /// Base-colour texture.
     pub texture: Option<Arc<Texture>>,
 }
 
-/// An sRGB picture, repeated beyond its borders.
+/// An sRGB image that tiles beyond its borders.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texture {
-    /// Pixels per row.
+    /// Image width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Image height, pixels.
     pub height: u32,
-    /// `width * height` pixels, row by row, 8-bit sRGB.
+    /// `width * height` pixels, row-major, 8-bit sRGB.
     pub rgb: Vec<u8>,
 }
 
 impl Material {
-    /// An opaque dielectric of one colour.
+    /// An opaque dielectric of uniform colour.
     pub fn plain(base_color: [f32; 3], roughness: f32) -> Self {
         Self { base_color, roughness, metallic: 0.0, opacity: 1.0, ior: 1.5, thin_walled: false, texture: None }
     }
@@ -86,12 +86,12 @@ impl Material {
 }
 
 impl TriMesh {
-    /// Corners of each triangle.
+    /// Vertex positions of each triangle.
     pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> {
         self.triangles.iter().map(|triangle| triangle.map(|index| self.positions[index as usize].as_dvec3()))
     }
 
-    /// Mean of the surface, weighted by area.
+    /// Area-weighted centroid of the surface.
     pub fn centroid(&self) -> DVec3 {
         let (sum, area) = self.corners().fold((DVec3::ZERO, 0.0), |(sum, area), [a, b, c]| {
             let weight = (b - a).cross(c - a).length();
@@ -100,7 +100,7 @@ impl TriMesh {
         if area > 0.0 { sum / area } else { DVec3::ZERO }
     }
 
-    /// Area-uniform points on the surface with outward normals, both in the mesh's frame.
+    /// Points sampled uniformly by area, with outward normals, both in the mesh's frame.
     pub fn sample_surface(&self, count: usize, rng: &mut impl Rng) -> Vec<(DVec3, DVec3)> {
         let mut total = 0.0;
         let cumulative: Vec<f64> = self

@@ -1,10 +1,10 @@
-//! Names: those that somebody mistyped, and those that can name files.
+//! Valid file names, and suggestions for misspelt names.
 
-/// Longest name of a file that ids may give, characters.
+/// Maximum length of a file name derived from an id, characters.
 pub const MAX_NAME_LENGTH: usize = 200;
 
-/// Whether a text can name a file or folder anywhere, and leads nowhere else: 1 to [`MAX_NAME_LENGTH`] ASCII letters,
-/// digits and any of `-_.+=@`, no dot in front.
+/// True if a text is a portable file name without a path: 1 to [`MAX_NAME_LENGTH`] ASCII letters, digits and any of
+/// `-_.+=@`, not starting with a dot.
 ///
 /// ```
 /// use genmanip_core::names::is_file_name;
@@ -15,14 +15,14 @@ pub fn is_file_name(text: &str) -> bool {
     (1..=MAX_NAME_LENGTH).contains(&text.len()) && !text.starts_with('.') && text.chars().all(fits_file_name)
 }
 
-/// Whether a character may stand in the name of a file, see [`is_file_name`].
+/// True for characters allowed in file names, see [`is_file_name`].
 pub fn fits_file_name(c: char) -> bool {
     c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
 }
 
-/// The known name that is most likely meant; empty if none looks like it.
+/// The known name that was most likely meant, if any is similar.
 ///
-/// Two names look alike if one contains the other or a third of the letters at most would have to change.
+/// Two names are similar if one contains the other, or if at most a third of the letters differ.
 ///
 /// ```
 /// assert_eq!(genmanip_core::names::near_misses("expret", &["expert", "replay"]), ["expert"]);
@@ -38,7 +38,7 @@ pub fn near_misses(got: &str, known: &[&str]) -> Vec<String> {
     near.first().map(|(_, name)| (*name).to_owned()).into_iter().collect()
 }
 
-/// How many letters have to be put in, left out or changed (Levenshtein's distance).
+/// Levenshtein distance.
 fn edits(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();
@@ -58,7 +58,7 @@ mod tests {
     use super::near_misses;
 
     #[test]
-    fn a_slip_finds_the_name_that_is_meant() {
+    fn a_misspelt_name_finds_the_intended_one() {
         let known = ["expert", "replay", "do_nothing", "d415"];
         let cases = [
             ("expret", Some("expert")),

@@ -1,4 +1,4 @@
-//! Objects: how people name them, what they are made of, and how they move.
+//! Objects: descriptions, links and joints.
 
 use std::sync::Arc;
 
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Aabb, AssetRef, Piece, Pose, Shape, VisualPart};
 
-/// What a person or a language model is told about an object.
+/// Description of an object for people and language models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectCard {
-    /// What people and files call the asset; its instances are named after it.
+    /// Uid of the asset; instance ids derive from it.
     pub uid: String,
     /// The asset that the card describes.
     pub asset: AssetRef,
@@ -20,74 +20,74 @@ pub struct ObjectCard {
     pub name: String,
     /// One sentence.
     pub description: String,
-    /// Kind of thing, e.g. `mug`.
+    /// Category, e.g. `mug`.
     pub category: String,
-    /// Group of kinds, e.g. `tableware`.
+    /// Super-category, e.g. `tableware`.
     pub general_category: String,
-    /// Colour words, most visible first.
+    /// Colour words, most prominent first.
     pub colors: Vec<String>,
     /// Material words.
     pub materials: Vec<String>,
-    /// Shape in words.
+    /// Shape description.
     pub shape: String,
-    /// Axis-aligned size in the canonical pose.
+    /// Axis-aligned size in the canonical pose, m.
     #[schemars(with = "[f64; 3]")]
     pub size_m: DVec3,
-    /// Mass.
+    /// Mass, kg.
     pub mass_kg: f64,
-    /// Whether it has a hollow or a rim that holds other things.
+    /// True if it has a cavity or rim that holds other objects.
     pub is_container: bool,
-    /// Whether it has joints; such objects are never carried.
+    /// True if it has joints; such objects are never carried.
     pub is_articulated: bool,
     /// Names of the states, empty for a rigid object.
     pub states: Vec<String>,
-    /// Whether the whole object can be picked up by an 8 cm hand.
+    /// True if the whole object can be grasped by an 8 cm gripper.
     pub can_grasp: bool,
-    /// What else is known of it.
+    /// Optional annotations.
     #[serde(default, skip_serializing_if = "Annotations::is_empty")]
     pub annotations: Annotations,
 }
 
-/// What is known of an asset besides what everything has; nothing by default.
+/// Optional annotations of an asset.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Annotations {
-    /// Expressions for its looks that avoid its name, e.g. `glossy red cup`.
+    /// Referring expressions for its appearance that avoid its name, e.g. `glossy red cup`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub looks: Vec<String>,
-    /// The hollow that things can lie in, derived from the geometry; none in an articulated object.
+    /// Size of the cavity that objects can lie in, derived from the geometry; none for an articulated object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub room: Option<Room>,
-    /// Whether it breaks when it is dropped or squeezed.
+    pub room: Option<CavitySize>,
+    /// True if it breaks when dropped or squeezed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fragile: bool,
-    /// Whether it must stay upright while it is carried, e.g. because it is filled.
+    /// True if it must stay upright while carried, e.g. because it is filled.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub upright_only: bool,
-    /// What can be done with it, e.g. `pour`.
+    /// Affordances, e.g. `pour`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub affordances: Vec<String>,
 }
 
-/// Room in a hollow.
+/// Inner size of a cavity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Room {
-    /// Extent of the hollow along x and y at mid height, metres.
+pub struct CavitySize {
+    /// Extent of the cavity along x and y at half height, metres.
     pub inside_m: [f64; 2],
-    /// Depth of the hollow, metres.
+    /// Depth of the cavity, metres.
     pub depth_m: f64,
 }
 
 impl Annotations {
-    /// Whether nothing is known.
+    /// True if no annotation is set.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 }
 
-impl Room {
-    /// The room in a convex cavity in the object's frame; `None` without height.
+impl CavitySize {
+    /// Size of a convex cavity in the object's frame; `None` if its height is zero.
     pub fn of_cavity(cavity: &Piece) -> Option<Self> {
         let along = |direction: DVec3| cavity.support(direction).dot(direction);
         let (low, high) = (-along(DVec3::NEG_Z), along(DVec3::Z));
@@ -96,7 +96,7 @@ impl Room {
             Shape::Hull { points } => {
                 let points = points.iter().map(|point| cavity.link_from_piece.transform_point(*point));
                 let (above, below): (Vec<DVec3>, Vec<DVec3>) = points.partition(|point| point.z >= middle);
-                // Every corner of the cut lies on an edge, and every other segment cuts within.
+                // Segments between upper and lower corners: edges cut the plane at its outline, all others inside.
                 let cuts = above.iter().flat_map(|up| below.iter().map(move |down| (up, down)));
                 let cuts = cuts.map(|(up, down)| down.lerp(*up, (middle - down.z) / (up.z - down.z)));
                 let bounds = Aabb::from_points(cuts);
@@ -109,23 +109,23 @@ impl Room {
     }
 }
 
-/// An object as the simulator, the renderer and the planner need it.
+/// A complete object model for simulation, rendering and planning.
 ///
-/// The object's frame has its origin at the centre of the base in the canonical pose, +z up,
-/// the front of an articulated object towards -x.
+/// The object's frame has its origin at the centre of the base in the canonical pose, +z up; the front of an
+/// articulated object faces -x.
 #[derive(Clone, Debug)]
 pub struct ObjectModel {
-    /// Annotations.
+    /// Description.
     pub card: ObjectCard,
-    /// Family of the generator that made it, e.g. `mug`.
+    /// Family that generated it, e.g. `mug`.
     pub family: String,
-    /// The asset, as precisely as can be: with the version and seed that were used.
+    /// The asset, fully specified with version and seed.
     pub asset: AssetRef,
     /// Bodies, parents first; a rigid object has exactly one.
     pub links: Vec<ObjectLink>,
-    /// Sliding friction coefficient against a like surface.
+    /// Sliding friction coefficient against the same surface.
     pub friction: f64,
-    /// What each state in the card means for the joints.
+    /// Joint intervals of each state listed in the card.
     pub joint_states: Vec<JointState>,
 }
 
@@ -134,19 +134,19 @@ pub struct ObjectModel {
 pub struct ObjectLink {
     /// Name, unique in the object.
     pub name: String,
-    /// Index of the parent and the joint that connects to it; `None` for the root.
+    /// Joint to the parent; `None` for the root.
     pub joint: Option<Joint>,
-    /// Surfaces to draw.
+    /// Rendered surfaces.
     pub visual: Vec<VisualPart>,
-    /// Exact convex collision bodies.
+    /// Convex collision pieces.
     pub pieces: Vec<Piece>,
-    /// Convex regions in the link's frame in which something counts as *in* the object; they move with the link.
+    /// Convex regions in the link's frame in which an object counts as *in* this object; they move with the link.
     pub cavity: Vec<Piece>,
     /// Mass, centre and inertia.
     pub mass: MassProperties,
 }
 
-/// How one link moves against its parent.
+/// A joint between a link and its parent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -154,29 +154,29 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent link.
     pub parent: usize,
-    /// Turning or sliding.
+    /// Joint type.
     pub kind: JointKind,
-    /// Joint frame in the parent's frame; the child's frame coincides with it at position 0.
+    /// Joint frame in the parent's frame; equals the child's frame at position 0.
     pub parent_from_joint: Pose,
     /// Unit axis in the joint frame.
     pub axis: DVec3,
-    /// Smallest and largest position, radians or metres.
+    /// Smallest and largest position, rad or m.
     pub range: [f64; 2],
     /// Viscous damping, N·s/m or N·m·s/rad.
     pub damping: f64,
     /// Dry friction, N or N·m.
     pub friction_loss: f64,
-    /// Spring towards `spring_reference`, N/m or N·m/rad; 0 without spring.
+    /// Spring towards `spring_reference`, N/m or N·m/rad; 0 for no spring.
     pub stiffness: f64,
     /// Rest position of the spring.
     pub spring_reference: f64,
 }
 
-/// Turning or sliding.
+/// Joint type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JointKind {
-    /// Turns about its axis.
+    /// Rotates about its axis.
     Revolute,
     /// Slides along its axis.
     Prismatic,
@@ -188,30 +188,30 @@ pub enum JointKind {
 pub struct JointState {
     /// One of the card's states.
     pub name: String,
-    /// Joint name and the closed interval of its position.
+    /// Joint names with the closed interval of their position.
     pub intervals: Vec<(String, [f64; 2])>,
-    /// A position per listed joint to put the object into that state.
+    /// Representative position of each listed joint, used to set the state.
     pub nominal: Vec<f64>,
 }
 
-/// Mass, its centre and the inertia about that centre, in the link's frame.
+/// Mass, centre of mass and inertia in the link's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MassProperties {
-    /// Mass.
+    /// Mass, kg.
     pub mass_kg: f64,
     /// Centre of mass.
     pub center: DVec3,
-    /// Inertia about the centre, axes of the link, kg·m².
+    /// Inertia about the centre of mass in the link's axes, kg·m².
     pub inertia: DMat3,
 }
 
 impl ObjectModel {
-    /// The same object, drawn by all triangles that judges measure.
-    pub fn drawn_as_measured(&self) -> Self {
+    /// The same object, rendered with its full-resolution meshes.
+    pub fn with_full_meshes(&self) -> Self {
         let mut model = self.clone();
         for part in model.links.iter_mut().flat_map(|link| &mut link.visual) {
-            part.drawn = Arc::clone(&part.mesh);
+            part.render_mesh = Arc::clone(&part.mesh);
         }
         model
     }
@@ -221,7 +221,7 @@ impl ObjectModel {
         self.links.iter().filter(|link| link.joint.is_some()).count()
     }
 
-    /// `object_from_link` for each link, given a position for each joint in the order of the links.
+    /// `object_from_link` for each link, given joint positions in link order.
     pub fn link_poses(&self, joint_positions: &[f64]) -> Vec<Pose> {
         let mut poses: Vec<Pose> = Vec::with_capacity(self.links.len());
         let mut positions = joint_positions.iter().copied();
@@ -238,17 +238,17 @@ impl ObjectModel {
         poses
     }
 
-    /// Whether anything counts as in the object anywhere.
+    /// True if any link has a cavity.
     pub fn is_hollow(&self) -> bool {
         self.links.iter().any(|link| !link.cavity.is_empty())
     }
 
-    /// The collision pieces of all links in the object's frame, given a position for each joint in the order of the links.
+    /// Collision pieces of all links in the object's frame, given joint positions in link order.
     pub fn pieces(&self, joint_positions: &[f64]) -> Vec<Piece> {
         self.placed(joint_positions, |link| &link.pieces)
     }
 
-    /// The cavities of all links in the object's frame, given a position for each joint in the order of the links.
+    /// Cavities of all links in the object's frame, given joint positions in link order.
     pub fn cavities(&self, joint_positions: &[f64]) -> Vec<Piece> {
         self.placed(joint_positions, |link| &link.cavity)
     }
@@ -264,7 +264,7 @@ impl ObjectModel {
         placed
     }
 
-    /// Bounds in the object's frame of what is drawn of it, given a position for each joint in the order of the links.
+    /// Bounds of the visual meshes in the object's frame, given joint positions in link order.
     pub fn visual_bounds(&self, joint_positions: &[f64]) -> Aabb {
         let links = self.links.iter().zip(self.link_poses(joint_positions));
         let corners = links.flat_map(|(link, object_from_link)| {
@@ -276,7 +276,7 @@ impl ObjectModel {
         Aabb::from_points(corners)
     }
 
-    /// Exact bounds in the world.
+    /// Exact bounds in the world frame.
     pub fn world_bounds(&self, world_from_object: &Pose, joint_positions: &[f64]) -> Aabb {
         self.links.iter().zip(self.link_poses(joint_positions)).fold(Aabb::EMPTY, |bounds, (link, object_from_link)| {
             bounds.union(&Aabb::from_pieces(&(*world_from_object * object_from_link), &link.pieces))
@@ -284,14 +284,19 @@ impl ObjectModel {
     }
 }
 
+impl JointKind {
+    /// `joint_from_child` of a joint about or along a unit axis at a position, rad or m.
+    pub fn motion(self, axis: DVec3, position: f64) -> Pose {
+        match self {
+            Self::Revolute => Pose { position: DVec3::ZERO, rotation: glam::DQuat::from_axis_angle(axis, position) },
+            Self::Prismatic => Pose::from_position(axis * position),
+        }
+    }
+}
+
 impl Joint {
     /// `joint_from_child` at a position.
     pub fn motion(&self, position: f64) -> Pose {
-        match self.kind {
-            JointKind::Revolute => {
-                Pose { position: DVec3::ZERO, rotation: glam::DQuat::from_axis_angle(self.axis, position) }
-            }
-            JointKind::Prismatic => Pose::from_position(self.axis * position),
-        }
+        self.kind.motion(self.axis, position)
     }
 }

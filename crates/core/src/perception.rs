@@ -1,6 +1,6 @@
-//! What a picture shows of each object: what detectors, pose estimators and segmenters are trained and tested with.
+//! Ground-truth labels of images, for training and testing detectors, segmenters and pose estimators.
 //!
-//! All of it follows from ids, depth, colour and the camera of an [`RgbdImage`], and from where the objects are.
+//! Labels derive from the ids, depth, colour and camera of an [`RgbdImage`] and from the object poses.
 
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -9,81 +9,81 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::OrientedBox;
 use crate::{Document, Pose, Projection, RgbdImage};
 
-/// Id of the first object in [`RgbdImage::ids`]; object `i` of the scenario has `FIRST_OBJECT + i`.
+/// Instance id of the first object in [`RgbdImage::ids`]; object `i` of the scenario has `FIRST_OBJECT + i`.
 pub const FIRST_OBJECT: u16 = 3;
 
-/// What a picture shows of a thing.
+/// Visible pixels of an object in an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Seen {
-    /// Left, top, right, bottom in pixels; right and bottom are the first behind it. Zeros where nothing is seen.
+pub struct VisibleRegion {
+    /// Bounding box: left, top, right, bottom in pixels, right and bottom exclusive. Zeros if nothing is visible.
     pub bounds_px: [u32; 4],
-    /// Pixels that show it.
+    /// Number of pixels.
     pub pixels: u32,
 }
 
-/// What one camera's picture shows of the objects, at one moment: a line of `labels.jsonl`.
+/// Labels of the objects in one image: a line of `labels.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PictureLabels {
-    /// Number of the picture, from 0; that in the names of the files beside it.
+pub struct ImageLabels {
+    /// Index of the image, from 0, as in the names of the accompanying files.
     pub picture: usize,
-    /// Control step of the episode; 0 of a scenario.
+    /// Control step of the episode; 0 for a scenario.
     pub control_step: usize,
-    /// Time since the start of the episode, s; 0 of a scenario.
+    /// Time since the start of the episode, s; 0 for a scenario.
     pub time_s: f64,
     /// Name of the camera.
     pub camera: String,
-    /// Where the camera is and how it projects.
+    /// Camera pose and intrinsics.
     pub projection: Projection,
-    /// The objects of the scenario, in its order; those out of sight too.
+    /// All objects of the scenario in order, including those that are not visible.
     pub objects: Vec<ObjectLabel>,
 }
 
-impl Document for PictureLabels {
+impl Document for ImageLabels {
     const SCHEMA: &'static str = "genmanip.labels/1";
 }
 
-/// What a picture shows of an object.
+/// Label of an object in an image.
 ///
-/// Boxes in the picture are left, top, right, bottom in pixels; right and bottom are the first pixels behind it.
+/// Image boxes are left, top, right, bottom in pixels, right and bottom exclusive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectLabel {
-    /// Id in the scenario.
+    /// Instance id in the scenario.
     pub id: String,
-    /// Box around the visible pixels; null when none is.
+    /// Bounding box of the visible pixels (modal box); null if none is visible.
     pub visible_box_px: Option<[u32; 4]>,
-    /// Pixels that show it.
+    /// Number of visible pixels.
     pub visible_pixels: u32,
-    /// Box of what would be seen of it with nothing before it, within the picture; null when it is out of sight.
+    /// Bounding box without occlusion (amodal box), clipped to the image; null if outside the image.
     pub whole_box_px: Option<[u32; 4]>,
-    /// Pixels that would show it with nothing before it, within the picture.
+    /// Number of pixels without occlusion, within the image.
     pub whole_pixels: u32,
-    /// `visible_pixels / whole_pixels`, 0-1; null when it is out of sight.
+    /// Visibility: `visible_pixels / whole_pixels`, 0-1; null if outside the image.
     pub visible_share: Option<f64>,
-    /// Whether it reaches the edge of the picture, so that the picture may cut some of it off.
+    /// True if it reaches the image border and may be truncated.
     pub touches_edge: bool,
-    /// Centre and axes of the box around it, in the world. The axes are those of the object's own frame.
+    /// Pose of the oriented bounding box in the world; its axes are those of the object's frame.
     pub world_from_box: Pose,
-    /// The same in the camera's optical frame: x right, y down, z ahead.
+    /// Pose of the oriented bounding box in the camera's optical frame: x right, y down, z forward.
     pub camera_from_box: Pose,
     /// Lengths of the box along its axes, m.
     #[schemars(with = "[f64; 3]")]
     pub size_m: DVec3,
 }
 
-/// Points of an object's surface.
+/// Surface points of an object.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {
-    /// In the world, metres.
+    /// Points in the world frame, metres.
     pub points_m: Vec<[f32; 3]>,
     /// 8-bit sRGB of each point; empty without colour.
     pub colors: Vec<[u8; 3]>,
 }
 
-/// What an image of ids, `width` pixels wide, shows of the first objects of the scenario.
-pub fn seen(ids: &[u16], width: u32, objects: usize) -> Vec<Seen> {
-    let mut all = vec![Seen::default(); objects];
+/// Visible regions of the first `objects` objects of the scenario in an id image `width` pixels wide.
+pub fn visible_regions(ids: &[u16], width: u32, objects: usize) -> Vec<VisibleRegion> {
+    let mut all = vec![VisibleRegion::default(); objects];
     for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
         for (x, id) in (0_u32..).zip(row) {
             if let Some(seen) = object(*id).and_then(|object| all.get_mut(object)) {
@@ -94,19 +94,19 @@ pub fn seen(ids: &[u16], width: u32, objects: usize) -> Vec<Seen> {
     all
 }
 
-/// What such an image shows of the thing with this id alone.
-pub fn seen_of(ids: &[u16], width: u32, id: u16) -> Seen {
-    let mut seen = Seen::default();
+/// Visible region of one instance id.
+pub fn visible_region(ids: &[u16], width: u32, id: u16) -> VisibleRegion {
+    let mut region = VisibleRegion::default();
     for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
         for (x, _) in (0_u32..).zip(row).filter(|(_, shown)| **shown == id) {
-            seen.add(x, y);
+            region.add(x, y);
         }
     }
-    seen
+    region
 }
 
-impl Seen {
-    /// One more pixel shows it.
+impl VisibleRegion {
+    /// Adds a pixel.
     fn add(&mut self, x: u32, y: u32) {
         let [left, top, right, bottom] = self.bounds_px;
         self.bounds_px = match self.pixels {
@@ -117,16 +117,16 @@ impl Seen {
     }
 }
 
-/// What a camera's picture shows of each object: its name, what is seen of it, what would be seen of it with nothing
-/// before it, and the box around it in the world.
+/// Labels of the objects in an image, given each object's id, visible region, unoccluded region and oriented bounding
+/// box in the world.
 pub fn labels<'a>(
     projection: &Projection,
-    objects: impl IntoIterator<Item = (&'a str, Seen, Seen, OrientedBox)>,
+    objects: impl IntoIterator<Item = (&'a str, VisibleRegion, VisibleRegion, OrientedBox)>,
 ) -> Vec<ObjectLabel> {
     let size = [projection.intrinsics.width, projection.intrinsics.height];
     let camera_from_world = projection.world_from_camera.inverse();
-    let label = |(id, visible, whole, placed): (&str, Seen, Seen, OrientedBox)| {
-        let bounds = |seen: Seen| (seen.pixels > 0).then_some(seen.bounds_px);
+    let label = |(id, visible, whole, placed): (&str, VisibleRegion, VisibleRegion, OrientedBox)| {
+        let bounds = |region: VisibleRegion| (region.pixels > 0).then_some(region.bounds_px);
         let [left, top, right, bottom] = whole.bounds_px;
         let is_at_edge = left == 0 || top == 0 || right >= size[0] || bottom >= size[1];
         ObjectLabel {
@@ -145,7 +145,7 @@ pub fn labels<'a>(
     objects.into_iter().map(label).collect()
 }
 
-/// The points that an image with ids and depth shows of each of the first objects of the scenario, row by row.
+/// Point clouds of the first `objects` objects of the scenario in an image with ids and depth, in row-major order.
 pub fn clouds(image: &RgbdImage, objects: usize) -> Vec<PointCloud> {
     let mut clouds = vec![PointCloud::default(); objects];
     let colors = image.rgb.as_chunks::<3>().0;
@@ -158,7 +158,7 @@ pub fn clouds(image: &RgbdImage, objects: usize) -> Vec<PointCloud> {
     clouds
 }
 
-/// Index of the object with an id; `None` for background, table and robot.
+/// Scenario index of an instance id; `None` for background, table and robot.
 fn object(id: u16) -> Option<usize> {
     id.checked_sub(FIRST_OBJECT).map(usize::from)
 }
@@ -170,9 +170,9 @@ mod tests {
     use super::*;
     use crate::{Distortion, Intrinsics};
 
-    /// Things far from each other, seen in part, not at all, and at the edge.
+    /// Objects that are partly visible, invisible, and at the border.
     #[test]
-    fn labels_tell_what_is_hidden_and_what_is_cut_off() {
+    fn labels_report_occlusion_and_truncation() {
         let projection = Projection {
             intrinsics: Intrinsics::from_vertical_fov(6, 4, 0.8),
             distortion: None,
@@ -182,15 +182,16 @@ mod tests {
         for (x, y, id) in [(1, 1, 3), (4, 2, 3), (0, 3, 5), (5, 0, 2), (3, 0, 1), (2, 2, 9)] {
             ids[y * 6 + x] = id;
         }
-        let visible = seen(&ids, 6, 3);
-        assert_eq!(visible[0], Seen { bounds_px: [1, 1, 5, 3], pixels: 2 });
-        assert_eq!(visible[1], Seen::default());
-        assert_eq!([3, 4, 5].map(|id| seen_of(&ids, 6, id)), visible[..]);
-        let whole = [Seen { bounds_px: [1, 1, 5, 3], pixels: 8 }, Seen::default(), visible[2]];
+        let visible = visible_regions(&ids, 6, 3);
+        assert_eq!(visible[0], VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 2 });
+        assert_eq!(visible[1], VisibleRegion::default());
+        assert_eq!([3, 4, 5].map(|id| visible_region(&ids, 6, id)), visible[..]);
+        let whole = [VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 8 }, VisibleRegion::default(), visible[2]];
         let placed = OrientedBox { outer_from_box: Pose::from_position(DVec3::X), size: DVec3::splat(0.1) };
         let names = ["mug", "fork", "box"];
-        let told = names.into_iter().zip(visible).zip(whole).map(|((id, visible), whole)| (id, visible, whole, placed));
-        let labels = labels(&projection, told);
+        let described =
+            names.into_iter().zip(visible).zip(whole).map(|((id, visible), whole)| (id, visible, whole, placed));
+        let labels = labels(&projection, described);
         let shares: Vec<_> = labels.iter().map(|label| label.visible_share).collect();
         assert_eq!(shares, [Some(0.25), None, Some(1.0)]);
         assert_eq!(labels.iter().map(|label| label.touches_edge).collect::<Vec<_>>(), [false, false, true]);
@@ -199,9 +200,9 @@ mod tests {
         assert!(back.position.distance(DVec3::X) < 1e-12 && back.angle_to(&placed.outer_from_box) < 1e-7);
     }
 
-    /// Each point lies in front of the pixel it was taken from, through a lens too.
+    /// Points project back to their pixel, with and without distortion.
     #[test]
-    fn clouds_hold_the_points_that_the_pixels_show() {
+    fn cloud_points_project_to_their_pixels() {
         let intrinsics = Intrinsics::from_vertical_fov(8, 6, 0.9);
         let mut image = RgbdImage::of_depth(intrinsics, Pose::from_position(DVec3::Z), vec![2.0; 48]);
         image.distortion = Some(Distortion { k1: -0.1, ..Distortion::default() });

@@ -1,4 +1,4 @@
-//! Policies: whatever turns observations into actions.
+//! Policies: functions from observations to actions.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,45 +8,45 @@ use serde::{Deserialize, Serialize};
 
 use crate::{ActionSpec, Camera, CameraRequest, ObjectState, RgbdImage, Scenario, Seed};
 
-/// Anything that controls the robot. Synchronous; one instance per episode in flight.
+/// A robot controller. Synchronous; one instance per episode in flight.
 pub trait Policy: Send {
-    /// What the policy needs and what it returns. The rollout refuses a spec it cannot serve.
+    /// Required observations and returned actions. The rollout rejects a spec that it cannot serve.
     fn spec(&self) -> PolicySpec;
 
     /// Called once before the first observation of an episode.
     ///
     /// # Errors
-    /// When the policy cannot work on this episode.
+    /// If the policy cannot work on this episode.
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError>;
 
-    /// The next actions.
+    /// Returns the next actions.
     ///
     /// # Errors
-    /// When the policy gives up; the episode then ends and the reason is recorded.
+    /// If the policy gives up; the episode then ends and the reason is recorded.
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError>;
 }
 
-/// A policy's contract.
+/// Interface of a policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PolicySpec {
     /// Name in results, e.g. `expert`.
     pub name: String,
-    /// Images that must be rendered for each observation.
+    /// Images rendered for each observation.
     pub cameras: Vec<CameraRequest>,
-    /// Entries of `Observation::state` that must be present.
+    /// Required entries of `Observation::state`.
     pub state_keys: Vec<String>,
-    /// What the numbers in an action mean.
+    /// Layout of the action vector.
     pub action: ActionSpec,
-    /// How often an action is taken from a chunk, hertz; the 60 Hz control rate is a whole multiple.
+    /// Rate at which actions of a chunk are executed, Hz; divides the 60 Hz control rate.
     pub rate_hz: f64,
-    /// How many actions of a chunk are executed before the next observation; 0 for all of them.
+    /// Number of actions of a chunk executed before the next observation; 0 for all.
     pub execute_steps: usize,
-    /// Whether the policy reads simulator truth; every result made with it then says `oracle`.
+    /// True if the policy reads simulator ground truth; its results are then marked `oracle`.
     pub privileged: bool,
 }
 
 impl PolicySpec {
-    /// Native actions at a rate, from the robot's own state alone, every chunk executed whole.
+    /// Native actions from proprioception alone, executing every chunk completely.
     pub fn native(name: &str, rate_hz: f64) -> Self {
         Self {
             name: name.into(),
@@ -60,65 +60,65 @@ impl PolicySpec {
     }
 }
 
-/// What a policy is told before an episode.
+/// Information given to a policy before an episode.
 #[derive(Clone, Debug)]
 pub struct EpisodeStart {
-    /// The sentence.
+    /// Language instruction.
     pub instruction: String,
-    /// Stream for the policy's own chance.
+    /// Seed for the policy's own randomness.
     pub seed: Seed,
-    /// The cameras the policy asked for, at the sizes it asked for.
+    /// The requested cameras, at the requested sizes.
     pub cameras: Vec<Camera>,
-    /// The whole scenario, for privileged policies only.
+    /// The whole scenario; privileged policies only.
     pub scenario: Option<Arc<Scenario>>,
 }
 
-/// What a policy sees.
+/// Observation of a policy.
 #[derive(Clone, Debug, Default)]
 pub struct Observation {
-    /// Time since the start of the episode.
+    /// Time since the start of the episode, s.
     pub time_s: f64,
-    /// Named state vectors; [`Observation::STATE`] = arm joint positions and gripper width.
+    /// Named state vectors; [`Observation::STATE`] holds arm joint positions and opening width.
     pub state: BTreeMap<String, Vec<f64>>,
-    /// Images of the cameras asked for, by name.
+    /// Requested images by camera name.
     pub images: BTreeMap<String, Arc<RgbdImage>>,
-    /// Simulator truth, for privileged policies only.
+    /// Simulator ground truth; privileged policies only.
     pub privileged: Option<PrivilegedState>,
 }
 
 impl Observation {
-    /// Key of the robot's own state: arm joint positions, then the opening width, rad and m.
+    /// Key of the proprioceptive state: arm joint positions [rad], then opening width [m].
     pub const STATE: &'static str = "observation.state";
 }
 
-/// Simulator truth.
+/// Simulator ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrivilegedState {
     /// Objects in the order of the scenario.
     pub objects: Vec<ObjectState>,
-    /// Index of the object that both fingers touch.
+    /// Index of the object touched by both fingers.
     pub grasped: Option<usize>,
 }
 
 /// Actions to execute, one per period of the policy's rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionChunk {
-    /// Each of the dimension the spec implies.
+    /// Action vectors of the length that the spec implies.
     pub actions: Vec<Vec<f32>>,
-    /// The policy considers the task done once these are executed.
+    /// True if the policy considers the task done once these actions are executed.
     pub finished: bool,
 }
 
-/// Why a policy cannot go on.
+/// Reason why a policy cannot continue.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PolicyError {
-    /// It tried and found no way; the cause is data, not a defect.
+    /// The policy tried and found no solution; counted as data, not as a defect.
     #[error("{}", .0)]
     GaveUp(crate::Failure),
-    /// It cannot work on this episode at all.
+    /// The policy cannot work on this episode at all.
     #[error("policy cannot serve this episode: {0}")]
     Unsuited(String),
-    /// Its end cannot be reached: the episode is not run and may be tried again, which is no failure.
+    /// The policy's endpoint is unreachable: the episode is not run, does not count as a failure and is retried.
     #[error("policy cannot be reached: {0}")]
     Unreachable(String),
 }

@@ -8,22 +8,22 @@ use serde::{Deserialize, Serialize};
 
 /// A rigid transform, named after the frames it connects: `world_from_object * object_from_grasp`.
 ///
-/// In files: `{"position_m": [x, y, z], "orientation_wxyz": [w, x, y, z]}`.
-/// Reading refuses numbers that are not finite and quaternions that are not of unit length.
+/// File format: `{"position_m": [x, y, z], "orientation_wxyz": [w, x, y, z]}`.
+/// Reading rejects non-finite numbers and quaternions that are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PoseFile", into = "PoseFile")]
 pub struct Pose {
     /// Origin of the inner frame in the outer frame, metres.
     pub position: DVec3,
-    /// Rotation that takes vectors of the inner frame to the outer frame, unit length.
+    /// Rotation from the inner to the outer frame, unit length.
     pub rotation: DQuat,
 }
 
 impl Pose {
-    /// The transform that changes nothing.
+    /// The identity transform.
     pub const IDENTITY: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
 
-    /// From an origin and a rotation; the rotation is normalised.
+    /// From a position and a rotation, which is normalised.
     pub fn new(position: DVec3, rotation: DQuat) -> Self {
         Self { position, rotation: rotation.normalize() }
     }
@@ -38,7 +38,7 @@ impl Pose {
         Self { position, rotation: DQuat::from_rotation_z(yaw) }
     }
 
-    /// From an origin and the three axes of the inner frame seen from the outer one.
+    /// From the inner frame's origin and axes expressed in the outer frame.
     pub fn from_axes(position: DVec3, x: DVec3, y: DVec3, z: DVec3) -> Self {
         Self::new(position, DQuat::from_mat3(&DMat3::from_cols(x, y, z)))
     }
@@ -54,41 +54,41 @@ impl Pose {
         [w, x, y, z]
     }
 
-    /// The transform the other way round.
+    /// The inverse transform.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         Self { position: rotation * -self.position, rotation }
     }
 
-    /// A point of the inner frame, seen from the outer frame.
+    /// Transforms a point from the inner to the outer frame.
     pub fn transform_point(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.position
     }
 
-    /// A direction of the inner frame, seen from the outer frame.
+    /// Rotates a direction from the inner to the outer frame.
     pub fn transform_vector(&self, vector: DVec3) -> DVec3 {
         self.rotation * vector
     }
 
-    /// Rotation about +z in radians, of the projected inner x axis.
+    /// Heading: angle about +z of the inner x axis projected to the xy plane, rad.
     pub fn yaw(&self) -> f64 {
         let x = self.rotation * DVec3::X;
         x.y.atan2(x.x)
     }
 
-    /// Angles about the fixed x, y and z axes, applied in this order: R = Rz · Ry · Rx.
+    /// Euler angles about the fixed axes x, y, z in this order (extrinsic): R = Rz · Ry · Rx.
     pub fn to_fixed_xyz_euler(&self) -> [f64; 3] {
         let (z, y, x) = self.rotation.to_euler(EulerRot::ZYX);
         [x, y, z]
     }
 
-    /// Angle in radians of the rotation that leads from this orientation to the other.
+    /// Angle between two orientations, rad.
     pub fn angle_to(&self, other: &Self) -> f64 {
         2.0 * self.rotation.dot(other.rotation).abs().min(1.0).acos()
     }
 
-    /// Straight-line interpolation of the position, spherical of the rotation; `t` in 0..=1.
+    /// Linear interpolation of the position, spherical of the rotation; `t` in 0..=1.
     #[must_use]
     pub fn interpolate(&self, other: &Self, t: f64) -> Self {
         Self::new(self.position.lerp(other.position, t), self.rotation.slerp(other.rotation, t))

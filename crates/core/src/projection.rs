@@ -1,4 +1,4 @@
-//! From the world to pixels and back.
+//! Projection between world and pixel coordinates.
 //!
 //! ```text
 //! world (m) ──to_camera──▶ camera (m; x right, y down, z ahead) ──pixel_of_ray──▶ pixel (u right, v down; centres whole)
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Camera, Distortion, Intrinsics, Pose};
 
-/// How far back from the lens a point may land from where it was, at a distance of 1; chosen: far below a pixel.
-const FOLDED: f64 = 1e-6;
+/// Largest round-trip error of a distorted point on the normalised image plane; chosen far below a pixel.
+const MAX_ROUND_TRIP_ERROR: f64 = 1e-6;
 
-/// A camera at its place in the world: which pixel shows a point, and which points a pixel shows.
+/// A posed camera: projects world points to pixels and unprojects pixels to world points.
 ///
-/// A round trip is exact to rounding (about 1e-9 of a pixel), with a lens too.
+/// Round trips are exact to rounding (about 1e-9 of a pixel), also with lens distortion.
 ///
 /// ```
 /// use genmanip_core::{Camera, Distortion, Intrinsics, Pose, Projection, glam::DVec3};
@@ -33,31 +33,31 @@ const FOLDED: f64 = 1e-6;
 pub struct Projection {
     /// Pinhole, pixels.
     pub intrinsics: Intrinsics,
-    /// How the lens bends the picture; a pinhole without.
+    /// Lens distortion; `None` for a pinhole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
-    /// Optical frame in the world: x right, y down, z ahead.
+    /// Optical frame in the world: x right, y down, z forward.
     pub world_from_camera: Pose,
 }
 
 impl Projection {
-    /// A camera of a rig, given the pose of the hand, which only cameras on it need.
+    /// Projection of a rig's camera, given the pose of the hand link (used by wrist cameras only).
     pub fn of(camera: &Camera, world_from_hand: &Pose) -> Self {
         let (intrinsics, distortion) = (camera.intrinsics, camera.distortion);
         Self { intrinsics, distortion, world_from_camera: camera.world_from_camera(world_from_hand) }
     }
 
-    /// A point of the world in the camera's frame, metres.
+    /// Transforms a world point to the camera frame, metres.
     pub fn to_camera(&self, point: DVec3) -> DVec3 {
         self.world_from_camera.inverse().transform_point(point)
     }
 
-    /// A point of the camera's frame in the world, metres.
+    /// Transforms a point of the camera frame to the world, metres.
     pub fn to_world(&self, point: DVec3) -> DVec3 {
         self.world_from_camera.transform_point(point)
     }
 
-    /// Direction that a pixel looks in, camera frame, with z = 1; `None` where the lens shows no single point.
+    /// View ray of a pixel in the camera frame with z = 1; `None` where the distortion has no unique inverse.
     pub fn ray(&self, pixel: DVec2) -> Option<DVec3> {
         let ray = self.intrinsics.unproject(pixel, 1.0);
         match self.distortion {
@@ -66,39 +66,40 @@ impl Projection {
         }
     }
 
-    /// The pixel that looks in a direction of the camera's frame, of any length; it may lie outside of the picture.
-    /// `None` behind the camera, and where the lens folds its picture over.
+    /// Pixel of a view ray in the camera frame, of any length; the pixel may lie outside the image. `None` behind the
+    /// camera and where the distortion folds over.
     pub fn pixel_of_ray(&self, ray: DVec3) -> Option<DVec2> {
         let on_plane = (ray.z > 1e-9).then(|| ray.truncate() / ray.z)?;
         let shown = match self.distortion {
             None => on_plane,
-            // A point far outside may be folded into the image by the formula, and never by the lens.
-            Some(lens) => Some(lens.distort(on_plane))
-                .filter(|&shown| lens.undistort(shown).is_some_and(|back| back.distance(on_plane) < FOLDED))?,
+            // The polynomial may fold a point far outside back into the image; a real lens does not.
+            Some(lens) => Some(lens.distort(on_plane)).filter(|&shown| {
+                lens.undistort(shown).is_some_and(|back| back.distance(on_plane) < MAX_ROUND_TRIP_ERROR)
+            })?,
         };
         self.intrinsics.project(shown.extend(1.0))
     }
 
-    /// Point of the world that a pixel shows at a depth along the optical axis, metres; `None` as [`Projection::ray`].
+    /// World point of a pixel at a depth along the optical axis, metres; `None` as [`Projection::ray`].
     pub fn point(&self, pixel: DVec2, depth_m: f64) -> Option<DVec3> {
         self.ray(pixel).map(|ray| self.to_world(ray * depth_m))
     }
 
-    /// The pixel that shows a point of the world, and the point's depth along the optical axis, metres;
-    /// `None` as [`Projection::pixel_of_ray`].
+    /// Pixel of a world point, and the point's depth along the optical axis, metres; `None` as
+    /// [`Projection::pixel_of_ray`].
     pub fn pixel(&self, point: DVec3) -> Option<(DVec2, f64)> {
         let seen = self.to_camera(point);
         self.pixel_of_ray(seen).map(|pixel| (pixel, seen.z))
     }
 
-    /// Where the sight of a pixel begins and its unit direction, both in the world; `None` as [`Projection::ray`].
-    pub fn sight(&self, pixel: DVec2) -> Option<(DVec3, DVec3)> {
+    /// Origin and unit direction of a pixel's view ray in the world; `None` as [`Projection::ray`].
+    pub fn view_ray(&self, pixel: DVec2) -> Option<(DVec3, DVec3)> {
         let direction = self.world_from_camera.transform_vector(self.ray(pixel)?).normalize();
         Some((self.world_from_camera.position, direction))
     }
 
-    /// Whether a pixel lies in the picture; pixel 0 covers -0.5 to 0.5.
-    pub fn is_in_picture(&self, pixel: DVec2) -> bool {
+    /// True if a pixel lies inside the image; pixel 0 covers -0.5 to 0.5.
+    pub fn is_in_image(&self, pixel: DVec2) -> bool {
         let size = DVec2::new(f64::from(self.intrinsics.width), f64::from(self.intrinsics.height));
         pixel.cmpge(DVec2::splat(-0.5)).all() && pixel.cmplt(size - 0.5).all()
     }

@@ -6,31 +6,31 @@ use serde::{Deserialize, Serialize};
 use crate::hash::Canonical;
 use crate::{JointKind, MassProperties, Piece, Pose, VisualPart};
 
-/// An arm with a two-finger gripper, as the simulator, the planner and the renderer need it.
+/// An arm with a two-finger gripper: model for simulation, planning and rendering.
 ///
-/// Links are listed parents first; link 0 is the base, fixed at the world's origin.
-/// The arm's joints come first in `joints()` order, the two finger joints last.
+/// Links are listed parents first; link 0 is the base, fixed at the world origin.
+/// Joints are ordered arm first, then the two fingers.
 #[derive(Clone, Debug)]
 pub struct RobotModel {
     /// Name, e.g. `panda`.
     pub name: String,
     /// Bodies, parents first.
     pub links: Vec<RobotLink>,
-    /// Index of the hand's link, to which the `wrist` camera is mounted.
+    /// Index of the hand link, to which the `wrist` camera is mounted.
     pub hand: usize,
-    /// The tool frame: midpoint between the pads, axes of the hand (z = approach, y = closing).
+    /// TCP frame: midpoint between the pads, axes of the hand link (z = approach, y = closing).
     pub hand_from_tcp: Pose,
     /// The gripper.
     pub gripper: Gripper,
-    /// Arm joint positions at the start of an episode.
+    /// Arm joint positions at the start of an episode, rad.
     pub home: Vec<f64>,
-    /// How its motors are driven and what its surfaces grip like; `None` for a robot that is only planned for.
+    /// Motor gains and surface friction; `None` for a robot that is only used for planning.
     pub drives: Option<Drives>,
-    /// How far it gets; `None` where nobody measured it.
+    /// Measured reach; `None` if unknown.
     pub reach: Option<Reach>,
-    /// Where a wrist camera sits by default, optical axes in the hand's frame.
+    /// Default wrist-camera pose: optical frame in the hand link's frame.
     pub hand_from_wrist_camera: Option<Pose>,
-    /// Pairs of links that are never tested against each other (neighbours and pairs that cannot meet).
+    /// Pairs of links excluded from self-collision checks (neighbours and pairs that cannot meet).
     pub never_colliding: Vec<(usize, usize)>,
 }
 
@@ -41,24 +41,24 @@ pub struct RobotLink {
     pub name: String,
     /// Index of the parent link; `None` for the base.
     pub parent: Option<usize>,
-    /// Where the link's frame sits in the parent's frame at joint position 0.
+    /// Pose of the link's frame in the parent's frame at joint position 0.
     pub parent_from_link: Pose,
-    /// The joint between the parent and this link; `None` when it is rigidly attached.
+    /// Joint to the parent; `None` if rigidly attached.
     pub joint: Option<RobotJoint>,
-    /// Surfaces to draw.
+    /// Rendered surfaces.
     pub visual: Vec<VisualPart>,
-    /// Exact convex collision bodies.
+    /// Convex collision pieces.
     pub pieces: Vec<Piece>,
     /// Mass, centre and inertia.
     pub mass: MassProperties,
 }
 
-/// A joint with the limits its maker publishes.
+/// A joint with the manufacturer's limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotJoint {
     /// Name, e.g. `joint4`.
     pub name: String,
-    /// Turning or sliding.
+    /// Joint type.
     pub kind: JointKind,
     /// Unit axis in the link's frame.
     pub axis: DVec3,
@@ -79,63 +79,63 @@ pub struct RobotJoint {
 /// A parallel gripper: two mirrored fingers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gripper {
-    /// Links of the two fingers; the first moves along +y of the hand, the second along -y.
+    /// Links of the two fingers; the first moves along +y of the hand link, the second along -y.
     pub fingers: [usize; 2],
-    /// Largest opening between the pads.
+    /// Largest opening width between the pads, m.
     pub max_width: f64,
-    /// Largest grip force (sum over the fingers as the maker publishes it).
+    /// Largest grip force as published (sum over the fingers), N.
     pub max_force: f64,
-    /// Size of a pad: along the closing direction, across, along the finger.
+    /// Pad size: along the closing direction, across, along the finger, m.
     pub pad_size: DVec3,
 }
 
-/// How a robot's motors are driven, and friction of its surfaces.
+/// Motor gains and surface friction of a robot.
 ///
-/// The contact values hold thin and heavy objects by friction alone; they were tuned on scripted picks
+/// The contact parameters hold thin and heavy objects by friction alone; they were tuned on scripted picks
 /// (see `crates/sim/tests/sim`), starting from MuJoCo Menagerie's Panda.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drives {
-    /// Position gains of the arm joints, base to hand, N·m/rad; the last one holds for all further joints.
+    /// Position gains of the arm joints, base to tip, N·m/rad; the last one applies to all further joints.
     pub arm_kp: Vec<f64>,
-    /// Velocity gains, N·m·s/rad, about critical for the arm's inertia; the last one holds for all further joints.
+    /// Velocity gains, N·m·s/rad, near critical damping; the last one applies to all further joints.
     pub arm_kv: Vec<f64>,
-    /// Inertia of a motor's rotor seen at the joint, kg·m².
+    /// Rotor inertia reflected to the joint, kg·m².
     pub arm_armature: f64,
     /// Viscous friction of an arm joint, N·m·s/rad.
     pub arm_damping: f64,
-    /// Largest grip force, sum over both fingers, N; at most the hand's limit.
+    /// Largest grip force, sum over both fingers, N; at most the gripper's limit.
     pub grip_force_n: f64,
-    /// Stiffness of the width drive, N per metre of opening.
+    /// Stiffness of the width drive, N per metre of opening width.
     pub grip_kp: f64,
-    /// How far beyond closed a commanded width of 0 aims, m, so that thin things are held with full force.
+    /// Distance beyond closed that a commanded width of 0 aims for, m, so that thin objects are held with full force.
     pub grip_overclose_m: f64,
-    /// Inertia of the finger drive seen at one finger, kg.
+    /// Inertia of the finger drive reflected to one finger, kg.
     pub finger_armature: f64,
-    /// Viscous friction of a finger, N·s/m. Times a physics step it must stay well below the inertia:
-    /// the integrator adds it after the contacts are solved, and more makes the grip chatter and creep.
+    /// Viscous friction of a finger, N·s/m. Its product with the physics time step must stay well below the inertia:
+    /// the integrator adds it after solving contacts, and larger values make the grip chatter and creep.
     pub finger_damping: f64,
-    /// Friction of the pads: sliding (1), turning (m), rolling (m); it overrides the object's.
+    /// Pad friction: sliding (1), torsional (m), rolling (m); overrides the object's.
     pub pad_friction: [f64; 3],
-    /// Sliding friction of the robot's hull, the pads apart.
+    /// Sliding friction of the robot's surface except the pads.
     pub hull_friction: f64,
 }
 
-/// How far a robot gets.
+/// Reach of a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reach {
-    /// Farthest point from the base's axis that the maker publishes, metres; for drawings.
+    /// Published maximum reach from the base axis, metres; used for drawings.
     pub max_m: f64,
-    /// Nearest and farthest distance from the base's axis at which it takes things off a table from above, metres.
+    /// Smallest and largest distance from the base axis for top-down picks off a table, metres.
     pub from_above_m: [f64; 2],
 }
 
 impl RobotModel {
-    /// Hash of everything physics depends on: links, pieces, inertia, joints, gripper, drives.
-    /// Neither looks nor the home posture count; the latter stands in the world.
+    /// Hash of all physics inputs: links, pieces, inertia, joints, gripper, drives.
+    /// Appearance and the home position are excluded; the latter is part of the world.
     ///
-    /// Canonical bytes as of [`crate::AssetHashes`].
+    /// Canonical bytes as in [`crate::AssetHashes`].
     pub fn physics_hash(&self) -> String {
         let mut bytes = Canonical::default();
         bytes.text(&self.name);
@@ -149,10 +149,7 @@ impl RobotModel {
             bytes.numbers(&link.mass.inertia.to_cols_array());
             bytes.list(&link.pieces, Canonical::piece);
             bytes.list(link.joint.as_slice(), |bytes, joint| {
-                bytes.whole(match joint.kind {
-                    JointKind::Revolute => 0,
-                    JointKind::Prismatic => 1,
-                });
+                bytes.joint_kind(joint.kind);
                 bytes.vector(&joint.axis);
                 bytes.numbers(&[joint.lower, joint.upper, joint.max_velocity, joint.max_effort]);
             });
@@ -181,12 +178,12 @@ impl RobotModel {
         bytes.finish()
     }
 
-    /// Number of arm joints (the fingers do not count).
+    /// Number of arm joints, excluding the fingers.
     pub fn arm_dof(&self) -> usize {
         self.home.len()
     }
 
-    /// The arm's joints, base to hand.
+    /// The arm's joints, base to tip.
     pub fn arm_joints(&self) -> impl Iterator<Item = &RobotJoint> {
         self.links
             .iter()
@@ -195,7 +192,7 @@ impl RobotModel {
             .filter_map(|(_, link)| link.joint.as_ref())
     }
 
-    /// `world_from_link` for every link, for arm joint positions and an opening width between the pads.
+    /// `world_from_link` for every link, given arm joint positions and opening width.
     pub fn link_poses(&self, arm: &[f64], gripper_width: f64) -> Vec<Pose> {
         let mut poses: Vec<Pose> = Vec::with_capacity(self.links.len());
         let mut arm = arm.iter().copied();
@@ -209,12 +206,7 @@ impl RobotModel {
                     } else {
                         arm.next().unwrap_or(0.0)
                     };
-                    match joint.kind {
-                        JointKind::Revolute => {
-                            Pose { position: DVec3::ZERO, rotation: glam::DQuat::from_axis_angle(joint.axis, position) }
-                        }
-                        JointKind::Prismatic => Pose::from_position(joint.axis * position),
-                    }
+                    joint.kind.motion(joint.axis, position)
                 }
             };
             poses.push(parent * link.parent_from_link * motion);
@@ -222,7 +214,7 @@ impl RobotModel {
         poses
     }
 
-    /// `world_from_tcp` for arm joint positions.
+    /// `world_from_tcp`, given arm joint positions.
     pub fn tcp_pose(&self, arm: &[f64]) -> Pose {
         self.link_poses(arm, 0.0).get(self.hand).copied().unwrap_or_default() * self.hand_from_tcp
     }

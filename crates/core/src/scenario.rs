@@ -1,4 +1,4 @@
-//! Scenarios: a task laid out, frozen.
+//! Scenarios: tasks with a frozen layout.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,33 +7,34 @@ use crate::names::is_file_name;
 use crate::upgrade;
 use crate::{AssetRef, Document, DocumentError, Goal, Pose, Seed, Task, Upgrade, World};
 
-/// A task with poses: everything an episode starts from.
+/// A task with poses: the initial conditions of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scenario {
     /// Name, unique in its collection and usable as a file name, e.g. `017_pick_and_place-03`.
     pub id: String,
     /// The task.
     pub task: Task,
-    /// Seed the layout was drawn from.
+    /// Seed of the layout.
     pub seed: Seed,
-    /// Instances in the order of the task's nodes, distractors behind them.
+    /// Instances in the order of the task's nodes, followed by distractors.
     pub objects: Vec<PlacedObject>,
-    /// Everything around them: surfaces, robot, cameras, and how things move and are judged.
+    /// Surfaces, robot, cameras, physics and judging settings.
     pub world: World,
-    /// Another request that the scene allows and that was not made: whoever does it did not listen.
+    /// Alternative request that the scene allows but the instruction does not ask for, to detect policies that ignore
+    /// language.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request: Option<Request>,
-    /// Version of the program that made it.
+    /// Version of the program that created it.
     pub genmanip_version: String,
 }
 
-/// A sentence and what it asks for.
+/// An instruction and its goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// The sentence.
+    /// Language instruction.
     pub instruction: String,
-    /// When it is done.
+    /// Success condition.
     pub goal: Goal,
 }
 
@@ -44,23 +45,20 @@ impl Document for Scenario {
     fn check(&self) -> Result<(), DocumentError> {
         let refuse = |path: String, message: String| Err(DocumentError::Invalid { path, message });
         if !is_file_name(&self.id) {
-            let message = format!("expected a name of a file (letters, digits, any of -_.+=@), got {:?}", self.id);
+            let message = format!("expected a file name (letters, digits, any of -_.+=@), got {:?}", self.id);
             return refuse("$.id".into(), message.chars().take(200).collect());
         }
-        if self.objects.len() > MOST_OBJECTS {
-            return refuse("$.objects".into(), format!("expected at most {MOST_OBJECTS}, got {}", self.objects.len()));
+        if self.objects.len() > MAX_OBJECTS {
+            return refuse("$.objects".into(), format!("expected at most {MAX_OBJECTS}, got {}", self.objects.len()));
         }
         for (index, object) in self.objects.iter().enumerate() {
             if self.objects[..index].iter().any(|other| other.id == object.id) {
-                return refuse(
-                    format!("$.objects[{index}].id"),
-                    format!("expected an id of its own, got {:?}", object.id),
-                );
+                return refuse(format!("$.objects[{index}].id"), format!("expected a unique id, got {:?}", object.id));
             }
         }
         for (index, object) in self.objects.iter().enumerate() {
             if let Some((factor, value)) = object.physics.fault() {
-                let expected = format!("expected {LEAST_FACTOR} to {MOST_FACTOR}, got {value}");
+                let expected = format!("expected {MIN_FACTOR} to {MAX_FACTOR}, got {value}");
                 return refuse(format!("$.objects[{index}].physics.{factor}"), expected);
             }
         }
@@ -71,62 +69,62 @@ impl Document for Scenario {
     }
 }
 
-/// Most objects of a scene: several times what fits on a table.
-pub const MOST_OBJECTS: usize = 256;
+/// Maximum number of objects in a scene; several times what fits on a table.
+pub const MAX_OBJECTS: usize = 256;
 
-/// An instance of a scenario, with hashes of its asset, so that a change of that is noticed.
+/// An instance in a scenario, with hashes of its asset that detect changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlacedObject {
-    /// What the scene calls it, as in the task's graph.
+    /// Instance id, as in the task's graph.
     pub id: String,
-    /// What it is made from.
+    /// Source asset.
     pub asset: AssetRef,
-    /// Hash of its physics, [`crate::AssetHashes::physics`]; a mismatch is an error.
+    /// Physics hash, [`crate::AssetHashes::physics`]; a mismatch is an error.
     ///
-    /// The prefix says how it was made: `v2:` today, `v1:` in scenarios of version 1.
+    /// The prefix is the hash version: `v2:` currently, `v1:` in scenarios of version 1.
     pub physics_hash: String,
-    /// Hash of what else the judge uses, [`crate::AssetHashes::judging`]; a mismatch is an error.
-    /// Scenarios of version 1 have none.
+    /// Hash of further judging inputs, [`crate::AssetHashes::judging`]; a mismatch is an error.
+    /// Absent in scenarios of version 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judging_hash: Option<String>,
-    /// Hash of its looks, [`crate::AssetHashes::looks`]; a mismatch is only reported. Scenarios of version 1 have none.
+    /// Appearance hash, [`crate::AssetHashes::looks`]; a mismatch is only reported. Absent in scenarios of version 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub looks_hash: Option<String>,
     /// `world_from_object`.
     pub pose: Pose,
-    /// Joint positions of an articulated object, in the order of its links.
+    /// Joint positions of an articulated object, in link order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_positions: Vec<f64>,
-    /// How it moves differently from its asset.
-    #[serde(default, skip_serializing_if = "PhysicsFactors::is_usual")]
+    /// Perturbation of its physics.
+    #[serde(default, skip_serializing_if = "PhysicsFactors::is_unchanged")]
     pub physics: PhysicsFactors,
 }
 
-/// How an instance moves differently from its asset: factors, 1 for what is as usual.
+/// Physics perturbation of an instance: factors on its asset's values, 1 for unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhysicsFactors {
-    /// Of the sliding friction.
+    /// Factor on the sliding friction.
     pub friction: f64,
-    /// Of the mass, and of the inertia with it.
+    /// Factor on mass and inertia.
     pub mass: f64,
-    /// Of the damping of its contacts: below 1 it bounces.
+    /// Factor on contact damping; below 1 the object bounces.
     pub contact_damping: f64,
-    /// Of the damping and the dry friction of its joints.
+    /// Factor on joint damping and dry friction.
     pub joint_friction: f64,
 }
 
-/// Range of [`PhysicsFactors`]; beyond, it is another thing.
-const LEAST_FACTOR: f64 = 0.1;
-const MOST_FACTOR: f64 = 10.0;
+/// Range of [`PhysicsFactors`]; beyond it the object would be a different one.
+const MIN_FACTOR: f64 = 0.1;
+const MAX_FACTOR: f64 = 10.0;
 
 impl PhysicsFactors {
-    /// Whether everything is as usual.
-    pub fn is_usual(&self) -> bool {
+    /// True if all factors are 1.
+    pub fn is_unchanged(&self) -> bool {
         *self == Self::default()
     }
 
-    /// A factor that cannot be, with its name.
+    /// Name and value of a factor out of range.
     fn fault(&self) -> Option<(&'static str, f64)> {
         let factors = [
             ("friction", self.friction),
@@ -134,7 +132,7 @@ impl PhysicsFactors {
             ("contact_damping", self.contact_damping),
             ("joint_friction", self.joint_friction),
         ];
-        factors.into_iter().find(|(_, value)| !(LEAST_FACTOR..=MOST_FACTOR).contains(value))
+        factors.into_iter().find(|(_, value)| !(MIN_FACTOR..=MAX_FACTOR).contains(value))
     }
 }
 
@@ -145,7 +143,7 @@ impl Default for PhysicsFactors {
 }
 
 impl Scenario {
-    /// Index of an instance.
+    /// Index of an instance by id.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.objects.iter().position(|object| object.id == id)
     }

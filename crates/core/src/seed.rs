@@ -1,4 +1,4 @@
-//! Randomness as an argument: labelled, order-independent sub-streams.
+//! Seeds: explicit randomness with labelled, order-independent sub-streams.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -7,10 +7,10 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use sha2::{Digest, Sha256};
 
-/// The root of a random stream, at most 53 bits wide so that every JSON reader keeps it exact.
+/// Root of a random stream, at most 53 bits wide so that every JSON reader represents it exactly.
 ///
-/// Functions that need chance take a `Seed` and fork it by a label per purpose;
-/// one more draw in one place then never shifts the numbers drawn in another.
+/// Functions that need randomness take a `Seed` and fork it with one label per purpose, so that an additional draw in
+/// one place does not shift the numbers drawn elsewhere.
 ///
 /// ```
 /// use genmanip_core::Seed;
@@ -34,13 +34,12 @@ impl Seed {
     /// The largest seed, 2^53 - 1.
     pub const MAX: u64 = (1 << 53) - 1;
 
-    /// A seed from any number; bits above the 53rd are ignored, so numbers that people choose are refused above
-    /// [`Seed::MAX`] before.
+    /// A seed from any number. Bits above the 53rd are dropped; user input above [`Seed::MAX`] is rejected before.
     pub fn new(value: u64) -> Self {
         Self(value & Self::MAX)
     }
 
-    /// The number to print or to store.
+    /// The numeric value.
     pub fn value(self) -> u64 {
         self.0
     }
@@ -57,13 +56,13 @@ impl Seed {
         Self::new(u64::from_le_bytes(first))
     }
 
-    /// The sub-stream of the `index`-th of many equal things (episodes, attempts, samples).
+    /// The sub-stream of the `index`-th of a series (episodes, attempts, samples).
     #[must_use]
     pub fn fork_index(self, index: u64) -> Self {
         self.fork(&format!("#{index}"))
     }
 
-    /// The generator of this stream: ChaCha8, counter based and the same on every machine.
+    /// Generator of this stream: ChaCha8, counter-based and identical on every machine.
     pub fn rng(self) -> ChaCha8Rng {
         ChaCha8Rng::seed_from_u64(self.0)
     }

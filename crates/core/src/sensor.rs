@@ -1,80 +1,79 @@
-//! What a camera's sensors make of a perfect picture: numbers of devices, for the drawing to apply.
+//! Sensor models: device parameters that the renderer applies to ideal images.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The sensors of a camera. Where one is missing, that picture is perfect.
+/// Sensor model of a camera; a missing channel is ideal.
 ///
-/// Depth and colour are seen from one place, as by a device whose depth was registered to its colour.
+/// Depth and colour share one viewpoint, as in a device with registered depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSensor {
-    /// How depth is measured.
+    /// Depth sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSensor>,
-    /// How colour is measured.
+    /// Colour sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<ColorSensor>,
 }
 
-/// Depth by triangulation between an imager and a partner beside it: a second imager (active stereo) or a projector
-/// (structured light).
+/// Triangulation depth sensor: an imager with a second imager (active stereo) or a projector (structured light) as
+/// partner.
 ///
-/// Depth is `focal_length_px · baseline_m / disparity`; errors and steps of the disparity, in pixels of the device
-/// whatever the size of the picture, are therefore errors of the depth that grow with its square.
+/// Depth is `focal_length_px · baseline_m / disparity`, so disparity errors and steps, in device pixels at any image
+/// size, cause depth errors that grow with the squared depth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DepthSensor {
-    /// How far the partner is to the right of the imager, metres. What one sees and the other does not has no depth: a
-    /// shadow to the left of near things, which also grows with the distance of what is behind.
+    /// Signed distance from the imager to its partner, to the right, metres. Points visible to only one of the two
+    /// have no depth: an occlusion shadow on the left of near objects, which widens with the distance of the
+    /// background.
     pub baseline_m: f64,
-    /// Focal length of the imager at the resolution that it measures in, pixels.
+    /// Focal length of the imager at its measuring resolution, pixels.
     pub focal_length_px: f64,
-    /// Horizontal and vertical field of view of both, degrees; outside there is no depth.
+    /// Horizontal and vertical field of view, degrees; no depth outside.
     pub field_of_view_deg: [f64; 2],
-    /// Nearest and farthest depth, metres.
+    /// Smallest and largest depth, metres.
     pub range_m: [f64; 2],
-    /// Standard deviation of a disparity, pixels of the device.
+    /// Standard deviation of the disparity, device pixels.
     pub disparity_error_px: f64,
-    /// Step between disparities that are told apart, pixels of the device; 0 for none.
+    /// Quantisation step of the disparity, device pixels; 0 for none.
     pub disparity_step_px: f64,
-    /// Steepest view of a surface that is still measured: cosine of the angle between its normal and the way to the
-    /// camera.
+    /// Smallest measurable cosine of the angle between surface normal and view direction.
     pub least_cosine: f64,
-    /// Faintest return that is still measured: share of the light that a surface scatters, times that cosine.
+    /// Smallest measurable return: diffuse albedo times that cosine.
     /// White paper is near 0.9, black plastic near 0.02, glass and polished metal nearly 0.
     pub least_return: f64,
 }
 
-/// Longest time that a shutter may be open, s.
-pub const LONGEST_SHUTTER_S: f64 = 0.1;
+/// Maximum exposure time, s.
+pub const MAX_SHUTTER_S: f64 = 0.1;
 
-/// A colour imager behind a lens: exposure, white balance, blur of what moves, vignetting, shot and read noise,
-/// compression.
+/// Colour imager with a lens: exposure, white balance, motion blur, vignetting, shot and read noise, compression.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColorSensor {
-    /// Exposure against the perfect picture, stops: 1 is twice as bright.
+    /// Exposure relative to the ideal image, stops: 1 is twice as bright.
     pub exposure_stops: f64,
-    /// White balance against the perfect picture: factors of linear red, green and blue.
+    /// White balance relative to the ideal image: factors of linear red, green and blue.
     pub white_balance: [f64; 3],
-    /// How long the shutter is open, up to the moment of the picture, seconds: what moves meanwhile is blurred. The
-    /// brightness of the picture does not depend on it; 0 for pictures without blur.
+    /// Exposure time, ending at the image's timestamp, seconds: moving objects are blurred. Does not affect
+    /// brightness; 0 for no motion blur.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shutter_s: f64,
-    /// Share of the light that is lost in the corners, against the middle.
+    /// Light loss in the corners relative to the centre, 0-1.
     pub vignetting: f64,
-    /// Electrons in a pixel that is just white: fewer are noisier, and noise grows with the root of the light.
+    /// Full-well capacity, electrons: shot noise is proportional to the square root of the signal.
     pub full_well_e: f64,
-    /// Standard deviation of a pixel without light, electrons.
+    /// Read noise (standard deviation), electrons.
     pub read_noise_e: f64,
-    /// Quality of the JPEG that the camera sends, 1-100; `None` for raw pictures.
+    /// JPEG quality, 1-100; `None` for uncompressed images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jpeg_quality: Option<u8>,
 }
 
 impl ColorSensor {
-    /// An imager that adds nothing to a perfect picture but the blur of its shutter.
+    /// An imager that adds nothing but motion blur to an ideal image.
     pub fn perfect(shutter_s: f64) -> Self {
         Self {
             exposure_stops: 0.0,
@@ -92,20 +91,20 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// A device by name.
+/// A named sensor model of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SensorPreset {
     /// Name on the command line and in world files, e.g. `d435`.
     pub name: &'static str,
-    /// What it stands for.
+    /// Device that the preset models.
     pub what: &'static str,
-    /// Where its numbers come from.
+    /// Source of the numbers.
     pub source: &'static str,
-    /// Its numbers.
+    /// Parameters.
     pub sensor: CameraSensor,
 }
 
-/// Chosen: a small rolling-shutter imager in a well-lit room; its noise is just seen in dark parts.
+/// Chosen: a small rolling-shutter imager in a well-lit room, with noise barely visible in dark parts.
 const ROOM_COLOR: ColorSensor = ColorSensor {
     exposure_stops: 0.0,
     white_balance: [1.0, 1.0, 1.0],
@@ -121,7 +120,7 @@ const REALSENSE: &str = "baselines and fields of view: Intel RealSense D400 data
      performance\" (Grunnet-Jepsen et al.). Steps of 1/32 px: \"Subpixel linearity improvement\" (the same authors). \
      Farthest depth, angle, return and colour: chosen";
 
-/// The D435 at 848x480; the D415 differs in its baseline, its lens and what follows from them.
+/// D435 at 848x480; the D415 differs in baseline, lens and derived values.
 const D435_DEPTH: DepthSensor = DepthSensor {
     baseline_m: 0.050,
     // 424 / tan(87 degrees / 2)
@@ -135,8 +134,8 @@ const D435_DEPTH: DepthSensor = DepthSensor {
     least_return: 0.015,
 };
 
-/// Known devices. The angle and the return are chosen so that black plastic has holes, and glass and mirrors hardly
-/// anything else.
+/// Known devices. `least_cosine` and `least_return` are chosen so that black plastic has holes, and glass and mirrors
+/// are almost entirely missing.
 pub const SENSORS: [SensorPreset; 3] = [
     SensorPreset {
         name: "d435",
@@ -184,7 +183,7 @@ pub const SENSORS: [SensorPreset; 3] = [
 ];
 
 impl SensorPreset {
-    /// The preset of a name; `None` if there is none.
+    /// The preset with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
         SENSORS.iter().find(|preset| preset.name == name)
     }
@@ -196,14 +195,14 @@ impl SensorPreset {
 }
 
 impl DepthSensor {
-    /// Standard deviation of a depth of 1 m, m; it grows with the square of the depth.
+    /// Standard deviation of a depth of 1 m, m; grows with the squared depth.
     pub fn error_at_1_m(&self) -> f64 {
         self.disparity_error_px / (self.focal_length_px * self.baseline_m.abs())
     }
 }
 
 impl CameraSensor {
-    /// A camera's sensors with another time that the shutter is open; without blur and anything else, none.
+    /// The sensor model with a different exposure time; `None` if the result is ideal.
     #[must_use]
     pub fn with_shutter(sensor: Option<Self>, shutter_s: f64) -> Option<Self> {
         let sensor = sensor.unwrap_or_default();
@@ -212,7 +211,7 @@ impl CameraSensor {
         Some(Self { color, ..sensor }).filter(|sensor| *sensor != Self::default())
     }
 
-    /// What cannot be, as place within the sensor, what was expected there, and what is there.
+    /// Invalid parameters: field path, expected and actual value.
     pub(crate) fn faults(&self) -> Vec<(&'static str, &'static str, String)> {
         let mut faults = Vec::new();
         let mut check = |is_right: bool, place, expected, got: &dyn std::fmt::Debug| {
@@ -245,7 +244,7 @@ impl CameraSensor {
             let is_balance = it.white_balance.iter().all(|factor| (0.1..=10.0).contains(factor));
             check(is_balance, "color.white_balance", "three factors from 0.1 to 10", &it.white_balance);
             let shutter = it.shutter_s;
-            check((0.0..=LONGEST_SHUTTER_S).contains(&shutter), "color.shutter_s", "0 to 0.1 s", &shutter);
+            check((0.0..=MAX_SHUTTER_S).contains(&shutter), "color.shutter_s", "0 to 0.1 s", &shutter);
             check(is_share(it.vignetting), "color.vignetting", "a share from 0 to 1", &it.vignetting);
             check(
                 it.full_well_e >= 1.0 && it.full_well_e.is_finite(),

@@ -1,17 +1,17 @@
-//! A font of strokes: text as polylines, for labels on objects and for overlays on pictures.
+//! Vector font: text as polylines, for labels on objects and overlays on images.
 //!
-//! Capitals, digits and a few signs; small letters are drawn as capitals, what is unknown as a gap.
+//! Capitals, digits and some punctuation; lower case is drawn as capitals, unknown characters as a gap.
 
 use glam::Vec2;
 
-/// Height of capitals in units of the grid that glyphs are drawn on.
+/// Cap height, grid units.
 const CAP_HEIGHT: f32 = 6.0;
-/// Gap between glyphs, in units of the grid.
+/// Spacing between glyphs, grid units.
 const GAP: f32 = 1.6;
-/// Width of what has no strokes, in units of the grid.
+/// Width of a blank, grid units.
 const SPACE: f32 = 2.4;
 
-/// Strokes of a glyph: points as two digits (x 0-4, y 0-6 from the base line up), strokes apart by a space.
+/// Strokes of a glyph, separated by spaces: points as two digits (x 0-4, y 0-6 up from the baseline).
 fn glyph(letter: char) -> &'static str {
     match letter.to_ascii_uppercase() {
         'A' => "002640 1232",
@@ -68,7 +68,7 @@ fn glyph(letter: char) -> &'static str {
     }
 }
 
-/// The strokes of a text whose capitals are 1 high: x to the right from 0, y up from the base line; and its width.
+/// Strokes and width of a text with cap height 1: x to the right from 0, y up from the baseline.
 ///
 /// ```
 /// let (strokes, width) = genmanip_core::stroke_font::strokes("I");
@@ -78,15 +78,15 @@ pub fn strokes(text: &str) -> (Vec<Vec<Vec2>>, f32) {
     let (mut strokes, mut x, mut end): (Vec<Vec<Vec2>>, f32, f32) = (Vec::new(), 0.0, 0.0);
     for letter in text.chars() {
         let mut width = 0.0_f32;
-        let drawn = glyph(letter);
-        for stroke in drawn.split(' ').filter(|stroke| !stroke.is_empty()) {
+        let glyph = glyph(letter);
+        for stroke in glyph.split(' ').filter(|stroke| !stroke.is_empty()) {
             let digits: Vec<f32> = stroke.bytes().map(|digit| f32::from(digit - b'0')).collect();
             let points = digits.chunks_exact(2).map(|point| Vec2::new(x + point[0], point[1]) / CAP_HEIGHT);
             strokes.push(points.collect());
             width = digits.chunks_exact(2).map(|point| point[0]).fold(width, f32::max);
         }
-        end = if drawn.is_empty() { end } else { x + width };
-        x += if drawn.is_empty() { SPACE } else { width + GAP };
+        end = if glyph.is_empty() { end } else { x + width };
+        x += if glyph.is_empty() { SPACE } else { width + GAP };
     }
     (strokes, end / CAP_HEIGHT)
 }
@@ -96,13 +96,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_letter_and_digit_has_strokes_of_its_own() {
+    fn every_letter_and_digit_has_unique_strokes() {
         let letters: Vec<char> = ('A'..='Z').chain('0'..='9').collect();
         for (index, &letter) in letters.iter().enumerate() {
-            let (drawn, width) = strokes(&letter.to_string());
-            assert!(!drawn.is_empty() && (0.0..=0.7).contains(&width), "{letter}");
-            assert!(drawn.iter().flatten().all(|p| (0.0..=1.0).contains(&p.y)), "{letter}");
-            let same = letters[..index].iter().find(|&&other| strokes(&other.to_string()).0 == drawn);
+            let (glyph, width) = strokes(&letter.to_string());
+            assert!(!glyph.is_empty() && (0.0..=0.7).contains(&width), "{letter}");
+            assert!(glyph.iter().flatten().all(|p| (0.0..=1.0).contains(&p.y)), "{letter}");
+            let same = letters[..index].iter().find(|&&other| strokes(&other.to_string()).0 == glyph);
             assert_eq!(same, None, "{letter}");
         }
     }

@@ -10,29 +10,29 @@ use crate::asset::uid_of;
 use crate::upgrade;
 use crate::{AssetRef, Document, ObjectCard, Upgrade};
 
-/// What is to be done, in a scene described by relations. Valid by construction: the validator in the
-/// `scene` crate is the only place that makes one from a language model's answer.
+/// A task: instruction, goal and initial scene described by relations. Valid by construction: only the validator in
+/// `tasks` makes one from a language model's answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Task {
-    /// Name, unique in its collection and usable as a file name.
+    /// Id, unique in its collection and usable as a file name.
     pub id: String,
-    /// One of the six kinds.
+    /// Task category.
     pub kind: TaskKind,
-    /// The sentence given to the robot, at most 30 words.
+    /// Instruction given to the robot, at most 30 words.
     pub instruction: String,
-    /// When the task is done.
+    /// Success condition.
     pub goal: Goal,
-    /// The scene before the robot moves.
+    /// Initial scene.
     pub scene_graph: SceneGraph,
-    /// Cards of the instances in the scene, one per node of the graph and in its order; see [`SharedCards`].
+    /// Cards of the instances, one per node of the graph and in its order; see [`SharedCards`].
     pub objects: Vec<Arc<ObjectCard>>,
-    /// Support surfaces of the world, other than the table, that goal or graph stand things against.
+    /// Support surfaces of the world, other than the table, that goal or graph refer to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
-    /// Groups of instances of one asset that stand for each other in the goal: it holds when it holds for any of them.
+    /// Groups of interchangeable instances of one asset: the goal holds if it holds for any permutation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interchangeable: Vec<Vec<String>>,
-    /// Where the task comes from, e.g. `recorded answer 001_long_horizon.json` or `rules`.
+    /// Origin of the task, e.g. `recorded answer 001_long_horizon.json` or `rules`.
     pub source: String,
 }
 
@@ -41,7 +41,7 @@ impl Document for Task {
     const PREVIOUS: Option<Upgrade> = Some(upgrade::task::FROM_1);
 }
 
-/// Cards that many tasks have in common, each held once: most of what a task needs in memory.
+/// Deduplicates object cards across tasks; cards are most of a task's memory.
 ///
 /// ```
 /// # use std::sync::Arc;
@@ -60,7 +60,7 @@ pub struct SharedCards {
     by_uid: BTreeMap<String, Shared>,
 }
 
-/// What tasks with one object have in common.
+/// Card and asset shared by tasks with the same object.
 #[derive(Debug)]
 struct Shared {
     card: Arc<ObjectCard>,
@@ -68,13 +68,13 @@ struct Shared {
 }
 
 impl SharedCards {
-    /// Replaces the cards of a task that are known already, and keeps the others; its lists take no more room than they
-    /// need. The task stays equal to what it was.
+    /// Replaces a task's cards by known equal ones, remembers the others, and shrinks its lists to fit. The task's
+    /// value does not change.
     pub fn share(&mut self, task: &mut Task) {
         for (card, node) in task.objects.iter_mut().zip(&mut task.scene_graph.nodes) {
             let known = self.by_uid.entry(card.uid.clone());
             let known = known.or_insert_with(|| Shared { card: Arc::clone(card), asset: Arc::clone(&node.asset) });
-            // Few tasks have another version of the asset.
+            // A few tasks use another version of the asset.
             if known.card == *card {
                 *card = Arc::clone(&known.card);
             }
@@ -90,30 +90,30 @@ impl SharedCards {
     }
 }
 
-/// The kinds of task.
+/// Task category.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskKind {
     /// Everyday pick and place with named objects.
     PickAndPlace,
-    /// Places are given through other objects.
+    /// Destinations are given relative to other objects.
     Spatial,
-    /// Objects are given by their looks.
+    /// Objects are referred to by their appearance.
     Appearance,
     /// Objects follow from an everyday need.
     CommonSense,
     /// Two to four steps.
     LongHorizon,
-    /// The state of an articulated object changes.
+    /// Changes the state of an articulated object.
     Articulated,
 }
 
 impl TaskKind {
-    /// All kinds.
+    /// All categories.
     pub const ALL: [Self; 6] =
         [Self::PickAndPlace, Self::Spatial, Self::Appearance, Self::CommonSense, Self::LongHorizon, Self::Articulated];
 
-    /// The name in files and on the command line.
+    /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::PickAndPlace => "pick_and_place",
@@ -126,17 +126,18 @@ impl TaskKind {
     }
 }
 
-/// A support surface as a task names it: a fixed thing that is no object of the scene, see [`crate::SupportSurface`].
+/// A support surface as named in a task: fixed furniture that is not an object of the scene, see
+/// [`crate::SupportSurface`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NamedSurface {
     /// Id in the world, e.g. `side_table`.
     pub id: String,
-    /// What people call it, e.g. `side table`.
+    /// Display name, e.g. `side table`.
     pub name: String,
 }
 
-/// A disjunction of conjunctions: done when every atom of one alternative holds.
+/// Disjunction of conjunctions: holds if every atom of one alternative holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Goal {
@@ -144,17 +145,17 @@ pub struct Goal {
     pub alternatives: Vec<Vec<Atom>>,
 }
 
-/// One condition.
+/// An atomic condition.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "test", rename_all = "snake_case")]
 pub enum Atom {
     /// `subject` stands in `relation` to `reference`.
     Relation {
-        /// Id of the instance that is placed.
+        /// Id of the placed instance.
         subject: String,
         /// The relation.
         relation: Relation,
-        /// Id of the instance, or of the support surface, it is placed against.
+        /// Id of the reference instance or support surface.
         reference: String,
         /// Second reference of `between`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -181,7 +182,7 @@ pub enum Relation {
     Left,
     /// To the robot's right (-y).
     Right,
-    /// Close in the plane, neither in/out nor on/beneath.
+    /// Close in the plane, neither in nor on nor beneath.
     Near,
     /// Resting on or lying in.
     Top,
@@ -193,37 +194,37 @@ pub enum Relation {
     Between,
 }
 
-/// The initial scene: what exists, in which state, and how it stands to each other.
+/// The initial scene: objects, their states and relations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SceneGraph {
-    /// The scene in words.
+    /// Description of the scene.
     pub description: String,
     /// Objects with their states.
     pub nodes: Vec<GraphNode>,
-    /// Relations that hold initially; objects without support stand on the table.
+    /// Relations that hold initially; objects without a supporting edge stand on the table.
     pub edges: Vec<GraphEdge>,
 }
 
-/// One instance of the scene.
+/// An instance in the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GraphNode {
-    /// What the scene calls it: the asset's uid where it occurs once, `001#2` for its second copy.
+    /// Instance id: the asset's uid, or `001#2` for its second copy.
     pub id: String,
-    /// What it is made from.
+    /// Source asset.
     pub asset: Arc<AssetRef>,
     /// State of an articulated object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<String>,
 }
 
-/// One relation of the scene.
+/// A relation in the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct GraphEdge {
     /// Id of the instance.
     pub subject: String,
     /// The relation.
     pub relation: Relation,
-    /// Id of the instance, or of the support surface, it is related to.
+    /// Id of the reference instance or support surface.
     pub reference: String,
     /// Second reference of `between`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -243,14 +244,14 @@ impl GraphEdge {
 }
 
 impl SceneGraph {
-    /// Index of an instance's node.
+    /// Index of an instance's node by id.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|node| node.id == id)
     }
 }
 
 impl GraphNode {
-    /// The first instance of what a card describes, in no named state.
+    /// The first instance of a card's object, without a state.
     pub fn of(card: &ObjectCard) -> Self {
         Self { id: card.uid.clone(), asset: Arc::new(card.asset.clone()), state: None }
     }
@@ -262,13 +263,13 @@ impl Task {
         self.objects.get(self.scene_graph.index_of(id)?).map(Arc::as_ref)
     }
 
-    /// The support surface of that id, where the task names it.
+    /// A support surface by id, if the task refers to it.
     pub fn surface(&self, id: &str) -> Option<&NamedSurface> {
         self.surfaces.iter().find(|surface| surface.id == id)
     }
 
-    /// What people call an instance: `Red Mug`, and `Red Mug #2` for its second copy; a surface by its name; the id where
-    /// there is no card.
+    /// Display name of an instance: `Red Mug`, or `Red Mug #2` for its second copy; a surface's name; the id if there
+    /// is no card.
     pub fn name_of(&self, id: &str) -> String {
         if let Some(surface) = self.surface(id) {
             return surface.name.clone();
@@ -287,7 +288,7 @@ impl Atom {
         }
     }
 
-    /// Ids of all instances it names, the subject first.
+    /// Ids of all instances in the condition, the subject first.
     pub fn objects(&self) -> impl Iterator<Item = &str> {
         let (reference, second) = match self {
             Self::Relation { reference, second_reference, .. } => (Some(reference), second_reference.as_ref()),
@@ -298,15 +299,15 @@ impl Atom {
 }
 
 impl Relation {
-    /// Those between two objects: every word of the exchange format.
+    /// Relations between two objects: all words of the exchange format.
     pub const OF_PAIRS: [Self; 8] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In];
 
-    /// All of them.
+    /// All relations.
     pub const ALL: [Self; 9] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In, Self::Between];
 
-    /// The name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Front => "front",
@@ -321,7 +322,7 @@ impl Relation {
         }
     }
 
-    /// The relation seen from the other object, where there is one.
+    /// Converse relation, if there is one.
     pub fn inverse(self) -> Option<Self> {
         match self {
             Self::Front => Some(Self::Back),
@@ -333,7 +334,7 @@ impl Relation {
         }
     }
 
-    /// Whether the subject is carried or contained by the reference.
+    /// True if the reference supports or contains the subject.
     pub fn is_support(self) -> bool {
         matches!(self, Self::Top | Self::On | Self::In)
     }

@@ -1,55 +1,55 @@
-//! Verdicts that explain themselves.
+//! Verdicts with the measurements that explain them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Atom;
 
-/// The judgement of a goal.
+/// Verdict on a goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GoalVerdict {
     /// Fraction of atoms that hold in the best alternative, 0-1.
     pub score: f64,
-    /// Whether every atom of some alternative holds.
+    /// True if every atom of some alternative holds.
     pub success: bool,
-    /// One list of judged atoms per alternative.
+    /// Verdicts on the atoms of each alternative.
     pub alternatives: Vec<Vec<AtomVerdict>>,
 }
 
-/// The judgement of one condition.
+/// Verdict on one condition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AtomVerdict {
     /// The condition.
     pub atom: Atom,
-    /// Whether it holds.
+    /// True if it holds.
     pub holds: bool,
-    /// How far the deciding quantity is from flipping the verdict, in that quantity's unit; negative when the
-    /// condition does not hold. Verdicts are compared by [`Self::normalised_margin`].
+    /// Distance of the deciding quantity from its threshold, in that quantity's unit; negative if the condition does
+    /// not hold. Compare verdicts by [`Self::normalised_margin`].
     pub margin: f64,
-    /// What was measured, the deciding quantity first.
+    /// Measurements, the deciding quantity first.
     pub measurements: Vec<Measurement>,
-    /// The verdict in words, e.g. `left: gap 0.042 m ≤ 0.150 m`.
+    /// Explanation, e.g. `left: gap 0.042 m ≤ 0.150 m`.
     pub explanation: String,
 }
 
-/// One measured quantity with its threshold.
+/// A measured quantity with its threshold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Measurement {
-    /// What was measured, e.g. `gap in the plane`.
+    /// Name of the quantity, e.g. `gap in the plane`.
     pub quantity: String,
     /// The value.
     pub value: f64,
-    /// What it is compared with.
+    /// Threshold.
     pub threshold: f64,
     /// Unit of value, threshold and margin.
     pub unit: Unit,
-    /// Whether this part of the condition is met.
+    /// True if this part of the condition is met.
     pub met: bool,
-    /// Distance to the threshold, positive when met. Measurements are compared by [`Self::normalised_margin`].
+    /// Distance to the threshold, positive if met. Compare measurements by [`Self::normalised_margin`].
     pub margin: f64,
 }
 
-/// Unit of a measured quantity, and the scale by which margins of different units are compared.
+/// Unit of a measured quantity, with the scale for comparing margins across units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Unit {
     /// Metres.
@@ -58,41 +58,41 @@ pub enum Unit {
     /// Radians.
     #[serde(rename = "rad")]
     Radian,
-    /// A share, 0-1. Files written before [`Unit::Fact`] existed use it for facts, too.
+    /// A fraction, 0-1. Files written before [`Unit::Fact`] existed also use it for facts.
     #[serde(rename = "1")]
     Share,
-    /// True (1) or false (0), nothing between.
+    /// Boolean: true (1) or false (0).
     #[serde(rename = "fact")]
     Fact,
 }
 
 impl Unit {
-    /// A margin in this unit without its unit, comparable with margins of any other unit.
+    /// Converts a margin in this unit to a dimensionless one that is comparable across units.
     ///
     /// ```
     /// use genmanip_core::Unit;
-    /// // Three centimetres inside the limit are less than a bend of 40 degrees inside it.
+    // 3 cm within a limit is less than 40 degrees within another.
     /// assert!(Unit::Metre.normalise(0.03) < Unit::Radian.normalise(0.7));
     /// ```
     pub fn normalise(self, margin: f64) -> f64 {
         margin / self.scale()
     }
 
-    /// The margin that is 1 when normalised, in this unit.
+    /// Margin in this unit that normalises to 1.
     pub fn scale(self) -> f64 {
         match self {
-            // Chosen: the usual distance between neighbours on the table; a thing moved by it stands elsewhere.
+            // Chosen: typical distance between neighbours on the table.
             Self::Metre => 0.1,
-            // Chosen: a turn by it moves a neighbour at that distance by that distance.
+            // Chosen: a rotation that moves a neighbour at that distance by that distance.
             Self::Radian => 1.0,
             // Chosen: the whole object.
             Self::Share => 1.0,
-            // Chosen: a fact outweighs every measured margin, since distances on the table are below a metre.
+            // Chosen: a fact outweighs every measured margin, because distances on the table are below a metre.
             Self::Fact => 0.1,
         }
     }
 
-    /// How it is written, e.g. `m`.
+    /// Unit symbol, e.g. `m`.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Metre => "m",
@@ -104,21 +104,21 @@ impl Unit {
 }
 
 impl Measurement {
-    /// The margin over the scale of its unit, without a unit; positive when met.
+    /// Dimensionless margin; positive if met.
     pub fn normalised_margin(&self) -> f64 {
         self.unit.normalise(self.margin)
     }
 }
 
 impl AtomVerdict {
-    /// The normalised margin of the deciding quantity, by which verdicts are compared; 0 when nothing was measured.
+    /// Dimensionless margin of the deciding quantity, for comparing verdicts; 0 without measurements.
     pub fn normalised_margin(&self) -> f64 {
         self.measurements.first().map_or(0.0, Measurement::normalised_margin)
     }
 }
 
 impl GoalVerdict {
-    /// From judged alternatives.
+    /// Goal verdict of judged alternatives.
     pub fn from_alternatives(alternatives: Vec<Vec<AtomVerdict>>) -> Self {
         let score = alternatives
             .iter()
@@ -128,7 +128,7 @@ impl GoalVerdict {
         Self { score, success: score >= 1.0, alternatives }
     }
 
-    /// The alternative with the largest fraction of true atoms, the first of equals.
+    /// The alternative with the largest fraction of true atoms; the first on a tie.
     pub fn best(&self) -> Option<&[AtomVerdict]> {
         let fraction =
             |atoms: &[AtomVerdict]| atoms.iter().filter(|atom| atom.holds).count() as f64 / atoms.len().max(1) as f64;

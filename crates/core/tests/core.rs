@@ -1,4 +1,4 @@
-//! The vocabulary as files: round trips, refusals, seeds, projections.
+//! Document round trips, rejected inputs, seeds and projections.
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
@@ -11,7 +11,7 @@ fn task_text() -> String {
     include_str!("../testdata/task.json").to_owned()
 }
 
-/// One door for every broken file: what the message must contain.
+/// Asserts that a broken file is rejected with a message containing `expected`.
 fn check_refused(text: &str, expected: &str) {
     let message = Task::from_json(text).expect_err("must be refused").to_string();
     assert!(message.contains(expected), "message `{message}` does not contain `{expected}`");
@@ -25,7 +25,7 @@ fn a_task_survives_the_file() {
     assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/2\""));
 }
 
-/// Version 1 knew uids only; what it did not say is filled in with what was fixed then.
+/// Missing fields of version 1 are filled with the values fixed at the time.
 #[test]
 fn documents_of_version_1_open_and_name_instances_by_their_uid() {
     let old = include_str!("../testdata/v1/task.json");
@@ -66,7 +66,7 @@ fn broken_files_are_refused_with_the_place() {
     check_refused(&good.replace("0.072", "null"), "$.objects[0].size_m");
 }
 
-/// A result of version 1 as it was written, and the same with other causes.
+/// A result of version 1, with each cause that it could have.
 #[test]
 fn results_of_version_1_say_how_they_ended() {
     let old = include_str!("../testdata/result_1.json");
@@ -113,7 +113,7 @@ fn seeds_are_labelled_and_stay_exact_in_json() {
     assert_ne!(seed, Seed::new(7).fork("episode").fork_index(4));
 }
 
-/// A verdict that one measured quantity decides.
+/// A verdict decided by one measurement.
 fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
     let measurement =
         Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
@@ -128,7 +128,7 @@ fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
 
 #[test]
 fn margins_of_different_units_are_compared_by_their_scale() {
-    // From the farthest beyond its threshold to the farthest inside it.
+    // Sorted by normalised margin.
     let ordered = [
         (-1.0, Unit::Fact),
         (-0.5, Unit::Metre),
@@ -166,7 +166,7 @@ fn schemas_on_disk_are_those_of_the_types() {
         ("scenario", schemars::schema_for!(Scenario)),
         ("world", schemars::schema_for!(World)),
         ("result", schemars::schema_for!(genmanip_core::EpisodeResult)),
-        ("labels", schemars::schema_for!(genmanip_core::perception::PictureLabels)),
+        ("labels", schemars::schema_for!(genmanip_core::perception::ImageLabels)),
     ] {
         let path = folder.join(format!("{name}.schema.json"));
         let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
@@ -186,8 +186,9 @@ fn any_pose() -> impl Strategy<Value = Pose> {
 }
 
 proptest! {
-    /// Whatever the camera and the lens: pixel and depth lead to a point that is shown at that pixel at that depth.
-    /// The strongest lens folds at a radius of 1.3 on the image plane, the furthest pixel of any of these is at 1.22.
+    /// A pixel unprojected at any depth projects back to the same pixel and depth, for any camera and lens.
+    /// The strongest lens folds over at a radius of 1.3 on the image plane; the farthest pixel of any of these is at
+    /// 1.22.
     #[test]
     fn pixels_and_points_lead_to_each_other(
         world_from_camera in any_pose(),
@@ -212,9 +213,9 @@ proptest! {
         let ray = projection.ray(pixel).unwrap();
         prop_assert!(projection.pixel_of_ray(ray * 3.0).unwrap().distance(pixel) < 1e-7);
         prop_assert_eq!(projection.pixel_of_ray(-ray), None);
-        let (eye, direction) = projection.sight(pixel).unwrap();
+        let (eye, direction) = projection.view_ray(pixel).unwrap();
         prop_assert!((point - eye).normalize().distance(direction) < 1e-9);
-        prop_assert!(projection.is_in_picture(pixel) && !projection.is_in_picture(pixel + DVec2::splat(512.0)));
+        prop_assert!(projection.is_in_image(pixel) && !projection.is_in_image(pixel + DVec2::splat(512.0)));
     }
 
     #[test]
@@ -257,23 +258,23 @@ proptest! {
 }
 
 proptest! {
-    /// Every point that a lens shows comes back, for any lens that may be in a world.
+    /// Undistortion inverts distortion for any lens that a world accepts.
     #[test]
-    fn lenses_go_both_ways(
+    fn distortion_is_invertible(
         k1 in -0.35_f64..0.35, k2 in -0.05_f64..0.1, p in -0.005_f64..0.005, x in -0.6_f64..0.6, y in -0.4_f64..0.4,
     ) {
         let lens = Distortion { k1, k2, p1: p, p2: -0.5 * p, k3: 0.01 };
-        let picture = Intrinsics::from_vertical_fov(64, 36, 0.7);
-        prop_assume!(lens.pinhole(&picture).is_some());
+        let image = Intrinsics::from_vertical_fov(64, 36, 0.7);
+        prop_assume!(lens.pinhole(&image).is_some());
         let shown = DVec2::new(x, y) * DVec2::new(0.65, 0.36 / 0.4);
         let back = lens.undistort(lens.distort(shown)).unwrap();
         prop_assert!(back.distance(shown) < 1e-10, "{shown} came back as {back}");
     }
 }
 
-/// A bent image and the straight one that is made of it see the same points of the world.
+/// Distorted and undistorted images agree on the world points of their pixels.
 #[test]
-fn images_of_lenses_see_the_points_that_they_show() {
+fn distorted_images_project_their_own_points() {
     let k = Intrinsics::from_vertical_fov(65, 37, 0.7);
     let lens = Distortion { k1: -0.2, k2: 0.02, p1: 0.003, p2: 0.001, k3: 0.0 };
     let world_from_camera = Pose::new(DVec3::new(0.3, -0.2, 1.0), DQuat::from_rotation_x(2.0));
@@ -285,22 +286,25 @@ fn images_of_lenses_see_the_points_that_they_show() {
         assert!((pixel - DVec2::new((index % 65) as f64, (index / 65) as f64)).length() < 1e-6);
     }
     let straight = image.pinhole_depth();
-    assert!(straight.distortion.is_none() && straight.depth_m.iter().all(|depth| *depth == 0.8), "a barrel shows more");
+    assert!(
+        straight.distortion.is_none() && straight.depth_m.iter().all(|depth| *depth == 0.8),
+        "barrel distortion widens the view"
+    );
     assert!(image.pixel_of(world_from_camera.transform_point(DVec3::new(0.0, 0.0, -1.0))).is_none());
     // r (1 - 0.2 r²) falls beyond r = 1.29, and is 0.4 at 2.
     image.distortion = Some(Distortion { k1: -0.2, ..Distortion::default() });
     assert!(image.pixel_of(world_from_camera.transform_point(DVec3::new(2.0, 0.0, 1.0))).is_none(), "folded over");
 }
 
-/// Files that were written before shutters were known read and write the same bytes.
+/// Sensor models without shutter keep the byte format of files from before shutters were supported.
 #[test]
 fn a_shutter_that_does_not_blur_is_not_written() {
     use genmanip_core::{CameraSensor, ColorSensor, sensor::SensorPreset};
     let sharp = SensorPreset::named("d435").unwrap().sensor;
     let open = CameraSensor::with_shutter(Some(sharp), 0.02).unwrap();
-    for (sensor, is_told) in [(sharp, false), (open, true)] {
+    for (sensor, is_written) in [(sharp, false), (open, true)] {
         let text = serde_json::to_string(&sensor).unwrap();
-        assert_eq!(text.contains("shutter_s"), is_told, "{text}");
+        assert_eq!(text.contains("shutter_s"), is_written, "{text}");
         assert_eq!(serde_json::from_str::<CameraSensor>(&text).unwrap(), sensor);
     }
     assert_eq!(CameraSensor::with_shutter(Some(open), 0.0), Some(sharp));

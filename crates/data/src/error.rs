@@ -27,7 +27,7 @@ pub enum DataError {
         found: &'static str,
     },
     /// A file that is larger than anything of its kind.
-    #[error("larger than {} may be, {}: {}", limit.what, limit.in_words(), path.display())]
+    #[error("larger than {} may be, {}: {}", limit.what, limit.human_readable(), path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::depth::{decode_depth_png, encode_mm_png};
 use crate::{Attachment, DataError, EpisodeStore, video};
 
-pub use genmanip_core::perception::{FIRST_OBJECT, Seen};
+pub use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion};
 
 /// One camera's masks of one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,9 +49,9 @@ pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError
 ///
 /// # Errors
 /// When the file is not a 16-bit grey PNG.
-pub fn seen(png: &[u8], objects: usize) -> Result<Vec<Seen>, DataError> {
+pub fn seen(png: &[u8], objects: usize) -> Result<Vec<VisibleRegion>, DataError> {
     let (width, _, ids) = decode_depth_png(png)?;
-    Ok(perception::seen(&ids, width, objects))
+    Ok(perception::visible_regions(&ids, width, objects))
 }
 
 impl EpisodeStore {
@@ -113,9 +113,9 @@ mod tests {
             ids[y * 6 + x] = id;
         }
         let found = seen(&encode(&ids, 6, 4).unwrap(), 3).unwrap();
-        assert_eq!(found[0], Seen { bounds_px: [1, 1, 5, 3], pixels: 2 });
-        assert_eq!(found[1], Seen::default());
-        assert_eq!(found[2], Seen { bounds_px: [0, 3, 1, 4], pixels: 1 });
+        assert_eq!(found[0], VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 2 });
+        assert_eq!(found[1], VisibleRegion::default());
+        assert_eq!(found[2], VisibleRegion { bounds_px: [0, 3, 1, 4], pixels: 1 });
         assert!(encode(&ids, 5, 4).is_err() && seen(b"no picture", 1).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! What is implausible about objects: weight, friction, size, pictures, surfaces, and differences between sources.
+//! Plausibility audit of objects: density, friction, size, textures, materials, and differences between sources.
 
 use crate::collision::piece_volume;
 use genmanip_assets::Catalogue;
@@ -10,53 +10,53 @@ use genmanip_viz::object_images;
 use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 
-/// Mean densities that household things have, kg/m³: from foam and empty cartons to solid brass.
+/// Plausible mean densities of household objects, kg/m³: from foam and empty cartons to solid brass.
 const DENSITY: [f64; 2] = [25.0, 9000.0];
-/// Sliding friction coefficients between dry household surfaces.
+/// Plausible sliding friction coefficients between dry household surfaces.
 const FRICTION: [f64; 2] = [0.2, 1.1];
-/// Longest side of what stands on a table, m.
+/// Plausible longest side of a tabletop object, m.
 const LONGEST_M: [f64; 2] = [0.015, 0.45];
-/// Pixels of a texture's longer side.
+/// Plausible pixels along a texture's longer side.
 const PIXELS: [u32; 2] = [16, 1024];
-/// Roughness: a mirror below, nothing above.
+/// Plausible roughness; below the minimum is a mirror.
 const ROUGHNESS: [f32; 2] = [0.02, 1.0];
-/// Reflectance at normal incidence of what is no metal; 0.02 is water, 0.17 is diamond.
+/// Plausible reflectance at normal incidence of dielectrics; 0.02 is water, 0.17 is diamond.
 const REFLECTANCE: [f64; 2] = [0.02, 0.17];
-/// What is compared between sources, with the factor by which the means of one category may differ; chosen: bread is three
-/// times as dense as other bread at most, and a thing twice as large is another thing.
+/// Quantities compared between sources, with the maximum factor between the means of one category; chosen: breads
+/// differ in density by a factor of three at most, and an object twice as large is a different object.
 const COMPARED: [(&str, &str, f64); 4] =
     [("density", " kg/m³", 3.0), ("longest side", " m", 2.5), ("friction", "", 2.0), ("roughness", "", 4.0)];
 
-/// Something implausible.
+/// An implausible value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// Uid of the object, or the category where sources differ.
+    /// Uid of the object, or the category for a difference between sources.
     pub uid: String,
     /// Name of the object.
     pub name: String,
-    /// Which quantity.
+    /// Quantity.
     pub what: String,
-    /// What it is.
+    /// Actual value.
     pub got: String,
-    /// What is plausible.
+    /// Plausible range.
     pub expected: String,
-    /// Uids of the objects that show it, one of each source where sources differ.
+    /// Uids of example objects, one per source for a difference between sources.
     pub shown_by: Vec<String>,
 }
 
-/// What is compared of an object, in the order of [`COMPARED`].
+/// Values of one object, in the order of [`COMPARED`].
 type Measures = [f64; COMPARED.len()];
 
-/// Uids with what is measured of them, by source.
+/// Uids with their values, by source.
 type BySource<'a> = BTreeMap<String, Vec<(&'a str, Measures)>>;
 
-/// Looks at every object of a catalogue.
+/// Audits every object of a catalogue.
 ///
 /// # Errors
-/// When an object cannot be built.
+/// If an object cannot be built.
 pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, RunError> {
     let mut findings = Vec::new();
-    // By category.
+    // Values by category.
     let mut measured: BTreeMap<&str, BySource> = BTreeMap::new();
     progress.begin("auditing", catalogue.cards().len());
     for card in catalogue.cards() {
@@ -71,7 +71,7 @@ pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Findi
     Ok(findings)
 }
 
-/// Where objects come from: by hand, from families, or a pack.
+/// Source of an object: hand-written, families, or imported.
 fn source(asset: &AssetRef) -> String {
     match asset {
         AssetRef::Builtin { .. } => "made by hand".into(),
@@ -80,12 +80,12 @@ fn source(asset: &AssetRef) -> String {
     }
 }
 
-/// In what the objects of one category differ between sources: of each quantity the two sources that are farthest apart.
+/// Differences between the sources of one category: for each quantity, the two sources that are farthest apart.
 fn between_sources(category: &str, sources: &BySource) -> Vec<Finding> {
     let compare = |(quantity, (what, unit, factor)): (usize, &(&str, &str, f64))| {
         let mean = |(source, objects): (&String, &Vec<(&str, Measures)>)| {
             let mean = objects.iter().map(|(_, measures)| measures[quantity]).sum::<f64>() / objects.len() as f64;
-            // The one that is most like its source stands for it.
+            // The object closest to the mean represents its source.
             let off = |measures: &Measures| (measures[quantity] - mean).abs();
             let typical = objects.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?.0;
             Some((source.clone(), mean, typical.to_owned()))
@@ -105,7 +105,7 @@ fn between_sources(category: &str, sources: &BySource) -> Vec<Finding> {
     COMPARED.iter().enumerate().filter_map(compare).collect()
 }
 
-/// Density (kg/m³), longest side (m), friction, and mean roughness of the drawn parts.
+/// Density (kg/m³), longest side (m), friction, and mean roughness of the visual parts.
 fn measures(model: &ObjectModel) -> Measures {
     let parts: Vec<f64> =
         model.links.iter().flat_map(|link| &link.visual).map(|part| part.material.roughness.into()).collect();
@@ -113,7 +113,7 @@ fn measures(model: &ObjectModel) -> Measures {
     [density(model), model.card.size_m.max_element(), model.friction, roughness]
 }
 
-/// What is implausible about one object.
+/// Implausible values of one object.
 pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut check = |what: &str, got: f64, [low, high]: [f64; 2], unit: &str| {
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sources_that_differ_are_found_with_an_object_of_each() {
+    fn differences_between_sources_are_found_with_examples() {
         let objects = |density: f64| vec![("odd", [9.0 * density, 0.1, 0.5, 0.5]), ("usual", [density, 0.1, 0.5, 0.5])];
         let sources =
             |other: f64| BTreeMap::from([("families".into(), objects(100.0)), ("imported".into(), objects(other))]);
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_implausible_about_an_object_is_named() {
+    fn implausible_values_are_reported() {
         let model = genmanip_assets::Catalogue::builtin().build("001").unwrap();
         assert_eq!(of_object(&model), Vec::new());
         let mut heavy = (*model).clone();

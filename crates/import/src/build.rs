@@ -1,8 +1,8 @@
-//! From a raw object to a model of the catalogue, by one automatic pipeline.
+//! The import pipeline: from a raw object to an object model.
 
 use genmanip_assets::surface;
 use genmanip_core::{
-    Aabb, Annotations, AssetRef, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Room, VisualPart,
+    Aabb, Annotations, AssetRef, CavitySize, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, VisualPart,
 };
 use glam::{DVec2, DVec3, Vec2};
 
@@ -13,27 +13,27 @@ use crate::raw::{RawLink, RawObject};
 use crate::report::{Guess, Report};
 use crate::{ImportError, clean, mass, simplify, words};
 
-/// Friction of what no file speaks of: between wood and rubber on dry surfaces.
+/// Default friction coefficient: between wood and rubber on dry surfaces.
 const FRICTION: f64 = 0.6;
-/// Sliding friction coefficients of dry things; a file's is kept within.
+/// Plausible range of sliding friction coefficients; values from files are clamped to it.
 const FRICTION_RANGE: [f64; 2] = [0.2, 1.1];
-/// The hand opens so wide, less what it needs beside the thing, m.
+/// Maximum width of a graspable object, m: the gripper's opening minus clearance.
 const GRASP_M: f64 = 0.074;
-/// Heavier things are not meant for the hand, kg.
+/// Maximum mass of a graspable object, kg.
 const GRASP_KG: f64 = 2.0;
-/// Shares of a joint's range up to which it is closed, and from which it is open.
+/// Fractions of a joint's range up to which it counts as closed, and from which it counts as open.
 const CLOSED: f64 = 0.1;
 const OPEN: f64 = 0.7;
-/// Shapes that touch, of all links together; chosen: most packs' objects have fewer than 100, and a thing that stood on 600
-/// took 12 s of processor time to come to rest.
-const MOST_PIECES: usize = 256;
-/// Joints with states of their own.
-const MOST_STATES: usize = 6;
+/// Maximum number of collision pieces of all links; chosen: objects of most packs have fewer than 100, and an object
+/// standing on 600 needed 12 s of CPU time to settle.
+const MAX_PIECES: usize = 256;
+/// Maximum number of joints for which states are generated.
+const MAX_STATES: usize = 6;
 
-/// Turns what a file says into an object, guessing what it does not say.
+/// Builds an object model from file contents, guessing everything that the files leave open.
 ///
 /// # Errors
-/// When nothing is left after cleaning, or it encloses no volume.
+/// If nothing remains after cleaning, or the object encloses no volume.
 pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Result<(ObjectModel, Report), ImportError> {
     let mut guesses = Vec::new();
     let name = words::name(file, &raw.name);
@@ -51,24 +51,24 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
     }
     place::center(&mut raw);
     simplify::simplify(&mut raw);
-    bound_pieces(file, raw.links.iter().map(|link| link.collision.len()).sum(), 8 * MOST_PIECES)?;
+    bound_pieces(file, raw.links.iter().map(|link| link.collision.len()).sum(), 8 * MAX_PIECES)?;
     let mut bodies: Vec<Body> = raw.links.iter().map(collision::body).collect();
-    let doubles: usize = bodies.iter_mut().map(|body| drop_doubles(&mut body.pieces)).sum();
-    if doubles > 0 {
-        raw.notes.push(format!("{doubles} collision shapes that were there already are left out"));
+    let duplicates: usize = bodies.iter_mut().map(|body| drop_duplicates(&mut body.pieces)).sum();
+    if duplicates > 0 {
+        raw.notes.push(format!("dropped {duplicates} duplicate collision shapes"));
     }
-    bound_pieces(file, bodies.iter().map(|body| body.pieces.len()).sum(), MOST_PIECES)?;
+    bound_pieces(file, bodies.iter().map(|body| body.pieces.len()).sum(), MAX_PIECES)?;
     for (link, body) in raw.links.iter().zip(&bodies).filter(|(_, body)| !body.pieces.is_empty()) {
         let what = if bodies.len() == 1 { "collision".to_owned() } else { format!("collision of {}", link.name) };
         if link.collision.is_empty() || body.how.contains("mesh") {
-            guesses.push(Guess::new(what, &body.how, "what is drawn"));
+            guesses.push(Guess::new(what, &body.how, "the visual mesh"));
         }
     }
     if bodies[0].pieces.is_empty() && bodies.iter().all(|body| body.pieces.is_empty()) {
-        return Err(ImportError::new(file, "encloses no volume, so nothing can touch it"));
+        return Err(ImportError::new(file, "encloses no volume, so it has no collision geometry"));
     }
     let (mut raw, bodies) = standing(raw, bodies);
-    let size = place::bounds(&raw).size().max(touching(&raw, &bodies).size());
+    let size = place::bounds(&raw).size().max(collision_bounds(&raw, &bodies).size());
     let pieces: Vec<&[Piece]> = bodies.iter().map(|body| body.pieces.as_slice()).collect();
     let masses = mass::masses(&raw.links, &pieces, size, prior, &mut guesses);
     let friction = friction(&raw, &mut guesses);
@@ -101,18 +101,18 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
     Ok((model, Report { guesses, repairs }))
 }
 
-/// Refuses what has more shapes that touch than physics can bear.
+/// Rejects objects with more collision shapes than physics can handle.
 fn bound_pieces(file: &str, count: usize, most: usize) -> Result<(), ImportError> {
     if count <= most {
         return Ok(());
     }
-    let message = format!("{count} shapes that touch; at most {most} are read");
+    let message = format!("{count} collision shapes; at most {most} are supported");
     Err(ImportError::new(file, message)
-        .hint("merge its collision shapes, or take them out: then what is drawn is reduced to a few"))
+        .hint("merge its collision shapes, or remove them to derive a few from the visual mesh"))
 }
 
-/// Leaves the first of equal pieces; how many others there were.
-fn drop_doubles(pieces: &mut Vec<Piece>) -> usize {
+/// Removes duplicate pieces and returns their number.
+fn drop_duplicates(pieces: &mut Vec<Piece>) -> usize {
     let before = pieces.len();
     let mut kept: Vec<Piece> = Vec::new();
     for piece in pieces.drain(..) {
@@ -124,17 +124,17 @@ fn drop_doubles(pieces: &mut Vec<Piece>) -> usize {
     before - pieces.len()
 }
 
-/// Bounds of what touches, joints at 0.
-fn touching(raw: &RawObject, bodies: &[Body]) -> Aabb {
+/// Bounds of the collision pieces with joints at 0.
+fn collision_bounds(raw: &RawObject, bodies: &[Body]) -> Aabb {
     raw.link_poses()
         .iter()
         .zip(bodies)
         .fold(Aabb::EMPTY, |bounds, (pose, body)| bounds.union(&Aabb::from_pieces(pose, &body.pieces)))
 }
 
-/// Moves an object so that what touches, rather than what is drawn, stands at height 0.
+/// Moves an object so that its collision pieces, rather than its visuals, stand at height 0.
 fn standing(mut raw: RawObject, mut bodies: Vec<Body>) -> (RawObject, Vec<Body>) {
-    let low = touching(&raw, &bodies).min.z;
+    let low = collision_bounds(&raw, &bodies).min.z;
     let up = Pose::from_position(DVec3::Z * -low);
     place::move_root(&mut raw, &up);
     let Body { pieces, cavity, .. } = &mut bodies[0];
@@ -157,7 +157,7 @@ fn friction(raw: &RawObject, guesses: &mut Vec<Guess>) -> f64 {
     kept
 }
 
-/// Drawn surfaces with smooth normals.
+/// Visual parts with smooth normals.
 fn visual(link: &RawLink) -> Vec<VisualPart> {
     link.surfaces
         .iter()
@@ -176,13 +176,14 @@ fn visual(link: &RawLink) -> Vec<VisualPart> {
         .collect()
 }
 
-/// `closed`, and for each of at most six joints `LINK open`: at most a tenth, and at least seven tenths of its range.
+/// The state `closed`, and `LINK open` for each of at most six joints: at most 10 %, and at least 70 % of the joint's
+/// range.
 fn joint_states(links: &[RawLink]) -> Vec<JointState> {
     let joints: Vec<_> = links.iter().filter_map(|link| link.joint.as_ref()).collect();
-    if joints.is_empty() || joints.len() > MOST_STATES {
+    if joints.is_empty() || joints.len() > MAX_STATES {
         return Vec::new();
     }
-    // Closed is the end of the range nearest to 0, where descriptions have doors and drawers shut.
+    // Closed is the end of the range nearest to 0, by convention of door and drawer descriptions.
     let at = |range: [f64; 2], share: f64| {
         let [closed, open] = if range[0].abs() <= range[1].abs() { range } else { [range[1], range[0]] };
         closed + share * (open - closed)
@@ -225,7 +226,7 @@ fn category(name: &str, prior: Option<&Prior>) -> String {
     prior.map_or_else(last, |prior| prior.category.clone())
 }
 
-#[expect(clippy::too_many_arguments, reason = "what a card is made of")]
+#[expect(clippy::too_many_arguments, reason = "inputs of a card")]
 fn card(
     name: &str,
     raw: &RawObject,
@@ -250,9 +251,9 @@ fn card(
     guesses.push(Guess::new(
         "materials",
         materials.join(", "),
-        if prior.is_some() { "usual for its category" } else { "how it reflects" },
+        if prior.is_some() { "usual for its category" } else { "the surface's metalness" },
     ));
-    // The narrowest width of the whole; a rim or a handle may be narrower still, which trials find out.
+    // The narrowest width of the whole object; rims and handles may be narrower, which grasp trials find out.
     let narrow = narrowest(rigid);
     let can_grasp = !is_articulated && mass_kg <= GRASP_KG && (narrow <= GRASP_M || cavity.is_some());
     guesses.push(Guess::new(
@@ -278,14 +279,14 @@ fn card(
         states: states.iter().map(|state| state.name.clone()).collect(),
         can_grasp,
         annotations: Annotations {
-            room: cavity.filter(|_| !is_articulated).and_then(Room::of_cavity),
+            room: cavity.filter(|_| !is_articulated).and_then(CavitySize::of_cavity),
             affordances: prior.map_or_else(Vec::new, |prior| prior.affordances.clone()),
             ..Annotations::default()
         },
     }
 }
 
-/// Smallest width of pieces across level directions, and their height where that is smaller.
+/// Smallest horizontal width of the pieces.
 fn narrowest(pieces: &[Piece]) -> f64 {
     let width = |direction: DVec3| {
         let reach = |d: DVec3| pieces.iter().map(|piece| piece.support(d).dot(d)).fold(f64::NEG_INFINITY, f64::max);

@@ -1,4 +1,4 @@
-//! Mends triangles: what is no number, no triangle, double or inside out.
+//! Mesh repair: non-finite, degenerate, duplicate and inverted triangles.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,15 +7,15 @@ use glam::DVec3;
 use crate::ImportError;
 use crate::raw::{RawMesh, RawObject};
 
-/// Corners farther from the origin than this are taken for damage, in the file's unit.
-const FARTHEST: f64 = 1e6;
-/// Share of bad triangles up to which a file is mended; beyond, it is damaged.
-const MOST_BAD: f64 = 0.05;
+/// Vertices farther from the origin than this indicate a damaged file, in the file's unit.
+const MAX_COORDINATE: f64 = 1e6;
+/// Maximum fraction of invalid triangles that is repaired; a file with more is rejected as damaged.
+const MAX_BAD: f64 = 0.05;
 
-/// Cleans every surface; what was mended is noted.
+/// Repairs every mesh and notes the repairs.
 ///
 /// # Errors
-/// When more than a twentieth of the triangles have corners that are no numbers, or nothing is left.
+/// If more than 5 % of the triangles have invalid vertices, or nothing remains.
 pub fn clean(file: &str, raw: &mut RawObject) -> Result<(), ImportError> {
     let mut counts = Counts::default();
     for link in &mut raw.links {
@@ -30,25 +30,25 @@ pub fn clean(file: &str, raw: &mut RawObject) -> Result<(), ImportError> {
         }
     }
     let Counts { all, bad, flat, twice } = counts;
-    if bad as f64 > MOST_BAD * all as f64 {
+    if bad as f64 > MAX_BAD * all as f64 {
         return Err(ImportError::new(
             file,
-            format!("{bad} of {all} triangles have corners that are no numbers or farther than {FARTHEST:e} away"),
+            format!("{bad} of {all} triangles have vertices that are not finite or farther than {MAX_COORDINATE:e} from the origin"),
         )
         .hint("the file is damaged: export it again"));
     }
-    let mended = [(bad, "with corners that are no numbers"), (flat, "without area"), (twice, "that were there twice")];
+    let repaired = [(bad, "with invalid vertices"), (flat, "without area"), (twice, "that are duplicates")];
     raw.notes.extend(
-        mended
+        repaired
             .iter()
             .filter(|(count, _)| *count > 0)
-            .map(|(count, what)| format!("left out {count} of {all} triangles {what}")),
+            .map(|(count, what)| format!("dropped {count} of {all} triangles {what}")),
     );
     let is_empty = |link: &crate::raw::RawLink| link.surfaces.is_empty() && link.collision.is_empty();
     if raw.links.iter().all(is_empty) {
-        return Err(ImportError::new(file, "holds no triangle with an area and no shape that touches"));
+        return Err(ImportError::new(file, "contains no triangle with an area and no collision shape"));
     }
-    turn_outside_out(raw);
+    fix_inverted(raw);
     Ok(())
 }
 
@@ -61,7 +61,7 @@ struct Counts {
 }
 
 fn clean_mesh(mesh: &mut RawMesh, counts: &mut Counts) {
-    let is_sound = |point: &DVec3| point.is_finite() && point.abs().max_element() < FARTHEST;
+    let is_sound = |point: &DVec3| point.is_finite() && point.abs().max_element() < MAX_COORDINATE;
     let mut seen = HashSet::new(); // only looked up
     let size =
         mesh.positions.iter().filter(|p| is_sound(p)).fold(DVec3::ZERO, |size, p| size.max(p.abs())).max_element();
@@ -104,8 +104,8 @@ fn clean_mesh(mesh: &mut RawMesh, counts: &mut Counts) {
     *mesh = clean;
 }
 
-/// Turns the triangles of an object around when they enclose a negative volume.
-fn turn_outside_out(raw: &mut RawObject) {
+/// Flips all triangles of an object that encloses a negative volume.
+fn fix_inverted(raw: &mut RawObject) {
     if raw.links.iter().map(|link| link.surfaces.len()).sum::<usize>() == 0 {
         return;
     }
@@ -113,18 +113,18 @@ fn turn_outside_out(raw: &mut RawObject) {
         for surface in raw.links.iter_mut().flat_map(|link| &mut link.surfaces) {
             surface.mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
-        raw.notes.push("all triangles were inside out and have been turned".into());
+        raw.notes.push("all triangles were inside out and have been flipped".into());
     }
 }
 
-/// Volume that triangles enclose, negative when they are inside out; of an open surface as closed from its middle.
+/// Signed volume enclosed by triangles, negative if inside out; an open surface is closed from its centroid.
 pub fn signed_volume(mesh: &RawMesh) -> f64 {
     let count = mesh.positions.len().max(1) as f64;
     let middle = mesh.positions.iter().sum::<DVec3>() / count;
     mesh.corners().map(|[a, b, c]| (a - middle).dot((b - middle).cross(c - middle)) / 6.0).sum()
 }
 
-/// Whether every edge belongs to two triangles, corners at one place counting as one.
+/// True if every edge belongs to two triangles; vertices at equal positions are merged.
 pub fn is_closed(mesh: &RawMesh) -> bool {
     let mut places: HashMap<[u64; 3], u32> = HashMap::new(); // only looked up
     let place: Vec<u32> = mesh
@@ -151,7 +151,7 @@ pub(crate) mod tests {
     use crate::raw::{RawLink, Surface, Unit, Up};
     use genmanip_core::Material;
 
-    /// A box from corner to corner.
+    /// A box between two corners.
     pub fn cuboid(low: DVec3, high: DVec3) -> RawMesh {
         let corner = |i: u32| {
             DVec3::new(
@@ -165,7 +165,7 @@ pub(crate) mod tests {
         RawMesh { positions: (0..8).map(corner).collect(), uvs: Vec::new(), triangles }
     }
 
-    /// An object of one surface.
+    /// An object with one surface.
     pub fn object(mesh: RawMesh) -> RawObject {
         let surface = Surface { name: "body".into(), mesh, material: Material::plain([0.8, 0.1, 0.1], 0.5) };
         RawObject {
@@ -180,7 +180,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn damage_is_mended_and_said() {
+    fn damage_is_repaired_and_reported() {
         let mut mesh = cuboid(DVec3::ZERO, DVec3::splat(0.1));
         assert!(is_closed(&mesh) && (signed_volume(&mesh) - 1e-3).abs() < 1e-9);
         mesh.triangles.push(mesh.triangles[0]);
@@ -194,7 +194,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_left_out_or_refused() {
+    fn non_finite_vertices_are_dropped_or_rejected() {
         let mut mesh = cuboid(DVec3::ZERO, DVec3::splat(0.1));
         mesh.positions[0].x = f64::NAN;
         let error = clean("thing.obj", &mut object(mesh.clone())).unwrap_err();
@@ -207,6 +207,6 @@ pub(crate) mod tests {
         many.positions[0].y = f64::INFINITY;
         let mut raw = object(many);
         clean("thing.obj", &mut raw).unwrap();
-        assert!(raw.notes[0].contains("no numbers"), "{:?}", raw.notes);
+        assert!(raw.notes[0].contains("invalid vertices"), "{:?}", raw.notes);
     }
 }

@@ -1,4 +1,4 @@
-//! The files of one import: named relative to a root that none of them may leave, each read once, all of them hashed.
+//! The files of one import: confined to a root folder, read once each, and hashed.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,50 +7,50 @@ use genmanip_core::Texture;
 use genmanip_core::limits::{IMPORTED_PICTURE, Limit};
 use sha2::{Digest, Sha256};
 
-use crate::{ImportError, picture};
+use crate::{ImportError, image};
 
-/// Version of the pipeline: objects of the same files differ between versions.
+/// Version of the pipeline, part of the hash: versions may build different objects from the same files.
 const PIPELINE: &str = "genmanip.import/1";
-/// Most files that one object may be made of.
-const MOST_FILES: usize = 512;
-/// Most bytes that the files of one object may have together.
-const MOST_BYTES: u64 = 256 << 20;
+/// Maximum number of files of one object.
+const MAX_FILES: usize = 512;
+/// Maximum total size of one object's files, bytes.
+const MAX_BYTES: u64 = 256 << 20;
 
-/// Reads a file under the root by its path relative to it; the text says what went wrong.
+/// Reads a file by its path relative to the root; errors are messages.
 pub type ReadFile<'a> = dyn FnMut(&str, Limit) -> Result<Vec<u8>, String> + 'a;
 
-/// The files that an object is made of.
+/// The files of an object, read on demand.
 pub struct Files<'a> {
     read: &'a mut ReadFile<'a>,
     known: BTreeMap<String, Arc<Vec<u8>>>,
     bytes: u64,
-    /// Pictures that were decoded already.
-    pictures: BTreeMap<String, Arc<Texture>>,
-    /// Pixels that may still be decoded.
+    /// Decoded images by path.
+    images: BTreeMap<String, Arc<Texture>>,
+    /// Remaining budget of pixels to decode.
     pub pixels_left: usize,
 }
 
 impl<'a> Files<'a> {
-    /// None yet.
+    /// An empty set of files.
     pub fn new(read: &'a mut ReadFile<'a>) -> Self {
-        Self { read, known: BTreeMap::new(), bytes: 0, pictures: BTreeMap::new(), pixels_left: picture::MOST_PIXELS }
+        Self { read, known: BTreeMap::new(), bytes: 0, images: BTreeMap::new(), pixels_left: image::MAX_PIXELS }
     }
 
-    /// The bytes of a file.
+    /// The contents of a file.
     ///
     /// # Errors
-    /// When it cannot be read, is larger than the limit, or one of too many.
+    /// If it cannot be read, exceeds the limit, or there are too many files.
     pub fn bytes(&mut self, path: &str, limit: Limit) -> Result<Arc<Vec<u8>>, ImportError> {
         if let Some(bytes) = self.known.get(path) {
             return Ok(Arc::clone(bytes));
         }
-        if self.known.len() == MOST_FILES {
-            return Err(ImportError::new(path, format!("more than {MOST_FILES} files belong to one object")));
+        if self.known.len() == MAX_FILES {
+            return Err(ImportError::new(path, format!("an object refers to more than {MAX_FILES} files")));
         }
         let bytes = (self.read)(path, limit).map_err(|message| ImportError::new(path, message))?;
         self.bytes += bytes.len() as u64;
-        if self.bytes > MOST_BYTES {
-            let message = format!("the files of the object have more than {} MiB together", MOST_BYTES >> 20);
+        if self.bytes > MAX_BYTES {
+            let message = format!("the files of the object exceed {} MiB in total", MAX_BYTES >> 20);
             return Err(ImportError::new(path, message));
         }
         let bytes = Arc::new(bytes);
@@ -58,7 +58,7 @@ impl<'a> Files<'a> {
         Ok(bytes)
     }
 
-    /// The text of a file; what is not UTF-8 in it is replaced, since it can only stand in names and comments.
+    /// The text of a file; invalid UTF-8 is replaced, because it can only occur in names and comments.
     ///
     /// # Errors
     /// As [`Files::bytes`].
@@ -66,28 +66,28 @@ impl<'a> Files<'a> {
         Ok(String::from_utf8_lossy(&self.bytes(path, limit)?).trim_start_matches('\u{feff}').to_owned())
     }
 
-    /// A picture, decoded once, and a note when it was scaled down.
+    /// An image, decoded once, with a note if it was downscaled.
     ///
     /// # Errors
-    /// As [`Files::bytes`], and when it is no picture that can be decoded.
-    pub fn picture(&mut self, path: &str) -> Result<(Arc<Texture>, Option<String>), ImportError> {
-        if let Some(known) = self.pictures.get(path) {
+    /// As [`Files::bytes`], and if it cannot be decoded.
+    pub fn image(&mut self, path: &str) -> Result<(Arc<Texture>, Option<String>), ImportError> {
+        if let Some(known) = self.images.get(path) {
             return Ok((Arc::clone(known), None));
         }
         let bytes = self.bytes(path, IMPORTED_PICTURE)?;
         let (texture, note) =
-            picture::texture(&bytes, &mut self.pixels_left).map_err(|message| ImportError::new(path, message))?;
+            image::texture(&bytes, &mut self.pixels_left).map_err(|message| ImportError::new(path, message))?;
         let texture = Arc::new(texture);
-        self.pictures.insert(path.to_owned(), Arc::clone(&texture));
+        self.images.insert(path.to_owned(), Arc::clone(&texture));
         Ok((texture, note.map(|note| format!("{path}: {note}"))))
     }
 
-    /// Names of the files that were read.
+    /// Paths of the files read so far.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.known.keys().map(String::as_str)
     }
 
-    /// Hash of names and contents of the files that were read, of what was chosen besides, and of the pipeline.
+    /// Hash of paths and contents of the files read, of the user's choices, and of the pipeline version.
     pub fn hash(&self, chosen: &str) -> String {
         let mut hash = Sha256::new();
         let mut part = |bytes: &[u8]| {
@@ -104,20 +104,20 @@ impl<'a> Files<'a> {
     }
 }
 
-/// The path, relative to the root, of what a file names relative to its own folder.
+/// Resolves a file name relative to the file that refers to it; returns a path relative to the root.
 ///
 /// # Errors
-/// When the name is absolute, leads out of the root, or is no plain path.
+/// If the name is absolute, leaves the root, or is not a path.
 pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
     let wrong = |what: &str| {
-        Err(ImportError::new(file, format!("names the file `{}`, {what}", shortened(named))).hint(
-            "expected a path relative to the file, within the folder that is imported; to let files name others in \
-             folders beside theirs, import the folder that holds all of them",
+        Err(ImportError::new(file, format!("refers to the file `{}`, {what}", shortened(named))).hint(
+            "expected a path relative to the file, within the imported folder; if files refer to sibling folders, \
+                 import the folder that contains all of them",
         ))
     };
     let plain = named.trim().strip_prefix("file://").unwrap_or(named.trim()).replace('\\', "/");
     if plain.is_empty() || plain.contains(['\0', '\n']) {
-        return wrong("which is no path");
+        return wrong("which is not a path");
     }
     if plain.starts_with('/') || plain.as_bytes().get(1) == Some(&b':') || plain.contains("://") {
         return wrong("which is absolute");
@@ -129,7 +129,7 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
             "" | "." => {}
             ".." => {
                 if parts.pop().is_none() {
-                    return wrong("which lies outside of the folder that is imported");
+                    return wrong("which lies outside the imported folder");
                 }
             }
             part => parts.push(part),
@@ -138,7 +138,7 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
     Ok(parts.join("/"))
 }
 
-/// The beginning of a text that a file holds, fit for a message.
+/// Truncates and sanitises a text from a file for use in a message.
 pub fn shortened(text: &str) -> String {
     let clean: String = text.chars().map(|c| if c.is_control() { '?' } else { c }).take(80).collect();
     if text.chars().count() > 80 { clean + "…" } else { clean }

@@ -1,4 +1,4 @@
-//! Trying grasps of the catalogue's objects beforehand into one file, object by object; a file that is there is continued.
+//! Grasp baking: tries grasps of the catalogue's objects in physics and stores them in one file, resumably.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,53 +22,53 @@ use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 
-/// How grasps are tried.
+/// Settings of grasp baking.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
-    /// The trials.
+    /// Trial settings.
     pub trying: TryingSettings,
-    /// Whether only a few grasps that always held are wanted of each object, as of one that somebody waits for.
+    /// True to keep only a few grasps per object that held in every trial.
     pub brief: bool,
-    /// Where candidates come from.
+    /// Settings of the candidate generator.
     pub generator: GraspSettings,
-    /// Name of the catalogue whose objects are tried.
+    /// Name of the catalogue.
     pub catalog: String,
 }
 
-/// What baking came to.
+/// Result of baking.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Baked {
-    /// One row per object of the file.
+    /// One row per object in the file.
     pub rows: Vec<BakedRow>,
-    /// Whether every wanted object is in the file.
+    /// True if every requested object is in the file.
     pub is_whole: bool,
 }
 
-/// The tried grasps of an object, counted.
+/// Counts of an object's tried grasps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BakedRow {
     /// Uid of the object.
     pub uid: String,
     /// Its name.
     pub name: String,
-    /// Grasps that were tried.
+    /// Number of tried grasps.
     pub grasps: usize,
-    /// Grasps that held in every trial.
+    /// Number of grasps that held in every trial.
     pub always_held: usize,
-    /// Trials of all of them.
+    /// Total number of trials.
     pub trials: u32,
-    /// Trials that held.
+    /// Number of successful trials.
     pub held: u32,
 }
 
-/// Tries grasps of the named objects, or of all that can be grasped, and keeps them in a file.
+/// Tries grasps of the given objects, or of all graspable ones, and stores them in a file.
 ///
-/// What the file holds already is kept if it was made alike for objects that have not changed.
-/// When `stop` becomes true, objects under way are finished.
+/// Existing entries are kept if they were made with the same settings and their objects have not changed.
+/// When `stop` becomes true, objects in progress are finished.
 ///
 /// # Errors
-/// When an object is unknown or cannot be grasped, the file cannot be read or written, or a trial broke.
-#[expect(clippy::too_many_arguments, reason = "what is baked, where, how, and who listens")]
+/// If an object is unknown or not graspable, the file cannot be read or written, or a trial fails.
+#[expect(clippy::too_many_arguments, reason = "inputs, output, settings and progress")]
 pub fn bake(
     out: &Path,
     uids: &[String],
@@ -92,14 +92,15 @@ pub fn bake(
             false => {
                 json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives })
             }
-            // As importing makes them.
+            // The same settings as an import uses.
             true => json!({ "trying": trying, "physics": world.physics, "drives": robot.drives }),
         },
     };
     let catalogue = Catalogue::named(catalog).unwrap_or_else(Catalogue::builtin);
     let models = graspable(catalogue, uids)?;
-    let known = if out.exists() { read(out)? } else { nothing(&made_by) };
-    // What was made otherwise, or for objects that have changed, is made again; older files do not name the robot's hash.
+    let known = if out.exists() { read(out)? } else { empty(&made_by) };
+    // Entries made with other settings or for changed objects are made again; older files do not record the robot's
+    // hash.
     let known_robot = known.made_by.robot_hash.clone().or_else(|| made_by.robot_hash.clone());
     let is_made_alike = GraspProvenance { robot_hash: known_robot, ..known.made_by.clone() } == made_by;
     let kept = if is_made_alike { known.objects } else { BTreeMap::new() };
@@ -109,7 +110,7 @@ pub fn bake(
         .collect::<BTreeMap<_, _>>();
     let missing: Vec<Arc<ObjectModel>> =
         models.iter().filter(|model| !kept.contains_key(&model.card.uid)).map(Arc::clone).collect();
-    progress.note(&format!("{} objects to do, {} done before", missing.len(), models.len() - missing.len()));
+    progress.note(&format!("{} objects to do, {} already done", missing.len(), models.len() - missing.len()));
 
     let trials =
         GraspTrials { catalogue, planner, robot, world: Arc::new(world.clone()), view: ViewSettings::default() };
@@ -119,7 +120,7 @@ pub fn bake(
         let mut guard = file.lock().unwrap_or_else(PoisonError::into_inner);
         let object = ObjectGrasps { physics_hash: model.physics_hash(), grasps };
         guard.0.objects.insert(model.card.uid.clone(), object);
-        // Whatever happens next, this object is done.
+        // Write after every object, so that an interruption loses nothing.
         let written = documents::write_file(out, guard.0.to_text().as_bytes());
         if guard.1.is_ok() {
             guard.1 = written;
@@ -145,23 +146,23 @@ pub fn bake(
     Ok(Baked { rows: rows(catalogue, &file), is_whole })
 }
 
-fn nothing(made_by: &GraspProvenance) -> GraspFile {
+fn empty(made_by: &GraspProvenance) -> GraspFile {
     GraspFile { made_by: made_by.clone(), objects: BTreeMap::new() }
 }
 
 /// Reads a file of `genmanip grasps bake`.
 ///
 /// # Errors
-/// When it cannot be read or is no such file.
+/// If it cannot be read or is not a valid file.
 pub fn read(path: &Path) -> Result<GraspFile, RunError> {
     GraspFile::from_json(&documents::read_text(path, limits::GRASPS)?).map_err(|error| {
-        RunError::input(format!("{} is no valid {} file", path.display(), GraspFile::SCHEMA))
+        RunError::input(format!("{} is not a valid {} file", path.display(), GraspFile::SCHEMA))
             .because(error)
             .with_hint("expected a file that `genmanip grasps bake` wrote")
     })
 }
 
-/// The named objects, or all that can be grasped.
+/// The given objects, or all graspable ones.
 fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectModel>>, RunError> {
     let all = catalogue.cards().iter().filter(|card| card.can_grasp && !card.is_articulated);
     let wanted: Vec<&String> =
@@ -169,11 +170,12 @@ fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectMod
     wanted
         .into_iter()
         .map(|uid| {
-            let model =
-                catalogue.build(uid).map_err(|error| RunError::input(format!("no object {uid}")).because(error))?;
+            let model = catalogue
+                .build(uid)
+                .map_err(|error| RunError::input(format!("unknown object {uid}")).because(error))?;
             if !model.card.can_grasp || model.card.is_articulated {
                 return Err(RunError::input(format!("object {uid} ({}) cannot be grasped", model.card.name))
-                    .with_hint("expected a rigid thing that fits an 8 cm hand"));
+                    .with_hint("expected a rigid object that fits an 8 cm gripper"));
             }
             Ok(model)
         })
@@ -192,7 +194,7 @@ fn rows(catalogue: &Catalogue, file: &GraspFile) -> Vec<BakedRow> {
     file.objects.iter().map(row).collect()
 }
 
-/// The rows as a table.
+/// Formats the rows as a table.
 pub fn table(rows: &[BakedRow]) -> String {
     let mut lines = vec![["uid", "object", "grasps", "always held", "held / trials"].map(String::from).to_vec()];
     for row in rows {

@@ -1,12 +1,12 @@
-//! Objects from files: GLB, glTF, OBJ, STL, MSH, URDF and MJCF become objects of the catalogue by one automatic pipeline.
+//! Import of 3D models (GLB, glTF, OBJ, STL, MSH, URDF, MJCF) as object models.
 //!
-//! 1. A reader of the format makes a [`raw::RawObject`] of what the files say ([`formats`]).
-//! 2. [`clean`] mends triangles, [`place`] finds unit, upright and origin, [`simplify`] reduces what is drawn.
-//! 3. [`collision`] finds convex pieces; things that are open at the top stay hollow.
-//! 4. [`mass`] and [`prior`] fill in what things of that kind weigh, [`words`] how they are called.
-//! 5. Every guess and every repair stands in a [`report::Report`].
+//! 1. A reader of the format converts the files to a [`raw::RawObject`] ([`formats`]).
+//! 2. [`clean`] repairs meshes, [`place`] determines unit, up axis and origin, [`simplify`] reduces the visual meshes.
+//! 3. [`collision`] derives convex pieces; objects that are open at the top stay hollow.
+//! 4. [`mass`] and [`prior`] fill in typical masses, [`words`] derives names and descriptions.
+//! 5. Every guess and every repair is listed in a [`report::Report`].
 //!
-//! [`import`] touches no disk: the caller reads files, each within the bound that it is told.
+//! [`import`] performs no IO: the caller reads files, each within a given size limit.
 //! [`pack`] is the file format of an imported object; [`packs`] reads and writes folders of them, with baked
 //! [`grasps`]; [`audit`] lists implausible objects; [`robots`] reads robots from URDF folders.
 
@@ -18,10 +18,10 @@ mod error;
 pub mod files;
 pub mod formats;
 pub mod grasps;
+pub mod image;
 pub mod mass;
 pub mod pack;
 pub mod packs;
-pub mod picture;
 pub mod place;
 pub mod prior;
 pub mod raw;
@@ -37,24 +37,24 @@ pub use error::ImportError;
 pub use files::{Files, ReadFile};
 pub use place::Given;
 
-/// An object that came in.
+/// An imported object.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The object; it is named by the hash of its files.
+    /// The object; its asset reference is the hash of its files.
     pub model: ObjectModel,
-    /// Where it is from.
+    /// Provenance.
     pub origin: Origin,
-    /// What was guessed and mended.
+    /// Guesses and repairs.
     pub report: report::Report,
 }
 
-/// Names of files beside an object's that say its licence.
+/// Names of licence files next to an object.
 const LICENCES: [&str; 6] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "license.txt", "LICENCE", "COPYING"];
 
-/// Imports the object of one file; `read` gets paths relative to the root of the import, as `path` is.
+/// Imports the object of one file; `read` receives paths relative to the import's root, like `path`.
 ///
 /// # Errors
-/// One clear error: what is wrong in which file.
+/// A single error that states the file and the problem.
 ///
 /// ```
 /// use genmanip_import::{Given, import};
@@ -76,7 +76,7 @@ pub fn import(
 ) -> Result<Imported, ImportError> {
     let mut files = Files::new(read);
     let raw = formats::read(path, &mut files).map_err(formats::advised)?;
-    // How it tipped over follows from the files, so it is no part of the name.
+    // Toppling follows from the files, so `tipped_up` is not part of the hash.
     let Given { scale, up, .. } = given;
     let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?} }}"));
     let names: Vec<&str> = std::iter::once(path).chain(files.names().filter(|name| *name != path)).collect();
@@ -88,7 +88,7 @@ pub fn import(
     Ok(Imported { model, origin, report })
 }
 
-/// First line of a licence file in the folder of an object or one above it.
+/// First line of a licence file in the object's folder or one of its parents.
 fn licence_beside(path: &str, files: &mut Files<'_>) -> Option<String> {
     let mut folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
     loop {

@@ -1,4 +1,4 @@
-//! Mass, its place and inertia: what the files say where it is plausible, else what things of that kind weigh.
+//! Mass properties: the file's values if plausible, otherwise typical values of the category.
 
 use genmanip_assets::solid::{Moments, Solid};
 use genmanip_core::{MassProperties, Piece, Shape};
@@ -10,16 +10,16 @@ use crate::prior::Prior;
 use crate::raw::RawLink;
 use crate::report::Guess;
 
-/// Mean density of a household thing of no known kind, hollow ones included, kg/m³.
+/// Mean density of household objects of unknown category, hollow ones included, kg/m³.
 const DENSITY: f64 = 450.0;
-/// Mass that a link may have, kg.
+/// Plausible range of a link's mass, kg.
 const MASS_KG: [f64; 2] = [0.001, 60.0];
-/// A mass is at most so many times lighter or heavier than usual for its kind.
+/// Maximum factor between a mass and the typical mass of its category.
 const UNUSUAL: f64 = 3.0;
-/// An inertia is at most so many times off that of a body of even density.
+/// Maximum factor between an inertia and that of a body of uniform density.
 const INERTIA_OFF: f64 = 8.0;
 
-/// Mass properties of each link. `volume_m3` is the matter of a rigid object's surface, where it is known.
+/// Mass properties of each link.
 pub fn masses(
     links: &[RawLink],
     bodies: &[&[Piece]],
@@ -36,63 +36,63 @@ pub fn masses(
     });
     let mut masses = Vec::new();
     for (index, link) in links.iter().enumerate() {
-        let even = moments(bodies[index]);
+        let uniform = moments(bodies[index]);
         let name = if links.len() == 1 { "mass".to_owned() } else { format!("mass of {}", link.name) };
         let guessed = (total * volumes[index] / whole).clamp(MASS_KG[0], MASS_KG[1]);
         let (mass_kg, because) = match (&link.mass, link.density) {
             (Some(mass), _) if (MASS_KG[0]..=MASS_KG[1]).contains(&mass.mass_kg) => (mass.mass_kg, None),
             (None, Some(density)) if (MASS_KG[0]..=MASS_KG[1]).contains(&(density * volumes[index])) => {
-                (density * volumes[index], Some(format!("density of {density} kg/m³ as the files say")))
+                (density * volumes[index], Some(format!("density of {density} kg/m³ from the files")))
             }
             (Some(mass), _) => (guessed, Some(format!("the files' {} kg are implausible", mass.mass_kg))),
             _ => match prior {
                 Some(prior) => (guessed, Some(format!("a {} usually weighs {:.3} kg", prior.category, prior.mass_kg))),
-                None => (guessed, Some(format!("{DENSITY} kg/m³, as household things have on average"))),
+                None => (guessed, Some(format!("{DENSITY} kg/m³, the average of household objects"))),
             },
         };
         guesses.extend(because.map(|because| Guess::new(name.clone(), format!("{mass_kg:.3} kg"), because)));
-        let even = even.with_mass(mass_kg);
+        let uniform = uniform.with_mass(mass_kg);
         let own = link.mass.as_ref().filter(|mass| mass.mass_kg == mass_kg);
         masses.push(match own {
-            Some(own) if is_plausible(own, &even) => *own,
-            Some(own) if own.inertia == DMat3::ZERO => even,
+            Some(own) if is_plausible(own, &uniform) => *own,
+            Some(own) if own.inertia == DMat3::ZERO => uniform,
             Some(_) => {
                 guesses.push(Guess::new(
                     name.replace("mass", "inertia"),
-                    "that of even density",
+                    "uniform density",
                     "the files' is implausible",
                 ));
-                even
+                uniform
             }
-            None => even,
+            None => uniform,
         });
     }
     masses
 }
 
-/// Whether moments are those of a body about as large as the pieces.
-fn is_plausible(mass: &MassProperties, even: &MassProperties) -> bool {
+/// True if mass properties are consistent with a body about as large as the pieces.
+fn is_plausible(mass: &MassProperties, uniform: &MassProperties) -> bool {
     let diagonal = |inertia: &DMat3| DVec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
-    let (own, usual) = (diagonal(&mass.inertia), diagonal(&even.inertia));
+    let (own, usual) = (diagonal(&mass.inertia), diagonal(&uniform.inertia));
     let ratio = own / usual;
-    // What weighs something everywhere has positive second moments, which is the triangle inequality along every axis;
-    // a flat plate has none across, but for rounding.
+    // A physical body has non-negative second moments, which is the triangle inequality along every axis; those of a
+    // flat plate vanish across it, up to rounding.
     let trace = own.element_sum();
     let second = DMat3::from_diagonal(DVec3::splat((0.5 + 1e-9) * trace)) - mass.inertia;
-    let reach = (usual.max_element() / even.mass_kg).sqrt();
+    let reach = (usual.max_element() / uniform.mass_kg).sqrt();
     is_positive(&mass.inertia)
         && is_positive(&second)
         && ratio.min_element() > 1.0 / INERTIA_OFF
         && ratio.max_element() < INERTIA_OFF
-        && mass.center.distance(even.center) < 2.0 * reach
+        && mass.center.distance(uniform.center) < 2.0 * reach
 }
 
-/// Whether all eigenvalues of a symmetric matrix are positive, by its leading minors (Sylvester's criterion).
+/// True if a symmetric matrix is positive definite, by its leading minors (Sylvester's criterion).
 fn is_positive(m: &DMat3) -> bool {
     m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y > m.x_axis.y * m.x_axis.y && m.determinant() > 0.0
 }
 
-/// Moments of all pieces together.
+/// Combined moments of all pieces.
 fn moments(pieces: &[Piece]) -> Moments {
     let each: Vec<Moments> = pieces.iter().filter_map(of_piece).collect();
     if each.is_empty() {

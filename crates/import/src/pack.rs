@@ -1,8 +1,8 @@
-//! How an imported object is kept: one file of a header in JSON and the numbers of its meshes and pictures.
+//! File format of an imported object: a JSON header followed by binary meshes and textures.
 //!
 //! `GMOBJ1\n`, the header's length (u32), the header, then in the order of the header's parts: positions and normals
-//! (three f32 per corner), texture coordinates (two), triangles (three u32), and pictures (rows of RGB).
-//! Numbers are little-endian. Nothing in such a file is trusted: every length and every index is checked.
+//! (three f32 per vertex), texture coordinates (two), triangles (three u32), and textures (rows of RGB).
+//! Numbers are little-endian. Files are untrusted: every length and index is validated.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,10 +19,10 @@ use crate::Imported;
 use crate::report::Report;
 
 const MARK: &[u8] = b"GMOBJ1\n";
-/// Most corners, triangles and pixels of one part.
-const MOST: u64 = 4 << 20;
+/// Maximum number of vertices, triangles and pixels of one part.
+const MAX_COUNT: u64 = 4 << 20;
 
-/// What is kept of an imported object besides meshes and pictures.
+/// JSON header: everything except meshes and textures.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
@@ -62,17 +62,17 @@ struct Part {
     opacity: f32,
     ior: f32,
     thin_walled: bool,
-    /// Number of the picture over it.
+    /// Index of the texture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture: Option<usize>,
-    /// Width and height of that picture, where this part is the first that has it.
+    /// Width and height of the texture, on the first part that uses it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture_size: Option<[u32; 2]>,
 }
 
-/// The bytes of the file of an object.
+/// Serialises an object.
 pub fn to_bytes(object: &Imported) -> Vec<u8> {
-    let (mut numbers, mut pictures, mut known) = (Vec::new(), Vec::new(), BTreeMap::new());
+    let (mut numbers, mut texels, mut known) = (Vec::new(), Vec::new(), BTreeMap::new());
     let model = &object.model;
     let links = model.links.iter().map(|link| Link {
         name: link.name.clone(),
@@ -82,7 +82,7 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
         mass_kg: link.mass.mass_kg,
         center: link.mass.center,
         inertia: link.mass.inertia,
-        parts: link.visual.iter().map(|part| to_part(part, &mut numbers, &mut pictures, &mut known)).collect(),
+        parts: link.visual.iter().map(|part| to_part(part, &mut numbers, &mut texels, &mut known)).collect(),
     });
     let header = Header {
         card: model.card.clone(),
@@ -98,16 +98,11 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
     bytes.extend((header.len() as u32).to_le_bytes());
     bytes.extend(header);
     bytes.append(&mut numbers);
-    bytes.append(&mut pictures);
+    bytes.append(&mut texels);
     bytes
 }
 
-fn to_part(
-    part: &VisualPart,
-    numbers: &mut Vec<u8>,
-    pictures: &mut Vec<u8>,
-    known: &mut BTreeMap<usize, usize>,
-) -> Part {
+fn to_part(part: &VisualPart, numbers: &mut Vec<u8>, texels: &mut Vec<u8>, known: &mut BTreeMap<usize, usize>) -> Part {
     let (mesh, material) = (&part.mesh, &part.material);
     let mut write = |values: &[f32]| values.iter().for_each(|value| numbers.extend(value.to_le_bytes()));
     mesh.positions.iter().for_each(|position| write(&position.to_array()));
@@ -119,7 +114,7 @@ fn to_part(
         let next = known.len();
         *known.entry(Arc::as_ptr(texture) as usize).or_insert_with(|| {
             texture_size = Some([texture.width, texture.height]);
-            pictures.extend(&texture.rgb);
+            texels.extend(&texture.rgb);
             next
         })
     });
@@ -139,35 +134,35 @@ fn to_part(
     }
 }
 
-/// The object of a file; the words say what is wrong with it.
+/// Deserialises an object; errors are messages.
 ///
 /// # Errors
-/// When the file is cut off, or its header does not fit what follows.
+/// If the file is truncated, or its header does not match the data.
 pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
-    let rest = bytes.strip_prefix(MARK).ok_or("no file of an imported object")?;
-    let (length, rest) = rest.split_first_chunk::<4>().ok_or("cut off in the header")?;
+    let rest = bytes.strip_prefix(MARK).ok_or("not a file of an imported object")?;
+    let (length, rest) = rest.split_first_chunk::<4>().ok_or("truncated in the header")?;
     let length = u32::from_le_bytes(*length) as usize;
-    let (header, numbers) = rest.split_at_checked(length).ok_or("cut off in the header")?;
+    let (header, numbers) = rest.split_at_checked(length).ok_or("truncated in the header")?;
     let header: Header =
-        serde_json::from_slice(header).map_err(|error| format!("no header of an imported object: {error}"))?;
+        serde_json::from_slice(header).map_err(|error| format!("invalid header of an imported object: {error}"))?;
     let all = header.links.iter().flat_map(|link| &link.parts);
     let mut needed = 0_u64;
     for part in all.clone() {
         let [width, height] = part.texture_size.unwrap_or([0, 0]).map(u64::from);
-        if part.corners > MOST || part.triangles > MOST || width > 8192 || height > 8192 {
+        if part.corners > MAX_COUNT || part.triangles > MAX_COUNT || width > 8192 || height > 8192 {
             return Err(format!("part {} is too large", part.name));
         }
         needed += 4 * (8 * part.corners + 3 * part.triangles) + 3 * width * height;
     }
     if needed != numbers.len() as u64 {
-        return Err(format!("{} bytes of meshes and pictures; its header speaks of {needed}", numbers.len()));
+        return Err(format!("{} bytes of meshes and textures; the header states {needed}", numbers.len()));
     }
     let meshes: usize = all.clone().map(|part| 4 * (8 * part.corners + 3 * part.triangles) as usize).sum();
-    let (mut numbers, mut pictures) = numbers.split_at(meshes);
+    let (mut numbers, mut texels) = numbers.split_at(meshes);
     let mut textures: Vec<Arc<Texture>> = Vec::new();
     let mut links = Vec::new();
     for (index, link) in header.links.into_iter().enumerate() {
-        let visual = link.parts.iter().map(|part| from_part(part, &mut numbers, &mut pictures, &mut textures));
+        let visual = link.parts.iter().map(|part| from_part(part, &mut numbers, &mut texels, &mut textures));
         let visual = visual.collect::<Result<Vec<VisualPart>, String>>()?;
         let joint = link.joint.map(|joint| checked(joint, index)).transpose()?;
         if joint.is_none() != (index == 0)
@@ -205,7 +200,7 @@ fn checked(joint: Joint, index: usize) -> Result<Joint, String> {
         || joint.range[0] > joint.range[1]
         || !joint.axis.is_normalized()
     {
-        return Err(format!("joint {}: expected a parent before it, a rising range and a unit axis", joint.name));
+        return Err(format!("joint {}: expected a parent before it, an increasing range and a unit axis", joint.name));
     }
     Ok(joint)
 }
@@ -213,7 +208,7 @@ fn checked(joint: Joint, index: usize) -> Result<Joint, String> {
 fn from_part(
     part: &Part,
     numbers: &mut &[u8],
-    pictures: &mut &[u8],
+    texels: &mut &[u8],
     textures: &mut Vec<Arc<Texture>>,
 ) -> Result<VisualPart, String> {
     let mut take = |words: u64| {
@@ -232,18 +227,18 @@ fn from_part(
     if triangles.iter().flatten().any(|&index| u64::from(index) >= part.corners)
         || !positions.iter().all(|p| p.is_finite())
     {
-        return Err(format!("part {}: a triangle names a corner that there is not", part.name));
+        return Err(format!("part {}: a triangle refers to a missing vertex", part.name));
     }
     if let Some([width, height]) = part.texture_size {
         let (rgb, rest) =
-            pictures.split_at_checked(width as usize * height as usize * 3).ok_or("cut off in a picture")?;
-        *pictures = rest;
+            texels.split_at_checked(width as usize * height as usize * 3).ok_or("truncated in a texture")?;
+        *texels = rest;
         textures.push(Arc::new(Texture { width, height, rgb: rgb.to_vec() }));
     }
     let texture = match part.texture {
-        Some(number) => Some(
-            textures.get(number).cloned().ok_or_else(|| format!("part {}: there is no picture {number}", part.name))?,
-        ),
+        Some(number) => {
+            Some(textures.get(number).cloned().ok_or_else(|| format!("part {}: missing texture {number}", part.name))?)
+        }
         None => None,
     };
     let material = Material {

@@ -1,4 +1,4 @@
-//! Unit, upright and origin: from a file's frame to the object's, centre of the base at the origin, +z up, metres.
+//! Placement: converts a file's unit, up axis and origin to metres, +z up, origin at the centre of the base.
 
 use genmanip_core::{Aabb, Joint, JointKind, MassProperties, Piece, Pose, Shape};
 use glam::{DMat4, DQuat, DVec3};
@@ -7,35 +7,35 @@ use crate::prior::Prior;
 use crate::raw::{RawCollision, RawObject, Unit, Up};
 use crate::report::Guess;
 
-/// Longest side of what stands on a table, m: from a chess piece to a tall cabinet.
+/// Plausible longest side of a tabletop object, m: from a chess piece to a tall cabinet.
 const TABLETOP_M: [f64; 2] = [0.03, 1.0];
-/// Longest side of anything that a format in metres describes, m.
+/// Plausible longest side in a format whose unit is metres, m.
 const METRIC_M: [f64; 2] = [0.004, 3.0];
-/// A known kind of thing is at most so many times smaller or larger than usual.
+/// Maximum factor between an object's size and the typical size of its category.
 const UNUSUAL: f64 = 2.5;
-/// Longest side of what has no usual size, m.
+/// Longest side assigned to an object without a typical size, m.
 const FALLBACK_M: f64 = 0.12;
-/// Units that modelling programs write, in metres, likelier ones first.
+/// Units written by modelling programs, in metres, most likely first.
 const UNITS: [(&str, f64); 4] = [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001), ("inches", 0.0254)];
-/// Longest side of an articulated thing whose size is normalised, m: what an arm on the same table can open.
+/// Longest side of an articulated object with normalised size, m: one that an arm on the same table can open.
 const NORMALISED_M: f64 = 0.35;
 
-/// Shares that differ by less are alike.
-const ALIKE: f64 = 0.15;
+/// Fractions that differ by less count as equal.
+const EQUAL_MARGIN: f64 = 0.15;
 
-/// What the user says about the frame of a file.
+/// The user's choices for a file's frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
     /// Metres per unit.
     pub scale: Option<f64>,
-    /// Which way is up.
+    /// Up axis.
     pub up: Option<Up>,
-    /// Found on a table instead of said: the direction that is up once the object has tipped over and lies still, in the
-    /// frame that it stands in without this.
+    /// Found by simulation instead of given: the direction that points up once the object has toppled and come to
+    /// rest, in the frame in which it stands without this.
     pub tipped_up: Option<DVec3>,
 }
 
-/// Brings an object to metres.
+/// Scales an object to metres.
 pub fn to_metres(raw: &mut RawObject, given: Option<f64>, prior: Option<&Prior>, guesses: &mut Vec<Guess>) {
     let longest = bounds(raw).size().max_element();
     let (scale, value, because) = match given {
@@ -51,7 +51,7 @@ pub fn to_metres(raw: &mut RawObject, given: Option<f64>, prior: Option<&Prior>,
     scale_by(raw, scale);
 }
 
-/// Metres per unit, in words, and why.
+/// Metres per unit, description, and reason.
 fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, String) {
     let within = |metres: f64, [low, high]: [f64; 2]| (low..=high).contains(&metres);
     if is_metric && within(longest, METRIC_M) {
@@ -62,7 +62,7 @@ fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, S
     if let Some((name, scale)) = UNITS.iter().find(|(_, scale)| within(longest * scale, plausible)) {
         let why = match prior {
             Some(prior) => format!("a {} is usually {:.3} m long", prior.category, prior.longest_m),
-            None => format!("things on a table are {} to {} m long", TABLETOP_M[0], TABLETOP_M[1]),
+            None => format!("tabletop objects are {} to {} m long", TABLETOP_M[0], TABLETOP_M[1]),
         };
         return (*scale, (*name).to_owned(), format!("{why}; the longest side becomes {:.3} m", longest * scale));
     }
@@ -71,11 +71,11 @@ fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, S
     (wanted / longest.max(1e-12), format!("{:.5} m", wanted / longest.max(1e-12)), why)
 }
 
-/// Turns an object upright.
+/// Rotates an object upright.
 pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, guesses: &mut Vec<Guess>) {
     let (up, because) = match (given, raw.up) {
         (Some(up), _) => (up, "given".to_owned()),
-        (None, Up::Unknown) => steadier(raw, prior),
+        (None, Up::Unknown) => more_stable_up(raw, prior),
         (None, known) => (known, "the format says so".to_owned()),
     };
     guesses.push(Guess::new("up", if up == Up::Y { "+y" } else { "+z" }, because));
@@ -84,23 +84,23 @@ pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, gu
     }
 }
 
-/// Lays an object down as it came to rest after it tipped over; `up` as in [`Given::tipped_up`].
+/// Lays an object down in the pose in which it came to rest after toppling; `up` as in [`Given::tipped_up`].
 pub fn lay(raw: &mut RawObject, up: DVec3, guesses: &mut Vec<Guess>) {
     let turn = lying_from_standing(up);
     let angle = turn.to_axis_angle().1.to_degrees();
-    let because = "as the file has it, it tips over on a table; like this it lies still";
-    guesses.push(Guess::new("upright", format!("turned by {angle:.0}°"), because));
+    let because = "it topples in the file's orientation and rests stably in this one";
+    guesses.push(Guess::new("upright", format!("rotated by {angle:.0}°"), because));
     move_root(raw, &Pose { position: DVec3::ZERO, rotation: turn });
 }
 
-/// The smallest turn that brings a direction up.
+/// The smallest rotation that maps a direction to +z.
 pub fn lying_from_standing(up: DVec3) -> DQuat {
     DQuat::from_rotation_arc(up.normalize_or(DVec3::Z), DVec3::Z)
 }
 
-/// Of +y and +z the one along which the object stands on the larger share of its outline; where both are alike the one
-/// that makes it as tall as things of its kind, else +y, as modelling programs write OBJ.
-fn steadier(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
+/// Of +y and +z, the axis along which the object stands on the larger fraction of its footprint; if both are equal,
+/// the one that gives the category's typical height, otherwise +y, as modelling programs write OBJ.
+fn more_stable_up(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
     let points = raw.all_surfaces().positions;
     let standing = |up: usize| {
         let (along, across) = (|p: &DVec3| p[up], |p: &DVec3| [p[(up + 1) % 3], p[(up + 2) % 3]]);
@@ -114,20 +114,21 @@ fn steadier(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
         base / area(&mut points.iter().map(across)).max(1e-12)
     };
     let (y, z) = (standing(1), standing(2));
-    let shares = format!("it stands on {:.0} % of its outline with +y up, on {:.0} % with +z up", 100.0 * y, 100.0 * z);
+    let shares =
+        format!("it stands on {:.0} % of its footprint with +y up, on {:.0} % with +z up", 100.0 * y, 100.0 * z);
     let size = Aabb::from_points(points.iter().copied()).size() / bounds(raw).size().max_element();
-    if let Some(prior) = prior.filter(|_| (z - y).abs() <= ALIKE && (size.y - size.z).abs() > ALIKE) {
+    if let Some(prior) = prior.filter(|_| (z - y).abs() <= EQUAL_MARGIN && (size.y - size.z).abs() > EQUAL_MARGIN) {
         let is_y = (size.y - prior.height_share).abs() <= (size.z - prior.height_share).abs();
-        return (if is_y { Up::Y } else { Up::Z }, format!("{shares}; so it is as tall as a {}", prior.category));
+        return (if is_y { Up::Y } else { Up::Z }, format!("{shares}; this gives the height of a {}", prior.category));
     }
-    if z > y + ALIKE { (Up::Z, shares) } else { (Up::Y, shares) }
+    if z > y + EQUAL_MARGIN { (Up::Z, shares) } else { (Up::Y, shares) }
 }
 
-/// Bounds of everything that is drawn, or touches where nothing is drawn, with joints at 0.
+/// Bounds of the visuals, or of the collision geometry without visuals, with joints at 0.
 pub fn bounds(raw: &RawObject) -> Aabb {
-    let drawn = Aabb::from_points(raw.all_surfaces().positions);
-    if drawn.size().is_finite() && drawn.min.x <= drawn.max.x {
-        return drawn;
+    let visible = Aabb::from_points(raw.all_surfaces().positions);
+    if visible.size().is_finite() && visible.min.x <= visible.max.x {
+        return visible;
     }
     raw.links.iter().zip(raw.link_poses()).fold(Aabb::EMPTY, |bounds, (link, pose)| {
         link.collision.iter().fold(bounds, |bounds, collision| match collision {
@@ -140,14 +141,14 @@ pub fn bounds(raw: &RawObject) -> Aabb {
     })
 }
 
-/// Moves an object so that the middle of its bounds is above the origin and their lowest point at 0.
+/// Moves an object so that its bounds are centred above the origin with their lowest point at 0.
 pub fn center(raw: &mut RawObject) {
     let bounds = bounds(raw);
     let base = bounds.center().with_z(bounds.min.z);
     move_root(raw, &Pose::from_position(-base));
 }
 
-/// Moves what the root link holds, and what hangs on it, to another frame.
+/// Transforms the root link and the joints attached to it.
 pub fn move_root(raw: &mut RawObject, new_from_old: &Pose) {
     let transform = DMat4::from_rotation_translation(new_from_old.rotation, new_from_old.position);
     for (index, link) in raw.links.iter_mut().enumerate() {
@@ -168,13 +169,13 @@ pub fn move_root(raw: &mut RawObject, new_from_old: &Pose) {
             }
         }
         if let Some(mass) = &mut link.mass {
-            *mass = moved(mass, new_from_old);
+            *mass = transformed_mass(mass, new_from_old);
         }
     }
 }
 
-/// Mass properties in another frame.
-pub fn moved(mass: &MassProperties, new_from_old: &Pose) -> MassProperties {
+/// Transforms mass properties to another frame.
+pub fn transformed_mass(mass: &MassProperties, new_from_old: &Pose) -> MassProperties {
     let rotation = glam::DMat3::from_quat(new_from_old.rotation);
     MassProperties {
         mass_kg: mass.mass_kg,
@@ -206,7 +207,7 @@ fn scale_by(raw: &mut RawObject, scale: f64) {
                 RawCollision::Mesh(mesh) => *mesh = std::mem::take(mesh).transformed(&transform),
             }
         }
-        // A mass for another size says nothing.
+        // A mass given for another size is meaningless.
         link.mass = None;
     }
 }
@@ -249,8 +250,8 @@ mod tests {
     }
 
     #[test]
-    fn things_stand_on_their_base_at_the_origin() {
-        // A pyramid-like stack whose broad end is at -y stands with +y up.
+    fn objects_stand_on_their_base_at_the_origin() {
+        // A stack with its broad end at -y stands with +y up.
         let mut mesh = cuboid(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, -0.5, 1.0));
         mesh.append(&cuboid(DVec3::new(-0.2, -0.5, -0.2), DVec3::new(0.2, 1.0, 0.2)));
         let mut raw = object(mesh);
@@ -262,7 +263,7 @@ mod tests {
         assert!(bounds.min.abs_diff_eq(DVec3::new(-1.0, -1.0, 0.0), 1e-9), "{bounds:?}");
         assert!(bounds.max.abs_diff_eq(DVec3::new(1.0, 1.0, 2.0), 1e-9), "{bounds:?}");
         assert_eq!(guesses[0].value, "+y");
-        // A carton lies as well as it stands: it is as tall as cartons are.
+        // A carton lies as stably as it stands: the typical height decides.
         let mut carton = object(cuboid(DVec3::ZERO, DVec3::new(0.07, 0.07, 0.2)));
         carton.up = Up::Unknown;
         upright(&mut carton, None, prior::of_name("milk carton"), &mut guesses);

@@ -1,4 +1,4 @@
-//! What things of a name usually measure and weigh: the medians of the objects of the catalogue of that category.
+//! Typical sizes and masses by category: medians over the catalogue's objects.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -7,31 +7,31 @@ use std::sync::OnceLock;
 use genmanip_assets::{Catalogue, Families};
 use genmanip_core::ObjectCard;
 
-/// What is usual in a category.
+/// Typical properties of a category.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
-    /// Kind of thing.
+    /// Category.
     pub category: String,
-    /// Group of kinds.
+    /// Super-category.
     pub general_category: String,
-    /// Usual longest side, m.
+    /// Typical longest side, m.
     pub longest_m: f64,
-    /// Usual height as a share of the longest side.
+    /// Typical height as a fraction of the longest side.
     pub height_share: f64,
-    /// Usual mass, kg.
+    /// Typical mass, kg.
     pub mass_kg: f64,
-    /// Usual mass over the volume of the bounds, kg/m³.
+    /// Typical mass over the volume of the bounding box, kg/m³.
     pub bounds_density: f64,
-    /// Usual materials.
+    /// Typical materials.
     pub materials: Vec<String>,
-    /// What can be done with it.
+    /// Affordances.
     pub affordances: Vec<String>,
-    /// Words that name the category besides its own, the usual one first.
+    /// Synonyms of the category, most common first.
     synonyms: Vec<String>,
 }
 
-/// The category whose words a name holds: the one of most words, then of the last word, then by its own name or the synonym
-/// that it is called by most, then first by name.
+/// The category that matches a name best: by number of matching words, then match of the last word, then category name
+/// before synonyms in order, then alphabetically.
 pub fn of_name(name: &str) -> Option<&'static Prior> {
     let words: Vec<String> = name.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(singular).collect();
     let last = words.iter().rposition(|word| word.chars().any(char::is_alphabetic));
@@ -48,7 +48,7 @@ pub fn of_name(name: &str) -> Option<&'static Prior> {
             .filter_map(|(place, found)| found.map(|(words, ends)| (words, ends, Reverse(place))))
             .max()
     };
-    // Backwards, since of several with one rank `max_by_key` gives the last: the first by name is kept.
+    // Iterate backwards, because `max_by_key` returns the last of several maxima.
     let ranked = priors().iter().rev().filter_map(|prior| Some((rank(prior)?, prior)));
     ranked.max_by_key(|(rank, _)| *rank).map(|(_, prior)| prior)
 }
@@ -99,7 +99,7 @@ mod tests {
             ("Bananas", "banana"),
             ("old red mug 3", "mug"),
             ("Hammer", "hammer"),
-            // A tube of crisps is called a can last of all.
+            // Crisp tubes have "can" only as their last synonym.
             ("Can", "food tin"),
         ];
         for (name, category) in named {

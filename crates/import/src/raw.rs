@@ -1,114 +1,113 @@
-//! An object as its files describe it, before anything is cleaned or guessed.
+//! An object as described by its files, before cleaning and guessing.
 
 use genmanip_core::{Joint, MassProperties, Material, Piece, Pose};
 use glam::{DMat4, DVec3};
 
-/// Most triangles of an object that are read: beyond, the file is refused. As many without any order in them need 9 s of
-/// processor time.
-pub const MOST_TRIANGLES: usize = 400_000;
-/// Most links of an object.
-pub const MOST_LINKS: usize = 64;
+/// Maximum number of triangles of an object; larger files are rejected. As many in random order take 9 s of CPU time.
+pub const MAX_TRIANGLES: usize = 400_000;
+/// Maximum number of links of an object.
+pub const MAX_LINKS: usize = 64;
 
-/// Which way is up in a file.
+/// Up axis of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
-    /// +y, as the glTF standard says.
+    /// +y, as in glTF.
     Y,
-    /// +z, as URDF and MJCF have it.
+    /// +z, as in URDF and MJCF.
     Z,
-    /// The format does not say.
+    /// Not specified by the format.
     Unknown,
 }
 
-/// What lengths are in a file.
+/// Length unit of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// Metres, as glTF, URDF and MJCF say.
+    /// Metres, as in glTF, URDF and MJCF.
     Metre,
-    /// Something that the format does not say.
+    /// Not specified by the format.
     Unknown,
     /// None: every object of the library is scaled to the same size.
     Normalised,
 }
 
-/// An object as its files describe it.
+/// An object as described by its files.
 #[derive(Clone, Debug)]
 pub struct RawObject {
-    /// What the file calls it; empty where it does not.
+    /// Name in the file; empty if there is none.
     pub name: String,
-    /// Bodies, parents first.
+    /// Links, parents first.
     pub links: Vec<RawLink>,
-    /// What its lengths are.
+    /// Length unit.
     pub unit: Unit,
-    /// Which way is up.
+    /// Up axis.
     pub up: Up,
-    /// Licence, where the file says it.
+    /// Licence, if the file states it.
     pub licence: Option<String>,
-    /// Who made it, where the file says so.
+    /// Author, if the file states it.
     pub creator: Option<String>,
-    /// What was repaired or left out while reading.
+    /// Repairs and omissions while reading.
     pub notes: Vec<String>,
 }
 
-/// One body.
+/// A link.
 #[derive(Clone, Debug, Default)]
 pub struct RawLink {
     /// Name, unique in the object.
     pub name: String,
-    /// How it moves; none for the root.
+    /// Joint to the parent; `None` for the root.
     pub joint: Option<Joint>,
-    /// What is drawn, in the link's frame.
+    /// Visual surfaces, in the link's frame.
     pub surfaces: Vec<Surface>,
-    /// What touches, in the link's frame; empty where the file leaves it open.
+    /// Collision geometry, in the link's frame; empty if unspecified.
     pub collision: Vec<RawCollision>,
-    /// Mass, where the file says it.
+    /// Mass properties, if specified.
     pub mass: Option<MassProperties>,
-    /// Density of what touches where the file says it, kg/m³.
+    /// Density of the collision geometry, if specified, kg/m³.
     pub density: Option<f64>,
-    /// Sliding friction coefficient, where the file says it.
+    /// Sliding friction coefficient, if specified.
     pub friction: Option<f64>,
 }
 
-/// A drawn surface.
+/// A visual surface.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// Name of the part.
     pub name: String,
-    /// Its triangles.
+    /// Triangles.
     pub mesh: RawMesh,
-    /// How it reflects.
+    /// Material.
     pub material: Material,
 }
 
-/// What touches.
+/// Collision geometry.
 #[derive(Clone, Debug)]
 pub enum RawCollision {
-    /// A convex shape.
+    /// A convex piece.
     Piece(Piece),
-    /// The convex hull of points, as MJCF means its meshes.
+    /// Convex hull of points, as MJCF interprets meshes.
     HullOf(Vec<DVec3>),
-    /// A surface that need not be convex.
+    /// A possibly non-convex mesh.
     Mesh(RawMesh),
 }
 
-/// Triangles in the frame of a link.
+/// A triangle mesh in a link's frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawMesh {
-    /// Corners.
+    /// Vertices.
     pub positions: Vec<DVec3>,
-    /// Texture coordinate per corner, (0, 0) the first pixel of the first row; empty without.
+    /// Texture coordinates per vertex, (0, 0) is the first pixel of the first row; empty if there are none.
     pub uvs: Vec<[f32; 2]>,
-    /// Three corners per triangle, counter-clockwise seen from outside.
+    /// Three vertex indices per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl RawMesh {
-    /// The corners of each triangle.
+    /// Vertex positions of each triangle.
     pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|triangle| triangle.map(|index| self.positions[index as usize]))
     }
 
-    /// Moved; a mirror image is turned inside out again.
+    /// Applies a transform; flips the triangles if it mirrors.
     #[must_use]
     pub fn transformed(mut self, transform: &DMat4) -> Self {
         for position in &mut self.positions {
@@ -120,7 +119,7 @@ impl RawMesh {
         self
     }
 
-    /// Both together.
+    /// Appends another mesh.
     pub fn append(&mut self, other: &Self) {
         let offset = self.positions.len() as u32;
         if !self.uvs.is_empty() || !other.uvs.is_empty() {
@@ -136,7 +135,7 @@ impl RawMesh {
 }
 
 impl RawObject {
-    /// All drawn triangles in the frame of the object with joints at 0.
+    /// All visual triangles in the object's frame with joints at 0.
     pub fn all_surfaces(&self) -> RawMesh {
         let mut all = RawMesh::default();
         for (link, pose) in self.links.iter().zip(self.link_poses()) {
@@ -148,13 +147,13 @@ impl RawObject {
         all
     }
 
-    /// Makes the first link that hangs on an empty root the root: what has no shape cannot stand on a table.
+    /// While the root has no geometry, makes its child the root, because an empty root cannot stand on a table.
     pub fn drop_empty_root(&mut self) {
         while self.links.len() > 1 && self.links[0].surfaces.is_empty() && self.links[0].collision.is_empty() {
             self.links.remove(0);
             let first = self.links[0].joint.take();
             let name = first.as_ref().map_or("", |joint| joint.name.as_str()).to_owned();
-            self.notes.push(format!("its base has no shape: what hangs on joint {name} is taken as the base"));
+            self.notes.push(format!("its base has no geometry: the child of joint {name} becomes the base"));
             let old_from_first = first.map_or(Pose::IDENTITY, |joint| joint.parent_from_joint);
             for joint in self.links.iter_mut().filter_map(|link| link.joint.as_mut()) {
                 if joint.parent == 0 {

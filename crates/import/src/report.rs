@@ -1,32 +1,32 @@
-//! What was guessed about an object, and why.
+//! Import report: guesses and repairs.
 
 use serde::{Deserialize, Serialize};
 
-/// Something that the files do not say.
+/// A guessed property that the files do not specify.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guess {
-    /// Which quantity, e.g. `unit`.
+    /// Property, e.g. `unit`.
     pub what: String,
-    /// What was taken.
+    /// Chosen value.
     pub value: String,
-    /// Why.
+    /// Reason.
     pub because: String,
 }
 
 impl Guess {
-    /// A guess.
+    /// A guess with its reason.
     pub fn new(what: impl Into<String>, value: impl Into<String>, because: impl Into<String>) -> Self {
         Self { what: what.into(), value: value.into(), because: because.into() }
     }
 }
 
-/// How an object came in.
+/// Guesses and repairs of an import.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// Everything that was guessed.
+    /// All guesses.
     pub guesses: Vec<Guess>,
-    /// What was mended, scaled down or left out.
+    /// Repairs, downscaled textures and omissions.
     pub repairs: Vec<String>,
 }

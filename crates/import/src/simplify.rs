@@ -1,4 +1,4 @@
-//! Fewer triangles: corners of one surface that share a cell of a grid become one (Rossignac and Borrel 1993).
+//! Mesh simplification by vertex clustering (Rossignac and Borrel 1993).
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -6,26 +6,26 @@ use glam::DVec3;
 
 use crate::raw::{RawMesh, RawObject};
 
-/// Drawn triangles of an object: what the catalogue's own objects have, twice.
-const MOST_DRAWN: usize = 12_000;
-/// Halvings of the cell's size while the largest that leaves few enough triangles is searched.
+/// Maximum number of visual triangles of an object: twice what the catalogue's objects have.
+const MAX_VISUAL_TRIANGLES: usize = 12_000;
+/// Bisection steps for the cell size.
 const SEARCH_STEPS: usize = 14;
 
-/// Reduces what is drawn of an object to 12,000 triangles, in proportion; a note says so.
+/// Reduces an object's visual meshes to 12,000 triangles in total, proportionally, and adds a note.
 pub fn simplify(raw: &mut RawObject) {
     let count: usize = raw.links.iter().flat_map(|link| &link.surfaces).map(|s| s.mesh.triangles.len()).sum();
-    if count <= MOST_DRAWN {
+    if count <= MAX_VISUAL_TRIANGLES {
         return;
     }
     for surface in raw.links.iter_mut().flat_map(|link| &mut link.surfaces) {
         let share = surface.mesh.triangles.len() as f64 / count as f64;
-        surface.mesh = reduced(&surface.mesh, ((MOST_DRAWN as f64 * share) as usize).max(20));
+        surface.mesh = reduced(&surface.mesh, ((MAX_VISUAL_TRIANGLES as f64 * share) as usize).max(20));
     }
     let left: usize = raw.links.iter().flat_map(|link| &link.surfaces).map(|s| s.mesh.triangles.len()).sum();
-    raw.notes.push(format!("reduced from {count} to {left} drawn triangles"));
+    raw.notes.push(format!("reduced from {count} to {left} visual triangles"));
 }
 
-/// At most about `most` triangles.
+/// A simplified mesh with at most about `most` triangles.
 pub fn reduced(mesh: &RawMesh, most: usize) -> RawMesh {
     if mesh.triangles.len() <= most {
         return mesh.clone();
@@ -47,7 +47,7 @@ pub fn reduced(mesh: &RawMesh, most: usize) -> RawMesh {
     best
 }
 
-/// For each corner the number of the connected patch that it belongs to: pictures have seams between patches.
+/// Connected component of each vertex; textures have seams between components.
 fn charts(mesh: &RawMesh) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
     fn root(parent: &mut [u32], mut index: u32) -> u32 {
@@ -79,7 +79,7 @@ fn clustered(mesh: &RawMesh, charts: &[u32], low: DVec3, cell: f64) -> RawMesh {
         let sum = sums.entry(key(index)).or_default();
         *sum = (sum.0 + *position, sum.1 + 1.0);
     }
-    // The corner nearest to the mean keeps its place and its picture's.
+    // The vertex nearest to the cluster's mean keeps its position and texture coordinates.
     let mut nearest: HashMap<(i32, i32, i32, u32), (f64, u32)> = HashMap::new(); // only looked up
     for (index, position) in mesh.positions.iter().enumerate() {
         let (sum, count) = sums[&key(index)];

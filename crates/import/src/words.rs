@@ -1,12 +1,12 @@
-//! Names, colours, sizes and shapes in words, from file names and geometry.
+//! Names, colour words, descriptions and shape words, derived from file names and geometry.
 
 use genmanip_core::{Material, Piece, Shape};
 use glam::DVec3;
 
 use crate::raw::RawObject;
 
-/// File and folder names that say nothing about the object in them.
-const EMPTY: [&str; 32] = [
+/// Uninformative file and folder names.
+const UNINFORMATIVE: [&str; 32] = [
     "textured",
     "nontextured",
     "model",
@@ -40,7 +40,7 @@ const EMPTY: [&str; 32] = [
     "node",
     "robot",
 ];
-/// Colour words by hue, degrees, of what is neither grey nor dark; upper ends.
+/// Colour words by upper bound of the hue, degrees, for saturated colours.
 const HUES: [(f64, &str); 8] = [
     (15.0, "red"),
     (42.0, "orange"),
@@ -52,21 +52,21 @@ const HUES: [(f64, &str); 8] = [
     (340.0, "pink"),
 ];
 
-/// What an object is called: by its file, else as the file says, else by the nearest folder whose name says something.
+/// Object name from the file name, otherwise the name in the file, otherwise the nearest informative folder name.
 pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
     let file = parts.pop().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let says_something = |part: &&str| !is_empty(part) && part.chars().any(char::is_alphabetic);
+    let is_informative = |part: &&str| !is_uninformative(part) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
-    title(candidates.into_iter().find(says_something).unwrap_or("thing"))
+    title(candidates.into_iter().find(is_informative).unwrap_or("thing"))
 }
 
-fn is_empty(word: &str) -> bool {
-    EMPTY.contains(&word.to_lowercase().as_str())
+fn is_uninformative(word: &str) -> bool {
+    UNINFORMATIVE.contains(&word.to_lowercase().as_str())
 }
 
-/// Words with a capital each; numbers in front, as of YCB, words that say nothing, and file-like signs are left out.
+/// Capitalised words without leading numbers (as in YCB), uninformative words and punctuation.
 pub fn title(text: &str) -> String {
     let mut spaced = String::new();
     let mut before = ' ';
@@ -81,8 +81,8 @@ pub fn title(text: &str) -> String {
     while words.len() > 1 && words[0].chars().next().is_some_and(char::is_numeric) {
         words.remove(0);
     }
-    if words.iter().any(|word| !is_empty(word)) {
-        words.retain(|word| !is_empty(word));
+    if words.iter().any(|word| !is_uninformative(word)) {
+        words.retain(|word| !is_uninformative(word));
     }
     let capital = |word: &String| {
         let mut letters = word.chars();
@@ -92,7 +92,7 @@ pub fn title(text: &str) -> String {
     if words.is_empty() { "Thing".into() } else { words.join(" ") }
 }
 
-/// Letters and digits in small letters with hyphens, for uids.
+/// Lower-case letters and digits joined by hyphens, for uids.
 pub fn slug(name: &str) -> String {
     let parts: Vec<String> = name
         .to_lowercase()
@@ -104,7 +104,7 @@ pub fn slug(name: &str) -> String {
     if slug.is_empty() { "thing".into() } else { slug.trim_end_matches('-').to_owned() }
 }
 
-/// Colour words of what is drawn, the largest share of the area first, at most three.
+/// Up to three colour words of the visuals, by decreasing share of the area.
 pub fn colors(raw: &RawObject) -> Vec<String> {
     let mut shares: Vec<(&str, f64)> = Vec::new();
     for surface in raw.links.iter().flat_map(|link| &link.surfaces) {
@@ -126,7 +126,7 @@ fn of_material(material: &Material) -> Vec<(&'static str, f64)> {
     let tint = material.base_color;
     let Some(texture) = &material.texture else { return vec![(color_word(tint), 1.0)] };
     let pixels = texture.rgb.len() / 3;
-    // A few thousand pixels say what color a picture is.
+    // A few thousand pixels determine the colour of a texture.
     let step = (pixels / 4096).max(1);
     let mut counts: Vec<(&str, f64)> = Vec::new();
     for pixel in texture.rgb.chunks_exact(3).step_by(step) {
@@ -140,7 +140,7 @@ fn of_material(material: &Material) -> Vec<(&'static str, f64)> {
     counts.into_iter().map(|(word, count)| (word, count / total)).collect()
 }
 
-/// The word for an sRGB colour.
+/// Colour word of an sRGB colour.
 pub fn color_word(color: [f32; 3]) -> &'static str {
     let [r, g, b] = color.map(f64::from);
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
@@ -167,11 +167,11 @@ pub fn color_word(color: [f32; 3]) -> &'static str {
     }
 }
 
-/// One sentence about an object: `An imported red and white box-shaped tea box, 8 cm tall.`
+/// One-sentence description: `An imported red and white box-shaped tea box, 8 cm tall.`
 pub fn description(noun: &str, colors: &[String], shape: &str, size: DVec3) -> String {
     let colors = if colors.is_empty() { "grey".to_owned() } else { colors.join(" and ") };
     let shape = match shape {
-        // What is neither long nor flat nor tall is not worth a word.
+        // "compact" is not worth a word.
         "compact" => String::new(),
         "box" if noun.contains("box") => String::new(),
         "box" => "box-shaped ".into(),
@@ -180,19 +180,19 @@ pub fn description(noun: &str, colors: &[String], shape: &str, size: DVec3) -> S
         other => format!("{other} "),
     };
     let wide = size.x.max(size.y);
-    let (longest, way) = match () {
+    let (longest, dimension) = match () {
         () if size.z > wide => (size.z, "tall"),
         () if wide > 1.5 * size.x.min(size.y) => (wide, "long"),
         () => (wide, "wide"),
     };
     let millimetres = (longest * 1e3).round();
     if millimetres < 100.0 {
-        return format!("An imported {colors} {shape}{noun}, {millimetres} mm {way}.");
+        return format!("An imported {colors} {shape}{noun}, {millimetres} mm {dimension}.");
     }
-    format!("An imported {colors} {shape}{noun}, {} cm {way}.", (longest * 100.0).round())
+    format!("An imported {colors} {shape}{noun}, {} cm {dimension}.", (longest * 100.0).round())
 }
 
-/// The shape in a word or two.
+/// Shape in a word or two.
 pub fn shape(size: DVec3, pieces: &[Piece], is_hollow: bool) -> String {
     if let [piece] = pieces {
         match piece.shape {

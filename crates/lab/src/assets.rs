@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use genmanip_assets::search::{Filter, Index};
-use genmanip_assets::standing::stable_poses;
+use genmanip_assets::stable_poses::stable_poses;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Catalogue, Families, Family};
 use genmanip_core::glam::DVec3;

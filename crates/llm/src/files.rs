@@ -24,7 +24,8 @@ pub(crate) fn read(path: &Path, limit: Limit) -> Result<Vec<u8>, String> {
     if !about.is_file() {
         return Err("expected a file, found a pipe, device or folder".into());
     }
-    let too_large = |got: u64| format!("expected at most {} for {}, got {got} bytes", limit.in_words(), limit.what);
+    let too_large =
+        |got: u64| format!("expected at most {} for {}, got {got} bytes", limit.human_readable(), limit.what);
     if about.len() > limit.bytes {
         return Err(too_large(about.len()));
     }

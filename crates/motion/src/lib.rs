@@ -11,6 +11,7 @@ mod depth;
 pub mod description;
 pub mod feasibility;
 pub mod grasp;
+mod hull;
 mod ik;
 mod linear;
 mod path;

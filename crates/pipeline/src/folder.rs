@@ -70,7 +70,7 @@ impl Document for RunRecord {
 
 impl LongDocument for RunRecord {
     const LIST: &'static str = "tasks";
-    const MOST: usize = limits::TASKS;
+    const MAX_ENTRIES: usize = limits::TASKS;
     type Entry = Task;
 
     fn entries(&mut self) -> &mut Vec<Task> {

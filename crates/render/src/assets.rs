@@ -212,7 +212,7 @@ fn pads(parts: &[Part], robot: &RobotModel) -> Vec<Pad> {
 
 impl Part {
     fn new(visual: &VisualPart, body_name: &str, body: Option<usize>, instance: u16) -> Result<Self, RenderError> {
-        let mesh = &*visual.drawn;
+        let mesh = &*visual.render_mesh;
         let corners = mesh.positions.len();
         if let Some(&index) = mesh.triangles.iter().flatten().find(|&&index| index as usize >= corners) {
             return Err(RenderError::BadMesh { body: body_name.into(), part: visual.name.clone(), index, corners });
@@ -226,7 +226,7 @@ impl Part {
                 what: format!("a corner of part `{}` of `{body_name}`", visual.name),
             });
         }
-        let mesh = Mesh::shared(&visual.drawn, &visual.link_from_part);
+        let mesh = Mesh::shared(&visual.render_mesh, &visual.link_from_part);
         let surface = Surface::new(&visual.material);
         let faces_out = surface.opacity < 1.0 && mesh.faces_out();
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })

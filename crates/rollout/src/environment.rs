@@ -11,8 +11,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, ObjectState,
-    Observation, PrivilegedState, Seed, StrayContact,
+    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, GripperPhase,
+    ObjectState, Observation, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
@@ -429,7 +429,7 @@ impl Session {
             time_s: frame.time_s,
             link: self.stage.scene.body_name(link),
             other: self.stage.scene.body_name(other),
-            hand: HandPhase::of(frame, before),
+            hand: GripperPhase::of(frame, before),
             let_go: record.last_held.is_some_and(|(held, last_s)| {
                 matches!(other, BodyId::Object { object, .. } if object == held)
                     && frame.time_s - last_s <= LETTING_GO_S

@@ -1,6 +1,6 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
-use genmanip_core::perception::{FIRST_OBJECT, Seen, seen_of};
+use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion, visible_region};
 use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::look_seed;
 use genmanip_data::masks::{self, MaskTrack};
@@ -227,14 +227,14 @@ impl Painter {
         gripper_width: f64,
         objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
         cameras: &[Camera],
-    ) -> Result<Vec<Vec<Seen>>, RolloutError> {
+    ) -> Result<Vec<Vec<VisibleRegion>>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
         let state = assets.frame_state(arm, gripper_width, objects).map_err(|error| failed(&self.scenario, &error))?;
         let whole = cameras.iter().map(|camera| self.whole_in(&state, camera)).collect::<Result<_, _>>();
         whole.map_err(|error: RenderError| failed(&self.scenario, &error))
     }
 
-    fn whole_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<Seen>, RenderError> {
+    fn whole_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<VisibleRegion>, RenderError> {
         const IDS: Channels = Channels { rgb: false, depth: false, instance: true, normal: false, parts: false };
         let pinhole = sensor::pinhole(camera)?;
         let mut whole = Vec::new();
@@ -242,8 +242,8 @@ impl Painter {
             let object = usize::from(instance - FIRST_OBJECT);
             let drawn = sensor::through_lens(camera, drawn)?;
             // Objects that nothing is drawn of are left out by the renderer.
-            whole.resize(object, Seen::default());
-            whole.push(seen_of(&drawn.instance, drawn.width, instance));
+            whole.resize(object, VisibleRegion::default());
+            whole.push(visible_region(&drawn.instance, drawn.width, instance));
             Ok(())
         })?;
         Ok(whole)

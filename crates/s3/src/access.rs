@@ -1,13 +1,13 @@
-//! Who asks, and where: the usual variables of the environment.
+//! Credentials, region and endpoint from the standard AWS environment variables.
 
 use std::fmt;
 
 use crate::S3Error;
 
-/// Region that is signed for where none is named; servers other than Amazon's do not care.
+/// Default region for signing; servers other than Amazon's ignore it.
 const REGION: &str = "us-east-1";
 
-/// Keys, region and server.
+/// Credentials, region and endpoint.
 #[derive(Clone)]
 pub struct Access {
     pub(crate) key_id: String,
@@ -17,26 +17,26 @@ pub struct Access {
     pub(crate) endpoint: Option<Endpoint>,
 }
 
-/// A server other than Amazon's.
+/// An endpoint other than Amazon's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Endpoint {
     /// `http` or `https`.
     pub(crate) scheme: &'static str,
-    /// Host, with its port where that is not the usual one.
+    /// Host, with its port unless it is the scheme's default.
     pub(crate) host: String,
 }
 
 impl Access {
-    /// From `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` or `AWS_DEFAULT_REGION`, and
-    /// `AWS_ENDPOINT_URL_S3` or `AWS_ENDPOINT_URL`.
+    /// Reads `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_SESSION_TOKEN`, `AWS_REGION` or `AWS_DEFAULT_REGION`,
+    /// and `AWS_ENDPOINT_URL_S3` or `AWS_ENDPOINT_URL`.
     ///
     /// # Errors
-    /// [`S3Error::Environment`], with the variable that is missing or wrong.
+    /// [`S3Error::Environment`] for a missing or invalid variable.
     pub fn from_environment() -> Result<Self, S3Error> {
         Self::from_variables(|name| std::env::var(name).ok())
     }
 
-    /// As [`Access::from_environment`], from variables that are given.
+    /// As [`Access::from_environment`], with a custom lookup function.
     ///
     /// # Errors
     /// As [`Access::from_environment`].
@@ -45,13 +45,13 @@ impl Access {
         let secret = |name: &'static str| {
             let missing = S3Error::Environment { variable: name, expected: "a key", got: "nothing".into() };
             let value = given(name).ok_or(missing)?;
-            // It goes into headers.
+            // The value goes into HTTP headers.
             match value.chars().all(|c| c.is_ascii_graphic()) {
                 true => Ok(value),
                 false => Err(S3Error::Environment {
                     variable: name,
                     expected: "printable ASCII without spaces",
-                    got: "something else".into(),
+                    got: "other characters".into(),
                 }),
             }
         };
@@ -94,7 +94,7 @@ impl Endpoint {
 
 impl fmt::Debug for Access {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Keys reach no text.
+        // Credentials never appear in debug output.
         f.debug_struct("Access").field("region", &self.region).field("endpoint", &self.endpoint).finish_non_exhaustive()
     }
 }
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn the_environment_says_who_and_where() {
+    fn variables_set_credentials_and_endpoint() {
         let plain = access(&[]).unwrap();
         assert_eq!((plain.region.as_str(), plain.endpoint), ("us-east-1", None));
         for (url, expected) in [

@@ -1,36 +1,36 @@
-//! Objects of one bucket: asked for, sent, fetched, each as often as it takes within bounds.
+//! Requests to one bucket with bounded retries: head, put, multipart upload, get.
 
 use std::io::{Read, Write};
 use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
-use crate::request::{Answer, Connection, Request, Trouble, element, in_words};
+use crate::request::{AttemptError, Connection, Request, Response, element, error_message};
 use crate::sign::hex;
 use crate::{Access, S3Error};
 
-/// Larger files are sent in parts of this size, bytes; S3 takes parts of 5 MiB to 5 GiB, and 10,000 of them. Chosen.
+/// Part size of multipart uploads, bytes; S3 allows 10,000 parts of 5 MiB to 5 GiB. Chosen.
 pub(crate) const PART: u64 = 16 << 20;
-/// Most parts of an object.
-const MOST_PARTS: u64 = 10_000;
-/// Longest answer that is no object, bytes.
-const LONGEST_ANSWER: u64 = 1 << 20;
+/// Maximum number of parts of an object.
+const MAX_PARTS: u64 = 10_000;
+/// Maximum length of a response other than an object, bytes.
+const MAX_RESPONSE: u64 = 1 << 20;
 
-/// How often and how long it is tried.
+/// Retry policy.
 #[derive(Clone, Copy, Debug)]
-pub struct Patience {
-    /// Tries of one request.
-    pub tries: u32,
-    /// Before the second try; doubled before each further one.
-    pub first_wait: Duration,
-    /// Longest wait between two tries.
-    pub longest_wait: Duration,
+pub struct RetryPolicy {
+    /// Maximum number of attempts per request.
+    pub attempts: u32,
+    /// Delay before the second attempt; doubled before each further one.
+    pub initial_delay: Duration,
+    /// Maximum delay between two attempts.
+    pub max_delay: Duration,
 }
 
-impl Default for Patience {
+impl Default for RetryPolicy {
     fn default() -> Self {
-        // Chosen: a minute in all.
-        Self { tries: 9, first_wait: Duration::from_millis(250), longest_wait: Duration::from_secs(15) }
+        // Chosen: about a minute in total.
+        Self { attempts: 9, initial_delay: Duration::from_millis(250), max_delay: Duration::from_secs(15) }
     }
 }
 
@@ -38,36 +38,36 @@ impl Default for Patience {
 #[derive(Debug)]
 pub struct Bucket {
     connection: Connection,
-    patience: Patience,
+    retry_policy: RetryPolicy,
 }
 
-/// What an object is, as far as the server tells.
+/// Metadata of an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct About {
+pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
-    /// Of the file that it was made of.
+    /// SHA-256 of the uploaded file.
     pub(crate) sha256: Option<String>,
 }
 
 impl Bucket {
-    /// A bucket that exists.
-    pub fn new(name: &str, access: Access, patience: Patience) -> Self {
-        Self { connection: Connection::new(name, access), patience }
+    /// An existing bucket.
+    pub fn new(name: &str, access: Access, retry_policy: RetryPolicy) -> Self {
+        Self { connection: Connection::new(name, access), retry_policy }
     }
 
     pub(crate) fn url(&self, key: &str) -> String {
         self.connection.url(key)
     }
 
-    /// What is there under a name.
-    pub(crate) fn about(&self, key: &str) -> Result<Option<About>, S3Error> {
+    /// Metadata of an object; `None` if it does not exist.
+    pub(crate) fn head(&self, key: &str) -> Result<Option<ObjectInfo>, S3Error> {
         let request = Request { method: "HEAD", key, query: &[], file_sha256: None, body: &[] };
-        let asked = self.tried(&format!("asking for {}", self.url(key)), || {
-            let answer = self.connection.send(&request)?;
-            let header = |name: &str| answer.headers().get(name).and_then(|value| value.to_str().ok());
+        let asked = self.with_retries(&format!("asking for {}", self.url(key)), || {
+            let response = self.connection.send(&request)?;
+            let header = |name: &str| response.headers().get(name).and_then(|value| value.to_str().ok());
             let bytes = header("content-length").and_then(|bytes| bytes.parse().ok());
-            let bytes = bytes.ok_or_else(|| Trouble::lasting("an answer without content-length".into()))?;
-            Ok(About { bytes, sha256: header("x-amz-meta-sha256").map(str::to_owned) })
+            let bytes = bytes.ok_or_else(|| AttemptError::permanent("a response without content-length".into()))?;
+            Ok(ObjectInfo { bytes, sha256: header("x-amz-meta-sha256").map(str::to_owned) })
         });
         match asked {
             Err(S3Error::Refused { status: 404, .. }) => Ok(None),
@@ -75,42 +75,44 @@ impl Bucket {
         }
     }
 
-    /// Sends an object that is small enough for one request.
+    /// Uploads an object with a single request.
     pub(crate) fn put(&self, key: &str, bytes: &[u8], sha256: &str) -> Result<(), S3Error> {
         let request = Request { method: "PUT", key, query: &[], file_sha256: Some(sha256), body: bytes };
-        self.tried(&format!("sending {}", self.url(key)), || self.connection.text(&request, LONGEST_ANSWER).map(drop))
+        self.with_retries(&format!("uploading {}", self.url(key)), || {
+            self.connection.text(&request, MAX_RESPONSE).map(drop)
+        })
     }
 
-    /// Sends an object of so many bytes in parts, of which one at a time is held in memory; gives the hash of what was
-    /// read.
+    /// Uploads an object of `bytes` bytes in parts, one of which is held in memory at a time; returns the SHA-256 of
+    /// the uploaded bytes.
     pub(crate) fn put_in_parts(
         &self,
         key: &str,
         (bytes, sha256): (u64, &str),
         read: &mut dyn FnMut(&mut [u8]) -> Result<(), S3Error>,
     ) -> Result<String, S3Error> {
-        let what = format!("sending {} in parts", self.url(key));
+        let what = format!("uploading {} in parts", self.url(key));
         let begin = [("uploads", String::new())];
         let begin = Request { method: "POST", key, query: &begin, file_sha256: Some(sha256), body: &[] };
-        let begun = self.tried(&what, || self.connection.text(&begin, LONGEST_ANSWER))?;
+        let begun = self.with_retries(&what, || self.connection.text(&begin, MAX_RESPONSE))?;
         let Some(upload) = element(&begun, "UploadId").filter(|id| !id.is_empty()) else {
-            return Err(S3Error::Answer { what, expected: "an UploadId", got: in_words(&begun) });
+            return Err(S3Error::InvalidResponse { what, expected: "an UploadId", got: error_message(&begun) });
         };
         let sent = self.send_parts(key, (bytes, &what), &upload, read).and_then(|(parts, hash)| {
             self.complete(key, (sha256, &what), &upload, &parts)?;
             Ok(hash)
         });
         if sent.is_err() {
-            // Best effort: parts that stay cost their owner.
+            // Best effort: the owner is billed for parts that remain.
             let query = [("uploadId", upload)];
             let _ = self
                 .connection
-                .text(&Request { method: "DELETE", key, query: &query, file_sha256: None, body: &[] }, LONGEST_ANSWER);
+                .text(&Request { method: "DELETE", key, query: &query, file_sha256: None, body: &[] }, MAX_RESPONSE);
         }
         sent
     }
 
-    /// The tags of the parts, and the hash of all.
+    /// Uploads the parts; returns their ETags and the SHA-256 of the whole.
     fn send_parts(
         &self,
         key: &str,
@@ -118,7 +120,7 @@ impl Bucket {
         upload: &str,
         read: &mut dyn FnMut(&mut [u8]) -> Result<(), S3Error>,
     ) -> Result<(Vec<String>, String), S3Error> {
-        let size = PART.max(bytes.div_ceil(MOST_PARTS));
+        let size = PART.max(bytes.div_ceil(MAX_PARTS));
         let (mut hasher, mut tags, mut left) = (Sha256::new(), Vec::new(), bytes);
         let mut part = Vec::new();
         while left > 0 {
@@ -126,13 +128,13 @@ impl Bucket {
             read(&mut part)?;
             hasher.update(&part);
             let number = tags.len() + 1;
-            // Sorted: capitals come after no small letter here.
+            // Sorted by name, as signing requires.
             let query = [("partNumber", number.to_string()), ("uploadId", upload.to_owned())];
             let request = Request { method: "PUT", key, query: &query, file_sha256: None, body: &part };
-            let tag = self.tried(what, || {
-                let answer = self.connection.send(&request)?;
-                let tag = answer.headers().get("etag").and_then(|tag| tag.to_str().ok());
-                tag.map(str::to_owned).ok_or_else(|| Trouble::lasting("an answer without etag".into()))
+            let tag = self.with_retries(what, || {
+                let response = self.connection.send(&request)?;
+                let tag = response.headers().get("etag").and_then(|tag| tag.to_str().ok());
+                tag.map(str::to_owned).ok_or_else(|| AttemptError::permanent("a response without etag".into()))
             })?;
             tags.push(tag);
             left -= part.len() as u64;
@@ -151,23 +153,23 @@ impl Bucket {
         );
         let query = [("uploadId", upload.to_owned())];
         let request = Request { method: "POST", key, query: &query, file_sha256: None, body: body.as_bytes() };
-        let completed = self.tried(what, || {
-            // An answer that begins well may still end in an error.
-            let text = self.connection.text(&request, LONGEST_ANSWER)?;
-            if text.contains("<Error>") { Err(Trouble::passing(in_words(&text))) } else { Ok(()) }
+        let completed = self.with_retries(what, || {
+            // A 200 response to a completion may still contain an error.
+            let text = self.connection.text(&request, MAX_RESPONSE)?;
+            if text.contains("<Error>") { Err(AttemptError::transient(error_message(&text))) } else { Ok(()) }
         });
         match completed {
-            // The answer to a try before may have been lost: servers say then that there is no such upload, or that it is
-            // nobody's.
-            Err(S3Error::Refused { .. }) if matches!(self.about(key), Ok(Some(about)) if about.sha256.as_deref() == Some(sha256)) => {
+            // The response to an earlier attempt may have been lost; servers then report that the upload does not
+            // exist or is not accessible.
+            Err(S3Error::Refused { .. }) if matches!(self.head(key), Ok(Some(about)) if about.sha256.as_deref() == Some(sha256)) => {
                 Ok(())
             }
             completed => completed,
         }
     }
 
-    /// Fetches an object of at most so many bytes into what `begin` gives anew for each try; its hash. `None` when there
-    /// is no such object.
+    /// Downloads an object of at most `most` bytes into a new writer per attempt, and returns the writer once `wanted`
+    /// accepts size and SHA-256. `None` if there is no such object.
     pub(crate) fn fetch<W: Write>(
         &self,
         key: &str,
@@ -177,20 +179,20 @@ impl Bucket {
     ) -> Result<Option<W>, S3Error> {
         let request = Request { method: "GET", key, query: &[], file_sha256: None, body: &[] };
         let mut broken = None;
-        let fetched = self.tried(&format!("fetching {}", self.url(key)), || {
-            let answer = self.connection.send(&request)?;
+        let fetched = self.with_retries(&format!("downloading {}", self.url(key)), || {
+            let response = self.connection.send(&request)?;
             let mut into = match begin() {
                 Ok(into) => into,
                 Err(error) => {
-                    let trouble = Trouble::lasting(error.to_string());
+                    let failure = AttemptError::permanent(error.to_string());
                     broken = Some(error);
-                    return Err(trouble);
+                    return Err(failure);
                 }
             };
-            let (bytes, hash) = copied(answer, most, &mut into)?;
+            let (bytes, hash) = copy_body(response, most, &mut into)?;
             match wanted(bytes, &hash) {
                 true => Ok(into),
-                false => Err(Trouble::passing(format!("{bytes} bytes with another hash came"))),
+                false => Err(AttemptError::transient(format!("received {bytes} bytes with a different hash"))),
             }
         });
         match (fetched, broken) {
@@ -200,43 +202,43 @@ impl Bucket {
         }
     }
 
-    /// Tries until it works, waiting longer each time.
-    fn tried<T>(&self, what: &str, mut once: impl FnMut() -> Result<T, Trouble>) -> Result<T, S3Error> {
-        let Patience { tries, first_wait, longest_wait } = self.patience;
-        let mut wait = first_wait;
+    /// Retries a request with exponential backoff.
+    fn with_retries<T>(&self, what: &str, mut once: impl FnMut() -> Result<T, AttemptError>) -> Result<T, S3Error> {
+        let RetryPolicy { attempts, initial_delay, max_delay } = self.retry_policy;
+        let mut wait = initial_delay;
         let mut number = 1;
         loop {
             match once() {
                 Ok(done) => return Ok(done),
-                Err(Trouble { message, status: Some(status), passes: false }) => {
+                Err(AttemptError { message, status: Some(status), is_transient: false }) => {
                     return Err(S3Error::Refused { what: what.into(), status, message });
                 }
-                Err(Trouble { message, status, passes }) if !passes || number >= tries => {
+                Err(AttemptError { message, status, is_transient }) if !is_transient || number >= attempts => {
                     let last = status.map_or_else(|| message.clone(), |status| format!("{status} {message}"));
-                    return Err(S3Error::GaveUp { what: what.into(), tries: number, last });
+                    return Err(S3Error::GaveUp { what: what.into(), attempts: number, last });
                 }
                 Err(_) => std::thread::sleep(wait),
             }
             number += 1;
-            wait = (wait * 2).min(longest_wait);
+            wait = (wait * 2).min(max_delay);
         }
     }
 }
 
-/// Copies a body; how many bytes, and their hash.
-fn copied(answer: Answer, most: u64, into: &mut impl Write) -> Result<(u64, String), Trouble> {
+/// Copies a body; returns its size and SHA-256.
+fn copy_body(response: Response, most: u64, into: &mut impl Write) -> Result<(u64, String), AttemptError> {
     let (mut hasher, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 64 << 10]);
-    let mut reader = answer.into_body().into_reader();
+    let mut reader = response.into_body().into_reader();
     loop {
-        let count = reader.read(&mut buffer).map_err(|error| Trouble::passing(error.to_string()))?;
+        let count = reader.read(&mut buffer).map_err(|error| AttemptError::transient(error.to_string()))?;
         if count == 0 {
             return Ok((bytes, hex(&hasher.finalize())));
         }
         bytes += count as u64;
         if bytes > most {
-            return Err(Trouble::lasting(format!("more than {most} bytes came")));
+            return Err(AttemptError::permanent(format!("received more than {most} bytes")));
         }
         hasher.update(&buffer[..count]);
-        into.write_all(&buffer[..count]).map_err(|error| Trouble::lasting(format!("cannot write: {error}")))?;
+        into.write_all(&buffer[..count]).map_err(|error| AttemptError::permanent(format!("cannot write: {error}")))?;
     }
 }

@@ -1,132 +1,132 @@
-//! What can go wrong between a folder and a bucket.
+//! Errors of pushing and pulling folders.
 
 use std::path::PathBuf;
 
 use genmanip_core::DocumentError;
 use genmanip_data::DataError;
 
-/// What went wrong.
+/// Reason why a push or pull failed.
 #[derive(Debug, thiserror::Error)]
 pub enum S3Error {
-    /// A text that is no address of a place in S3.
+    /// An invalid S3 address.
     #[error("expected s3://BUCKET or s3://BUCKET/PREFIX, got {got:?}: {why}")]
     Address {
         /// The text.
         got: String,
-        /// What is wrong with it.
+        /// The reason.
         why: String,
     },
-    /// A variable of the environment that is missing or makes no sense.
+    /// A missing or invalid environment variable.
     #[error("{variable}: expected {expected}, got {got}")]
     Environment {
-        /// Its name.
+        /// Name of the variable.
         variable: &'static str,
-        /// What it should hold.
+        /// Expected value.
         expected: &'static str,
-        /// What it holds; never a secret.
+        /// Actual value; never a secret.
         got: String,
     },
-    /// The server refused, and would again.
-    #[error("{what}: the server answered {status}: {message}")]
+    /// A permanent refusal by the server.
+    #[error("{what}: the server responded {status}: {message}")]
     Refused {
-        /// What was asked for.
+        /// Description of the request.
         what: String,
-        /// Status of HTTP.
+        /// HTTP status.
         status: u16,
-        /// What it said.
+        /// The server's message.
         message: String,
     },
-    /// It did not work, however often.
-    #[error("{what}: given up after {tries} tries; the last: {last}")]
+    /// Failure after all retries.
+    #[error("{what}: gave up after {attempts} attempts; last error: {last}")]
     GaveUp {
-        /// What was asked for.
+        /// Description of the request.
         what: String,
-        /// How often.
-        tries: u32,
-        /// Why the last try failed.
+        /// Number of attempts.
+        attempts: u32,
+        /// Error of the last attempt.
         last: String,
     },
-    /// An answer that is none of S3.
+    /// A response that is not valid S3.
     #[error("{what}: expected {expected}, got {got}")]
-    Answer {
-        /// What was asked for.
+    InvalidResponse {
+        /// Description of the request.
         what: String,
-        /// What the answer should hold.
+        /// Expected content.
         expected: &'static str,
-        /// What it holds.
+        /// Actual content.
         got: String,
     },
-    /// Nothing complete lies there.
-    #[error("there is no {object}: expected the list of files that a push writes last")]
+    /// No complete folder at the address.
+    #[error("{object} does not exist: expected the file list that a push writes last")]
     NotComplete {
         /// The missing object.
         object: String,
     },
-    /// A list of files that is none.
-    #[error("cannot read the list of files {object}")]
+    /// An invalid file list.
+    #[error("cannot read the file list {object}")]
     List {
         /// The object.
         object: String,
-        /// What is wrong.
+        /// Parse error.
         source: DocumentError,
     },
-    /// A file that was written to while it was read.
-    #[error("expected a file that stays as it is, it changed while it was sent: {}", .path.display())]
+    /// A file that changed during the upload.
+    #[error("the file changed while it was uploaded: {}", .path.display())]
     Changed {
         /// The file.
         path: PathBuf,
     },
-    /// A file that cannot be an object.
+    /// A file that cannot be stored as an object.
     #[error("expected {expected}, found {found}: {}", .path.display())]
     File {
-        /// What was expected.
+        /// Expected kind of file.
         expected: &'static str,
-        /// What was found.
+        /// Actual kind of file.
         found: &'static str,
         /// The file.
         path: PathBuf,
     },
-    /// A part was done.
-    #[error("{done} of {all} files are {moved}, then it stopped")]
+    /// A partial transfer.
+    #[error("stopped after {done} of {all} files were {moved}")]
     Stopped {
-        /// Files that are where they should be.
+        /// Number of transferred files.
         done: usize,
-        /// All of them.
+        /// Number of all files.
         all: usize,
-        /// Sent or fetched.
+        /// `uploaded` or `downloaded`.
         moved: &'static str,
-        /// Why.
+        /// Cause.
         source: Box<S3Error>,
     },
-    /// The disk.
+    /// A local file error.
     #[error(transparent)]
     Data(#[from] DataError),
 }
 
 impl S3Error {
-    /// What helps.
+    /// Suggested fix.
     pub fn hint(&self) -> String {
         match self {
             Self::Address { .. } => "for example s3://my-bucket/runs/monday".into(),
             Self::Environment { .. } => {
-                "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and AWS_ENDPOINT_URL for another server \
-                 than Amazon's"
+                    "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and AWS_ENDPOINT_URL for a server other than \
+                     Amazon's"
                     .into()
             }
             Self::Refused { status: 401 | 403, .. } => {
-                "see that the keys in the environment may do this, and that the clock is right".into()
+                "check the permissions of the keys in the environment, and the system clock".into()
             }
-            Self::Refused { status: 404, .. } => "see that the bucket exists; it is not made here".into(),
-            Self::NotComplete { .. } => "push the folder again: it goes on where it stopped".into(),
+            Self::Refused { status: 404, .. } => "check that the bucket exists; it is not created automatically".into(),
+            Self::NotComplete { .. } => "push the folder again; it resumes where it stopped".into(),
             Self::Stopped { source, .. } => {
-                format!("{}; what is there stays, and the same call goes on", source.hint())
+                format!("{}; transferred files are kept, and the same command resumes", source.hint())
             }
-            Self::Changed { .. } => "wait until nobody writes into the folder".into(),
-            Self::Data(error) => error.hint().unwrap_or_else(|| "see that the disk is not full".into()),
+            Self::Changed { .. } => "wait until no process writes to the folder".into(),
+            Self::Data(error) => error.hint().unwrap_or_else(|| "check the free disk space".into()),
             Self::File { .. } => "move it out of the folder".into(),
             Self::List { .. } => "push the folder again".into(),
-            Self::Refused { .. } | Self::GaveUp { .. } | Self::Answer { .. } => {
-                "see that the server is up and AWS_ENDPOINT_URL names it".into()
+            Self::Refused { .. } | Self::GaveUp { .. } | Self::InvalidResponse { .. } => {
+                "check that the server is running and that AWS_ENDPOINT_URL points to it".into()
             }
         }
     }

@@ -1,7 +1,7 @@
-//! A folder as objects, and back.
+//! Upload and download of folders.
 //!
-//! `PREFIX/PATH` holds the file PATH, and keeps its hash beside it, so that a push that goes on sends only what is
-//! missing or different. [`LIST`] is written last: where it is, all that it names is there.
+//! The object `PREFIX/PATH` holds the file PATH and its SHA-256 as metadata, so that a repeated push uploads only
+//! missing or changed files. [`LIST`] is written last: if it exists, so does everything it lists.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -14,48 +14,48 @@ use genmanip_data::files::{self, Writing};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::bucket::{About, PART};
+use crate::bucket::{ObjectInfo, PART};
 use crate::parallel::each;
 use crate::sign::hex;
 use crate::{Bucket, S3Error};
 
 /// Name of the object that lists the files of a folder.
 pub const LIST: &str = "genmanip-objects.json";
-/// Largest list that is read, bytes: some 500,000 files.
-const LARGEST_LIST: u64 = 64 << 20;
+/// Maximum size of the list, bytes: about 500,000 files.
+const MAX_LIST_BYTES: u64 = 64 << 20;
 
-/// The files of a folder that was pushed.
+/// File list of a pushed folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Objects {
-    /// Sorted by their paths.
-    pub files: Vec<Listed>,
+pub struct FileList {
+    /// Files, sorted by path.
+    pub files: Vec<FileEntry>,
 }
 
-/// A file.
+/// An entry of the file list.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Listed {
-    /// Below the folder, with slashes.
+pub struct FileEntry {
+    /// Path relative to the folder, separated by slashes.
     pub path: String,
-    /// Its size.
+    /// Size, bytes.
     pub bytes: u64,
-    /// Its hash, in hexadecimal digits.
+    /// SHA-256, hexadecimal.
     pub sha256: String,
 }
 
-/// What a push or pull did.
+/// Summary of a push or pull.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Moved {
-    /// Files of the folder.
+pub struct TransferSummary {
+    /// Number of files in the folder.
     pub files: usize,
-    /// Their size.
+    /// Their total size, bytes.
     pub bytes: u64,
-    /// Files that were sent or fetched; the others were there already.
+    /// Number of transferred files; the others were already up to date.
     pub moved: usize,
 }
 
-impl Document for Objects {
+impl Document for FileList {
     const SCHEMA: &'static str = "genmanip.objects/1";
 
     fn check(&self) -> Result<(), DocumentError> {
@@ -81,76 +81,78 @@ impl Document for Objects {
     }
 }
 
-/// Whether a path of a list leads to a file within the folder.
+/// True if a listed path stays within the folder.
 fn is_inside(path: &str) -> bool {
     let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', '\0']);
     path.split('/').all(is_name) && path != LIST
 }
 
-/// Sends a folder; files that are there with the same size and hash are not sent again, and what is being written
-/// (`.NAME.partial-…`) is left out. `heard` is told the number of files and called once per file.
+/// Uploads a folder. Files that already exist with the same size and hash are skipped, and unfinished files
+/// (`.NAME.partial-…`) are ignored. `on_file` is called with the number of files, once per file.
 ///
 /// # Errors
-/// [`S3Error::Stopped`] with how far it came: what was sent stays, and another call goes on.
+/// [`S3Error::Stopped`] with the progress: uploaded files are kept, and another call resumes.
 pub fn push(
     bucket: &Bucket,
     folder: &Path,
     prefix: &str,
-    at_once: usize,
-    heard: &(dyn Fn(usize) + Sync),
-) -> Result<Moved, S3Error> {
+    jobs: usize,
+    on_file: &(dyn Fn(usize) + Sync),
+) -> Result<TransferSummary, S3Error> {
     let paths = files_below(folder)?;
     let listed = std::sync::Mutex::new(Vec::new());
     let sent = std::sync::atomic::AtomicUsize::new(0);
-    let (done, failed) = each(&paths, at_once, &|path: &String| {
+    let (done, failed) = each(&paths, jobs, &|path: &String| {
         let (file, is_sent) = send(bucket, folder, prefix, path)?;
         listed.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(file);
         sent.fetch_add(usize::from(is_sent), std::sync::atomic::Ordering::Relaxed);
-        heard(paths.len());
+        on_file(paths.len());
         Ok(())
     });
     if let Some(source) = failed {
-        return Err(S3Error::Stopped { done, all: paths.len(), moved: "sent", source: Box::new(source) });
+        return Err(S3Error::Stopped { done, all: paths.len(), moved: "uploaded", source: Box::new(source) });
     }
     let mut files = listed.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
     files.sort_by(|a, b| a.path.cmp(&b.path));
-    let moved =
-        Moved { files: files.len(), bytes: files.iter().map(|file| file.bytes).sum(), moved: sent.into_inner() };
-    let list = Objects { files }.to_json().into_bytes();
+    let moved = TransferSummary {
+        files: files.len(),
+        bytes: files.iter().map(|file| file.bytes).sum(),
+        moved: sent.into_inner(),
+    };
+    let list = FileList { files }.to_json().into_bytes();
     bucket.put(&key(prefix, LIST), &list, &hex(&Sha256::digest(&list)))?;
     Ok(moved)
 }
 
-/// Fetches a folder that was pushed; files that are there with the same size and hash are not fetched again, others are
-/// replaced, and what the list does not name stays, but for files that an earlier pull left half-written when it was
-/// killed on this machine.
+/// Downloads a pushed folder. Files that already exist with the same size and hash are skipped, others are replaced.
+/// Files that are not listed are kept, except unfinished files of an earlier pull that was killed on this machine.
 ///
 /// # Errors
-/// [`S3Error::NotComplete`] where no list is; [`S3Error::Stopped`] with how far it came.
+/// [`S3Error::NotComplete`] if there is no file list; [`S3Error::Stopped`] with the progress.
 pub fn pull(
     bucket: &Bucket,
     prefix: &str,
     folder: &Path,
-    at_once: usize,
-    heard: &(dyn Fn(usize) + Sync),
-) -> Result<Moved, S3Error> {
+    jobs: usize,
+    on_file: &(dyn Fn(usize) + Sync),
+) -> Result<TransferSummary, S3Error> {
     let name = key(prefix, LIST);
     let object = bucket.url(&name);
-    let list = bucket.fetch(&name, LARGEST_LIST, || Ok(Vec::new()), |_, _| true)?;
+    let list = bucket.fetch(&name, MAX_LIST_BYTES, || Ok(Vec::new()), |_, _| true)?;
     let list = list.ok_or_else(|| S3Error::NotComplete { object: object.clone() })?;
-    let Objects { files } = Objects::from_bytes(&list).map_err(|source| S3Error::List { object, source })?;
+    let FileList { files } = FileList::from_bytes(&list).map_err(|source| S3Error::List { object, source })?;
     fs::create_dir_all(folder).map_err(io("create the folder", folder))?;
     sweep(folder, &files)?;
     let fetched = std::sync::atomic::AtomicUsize::new(0);
-    let (done, failed) = each(&files, at_once, &|file: &Listed| {
+    let (done, failed) = each(&files, jobs, &|file: &FileEntry| {
         let is_fetched = fetch(bucket, prefix, folder, file)?;
         fetched.fetch_add(usize::from(is_fetched), std::sync::atomic::Ordering::Relaxed);
-        heard(files.len());
+        on_file(files.len());
         Ok(())
     });
     match failed {
-        Some(source) => Err(S3Error::Stopped { done, all: files.len(), moved: "here", source: Box::new(source) }),
-        None => Ok(Moved {
+        Some(source) => Err(S3Error::Stopped { done, all: files.len(), moved: "downloaded", source: Box::new(source) }),
+        None => Ok(TransferSummary {
             files: files.len(),
             bytes: files.iter().map(|file| file.bytes).sum(),
             moved: fetched.into_inner(),
@@ -158,8 +160,8 @@ pub fn pull(
     }
 }
 
-/// Removes what a pull that was killed left half-written, in all folders that a list names.
-fn sweep(folder: &Path, listed: &[Listed]) -> Result<(), S3Error> {
+/// Removes unfinished files of killed pulls from all listed folders.
+fn sweep(folder: &Path, listed: &[FileEntry]) -> Result<(), S3Error> {
     let parents: BTreeSet<&str> =
         listed.iter().map(|file| file.path.rsplit_once('/').map_or("", |(parent, _)| parent)).collect();
     for parent in parents.into_iter().map(|parent| folder.join(parent)).filter(|parent| parent.is_dir()) {
@@ -168,13 +170,13 @@ fn sweep(folder: &Path, listed: &[Listed]) -> Result<(), S3Error> {
     Ok(())
 }
 
-/// Sends a file unless it is there; whether it was sent.
-fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Listed, bool), S3Error> {
+/// Uploads a file unless it is up to date; returns true if it was uploaded.
+fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(FileEntry, bool), S3Error> {
     let (from, key) = (folder.join(path), key(prefix, path));
     let mut file = File::open(&from).map_err(io("read", &from))?;
     let bytes = file.metadata().map_err(io("read", &from))?.len();
     let changed = || S3Error::Changed { path: from.clone() };
-    // Small ones are read once.
+    // Small files are read only once.
     let whole = match bytes <= PART {
         true => {
             let mut whole = Vec::with_capacity(bytes as usize);
@@ -190,9 +192,9 @@ fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Lis
         Some(whole) => hex(&Sha256::digest(whole)),
         None => hash(&from)?.1,
     };
-    let listed = Listed { path: path.into(), bytes, sha256 };
-    let there = About { bytes, sha256: Some(listed.sha256.clone()) };
-    if bucket.about(&key)?.is_some_and(|about| about == there) {
+    let listed = FileEntry { path: path.into(), bytes, sha256 };
+    let there = ObjectInfo { bytes, sha256: Some(listed.sha256.clone()) };
+    if bucket.head(&key)?.is_some_and(|about| about == there) {
         return Ok((listed, false));
     }
     match &whole {
@@ -208,8 +210,8 @@ fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Lis
     Ok((listed, true))
 }
 
-/// Fetches a file unless it is there; whether it was fetched.
-fn fetch(bucket: &Bucket, prefix: &str, folder: &Path, file: &Listed) -> Result<bool, S3Error> {
+/// Downloads a file unless it is up to date; returns true if it was downloaded.
+fn fetch(bucket: &Bucket, prefix: &str, folder: &Path, file: &FileEntry) -> Result<bool, S3Error> {
     let to = folder.join(&file.path);
     if files::is_own_file(&to) && hash(&to)? == (file.bytes, file.sha256.clone()) {
         return Ok(false);
@@ -222,7 +224,7 @@ fn fetch(bucket: &Bucket, prefix: &str, folder: &Path, file: &Listed) -> Result<
     Ok(true)
 }
 
-/// Size and hash of a file.
+/// Size and SHA-256 of a file.
 fn hash(path: &Path) -> Result<(u64, String), S3Error> {
     let mut file = File::open(path).map_err(io("read", path))?;
     let (mut hasher, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 64 << 10]);
@@ -245,7 +247,7 @@ fn key(prefix: &str, path: &str) -> String {
     if prefix.is_empty() { path.to_owned() } else { format!("{prefix}/{path}") }
 }
 
-/// The files below a folder, sorted, with slashes.
+/// Relative paths of the files below a folder, sorted, separated by slashes.
 fn files_below(root: &Path) -> Result<Vec<String>, S3Error> {
     let (mut found, mut folders) = (Vec::new(), vec![PathBuf::new()]);
     while let Some(folder) = folders.pop() {
@@ -254,7 +256,7 @@ fn files_below(root: &Path) -> Result<Vec<String>, S3Error> {
             let entry = entry.map_err(io("read the folder", &here))?;
             let path = folder.join(entry.file_name());
             let wrong = |expected, found| Err(S3Error::File { expected, found, path: root.join(&path) });
-            let Some(name) = path.to_str() else { return wrong("a name in UTF-8", "another") };
+            let Some(name) = path.to_str() else { return wrong("a UTF-8 file name", "another encoding") };
             if files::is_unfinished(&entry.file_name().to_string_lossy()) {
                 continue;
             }
@@ -264,7 +266,7 @@ fn files_below(root: &Path) -> Result<Vec<String>, S3Error> {
             } else if !kind.is_file() {
                 return wrong("files and folders", "a link, pipe or device");
             } else if !is_inside(name) {
-                return wrong("another name", "one that the list of files has");
+                return wrong("another file name", "the reserved name of the file list");
             } else {
                 found.push(name.to_owned());
             }

@@ -1,10 +1,10 @@
-//! Folders of data sets and runs in S3 storage: pushed, pulled, and continued after whatever stopped them.
+//! Dataset and run folders in S3 storage: resumable push and pull.
 //!
 //! ```no_run
-//! use genmanip_s3::{Access, Address, Bucket, Patience, push};
+//! use genmanip_s3::{Access, Address, Bucket, RetryPolicy, push};
 //! # fn main() -> Result<(), genmanip_s3::S3Error> {
 //! let address = Address::parse("s3://my-bucket/runs/monday")?;
-//! let bucket = Bucket::new(&address.bucket, Access::from_environment()?, Patience::default());
+//! let bucket = Bucket::new(&address.bucket, Access::from_environment()?, RetryPolicy::default());
 //! let moved = push(&bucket, "out/run".as_ref(), &address.prefix, 4, &|_| ())?;
 //! println!("{} of {} files sent", moved.moved, moved.files);
 //! # Ok(())
@@ -22,6 +22,6 @@ mod sign;
 
 pub use access::Access;
 pub use address::Address;
-pub use bucket::{Bucket, Patience};
+pub use bucket::{Bucket, RetryPolicy};
 pub use error::S3Error;
-pub use folder::{LIST, Listed, Moved, Objects, pull, push};
+pub use folder::{FileEntry, FileList, LIST, TransferSummary, pull, push};

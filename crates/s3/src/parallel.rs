@@ -1,14 +1,15 @@
-//! Some files at once.
+//! Parallel processing of files.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::S3Error;
 
-/// Does something to each item on some threads; how many were done, and the first error, after which no more are begun.
+/// Applies `work` to each item on up to `jobs` threads; returns the number of finished items and the first error,
+/// which stops further items.
 pub(crate) fn each<T: Sync>(
     items: &[T],
-    at_once: usize,
+    jobs: usize,
     work: &(dyn Fn(&T) -> Result<(), S3Error> + Sync),
 ) -> (usize, Option<S3Error>) {
     let (next, done, failed) = (AtomicUsize::new(0), AtomicUsize::new(0), Mutex::new(None));
@@ -26,7 +27,7 @@ pub(crate) fn each<T: Sync>(
         }
     };
     std::thread::scope(|scope| {
-        for _ in 0..at_once.clamp(1, items.len().max(1)) {
+        for _ in 0..jobs.clamp(1, items.len().max(1)) {
             scope.spawn(run);
         }
     });

@@ -1,4 +1,4 @@
-//! One signed request, and what became of it.
+//! Signed requests and their responses.
 
 use std::io::Read;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -8,35 +8,35 @@ use sha2::{Digest, Sha256};
 use crate::access::{Access, Endpoint};
 use crate::sign::{Unsigned, authorization, encoded, hex, time};
 
-/// Longest text of an error that is read, bytes.
-const LONGEST_ERROR: u64 = 64 << 10;
-/// Longest time to a connection, s. Chosen.
+/// Maximum length of an error text, bytes.
+const MAX_ERROR_BYTES: u64 = 64 << 10;
+/// Connection timeout, s. Chosen.
 const CONNECT_S: u64 = 10;
-/// Longest time of a whole request, s: a part of 16 MiB at 60 KB/s. Chosen.
+/// Request timeout, s: a part of 16 MiB at 60 KB/s. Chosen.
 const REQUEST_S: u64 = 300;
 
 /// A request to a bucket.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Request<'a> {
-    /// Upper case.
+    /// HTTP method, upper case.
     pub(crate) method: &'static str,
-    /// Name of the object, not encoded.
+    /// Object key, unencoded.
     pub(crate) key: &'a str,
-    /// Names and values, not encoded, sorted by name.
+    /// Names and values, unencoded, sorted by name.
     pub(crate) query: &'a [(&'static str, String)],
-    /// Hash of a file, to be kept with its object.
+    /// SHA-256 of the file, stored as metadata of the object.
     pub(crate) file_sha256: Option<&'a str>,
     pub(crate) body: &'a [u8],
 }
 
-/// A try that failed.
+/// Failure of one attempt.
 #[derive(Debug)]
-pub(crate) struct Trouble {
+pub(crate) struct AttemptError {
     pub(crate) message: String,
-    /// Of HTTP, where there was an answer.
+    /// HTTP status, if there was a response.
     pub(crate) status: Option<u16>,
-    /// Whether another try could do better.
-    pub(crate) passes: bool,
+    /// True if a retry may succeed.
+    pub(crate) is_transient: bool,
 }
 
 /// Connections to one bucket.
@@ -46,12 +46,12 @@ pub(crate) struct Connection {
     access: Access,
     scheme: &'static str,
     host: String,
-    /// Leads to the bucket, encoded: a slash and its name, or nothing where the host is the bucket's own.
+    /// Encoded path of the bucket: a slash and its name, or empty for virtual-hosted buckets.
     bucket: String,
 }
 
-/// An answer that is no error.
-pub(crate) type Answer = ureq::http::Response<ureq::Body>;
+/// A successful response.
+pub(crate) type Response = ureq::http::Response<ureq::Body>;
 
 impl Connection {
     pub(crate) fn new(bucket: &str, access: Access) -> Self {
@@ -72,7 +72,7 @@ impl Connection {
         };
         let (scheme, host, bucket) = match &access.endpoint {
             Some(Endpoint { scheme, host }) => (*scheme, host.clone(), format!("/{bucket}")),
-            // Names with dots have no certificate of their own.
+            // The wildcard certificate does not cover bucket names with dots.
             None if bucket.contains('.') => {
                 ("https", format!("s3.{}.amazonaws.com", access.region), format!("/{bucket}"))
             }
@@ -81,13 +81,13 @@ impl Connection {
         Self { agent: config.build().new_agent(), access, scheme, host, bucket }
     }
 
-    /// Where an object lies, for people.
+    /// URL of an object, for messages.
     pub(crate) fn url(&self, key: &str) -> String {
         format!("{}://{}{}/{key}", self.scheme, self.host, self.bucket)
     }
 
-    /// Sends a request; the answer to it, its body not read yet.
-    pub(crate) fn send(&self, request: &Request) -> Result<Answer, Trouble> {
+    /// Sends a request; the response's body is not read yet.
+    pub(crate) fn send(&self, request: &Request) -> Result<Response, AttemptError> {
         let path = format!("{}/{}", self.bucket, encoded(request.key, true));
         let query: Vec<String> = request
             .query
@@ -115,39 +115,40 @@ impl Connection {
             true => builder.body(request.body).map(|request| self.agent.run(request)),
             false => builder.body(()).map(|request| self.agent.run(request)),
         };
-        let answer = sent.map_err(|error| Trouble::lasting(error.to_string()))?.map_err(Trouble::of)?;
-        let status = answer.status().as_u16();
+        let response = sent.map_err(|error| AttemptError::permanent(error.to_string()))?.map_err(AttemptError::of)?;
+        let status = response.status().as_u16();
         match status {
-            200..=299 => Ok(answer),
+            200..=299 => Ok(response),
             _ => {
                 let mut text = String::new();
-                let _ = answer.into_body().into_reader().take(LONGEST_ERROR).read_to_string(&mut text);
-                let passes = matches!(status, 408 | 425 | 429 | 500..=599) || code(&text) == Some("RequestTimeout");
-                Err(Trouble { message: in_words(&text), status: Some(status), passes })
+                let _ = response.into_body().into_reader().take(MAX_ERROR_BYTES).read_to_string(&mut text);
+                let is_transient =
+                    matches!(status, 408 | 425 | 429 | 500..=599) || code(&text) == Some("RequestTimeout");
+                Err(AttemptError { message: error_message(&text), status: Some(status), is_transient })
             }
         }
     }
 
-    /// Sends a request and reads the whole answer, which may have so many bytes.
-    pub(crate) fn text(&self, request: &Request, most: u64) -> Result<String, Trouble> {
-        let answer = self.send(request)?;
+    /// Sends a request and reads the response as text of at most `most` bytes.
+    pub(crate) fn text(&self, request: &Request, most: u64) -> Result<String, AttemptError> {
+        let response = self.send(request)?;
         let mut text = String::new();
-        let read = answer.into_body().into_reader().take(most).read_to_string(&mut text);
-        read.map(|_| text).map_err(|error| Trouble::passing(error.to_string()))
+        let read = response.into_body().into_reader().take(most).read_to_string(&mut text);
+        read.map(|_| text).map_err(|error| AttemptError::transient(error.to_string()))
     }
 }
 
-impl Trouble {
-    pub(crate) fn passing(message: String) -> Self {
-        Self { message, status: None, passes: true }
+impl AttemptError {
+    pub(crate) fn transient(message: String) -> Self {
+        Self { message, status: None, is_transient: true }
     }
 
-    pub(crate) fn lasting(message: String) -> Self {
-        Self { message, status: None, passes: false }
+    pub(crate) fn permanent(message: String) -> Self {
+        Self { message, status: None, is_transient: false }
     }
 
     fn of(error: ureq::Error) -> Self {
-        let passes = matches!(
+        let is_transient = matches!(
             error,
             ureq::Error::Timeout(_)
                 | ureq::Error::Io(_)
@@ -156,11 +157,11 @@ impl Trouble {
                 | ureq::Error::ConnectionFailed
                 | ureq::Error::HostNotFound
         );
-        Self { message: error.to_string(), status: None, passes }
+        Self { message: error.to_string(), status: None, is_transient }
     }
 }
 
-/// What stands in an element of an answer, entities undone; elements of S3's answers have no attributes.
+/// Text of an XML element with entities decoded; elements of S3 responses have no attributes.
 pub(crate) fn element(text: &str, name: &str) -> Option<String> {
     let (_, rest) = text.split_once(&format!("<{name}>"))?;
     let (inside, _) = rest.split_once(&format!("</{name}>"))?;
@@ -172,8 +173,8 @@ fn code(text: &str) -> Option<&str> {
     text.split_once("<Code>")?.1.split_once("</Code>").map(|(code, _)| code)
 }
 
-/// An error of S3 in a line; the answer's beginning where it is none.
-pub(crate) fn in_words(text: &str) -> String {
+/// S3 error code and message as one line; the beginning of the response if it is not an S3 error.
+pub(crate) fn error_message(text: &str) -> String {
     match (element(text, "Code"), element(text, "Message")) {
         (Some(code), Some(message)) => format!("{code}: {message}"),
         (Some(code), None) => code,

@@ -1,22 +1,22 @@
-//! Signatures of requests: AWS Signature Version 4 with the hash of the payload, in the `authorization` header.
+//! AWS Signature Version 4 with payload hash, in the `authorization` header.
 
 use sha2::{Digest, Sha256};
 
 use crate::access::Access;
 
-/// A request as it is signed.
+/// A request to be signed.
 pub(crate) struct Unsigned<'a> {
-    /// Upper case.
+    /// HTTP method, upper case.
     pub(crate) method: &'a str,
     /// Percent-encoded, with the leading slash.
     pub(crate) path: &'a str,
     /// Percent-encoded names and values, sorted.
     pub(crate) query: &'a str,
-    /// Names in lower case, sorted; `host`, `x-amz-content-sha256` and `x-amz-date` among them.
+    /// Lower-case names, sorted, including `host`, `x-amz-content-sha256` and `x-amz-date`.
     pub(crate) headers: &'a [(&'static str, String)],
 }
 
-/// The value of the header `authorization`; `payload` is the hash in hexadecimal digits, `time` as [`time`] has it.
+/// Value of the `authorization` header; `payload` is the hexadecimal SHA-256, `time` in the format of [`time`].
 pub(crate) fn authorization(request: &Unsigned, payload: &str, time: &str, access: &Access) -> String {
     let day = time.get(..8).unwrap_or_default();
     let names: Vec<&str> = request.headers.iter().map(|(name, _)| *name).collect();
@@ -33,7 +33,7 @@ pub(crate) fn authorization(request: &Unsigned, payload: &str, time: &str, acces
     format!("AWS4-HMAC-SHA256 Credential={}/{scope},SignedHeaders={names},Signature={signature}", access.key_id)
 }
 
-/// Seconds since 1970 as `YYYYMMDDTHHMMSSZ`.
+/// Unix time in seconds, formatted as `YYYYMMDDTHHMMSSZ`.
 pub(crate) fn time(since_1970_s: u64) -> String {
     let (days, second) = (since_1970_s / 86_400, since_1970_s % 86_400);
     // H. Hinnant, chrono-compatible low-level date algorithms: eras of 400 years that begin in March.
@@ -48,7 +48,7 @@ pub(crate) fn time(since_1970_s: u64) -> String {
     format!("{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z", second / 3600, second / 60 % 60, second % 60)
 }
 
-/// Percent-encoding as S3 signs it; slashes stay where `path` says so.
+/// Percent-encoding as in S3 signatures; slashes are kept if `path` is set.
 pub(crate) fn encoded(text: &str, path: bool) -> String {
     let mut encoded = String::with_capacity(text.len());
     for byte in text.bytes() {
@@ -65,7 +65,7 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// HMAC of SHA-256 (RFC 2104).
+/// HMAC-SHA256 (RFC 2104).
 fn hmac(key: &[u8], text: &[u8]) -> [u8; 32] {
     const BLOCK: usize = 64;
     let mut padded = [0_u8; BLOCK];
@@ -90,9 +90,9 @@ mod tests {
 
     const EMPTY: &str = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
 
-    /// The examples of Amazon's documentation, *Signature Calculations for the Authorization Header*.
+    /// Examples from Amazon's documentation, *Signature Calculations for the Authorization Header*.
     #[test]
-    fn amazons_examples_come_out() {
+    fn signatures_match_amazons_examples() {
         let access = Access::from_variables(|name| match name {
             "AWS_ACCESS_KEY_ID" => Some("AKIAIOSFODNN7EXAMPLE".into()),
             "AWS_SECRET_ACCESS_KEY" => Some("wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY".into()),
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn days_and_names_are_written_as_they_are_signed() {
+    fn times_and_names_are_encoded_for_signing() {
         for (seconds, expected) in [
             (0, "19700101T000000Z"),
             (951_782_399, "20000228T235959Z"),

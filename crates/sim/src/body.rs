@@ -1,16 +1,16 @@
-//! How the scene's bodies are named to others: by index, not by the engine's numbers.
+//! Typed ids of the simulated bodies, independent of the engine's numbering.
 
-/// A body of the scene.
+/// A simulated body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BodyId {
-    /// The table's slab.
+    /// The table top.
     Table,
-    /// A further support surface.
+    /// Another support surface.
     Surface {
         /// Index in the world's surfaces, from 1.
         surface: usize,
     },
-    /// The ground beneath.
+    /// The floor.
     Floor,
     /// A link of the robot.
     Robot {

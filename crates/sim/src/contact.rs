@@ -1,4 +1,4 @@
-//! Who touches whom, and how hard.
+//! Contact reports, grasp detection and stray-contact forces.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -9,25 +9,25 @@ use mujoco_rs::wrappers::{MjData, MjModel};
 use crate::Scene;
 use crate::body::BodyId;
 
-/// One contact point.
+/// A contact point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactReport {
-    /// One body.
+    /// First body.
     pub a: BodyId,
-    /// The other.
+    /// Second body.
     pub b: BodyId,
-    /// Gap, metres; negative is penetration.
+    /// Signed distance, metres; negative for penetration.
     pub distance: f64,
-    /// Force along the normal, N.
+    /// Normal force, N.
     pub normal_force: f64,
-    /// Where, in the world.
+    /// Contact position in the world.
     pub position: DVec3,
     /// Unit normal in the world, from `a` to `b`.
     pub normal: DVec3,
 }
 
 impl ContactReport {
-    /// The other body, if `body` takes part.
+    /// The partner of `body` in this contact, if it takes part.
     pub fn other(&self, body: BodyId) -> Option<BodyId> {
         match body {
             _ if body == self.a => Some(self.b),
@@ -37,7 +37,7 @@ impl ContactReport {
     }
 }
 
-/// All contacts the engine has just computed.
+/// The engine's current contacts.
 pub(crate) fn contacts<'a>(
     scene: &'a Scene,
     data: &'a MjData<Arc<MjModel>>,
@@ -57,39 +57,39 @@ pub(crate) fn contacts<'a>(
     })
 }
 
-/// A finger of the gripper at one physics step.
+/// A gripper finger at one physics step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finger {
     /// Index in the robot's links.
     pub link: usize,
-    /// Unit vector in the world along which it closes.
+    /// Closing direction, unit vector in the world.
     pub closing: DVec3,
 }
 
-/// What the robot touched during one control interval.
+/// Robot contacts accumulated over one control interval.
 #[derive(Debug, Default)]
 pub(crate) struct TouchTally {
-    /// Largest force per pair of a robot link and another body that counts as stray unless the body is held, N.
+    /// Peak force per pair of robot link and other body, N; stray unless that body is held.
     stray: BTreeMap<(BodyId, BodyId), f64>,
-    /// Objects both fingers pressed on at some physics step.
+    /// Objects pressed by both fingers at some physics step.
     held: BTreeSet<usize>,
-    /// The object held most firmly at the first physics step.
+    /// Most firmly held object at the first physics step.
     held_at_start: Option<usize>,
     steps: usize,
 }
 
-/// Less normal force than this is no touch, N.
+/// Smallest normal force that counts as touching, N.
 const TOUCH_N: f64 = 1e-3;
-/// A finger presses in its closing direction when the contact normal is within 45 degrees of it.
+/// Smallest cosine (45°) between contact normal and closing direction for a finger to press on an object.
 const CLOSING_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl TouchTally {
-    /// Counts the contacts of one physics step; `hand` is the link that carries the fingers.
+    /// Adds the contacts of one physics step; `hand` is the link that carries the fingers.
     pub fn add(&mut self, fingers: [Finger; 2], hand: usize, contacts: impl Iterator<Item = ContactReport>) {
         let mut stray: BTreeMap<(BodyId, BodyId), f64> = BTreeMap::new();
         let mut pressed: [BTreeMap<usize, f64>; 2] = Default::default();
         for contact in contacts {
-            // The robot first; of two of its links the lower one.
+            // Order each pair as (robot, other); of two robot links, the lower index first.
             let (robot, other, towards_other) = match (contact.a, contact.b) {
                 (BodyId::Robot { link: a }, BodyId::Robot { link: b }) if a > b => {
                     (contact.b, contact.a, -contact.normal)
@@ -110,7 +110,7 @@ impl TouchTally {
                     BodyId::Table | BodyId::Surface { .. } | BodyId::Floor => grasping = false,
                 }
             }
-            // A drawer, door or button is there to be moved by the gripper, from whatever side.
+            // Drawers, doors and buttons are meant to be moved by the gripper from any side.
             let gripper = finger.is_some() || robot == BodyId::Robot { link: hand };
             grasping |= gripper && matches!(other, BodyId::Object { link: 1.., .. });
             if !grasping {
@@ -131,15 +131,15 @@ impl TouchTally {
         }
     }
 
-    /// Index of the object both fingers pressed on at the first step; of several, the most firmly held.
+    /// Index of the object pressed by both fingers at the first step; the most firmly held one if there are several.
     pub fn grasped(&self) -> Option<usize> {
         self.held_at_start
     }
 
-    /// Largest stray force, N, and between which bodies, the robot's link first.
+    /// Peak stray force, N, and its two bodies, the robot link first.
     ///
-    /// What is held does not count, whatever part of the robot it touches, and neither does the gripper on a moving
-    /// link of an articulated object.
+    /// Excludes held objects, whichever robot link they touch, and the gripper on a moving link of an articulated
+    /// object.
     pub fn stray(&self) -> Option<(f64, [BodyId; 2])> {
         let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
         let pairs = self.stray.iter().filter(|((_, other), _)| !is_held(other));

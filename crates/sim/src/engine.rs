@@ -1,41 +1,41 @@
-//! The engine's own knobs: the `engine` table of a world's physics settings.
+//! Engine-specific solver settings: the `engine` table of a world's physics settings.
 
 use std::collections::BTreeMap;
 
+use genmanip_core::names::near_misses;
 use genmanip_core::{Drives, PhysicsSettings, RobotModel};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::SimError;
 
-/// Knobs of the contact solver, read from [`PhysicsSettings::engine`]; where the numbers come from stands in the
-/// default world's file.
+/// Contact solver settings, read from [`PhysicsSettings::engine`]; the default world's file documents their sources.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EngineSettings {
-    /// Newton iterations of the contact solver, at most.
+    /// Maximum number of Newton iterations of the contact solver.
     pub solver_iterations: u32,
     /// Ratio of frictional to normal impedance.
     pub impedance_ratio: f64,
-    /// Room for contacts and constraints per simulation, MiB.
+    /// Memory for contacts and constraints per simulation, MiB.
     pub arena_mib: usize,
-    /// Time constant (s) and damping ratio of contacts, those of the pads apart.
+    /// Time constant (s) and damping ratio of contacts, except those of the pads.
     pub contact_solref: [f64; 2],
-    /// Impedance of contacts: at touch, at depth, and that depth (m).
+    /// Impedance of contacts: at zero depth, at full depth, and that depth (m).
     pub contact_solimp: [f64; 3],
     /// Time constant (s) and damping ratio of pad contacts.
     pub pad_solref: [f64; 2],
     /// Impedance of pad contacts.
     pub pad_solimp: [f64; 3],
-    /// Impedance of the dry friction of objects' joints: at rest, at speed, and the width between, as of contacts.
+    /// Impedance of joint dry friction in objects: at rest, at speed, and the transition width.
     pub joint_friction_solimp: [f64; 3],
 }
 
-/// Longest part of a value that is told, characters.
-const MAX_TOLD: usize = 60;
+/// Maximum length of a value in an error message, characters.
+const MAX_SHOWN: usize = 60;
 
-/// Names of all knobs.
-const KNOBS: [&str; 8] = [
+/// Names of all solver settings.
+const NAMES: [&str; 8] = [
     "solver_iterations",
     "impedance_ratio",
     "arena_mib",
@@ -47,27 +47,31 @@ const KNOBS: [&str; 8] = [
 ];
 
 impl EngineSettings {
-    /// Reads the table; every knob must be there, so that no default of a later version changes an old world.
+    /// Reads the table; every setting is required, so that a default of a later version never changes an old world.
     ///
     /// # Errors
-    /// [`SimError::Settings`] names the unknown, missing or unfit knob.
+    /// [`SimError::Settings`] with the unknown, missing or invalid setting.
     pub fn read(table: &BTreeMap<String, Value>) -> Result<Self, SimError> {
-        if let Some(unknown) = table.keys().find(|key| !KNOBS.contains(&key.as_str())) {
-            let near = KNOBS.iter().min_by_key(|known| distance(known, unknown)).unwrap_or(&"");
-            let all = KNOBS.join(", ");
-            let text = format!("`physics.engine.{unknown}` is no knob of the engine; `{near}`? There are {all}");
+        if let Some(unknown) = table.keys().find(|key| !NAMES.contains(&key.as_str())) {
+            let suggestion = near_misses(unknown, &NAMES)
+                .first()
+                .map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            let all = NAMES.join(", ");
+            let text = format!("unknown setting `physics.engine.{unknown}`{suggestion} (known settings: {all})");
             return Err(SimError::Settings(text));
         }
-        if let Some(missing) = KNOBS.iter().find(|knob| !table.contains_key(**knob)) {
-            return Err(SimError::Settings(format!("`physics.engine.{missing}` is missing; every knob must be set")));
+        if let Some(missing) = NAMES.iter().find(|name| !table.contains_key(**name)) {
+            return Err(SimError::Settings(format!(
+                "`physics.engine.{missing}` is missing; every setting is required"
+            )));
         }
-        for (knob, value) in table {
+        for (name, value) in table {
             let numbers = |count| {
                 value.as_array().is_some_and(|list| {
                     list.len() == count && list.iter().all(|entry| entry.as_f64().is_some_and(f64::is_finite))
                 })
             };
-            let (fits, expected) = match knob.as_str() {
+            let (fits, expected) = match name.as_str() {
                 "solver_iterations" | "arena_mib" => {
                     let is_count = value.as_u64().is_some_and(|count| count > 0 && count < 1 << 20);
                     (is_count, "a whole number from 1 to 1048575")
@@ -77,8 +81,8 @@ impl EngineSettings {
                 _ => (numbers(3), "three numbers"),
             };
             if !fits {
-                let got: String = value.to_string().chars().take(MAX_TOLD).collect();
-                return Err(SimError::Settings(format!("`physics.engine.{knob}`: expected {expected}, got {got}")));
+                let got: String = value.to_string().chars().take(MAX_SHOWN).collect();
+                return Err(SimError::Settings(format!("`physics.engine.{name}`: expected {expected}, got {got}")));
             }
         }
         let table: serde_json::Map<String, Value> = table.clone().into_iter().collect();
@@ -87,25 +91,20 @@ impl EngineSettings {
     }
 }
 
-/// Characters that differ, position by position.
-fn distance(a: &str, b: &str) -> usize {
-    a.chars().zip(b.chars()).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len())
-}
-
-/// Everything the physics of a scene goes by, checked.
+/// Validated physics settings of a model.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Numbers {
+pub(crate) struct CheckedSettings {
     pub physics: PhysicsSettings,
     pub engine: EngineSettings,
-    /// Of the robot, where there is one.
+    /// Drives of the robot, if there is one.
     pub drives: Option<Drives>,
 }
 
-impl Numbers {
-    /// Reads and checks what a typing mistake could break.
+impl CheckedSettings {
+    /// Reads and validates the settings.
     ///
     /// # Errors
-    /// [`SimError::Settings`] names the field, the expected and the given value.
+    /// [`SimError::Settings`] with the field, the expected and the actual value.
     pub fn of(physics: &PhysicsSettings, robot: Option<&RobotModel>) -> Result<Self, SimError> {
         let engine = EngineSettings::read(&physics.engine)?;
         let fail = |text: String| Err(SimError::Settings(text));
@@ -141,10 +140,10 @@ impl Numbers {
 fn checked_drives(robot: &RobotModel) -> Result<Drives, SimError> {
     let fail = |text: String| Err(SimError::Settings(text));
     let Some(drives) = robot.drives.clone() else {
-        return fail(format!("robot `{}` has no drives: it can be planned for, not simulated", robot.name));
+        return fail(format!("robot `{}` has no drives: it can be used for planning, but not simulated", robot.name));
     };
     if drives.arm_kp.is_empty() || drives.arm_kv.is_empty() {
-        return fail("`arm_kp` and `arm_kv` need at least one number".into());
+        return fail("`arm_kp` and `arm_kv` need at least one value".into());
     }
     let positive = [
         ("grip_force_n", drives.grip_force_n),
@@ -158,14 +157,14 @@ fn checked_drives(robot: &RobotModel) -> Result<Drives, SimError> {
     let joints = robot.arm_joints().count();
     if robot.home.len() != joints {
         return fail(format!(
-            "robot `{}` has {joints} arm joints but a home of {} numbers",
+            "robot `{}` has {joints} arm joints but its home position has {} values",
             robot.name,
             robot.home.len()
         ));
     }
     if drives.grip_force_n > robot.gripper.max_force {
         return fail(format!(
-            "`grip_force_n` must not exceed the hand's {} N, got {}",
+            "`grip_force_n` must not exceed the gripper's {} N, got {}",
             robot.gripper.max_force, drives.grip_force_n
         ));
     }

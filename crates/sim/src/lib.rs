@@ -1,10 +1,10 @@
-//! Physics: MJCF from robots and objects, a compiled [`Scene`], its changing [`Sim`] state, and control at 60 Hz.
+//! Physics simulation: MJCF assembly, a compiled [`Scene`], its mutable [`Sim`] state, and control at 60 Hz.
 //!
-//! This is the only crate that talks to a simulator (MuJoCo through `mujoco-rs`).
-//! A [`Scene`] is immutable and shared between threads; everything that changes lives in a [`Sim`] and can be saved
-//! and restored byte for byte.
+//! This is the only crate that uses a simulator (MuJoCo through `mujoco-rs`).
+//! A [`Scene`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and
+//! restored byte for byte.
 //!
-//! Physics is honest: objects are free bodies, held by friction between the finger pads alone.
+//! Objects are free bodies, held only by friction between the finger pads.
 //! The arm's motors carry the arm against gravity within the published torque limits.
 //!
 //! Deliberately absent: rendering, sensors, welds, mocap bodies, and the engine's sleeping of resting bodies
@@ -33,7 +33,7 @@ pub use scene_object::SceneObject;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;
 
-/// The version this crate is tuned and tested with; another one gives other bytes.
+/// The supported engine version; other versions produce different bytes.
 const ENGINE: &str = "mujoco 3.17.0";
 
 /// Name and version of the physics engine, as stored with every result: `mujoco 3.17.0`.

@@ -1,8 +1,9 @@
-//! Assembly of the MJCF text of a scene.
+//! Assembly of a scene's MJCF text.
 //!
 //! Names are stable and readable: bodies `table`, `floor`, `robot/<link>`, `object/<name>/<link>`;
 //! joints carry the same prefix; actuators are `arm/<joint>/position`, `arm/<joint>/velocity` and `grip`.
-//! The key frame `start` holds the robot at home with the gripper open and every object where it was placed.
+//! The keyframe `start` holds the robot at its start position with the gripper open, and every object at its initial
+//! pose.
 
 mod objects;
 mod robot;
@@ -12,7 +13,7 @@ use genmanip_core::{MassProperties, Material, Piece, Pose, RobotModel, Shape, Su
 
 use crate::SceneObject;
 use crate::drive::setpoint_from_width;
-use crate::engine::Numbers;
+use crate::engine::CheckedSettings;
 use crate::xml::Element;
 
 pub(crate) use objects::{object_body, object_free_joint, object_joint};
@@ -23,7 +24,7 @@ pub(crate) const FLOOR: &str = "floor";
 pub(crate) const START: &str = "start";
 pub(crate) const GRIP: &str = "grip";
 
-/// What the parts of a scene add to the model.
+/// Model elements collected from robot and objects.
 #[derive(Default)]
 struct Parts {
     /// Meshes, shared between equal objects.
@@ -35,35 +36,35 @@ struct Parts {
     tendons: Vec<Element>,
     equalities: Vec<Element>,
     actuators: Vec<Element>,
-    /// Start values of the positions, in the order in which the joints are written.
+    /// Initial positions, in joint order.
     qpos: Vec<f64>,
-    /// Start values of the controls, in the order in which the actuators are written.
+    /// Initial controls, in actuator order.
     ctrl: Vec<f64>,
 }
 
-/// The whole document.
+/// Assembles the complete document.
 pub(crate) fn assemble(
     world: &World,
     robot: Option<&RobotModel>,
     objects: &[SceneObject],
-    numbers: &Numbers,
+    settings: &CheckedSettings,
 ) -> String {
     let mut parts = Parts::default();
-    if let Some((robot, drives)) = robot.zip(numbers.drives.as_ref()) {
+    if let Some((robot, drives)) = robot.zip(settings.drives.as_ref()) {
         let start = world.robot.start.as_deref().unwrap_or(&robot.home);
-        robot::add(&mut parts, robot, start, drives, numbers.physics.timestep_s());
+        robot::add(&mut parts, robot, start, drives, settings.physics.timestep_s());
         parts.ctrl.extend(start);
         parts.ctrl.extend(robot.home.iter().map(|_| 0.0));
         parts.ctrl.push(setpoint_from_width(robot.gripper.max_width, drives));
     }
-    objects::add(&mut parts, objects, numbers);
+    objects::add(&mut parts, objects, settings);
 
     let table_friction = world.table().map_or(0.0, |table| table.friction);
     let mut bodies = Element::new("worldbody")
         .child(Element::new("light").numbers("pos", &[0.5, 0.0, 2.5]).numbers("dir", &[0.0, 0.0, -1.0]));
     for (index, fixed) in world.surfaces.iter().enumerate() {
         let own_friction = Some(fixed.friction).filter(|own| *own != table_friction);
-        bodies.push(surface(fixed, index, numbers, own_friction));
+        bodies.push(surface(fixed, index, settings, own_friction));
         if index == 0 {
             bodies.push(floor(world.floor_z_m));
         }
@@ -71,7 +72,7 @@ pub(crate) fn assemble(
     bodies.extend(parts.bodies);
 
     let mut root = Element::new("mujoco").text("model", "genmanip");
-    root.extend([compiler(), options(numbers), size(numbers), defaults(numbers, table_friction)]);
+    root.extend([compiler(), options(settings), size(settings), defaults(settings, table_friction)]);
     let sections = [
         ("asset", parts.assets),
         ("contact", parts.contacts),
@@ -100,11 +101,11 @@ fn compiler() -> Element {
         .text("angle", "radian")
         .text("autolimits", "true")
         .text("inertiafromgeom", "false")
-        // Where the system gives no thread, the engine's compiler throws, which ends the program by a signal.
+        // Where no thread can be created, the engine's compiler throws, which terminates the process.
         .text("usethread", "false")
 }
 
-fn options(Numbers { physics, engine, .. }: &Numbers) -> Element {
+fn options(CheckedSettings { physics, engine, .. }: &CheckedSettings) -> Element {
     Element::new("option")
         .number("timestep", physics.timestep_s())
         .numbers("gravity", &[0.0, 0.0, -physics.gravity_m_s2])
@@ -113,15 +114,15 @@ fn options(Numbers { physics, engine, .. }: &Numbers) -> Element {
         .number("impratio", engine.impedance_ratio)
         .text("solver", "Newton")
         .number("iterations", f64::from(engine.solver_iterations))
-        // A diverged simulation is an error of ours, not something to reset silently.
+        // Report divergence as an error instead of resetting silently.
         .child(Element::new("flag").text("autoreset", "disable"))
 }
 
-fn size(numbers: &Numbers) -> Element {
-    Element::new("size").text("memory", &format!("{}M", numbers.engine.arena_mib))
+fn size(settings: &CheckedSettings) -> Element {
+    Element::new("size").text("memory", &format!("{}M", settings.engine.arena_mib))
 }
 
-fn defaults(Numbers { physics, engine, drives }: &Numbers, table_friction: f64) -> Element {
+fn defaults(CheckedSettings { physics, engine, drives }: &CheckedSettings, table_friction: f64) -> Element {
     let [turning, rolling] = physics.rotational_friction_m;
     let fixed = |name: &str, friction: f64, rgba: [f64; 4]| {
         Element::new("default")
@@ -154,8 +155,8 @@ fn defaults(Numbers { physics, engine, drives }: &Numbers, table_friction: f64) 
     defaults
 }
 
-/// A support surface as one fixed body, its slab in the middle of the body's frame.
-fn surface(surface: &SupportSurface, index: usize, numbers: &Numbers, friction: Option<f64>) -> Element {
+/// A support surface as one fixed body whose frame is centred in the slab.
+fn surface(surface: &SupportSurface, index: usize, settings: &CheckedSettings, friction: Option<f64>) -> Element {
     let name = surface_body(surface, index);
     let slab_from_surface = DVec3::Z * (surface.size_m.z * 0.5);
     let center = surface.top_center_m - slab_from_surface;
@@ -163,7 +164,7 @@ fn surface(surface: &SupportSurface, index: usize, numbers: &Numbers, friction: 
     if surface.yaw_rad != 0.0 {
         body = body.numbers("quat", &surface.world_from_surface().to_wxyz_array());
     }
-    let [turning, rolling] = numbers.physics.rotational_friction_m;
+    let [turning, rolling] = settings.physics.rotational_friction_m;
     let fixed = |name: &str, half_extents: DVec3| {
         let geom = Element::named("geom", name)
             .text("class", "fixed")
@@ -183,7 +184,7 @@ fn surface(surface: &SupportSurface, index: usize, numbers: &Numbers, friction: 
     body
 }
 
-/// Name of the body of a support surface.
+/// Body name of a support surface.
 pub(crate) fn surface_body(surface: &SupportSurface, index: usize) -> String {
     if index == 0 { TABLE.into() } else { format!("surface/{}", surface.id) }
 }
@@ -206,7 +207,7 @@ fn inertial(mass: &MassProperties) -> Element {
         .numbers("fullinertia", &[i.x_axis.x, i.y_axis.y, i.z_axis.z, i.y_axis.x, i.z_axis.x, i.z_axis.y])
 }
 
-/// The geometry of a piece; a hull refers to the mesh of the given name.
+/// The geom of a piece; a hull refers to the mesh asset of the given name.
 fn geom(name: &str, class: &'static str, piece: &Piece, mesh: &str) -> Element {
     let geom = with_pose(Element::named("geom", name).text("class", class), &piece.link_from_piece);
     match &piece.shape {
@@ -223,7 +224,7 @@ fn geom(name: &str, class: &'static str, piece: &Piece, mesh: &str) -> Element {
     }
 }
 
-/// The mesh a hull needs; the engine takes the convex hull of its points.
+/// The mesh asset of a hull; the engine computes the convex hull of its points.
 fn mesh(piece: &Piece, name: &str) -> Option<Element> {
     let Shape::Hull { points } = &piece.shape else { return None };
     let numbers: Vec<f64> = points.iter().flat_map(|point| point.to_array()).collect();

@@ -8,43 +8,43 @@ use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
 use crate::body::BodyId;
-use crate::engine::Numbers;
+use crate::engine::CheckedSettings;
 use crate::scene_object::SceneObject;
 use crate::{ENGINE, SimError, engine_version, mjcf};
 
-/// A robot and objects on the table, compiled for the physics engine.
+/// A robot and objects in a world, compiled for the physics engine.
 ///
 /// Immutable, `Send` and `Sync`: one scene serves any number of [`crate::Sim`]s on any number of threads.
 #[derive(Debug)]
 pub struct Scene {
     mjcf: String,
-    pub(crate) numbers: Numbers,
+    pub(crate) settings: CheckedSettings,
     pub(crate) model: Arc<MjModel>,
     pub(crate) robot: Option<RobotIndex>,
     pub(crate) objects: Vec<ObjectIndex>,
     /// Ids of the support surfaces.
     surfaces: Vec<String>,
-    /// What each body of the engine is.
+    /// Body id of each engine body.
     pub(crate) bodies: Vec<BodyId>,
 }
 
-/// Where the robot's numbers are in the engine's arrays.
+/// Addresses of the robot in the engine's arrays.
 #[derive(Debug)]
 pub(crate) struct RobotIndex {
     pub model: RobotModel,
-    /// Engine body per link.
+    /// Engine body of each link.
     pub link_bodies: Vec<usize>,
     pub arm_qpos: Vec<usize>,
     pub arm_dof: Vec<usize>,
     pub finger_joints: [usize; 2],
     pub finger_qpos: [usize; 2],
-    /// Controls: position targets, speeds of the targets, width set point.
+    /// Control indices: joint position targets, joint velocity targets, width set point.
     pub position_ctrl: Vec<usize>,
     pub velocity_ctrl: Vec<usize>,
     pub grip_ctrl: usize,
 }
 
-/// Where an object's numbers are in the engine's arrays.
+/// Addresses of an object in the engine's arrays.
 #[derive(Debug)]
 pub(crate) struct ObjectIndex {
     pub name: String,
@@ -55,15 +55,16 @@ pub(crate) struct ObjectIndex {
 }
 
 impl Scene {
-    /// Compiles a robot, fixed at the world's origin at its `home`, and objects in a world.
+    /// Compiles a world with a robot, fixed at the world origin, and objects.
     ///
     /// # Errors
-    /// Bad settings, names or numbers, or what the engine refuses ([`SimError::Compile`] carries its words).
+    /// Invalid settings, names or numbers, or a model that the engine rejects ([`SimError::Compile`] carries its
+    /// message).
     pub fn compile(world: &World, robot: &RobotModel, objects: &[SceneObject]) -> Result<Self, SimError> {
         Self::compile_with(world, Some(robot), objects)
     }
 
-    /// Compiles surfaces and objects alone, for settling layouts fast.
+    /// Compiles surfaces and objects without a robot, for fast settling of layouts.
     ///
     /// # Errors
     /// As [`Scene::compile`].
@@ -76,27 +77,27 @@ impl Scene {
         if engine != ENGINE {
             return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
         }
-        let numbers = Numbers::of(&world.physics, robot)?;
+        let settings = CheckedSettings::of(&world.physics, robot)?;
         check_surfaces(world)?;
         check_objects(objects)?;
-        let mjcf = mjcf::assemble(world, robot, objects, &numbers);
+        let mjcf = mjcf::assemble(world, robot, objects, &settings);
         let model = MjModel::from_xml_string(&mjcf).map_err(|error| SimError::Compile(error.to_string()))?;
         let names = Names(&model);
         let robot = robot.map(|robot| names.robot(robot)).transpose()?;
         let objects = objects.iter().map(|object| names.object(object)).collect::<Result<Vec<_>, _>>()?;
         let bodies = names.bodies(world, robot.as_ref(), &objects)?;
         let surfaces = world.surfaces.iter().map(|surface| surface.id.clone()).collect();
-        Ok(Self { mjcf, numbers, model: Arc::new(model), robot, objects, surfaces, bodies })
+        Ok(Self { mjcf, settings, model: Arc::new(model), robot, objects, surfaces, bodies })
     }
 
-    /// The scene as MJCF text; loads in any MuJoCo 3.17 without further files.
+    /// The scene as MJCF text, which loads in any MuJoCo 3.17 without further files.
     pub fn mjcf(&self) -> &str {
         &self.mjcf
     }
 
-    /// The physics settings of its world.
+    /// The world's physics settings.
     pub fn physics(&self) -> &PhysicsSettings {
-        &self.numbers.physics
+        &self.settings.physics
     }
 
     /// The robot, if there is one.
@@ -109,7 +110,7 @@ impl Scene {
         self.objects.len()
     }
 
-    /// A readable name, e.g. `Red Mug` for a rigid object's only body or `Cabinet/drawer`.
+    /// Display name of a body, e.g. `Red Mug` for a rigid object or `Cabinet/drawer` for a link.
     pub fn body_name(&self, body: BodyId) -> String {
         match body {
             BodyId::Table => mjcf::TABLE.into(),
@@ -177,14 +178,14 @@ fn check_surfaces(world: &World) -> Result<(), SimError> {
     Ok(())
 }
 
-/// A joint's number and where its position and velocity begin.
+/// Joint id with its addresses in `qpos` and `qvel`.
 struct JointAddress {
     id: usize,
     qpos: usize,
     dof: usize,
 }
 
-/// Name look-ups, once per scene.
+/// Name lookups in a compiled model.
 struct Names<'a>(&'a MjModel);
 
 impl Names<'_> {

@@ -1,20 +1,20 @@
-//! What is put into a scene.
+//! Objects placed in a scene.
 
 use std::sync::Arc;
 
 use genmanip_core::{ObjectModel, PhysicsFactors, Pose};
 
-/// An object and where it starts.
+/// An object model with its initial pose.
 #[derive(Clone, Debug)]
 pub struct SceneObject {
-    /// Name, unique in the scene; the uid in scenarios.
+    /// Name, unique in the scene; the instance id in scenarios.
     pub name: String,
     /// The model.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Pose,
-    /// A position per joint, in the order of the links; empty for a rigid object.
+    /// Joint positions in link order; empty for a rigid object.
     pub joint_positions: Vec<f64>,
-    /// How it moves differently from its model.
+    /// Physics perturbation.
     pub physics: PhysicsFactors,
 }

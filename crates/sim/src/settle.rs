@@ -1,20 +1,20 @@
-//! Letting things come to rest, for layouts.
+//! Settling: simulating a layout until all objects are at rest.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Sim, SimError};
 
-/// When things count as at rest.
+/// Rest criterion and time limit of settling.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SettleSettings {
-    /// Simulated time after which settling gives up, s. 2.
+    /// Time limit, s. 2.
     pub max_seconds: f64,
-    /// Speed of every object's origin at rest, m/s. 0.002.
+    /// Largest speed of an object's origin at rest, m/s. 0.002.
     pub max_speed: f64,
-    /// Angular speed of every object at rest, rad/s. 0.02.
+    /// Largest angular speed at rest, rad/s. 0.02.
     pub max_angular_speed: f64,
-    /// How long all must stay below both, s. 0.2.
+    /// Duration for which all objects must stay below both speeds, s. 0.2.
     pub quiet_seconds: f64,
 }
 
@@ -24,28 +24,28 @@ impl Default for SettleSettings {
     }
 }
 
-/// How settling went.
+/// Outcome of settling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettleReport {
-    /// Whether everything came to rest in time.
+    /// True if all objects came to rest within the time limit.
     pub settled: bool,
-    /// Simulated time it took.
+    /// Simulated time, s.
     pub seconds: f64,
-    /// Per object: how far its origin moved, m.
+    /// Displacement of each object's origin, m.
     pub displacement: Vec<f64>,
-    /// Per object: by what angle it turned, rad.
+    /// Rotation angle of each object, rad.
     pub rotation: Vec<f64>,
-    /// Depth of the worst penetration met on the way, m; deep at the start means an overlapping layout.
+    /// Largest penetration depth during settling, m; a deep one at the start indicates an overlapping layout.
     pub max_penetration: f64,
-    /// Depth of the worst penetration at the end, m.
+    /// Largest penetration depth at the end, m.
     pub final_penetration: f64,
 }
 
 impl Sim {
-    /// Runs until all objects are at rest, the drives holding their last targets; for throw-away simulations.
+    /// Steps until all objects are at rest, with the drives holding their last targets.
     ///
     /// # Errors
-    /// A simulation that diverged.
+    /// If the simulation diverges.
     pub fn settle(&mut self, settings: &SettleSettings) -> Result<SettleReport, SimError> {
         let substeps = self.scene.physics().substeps();
         let period_s = self.scene.physics().control_period_s();
@@ -56,7 +56,7 @@ impl Sim {
         while quiet < intervals(settings.quiet_seconds) && elapsed < intervals(settings.max_seconds) {
             self.advance(substeps)?;
             elapsed += 1;
-            // The contacts of the last physics step are still there.
+            // These are the contacts of the last physics step.
             max_penetration = self.data.contact().iter().map(|contact| -contact.dist).fold(max_penetration, f64::max);
             let at_rest = self
                 .object_states()

@@ -1,4 +1,4 @@
-//! The changing state: stepping, observing, saving.
+//! Mutable simulation state: stepping, observing, saving and restoring.
 
 use std::sync::Arc;
 
@@ -12,18 +12,18 @@ use crate::drive::{applied_command, lerp, next_setpoint};
 use crate::scene::RobotIndex;
 use crate::{Scene, SimError};
 
-/// Everything a simulation's future depends on (with the commands to come).
+/// State components that, with the future commands, determine the future.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
-/// A position, speed or acceleration beyond this is a divergence (the engine's own bound).
+/// Bound on positions, speeds and accelerations beyond which the simulation has diverged (the engine's own bound).
 const DIVERGED: f64 = 1e10;
 const CONTACTS_FULL: usize = 1;
 const CONSTRAINTS_FULL: usize = 2;
 
-/// A simulation of a [`Scene`], starting with the robot at home and every object where it was placed.
+/// A simulation of a [`Scene`], starting with the robot at its start position and every object at its initial pose.
 pub struct Sim {
     pub(crate) scene: Arc<Scene>,
     pub(crate) data: MjData<Arc<MjModel>>,
-    /// Bodies of the hardest stray contact in the last control interval.
+    /// Bodies of the strongest stray contact in the last control interval.
     stray: Option<[BodyId; 2]>,
 }
 
@@ -34,10 +34,10 @@ impl std::fmt::Debug for Sim {
 }
 
 impl Sim {
-    /// A simulation at the scene's start.
+    /// A simulation in the scene's initial state.
     pub fn new(scene: Arc<Scene>) -> Self {
         let mut data = MjData::new(Arc::clone(&scene.model));
-        // The key frame is written by `mjcf::assemble`, so it always exists.
+        // `mjcf::assemble` writes the keyframe, so it exists.
         let reset = data.reset_keyframe(0);
         debug_assert!(reset.is_ok());
         data.kinematics();
@@ -49,36 +49,37 @@ impl Sim {
         &self.scene
     }
 
-    /// Simulated time since the start.
+    /// Simulated time, s.
     pub fn time_s(&self) -> f64 {
         self.data.time()
     }
 
-    /// Runs one control interval (1/60 s).
+    /// Simulates one control interval (1/60 s).
     ///
     /// `command` = arm joint targets and gripper width.
-    /// It is rounded to f32, kept within the joint ranges and the published joint speeds (a target too far away is
-    /// approached as fast as the joint may turn), and approached in a straight line over the interval's physics steps.
-    /// The fingers move at their published speed: closing the Panda's hand from fully open takes 0.9 s.
-    /// The frame holds the command as applied, the state at the *start* of the interval, and the largest torque,
-    /// grip force and stray contact *during* it.
-    /// - `joint_torque`: motor torque including what carries the arm's weight; never above the published limit.
+    /// It is rounded to f32, clamped to the joint ranges and maximum joint velocities (a target too far away is
+    /// approached at maximum velocity), and interpolated linearly over the interval's physics steps.
+    /// The fingers move at their maximum velocity: closing the Panda's gripper from fully open takes 0.9 s.
+    /// The frame holds the command as applied, the state at the *start* of the interval, and the peak torque, grip
+    /// force and stray contact *during* it.
+    /// - `joint_torque`: motor torque including gravity compensation; never above the published limit.
     /// - `grip_force`: sum over both fingers.
-    /// - `grasped`: the object both fingers press on at the start; of several, the one held most firmly.
-    /// - `stray_contact_n`: normal force summed over the contact points between one link of the robot (fingers
-    ///   included) and one other body, the largest over pairs and physics steps.
-    ///   Not counted are objects that both fingers press on at some step of the interval, a finger's inner side
-    ///   pressing on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
-    ///   Nor is the gripper on a moving link of an articulated object, which is there to be moved.
+    /// - `grasped`: the object pressed by both fingers at the start; the most firmly held one if there are several.
+    /// - `stray_contact_n`: normal force summed over the contact points between one robot link (fingers included) and
+    ///   one other body; the maximum over pairs and physics steps.
+    ///   Excluded are objects pressed by both fingers at any step of the interval, the inner side of a finger pressing
+    ///   on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    ///   Also excluded is the gripper on a moving link of an articulated object.
     ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
     ///
     /// # Errors
-    /// A command of the wrong length or not finite (nothing has changed then); a simulation that diverged.
+    /// For a command of the wrong length or with non-finite numbers (the state is then unchanged), and if the
+    /// simulation diverges.
     pub fn control_step(&mut self, command: &[f32]) -> Result<Frame, SimError> {
         let scene = Arc::clone(&self.scene);
         let physics = scene.physics();
         let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
-        let drives = scene.numbers.drives.as_ref().ok_or(SimError::NoRobot)?;
+        let drives = scene.settings.drives.as_ref().ok_or(SimError::NoRobot)?;
         let period_s = physics.control_period_s();
         let start: Vec<f64> = self.data.ctrl().to_vec();
         let previous: Vec<f64> = robot.position_ctrl.iter().map(|&index| start[index]).collect();
@@ -104,7 +105,7 @@ impl Sim {
                 for (largest, &dof) in frame.joint_torque.iter_mut().zip(&robot.arm_dof) {
                     *largest = largest.max(torque[dof].abs());
                 }
-                // The drive's force acts on either finger in full.
+                // The drive's force acts on each finger in full.
                 frame.grip_force = frame.grip_force.max(2.0 * data.actuator_force()[robot.grip_ctrl].abs());
             })?;
         }
@@ -116,15 +117,15 @@ impl Sim {
         Ok(frame)
     }
 
-    /// Between which bodies the last control step's `stray_contact_n` was, the robot's link first.
+    /// Bodies of the last control step's `stray_contact_n`, the robot link first.
     pub fn stray_bodies(&self) -> Option<[BodyId; 2]> {
         self.stray
     }
 
-    /// Runs physics steps with the drives holding their last targets.
+    /// Simulates physics steps with the drives holding their last targets.
     ///
     /// # Errors
-    /// A simulation that diverged.
+    /// If the simulation diverges.
     pub fn advance(&mut self, physics_steps: u32) -> Result<(), SimError> {
         for _ in 0..physics_steps {
             self.step_with(|_, _| ())?;
@@ -133,14 +134,14 @@ impl Sim {
         Ok(())
     }
 
-    /// Runs the engine's own step so often, unchecked: what the simulator itself takes, for comparison.
+    /// Runs the engine's own step function without checks, for timing comparisons.
     pub fn advance_bare(&mut self, physics_steps: u32) {
         for _ in 0..physics_steps {
             self.data.step();
         }
     }
 
-    /// Poses and speeds of the objects, in the scene's order; the speed is that of the object's origin.
+    /// Poses and speeds of the objects in scene order; the speed is that of the object's origin.
     pub fn object_states(&self) -> Vec<ObjectState> {
         let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
         let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
@@ -156,7 +157,7 @@ impl Sim {
             .collect()
     }
 
-    /// `world_from_link` of each of the robot's links, as simulated (both fingers on their own); empty without robot.
+    /// Simulated `world_from_link` of each robot link, including each finger; empty without a robot.
     pub fn link_poses(&self) -> Vec<Pose> {
         let robot = self.scene.robot.as_ref();
         robot.iter().flat_map(|robot| robot.link_bodies.iter().map(|&body| self.body_pose(body))).collect()
@@ -167,12 +168,12 @@ impl Sim {
         self.evaluate(|scene, data| contacts(scene, data).collect())
     }
 
-    /// Depth of the worst penetration, metres; 0 when nothing overlaps.
+    /// Largest penetration depth, m; 0 if nothing overlaps.
     pub fn penetration(&mut self) -> f64 {
         self.evaluate(|_, data| data.contact().iter().map(|contact| -contact.dist).fold(0.0, f64::max))
     }
 
-    /// The complete state: with it and the commands to come, the future is decided to the last bit.
+    /// The complete state, which with the future commands determines the simulation bit-exactly.
     pub fn state(&self) -> Vec<f64> {
         self.data.state(STATE).into_vec()
     }
@@ -180,7 +181,7 @@ impl Sim {
     /// Restores a state of this scene.
     ///
     /// # Errors
-    /// A state of another length or with numbers that are not finite.
+    /// For a state of another length or with non-finite numbers.
     pub fn set_state(&mut self, state: &[f64]) -> Result<(), SimError> {
         let expected = self.scene.model.state_size(STATE);
         if state.len() != expected {
@@ -194,19 +195,19 @@ impl Sim {
         Ok(())
     }
 
-    /// Arm joint positions, base to hand; empty without a robot.
+    /// Arm joint positions, rad, base to tip; empty without a robot.
     pub fn joint_positions(&self) -> Vec<f64> {
         let robot = self.scene.robot.iter();
         robot.flat_map(|robot| robot.arm_qpos.iter().map(|&address| self.data.qpos()[address])).collect()
     }
 
-    /// Opening between the pads; 0 without a robot.
+    /// Opening width between the pads, m; 0 without a robot.
     pub fn gripper_width(&self) -> f64 {
         let robot = self.scene.robot.iter();
         robot.flat_map(|robot| robot.finger_qpos.iter().map(|&address| self.data.qpos()[address])).sum()
     }
 
-    /// Index of the object both fingers press on now; of several, the one held most firmly.
+    /// Index of the object currently pressed by both fingers; the most firmly held one if there are several.
     pub fn grasped(&mut self) -> Option<usize> {
         self.evaluate(|scene, data| {
             let mut touches = TouchTally::default();
@@ -237,17 +238,17 @@ impl Sim {
         Pose::from_wxyz_array(self.data.xpos()[body], self.data.xquat()[body])
     }
 
-    /// One physics step; `look` sees forces and contacts before the state moves on.
+    /// One physics step; `inspect` sees forces and contacts before integration.
     ///
-    /// The engine's own step, taken apart, so that a divergence is an error instead of a silent reset.
-    fn step_with(&mut self, look: impl FnOnce(&Scene, &MjData<Arc<MjModel>>)) -> Result<(), SimError> {
+    /// Splits the engine's step function, so that divergence is an error instead of a silent reset.
+    fn step_with(&mut self, inspect: impl FnOnce(&Scene, &MjData<Arc<MjModel>>)) -> Result<(), SimError> {
         self.data.fwd_position();
         self.data.fwd_velocity();
         self.data.fwd_actuation();
         self.data.fwd_acceleration();
         self.data.fwd_constraint();
         self.check()?;
-        look(&self.scene, &self.data);
+        inspect(&self.scene, &self.data);
         self.data.implicit();
         Ok(())
     }
@@ -257,36 +258,36 @@ impl Sim {
         let quantities =
             [("position", self.data.qpos()), ("speed", self.data.qvel()), ("acceleration", self.data.qacc())];
         if let Some((what, _)) = quantities.iter().find(|(_, values)| !bounded(values)) {
-            return Err(SimError::Unstable { time_s: self.time_s(), what: format!("a {what} is not bounded") });
+            return Err(SimError::Unstable { time_s: self.time_s(), what: format!("a {what} diverged") });
         }
         let warnings = self.data.warning();
         if warnings[CONTACTS_FULL].number > 0 || warnings[CONSTRAINTS_FULL].number > 0 {
             return Err(SimError::ContactsDropped {
                 time_s: self.time_s(),
-                arena_mib: self.scene.numbers.engine.arena_mib,
+                arena_mib: self.scene.settings.engine.arena_mib,
             });
         }
         Ok(())
     }
 
-    /// Computes contacts and forces of the current state and leaves the state as it was.
-    fn evaluate<T>(&mut self, look: impl FnOnce(&Scene, &MjData<Arc<MjModel>>) -> T) -> T {
+    /// Computes contacts and forces of the current state without changing it.
+    fn evaluate<T>(&mut self, inspect: impl FnOnce(&Scene, &MjData<Arc<MjModel>>) -> T) -> T {
         let state = self.data.state(STATE);
         self.data.forward();
-        let result = look(&self.scene, &self.data);
-        // The state was read from this very simulation, so it fits.
+        let result = inspect(&self.scene, &self.data);
+        // The state was read from this simulation, so it fits.
         let restored = self.data.set_state(&state, STATE);
         debug_assert!(restored.is_ok());
         result
     }
 }
 
-/// The fingers with the directions in which they close now.
+/// The fingers with their current closing directions.
 fn fingers(robot: &RobotIndex, data: &MjData<Arc<MjModel>>) -> [Finger; 2] {
     let gripper = &robot.model.gripper;
     [0, 1].map(|index| Finger {
         link: gripper.fingers[index],
-        // Positive positions open.
+        // Positive joint positions open the gripper.
         closing: -DVec3::from_array(data.xaxis()[robot.finger_joints[index]]),
     })
 }

@@ -1,4 +1,4 @@
-//! Drives and the text of a scene.
+//! Drives and MJCF text.
 
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ fn text_is_escaped_and_numbers_are_exact() {
     );
 }
 
-/// The names and the form of the text are an interface: `export --mjcf` hands it to people.
+/// Names and structure of the text are an interface: `export --mjcf` writes it for users.
 #[test]
 fn a_small_scene_reads_well() {
     let tetrahedron = Shape::Hull { points: vec![DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1, DVec3::Z * 0.1] };

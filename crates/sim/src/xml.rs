@@ -1,8 +1,8 @@
-//! Just enough XML to write MJCF that people can read.
+//! Minimal XML writer for readable MJCF.
 
 use std::fmt::Write;
 
-/// An element with attributes and children, written in the order they were added.
+/// An element with attributes and children, written in insertion order.
 #[derive(Clone, Debug, Default)]
 pub struct Element {
     tag: &'static str,
@@ -26,7 +26,7 @@ impl Element {
         self
     }
 
-    /// Adds a list of numbers, each in the shortest form that reads back to the same bits.
+    /// Adds a list of numbers, each in its shortest round-trip form.
     pub fn numbers(mut self, key: &'static str, values: &[f64]) -> Self {
         self.attributes.push((key, join(values)));
         self

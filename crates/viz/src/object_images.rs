@@ -156,22 +156,22 @@ pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
             let opacity = part.material.opacity;
             materials += &format!("newmtl {name}\nKd {r:.4} {g:.4} {b:.4}\nd {opacity:.3}\n\n");
             text += &format!("o {name}\nusemtl {name}\n");
-            for position in &part.drawn.positions {
+            for position in &part.render_mesh.positions {
                 let p = object_from_part.transform_point(position.as_dvec3());
                 text += &format!("v {:.6} {:.6} {:.6}\n", p.x, p.y, p.z);
             }
-            for uv in &part.drawn.uvs {
+            for uv in &part.render_mesh.uvs {
                 text += &format!("vt {:.5} {:.5}\n", uv.x, 1.0 - uv.y);
             }
-            for normal in &part.drawn.normals {
+            for normal in &part.render_mesh.normals {
                 let n = object_from_part.transform_vector(normal.as_dvec3());
                 text += &format!("vn {:.4} {:.4} {:.4}\n", n.x, n.y, n.z);
             }
-            for triangle in &part.drawn.triangles {
+            for triangle in &part.render_mesh.triangles {
                 let [a, b, c] = triangle.map(|index| index + offset);
                 text += &format!("f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}\n");
             }
-            offset += part.drawn.positions.len() as u32;
+            offset += part.render_mesh.positions.len() as u32;
         }
     }
     (text, materials)

@@ -149,7 +149,7 @@ impl Replaying<'_> {
         };
         let stage = stage(&episode)?;
         (row.kind, row.frames) = (Some(episode.scenario.task.kind), episode.frames.len());
-        let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
+        let changed = Catalogue::builtin().changed_appearance(&episode.scenario.objects).unwrap_or_default();
         if !changed.is_empty() {
             progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
         }

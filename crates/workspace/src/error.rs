@@ -28,7 +28,7 @@ pub enum RunError {
         hint: Option<String>,
     },
     /// A file is larger than anything of its kind.
-    #[error("{} is larger than {} may be: {}", path.display(), limit.what, limit.in_words())]
+    #[error("{} is larger than {} may be: {}", path.display(), limit.what, limit.human_readable())]
     TooLarge {
         /// The file.
         path: PathBuf,

@@ -1,4 +1,4 @@
-//! Expressions in the data of families: numbers, texts, colours, lists and records.
+//! Expressions in family data: numbers, strings, colours, lists and records.
 //!
 //! ```text
 //! h * 0.9    wide ? 0.08 : 0.06    color.hex    mix(a, '#ffffff', 0.3)    cm(h)
@@ -12,22 +12,22 @@ use serde_json::Value;
 
 use crate::color::Color;
 
-/// Where names get their values, and chance its stream.
+/// Variable lookup and random streams for expressions.
 pub trait Scope {
-    /// The value of a name.
+    /// Value of a variable.
     ///
     /// # Errors
-    /// When there is no such name, or its own expression is wrong.
+    /// If the variable is unknown, or its own expression fails.
     fn value(&self, name: &str) -> Result<Value, String>;
 
-    /// Stream of the draws that are named by a label.
+    /// Seed of the random stream with this label.
     fn stream(&self, label: &str) -> Seed;
 }
 
-/// The value of an expression.
+/// Evaluates an expression.
 ///
 /// # Errors
-/// Says what was expected and where, in words.
+/// A description of the expected token and its position.
 pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     let mut parser = Parser { text, rest: text, scope };
     let value = parser.ternary().and_then(|value| match parser.peek() {
@@ -37,7 +37,7 @@ pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     value.map_err(|error| format!("`{text}`: {error}"))
 }
 
-/// A number as JSON; a whole one without a fraction, so that it can count things.
+/// A JSON number; an integer if it is whole, so that it can be used as a count.
 pub fn number(value: f64) -> Value {
     if value.fract() == 0.0 && value.abs() < 1e15 {
         return Value::from(value as i64);
@@ -45,7 +45,7 @@ pub fn number(value: f64) -> Value {
     serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
 }
 
-/// Whether a value counts as true: anything but `false`, 0, nothing and the empty text.
+/// Truthiness: everything except `false`, 0, null and the empty string is true.
 pub fn is_true(value: &Value) -> bool {
     match value {
         Value::Null => false,
@@ -248,11 +248,11 @@ impl<'a> Parser<'a> {
             ("abs", &[x], None) => x.abs(),
             ("floor", &[x], None) => x.floor(),
             ("round", &[x], None) => x.round(),
-            // Lengths in words.
+            // Lengths and counts as words.
             ("cm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 100.0))),
             ("mm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 1000.0))),
             ("count", &[x], None) => return Ok(Value::String(count_word(x))),
-            // A draw of its own for each label and number.
+            // An independent draw for each label and index.
             ("draw", &[index, low, high], Some(label)) => {
                 let seed = self.scope.stream(label).fork_index(index.max(0.0) as u64);
                 low + (high - low) * seed.rng().random::<f64>()
@@ -283,12 +283,12 @@ fn with_article(text: &str) -> String {
     format!("{} {text}", if takes_an(text.trim_start()) { "an" } else { "a" })
 }
 
-/// Whether a word begins with the sound of a vowel, as far as its letters say it.
+/// True if a word starts with a vowel sound, judged by its first letter.
 pub(super) fn takes_an(word: &str) -> bool {
     word.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O'])
 }
 
-/// Every word with a capital letter.
+/// Capitalises every word.
 fn title(text: &str) -> String {
     let mut start = true;
     text.chars()
@@ -313,7 +313,7 @@ fn blended(a: &str, b: &str, share: f64) -> Result<String, String> {
     Ok(format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2)))
 }
 
-/// How a value stands in a sentence.
+/// Formats a value for use in a sentence.
 pub fn in_words(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_expressions_say_why() {
+    fn invalid_expressions_are_explained() {
         for text in ["", "1 +", "x", "color.size", "min()", "'a", "1 2", "nope(1)", "'a' * 2", "color.list[9]", "(1"] {
             let error = evaluate(text, &Names).unwrap_err();
             assert!(error.starts_with(&format!("`{text}`: ")), "{error}");

@@ -1,10 +1,10 @@
-//! One family: from a seed and what its parameters are set to, to an object with its annotations.
+//! A family: generates objects with annotations from a seed and parameters.
 
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_core::{Aabb, Annotations, AssetRef, ObjectCard, ObjectModel, Pose, Room, Seed};
+use genmanip_core::{Aabb, Annotations, AssetRef, CavitySize, ObjectCard, ObjectModel, Pose, Seed};
 use glam::DVec3;
 use rand::RngExt;
 use serde::Deserialize;
@@ -15,48 +15,48 @@ use super::expression::{Scope, evaluate, is_true, number, takes_an};
 use super::template::{Library, expand};
 use crate::recipe::Recipe;
 
-/// Deepest chain of parameters that follow from one another.
+/// Maximum depth of parameter dependencies.
 const MAX_CHAIN: usize = 40;
 
-/// A family of objects, as its data file has it.
+/// A family of objects, as defined in its data file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Family {
-    /// Its own name, e.g. `mug`; it also starts the uids of its objects.
+    /// Name, e.g. `mug`; prefix of its objects' uids.
     pub family: String,
-    /// Grows when the physics of its objects change.
+    /// Version, incremented when the physics of its objects change.
     pub version: u32,
-    /// What was different before, so that old scenarios still open.
+    /// Earlier versions, so that old scenarios still open.
     #[serde(default)]
     earlier: Vec<Earlier>,
-    /// Path of its category, general first.
+    /// Category path, general first.
     pub path: Vec<String>,
-    /// Whether it is kept for testing: no task of the training split has an object of it.
+    /// True if the whole family is held out for testing.
     #[serde(default)]
     pub unseen: bool,
-    /// Whether its objects have joints.
+    /// True if its objects have joints.
     #[serde(default)]
     pub articulated: bool,
-    /// Other words for it that people use.
+    /// Synonyms.
     pub synonyms: Vec<String>,
-    /// What its objects are used for from day to day.
+    /// Everyday uses.
     pub uses: Vec<String>,
-    /// Answers to "what is this?" that count as right, besides category and synonyms.
+    /// Accepted answers to "what is this?", besides category and synonyms.
     #[serde(default)]
     pub also_named: Vec<String>,
-    /// What a part is for, by the name of the part, where the name alone does not say it.
+    /// Affordances by part name, where the name alone does not imply them.
     #[serde(default)]
     pub part_affordances: BTreeMap<String, Vec<String>>,
-    /// Parameters: fixed values, `[low, high]`, lists to choose from, or `=expressions`.
+    /// Parameters: fixed values, ranges `[low, high]`, lists to choose from, or `=expressions`.
     vars: BTreeMap<String, Value>,
-    /// Templates of the card.
+    /// Templates of the description.
     card: CardTemplate,
-    /// Template of the recipe's parts.
+    /// Templates of the recipe's parts.
     parts: Vec<Value>,
-    /// Template of its links.
+    /// Templates of its links.
     #[serde(default)]
     links: Vec<Value>,
-    /// Template of what its states mean.
+    /// Templates of its joint states.
     #[serde(default)]
     states: Vec<Value>,
 }
@@ -66,11 +66,11 @@ pub struct Family {
 #[serde(deny_unknown_fields)]
 struct Earlier {
     version: u32,
-    /// Parameters that were defined otherwise.
+    /// Parameters with a different definition.
     vars: BTreeMap<String, Value>,
 }
 
-/// What is said of an object of a family, each a template.
+/// Templates of an object's description.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CardTemplate {
@@ -82,11 +82,11 @@ struct CardTemplate {
     materials: Vec<Value>,
     shape: Value,
     mass_kg: Value,
-    #[serde(default = "usual_friction")]
+    #[serde(default = "default_friction")]
     friction: Value,
     #[serde(default)]
     container: bool,
-    /// Whether it is meant to be taken by an 8 cm hand.
+    /// True if it can be grasped by an 8 cm gripper.
     #[serde(default = "yes")]
     grasp: Value,
     #[serde(default)]
@@ -97,7 +97,7 @@ struct CardTemplate {
     affordances: Vec<String>,
 }
 
-/// What the words of a card come out as.
+/// Evaluated description templates.
 #[derive(Deserialize)]
 struct Words {
     name: String,
@@ -114,12 +114,12 @@ struct Words {
 }
 
 impl Family {
-    /// Its category, the last of its path.
+    /// Category: the last entry of the path.
     pub fn category(&self) -> &str {
         self.path.last().map_or("", String::as_str)
     }
 
-    /// The family as it was in a version; as it is now where there was none.
+    /// The family in an earlier version; the current one if there is no such version.
     pub fn in_version(&self, version: u32) -> Cow<'_, Self> {
         let Some(earlier) = self.earlier.iter().find(|earlier| earlier.version == version) else {
             return Cow::Borrowed(self);
@@ -134,13 +134,12 @@ impl Family {
         self.vars.keys()
     }
 
-    /// Stream of everything that is drawn of the object of a seed: its own, so that objects of one seed differ from
-    /// family to family.
+    /// Root seed of an object, distinct for each family.
     pub(crate) fn stream(&self, seed: Seed) -> Seed {
         seed.fork(&self.family)
     }
 
-    /// The recipe of the object of a seed, all expressions worked out.
+    /// The recipe of an object with all expressions evaluated.
     ///
     /// # Errors
     /// As [`Family::instance`].
@@ -151,13 +150,13 @@ impl Family {
         palettes: &BTreeMap<String, Value>,
         library: &Library,
     ) -> Result<Value, String> {
-        self.worked_out(params, seed, palettes, library).map(|(_, recipe)| recipe)
+        self.expand(params, seed, palettes, library).map(|(_, recipe)| recipe)
     }
 
-    /// The object of a seed, with some parameters set.
+    /// Generates an object, with some parameters fixed.
     ///
     /// # Errors
-    /// What is wrong with a parameter or, where the data is wrong, with a template.
+    /// An invalid parameter, or an invalid template.
     pub fn instance(
         &self,
         params: &BTreeMap<String, Value>,
@@ -165,7 +164,7 @@ impl Family {
         palettes: &BTreeMap<String, Value>,
         library: &Library,
     ) -> Result<ObjectModel, String> {
-        let (words, recipe) = self.worked_out(params, seed, palettes, library)?;
+        let (words, recipe) = self.expand(params, seed, palettes, library)?;
         let recipe: Recipe = read(recipe)?;
         let parts = recipe.parts.iter().chain(recipe.links.iter().flat_map(|link| &link.parts));
         if let Some(flaw) = parts.enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
@@ -185,7 +184,7 @@ impl Family {
         }
     }
 
-    fn worked_out(
+    fn expand(
         &self,
         params: &BTreeMap<String, Value>,
         seed: Seed,
@@ -194,31 +193,32 @@ impl Family {
     ) -> Result<(Words, Value), String> {
         if let Some(unknown) = params.keys().find(|name| !self.vars.contains_key(*name)) {
             let known: Vec<&str> = self.vars.keys().map(String::as_str).collect();
-            return Err(format!("it has no parameter `{unknown}`, only {}", known.join(", ")));
+            return Err(format!("unknown parameter `{unknown}`; known parameters: {}", known.join(", ")));
         }
         let seed = self.stream(seed);
-        let draw = Draw { family: self, params, seed, palettes, known: RefCell::default(), chain: Cell::default() };
-        let words = self.words(&draw, library)?;
+        let scope =
+            ParameterScope { family: self, params, seed, palettes, known: RefCell::default(), chain: Cell::default() };
+        let words = self.words(&scope, library)?;
         let recipe = serde_json::json!({
             "family": self.family,
             "friction": words.friction,
-            "parts": expanded(&self.parts, &draw, library)?,
-            "links": expanded(&self.links, &draw, library)?,
-            "states": expanded(&self.states, &draw, library)?,
+            "parts": expanded(&self.parts, &scope, library)?,
+            "links": expanded(&self.links, &scope, library)?,
+            "states": expanded(&self.states, &scope, library)?,
         });
         Ok((words, recipe))
     }
 
-    fn words(&self, draw: &Draw, library: &Library) -> Result<Words, String> {
+    fn words(&self, scope: &ParameterScope, library: &Library) -> Result<Words, String> {
         let card = &self.card;
-        let one = |template: &Value| expand(template, draw, library);
+        let one = |template: &Value| expand(template, scope, library);
         let truth = |template: &Value| one(template).map(|value| Value::Bool(is_true(&value)));
         read(serde_json::json!({
             "name": one(&card.name)?,
             "description": one(&card.description)?,
-            "looks": expanded(&card.looks, draw, library)?,
-            "colors": distinct(expanded(&card.colors, draw, library)?),
-            "materials": distinct(expanded(&card.materials, draw, library)?),
+            "looks": expanded(&card.looks, scope, library)?,
+            "colors": distinct(expanded(&card.colors, scope, library)?),
+            "materials": distinct(expanded(&card.materials, scope, library)?),
             "shape": one(&card.shape)?,
             "mass_kg": one(&card.mass_kg)?,
             "friction": one(&card.friction)?,
@@ -229,7 +229,7 @@ impl Family {
     }
 
     fn card(&self, words: Words, params: &BTreeMap<String, Value>, seed: Seed, recipe: &Recipe) -> ObjectCard {
-        let room: Option<Room> = if self.articulated { None } else { recipe.room() };
+        let room: Option<CavitySize> = if self.articulated { None } else { recipe.room() };
         ObjectCard {
             uid: self.uid(params, seed),
             asset: AssetRef::Generated {
@@ -261,7 +261,7 @@ impl Family {
         }
     }
 
-    /// Name of family and seed, and a hash of what the parameters are set to.
+    /// Uid: family name, seed, and a hash of the fixed parameters.
     fn uid(&self, params: &BTreeMap<String, Value>, seed: Seed) -> String {
         let name = self.family.replace(' ', "-");
         if params.is_empty() {
@@ -273,8 +273,8 @@ impl Family {
     }
 }
 
-/// The parameters of one object: set, drawn, or derived when they are asked for.
-struct Draw<'a> {
+/// Parameter values of one object, fixed, sampled or derived on first use.
+struct ParameterScope<'a> {
     family: &'a Family,
     params: &'a BTreeMap<String, Value>,
     seed: Seed,
@@ -283,18 +283,18 @@ struct Draw<'a> {
     chain: Cell<usize>,
 }
 
-impl Draw<'_> {
-    fn drawn(&self, name: &str, spec: &Value) -> Result<Value, String> {
+impl ParameterScope<'_> {
+    fn sampled(&self, name: &str, spec: &Value) -> Result<Value, String> {
         let pick = |items: &[Value]| {
             let index = self.seed.fork(name).rng().random_range(0..items.len().max(1));
-            items.get(index).cloned().ok_or_else(|| format!("`{name}` has nothing to choose from"))
+            items.get(index).cloned().ok_or_else(|| format!("`{name}` has no options"))
         };
         let chosen = match spec {
             Value::Array(items) => match items.as_slice() {
                 [low, high] if low.is_number() && high.is_number() => {
                     let (low, high) = (low.as_f64().unwrap_or(0.0), high.as_f64().unwrap_or(0.0));
                     let value = low + (high - low) * self.seed.fork(name).rng().random::<f64>();
-                    // A tenth of a millimetre is as fine as anything is made.
+                    // Quantised to 0.1 mm.
                     return Ok(number((value * 1e4).round() / 1e4));
                 }
                 items => pick(items)?,
@@ -325,17 +325,17 @@ impl Draw<'_> {
     }
 }
 
-impl Scope for Draw<'_> {
+impl Scope for ParameterScope<'_> {
     fn value(&self, name: &str) -> Result<Value, String> {
         if let Some(value) = self.params.get(name).or(self.known.borrow().get(name)) {
             return Ok(value.clone());
         }
         let spec = self.family.vars.get(name).ok_or_else(|| format!("there is no `{name}`"))?;
         if self.chain.get() >= MAX_CHAIN {
-            return Err(format!("`{name}` follows from itself"));
+            return Err(format!("`{name}` depends on itself"));
         }
         self.chain.set(self.chain.get() + 1);
-        let value = self.drawn(name, spec);
+        let value = self.sampled(name, spec);
         self.chain.set(self.chain.get() - 1);
         let value = value?;
         self.known.borrow_mut().insert(name.to_owned(), value.clone());
@@ -347,8 +347,8 @@ impl Scope for Draw<'_> {
     }
 }
 
-/// Of most things against their like: painted wood, plastic, glazed ware.
-fn usual_friction() -> Value {
+/// Default friction: painted wood, plastic, glazed ware.
+fn default_friction() -> Value {
     number(0.55)
 }
 
@@ -356,7 +356,7 @@ fn yes() -> Value {
     Value::Bool(true)
 }
 
-/// A list of templates, each spliced where it stands for several.
+/// Expands a list of templates, splicing those that expand to several items.
 fn expanded(templates: &[Value], scope: &dyn Scope, library: &Library) -> Result<Vec<Value>, String> {
     match expand(&Value::Array(templates.to_vec()), scope, library)? {
         Value::Array(items) => Ok(items),
@@ -373,7 +373,7 @@ fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, String> {
     serde_path_to_error::deserialize(value).map_err(|error| error.to_string())
 }
 
-/// Single spaces, none before a comma or full stop, and the article that fits the word behind it.
+/// Normalises whitespace and punctuation, and picks the matching article `a` or `an`.
 fn tidy(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
     let fitting = |(index, word): (usize, &&str)| match (*word, words.get(index + 1)) {
@@ -385,20 +385,20 @@ fn tidy(text: &str) -> String {
     joined.replace(" ,", ",").replace(" .", ".")
 }
 
-/// To tenths of a millimetre.
+/// Rounds to 0.1 mm.
 fn rounded(size: DVec3) -> DVec3 {
     (size * 1e4).round() / 1e4
 }
 
-/// What no object may be, whatever its family's data says.
+/// Plausibility check of a generated object; `None` if sound.
 fn flaw_of(bounds: &Aabb, model: &ObjectModel) -> Option<String> {
     let size = bounds.size();
     let masses = model.links.iter().all(|link| link.mass.mass_kg > 0.0 && link.mass.inertia.is_finite());
     match () {
         () if !size.is_finite() || size.min_element() < 0.002 || size.max_element() > 0.6 => {
-            Some(format!("it measures {size} m"))
+            Some(format!("its size is {size} m"))
         }
-        () if bounds.min.z.abs() > 1e-3 => Some(format!("it starts at z = {} m", bounds.min.z)),
+        () if bounds.min.z.abs() > 1e-3 => Some(format!("its lowest point is at z = {} m", bounds.min.z)),
         () if !masses => Some("a link has no mass".into()),
         () => None,
     }

@@ -1,9 +1,10 @@
-//! Families: parametric generators of objects, as data.
+//! Families: data-driven parametric generators of objects.
 //!
-//! `data/families/*.json` has one record per family: parameters with their ranges, templates of the parts, and of
-//! everything that is said about an object. [`Families::instance`] turns a family and a seed into an object with its
-//! annotations; the same seed gives the same object, and parameters that are set leave the others as they were.
-//! What several families share (finishes, patterns, handles) stands in `shapes.json`, colours in `palettes.json`.
+//! `data/families/*.json` has one record per family: parameters with their ranges, and templates of parts and
+//! description.
+//! [`Families::instance`] turns a family and a seed into an object with annotations; the same seed gives the same
+//! object, and fixing a parameter does not change the others.
+//! Shapes shared by families (finishes, patterns, handles) are in `shapes.json`, colours in `palettes.json`.
 
 mod expression;
 mod family;
@@ -20,7 +21,7 @@ use template::Library;
 
 use crate::AssetError;
 
-/// Files of families, general category by general category.
+/// Family files, one per general category.
 const FILES: [(&str, &str); 10] = [
     ("tableware", include_str!("../../data/families/tableware.json")),
     ("kitchen", include_str!("../../data/families/kitchen.json")),
@@ -34,7 +35,7 @@ const FILES: [(&str, &str); 10] = [
     ("articulated", include_str!("../../data/families/articulated.json")),
 ];
 
-/// All families with what they share.
+/// All families with their shared shapes and palettes.
 #[derive(Debug)]
 pub struct Families {
     families: BTreeMap<String, Family>,
@@ -47,7 +48,7 @@ fn refused(family: &str, reason: String) -> AssetError {
 }
 
 impl Families {
-    /// The families that come with the program.
+    /// The families that ship with the program.
     ///
     /// # Panics
     /// Never in a tested build: the data files are compiled in.
@@ -60,17 +61,17 @@ impl Families {
         })
     }
 
-    /// Families from the texts of named files, with shared shapes and palettes, all JSON.
+    /// Families from named JSON texts, with shared shapes and palettes.
     ///
     /// # Errors
-    /// [`AssetError::Data`] with the place of the mistake.
+    /// [`AssetError::Data`] with the position of the error.
     pub fn from_json(files: &[(&str, &str)], shapes: &str, palettes: &str) -> Result<Self, AssetError> {
         let mut families = BTreeMap::new();
         for (file, text) in files {
             let records: Vec<Family> = crate::data_file::read(file, text)?;
             for family in records {
                 if let Some(twice) = families.insert(family.family.clone(), family) {
-                    let message = format!("{}: expected one family of that name", twice.family);
+                    let message = format!("{}: duplicate family name", twice.family);
                     return Err(AssetError::Data { file: (*file).to_owned(), message });
                 }
             }
@@ -90,7 +91,7 @@ impl Families {
         self.families.get(name)
     }
 
-    /// The object of a family for a seed, with some parameters set.
+    /// Generates an object of a family, with some parameters fixed.
     ///
     /// ```
     /// use genmanip_assets::Families;
@@ -101,7 +102,7 @@ impl Families {
     /// ```
     ///
     /// # Errors
-    /// [`AssetError::NotGenerated`] naming the parameter or template that is wrong.
+    /// [`AssetError::NotGenerated`] with the invalid parameter or template.
     pub fn instance(
         &self,
         family: &str,
@@ -111,7 +112,7 @@ impl Families {
         self.instance_of(family, u32::MAX, params, seed)
     }
 
-    /// [`Families::instance`] as an earlier version of the family made it; the present one where there was none.
+    /// [`Families::instance`] for an earlier version of the family; the current one if there is no such version.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -126,7 +127,7 @@ impl Families {
         known.instance(params, seed, &self.palettes, &self.library).map_err(|reason| refused(family, reason))
     }
 
-    /// The recipe of that object, all expressions worked out, and the stream of what it leaves open.
+    /// The recipe of an object with all expressions evaluated, and the seed of its remaining randomness.
     ///
     /// # Errors
     /// As [`Families::instance_of`].
@@ -147,11 +148,11 @@ impl Families {
             let near: Vec<&str> =
                 self.families.keys().map(String::as_str).filter(|name| is_near(name, family)).collect();
             let near = if near.is_empty() { "none".into() } else { near.join(", ") };
-            refused(family, format!("there is no such family; near misses: {near}"))
+            refused(family, format!("unknown family; near misses: {near}"))
         })
     }
 
-    /// The card of the object of a family for a seed.
+    /// The card of a family's object.
     ///
     /// # Errors
     /// As [`Families::instance`].
@@ -164,7 +165,7 @@ impl Families {
         self.families.values().find(|family| family.category() == category)
     }
 
-    /// The family that made a model.
+    /// The family that generated an asset.
     pub fn of(&self, asset: &AssetRef) -> Option<&Family> {
         match asset {
             AssetRef::Generated { family, .. } => self.get(family),
@@ -173,7 +174,7 @@ impl Families {
     }
 }
 
-/// Whether two names share a word or most of their letters.
+/// True if two names share a word or most of their letters.
 fn is_near(known: &str, wanted: &str) -> bool {
     let wanted = wanted.to_lowercase();
     let same = known.chars().zip(wanted.chars()).filter(|(a, b)| a == b).count();

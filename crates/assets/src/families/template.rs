@@ -1,11 +1,11 @@
-//! Templates: JSON with expressions, choices and repetitions, expanded to plain JSON.
+//! Templates: JSON with expressions, conditionals and loops, expanded to plain JSON.
 //!
-//! - a text that starts with `=` is an expression; `{…}` in any other text is one in a sentence;
-//! - `{"if": …, "then": …, "else": …}` is one of two values, and nothing in a list where the other is missing;
-//! - `{"for": "i", "count": …, "do": …}` in a list stands for its items with `i` = 0, 1, …;
-//! - `{"use": "name", …}` is a shape or finish of the shared library with its arguments.
+//! - a string that starts with `=` is an expression; `{…}` in any other string is interpolated;
+//! - `{"if": …, "then": …, "else": …}` is one of two values, or no list item if the chosen branch is missing;
+//! - `{"for": "i", "count": …, "do": …}` in a list repeats `do` with `i` = 0, 1, …;
+//! - `{"use": "name", …}` instantiates a shape or finish of the shared library with arguments.
 //!
-//! In a list, what `then`, `else`, `do` and a shape give as lists is spliced in.
+//! In a list, lists returned by `then`, `else`, `do` and shapes are spliced in.
 
 use std::collections::BTreeMap;
 
@@ -14,22 +14,22 @@ use serde_json::{Map, Value};
 
 use super::expression::{Scope, evaluate, in_words, is_true, number};
 
-/// How deep shapes may use one another.
+/// Maximum nesting depth of shapes.
 const MAX_DEPTH: usize = 24;
-/// How often a repetition may repeat.
+/// Maximum number of repetitions of a loop.
 const MAX_REPEATS: f64 = 200.0;
 
-/// A shape or finish that templates can use.
+/// A reusable shape or finish.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Arguments with their defaults; `null` for one that must be given.
+    /// Arguments with their defaults; `null` for a required argument.
     #[serde(default)]
     pub with: BTreeMap<String, Value>,
-    /// Values that follow from the arguments.
+    /// Values derived from the arguments.
     #[serde(default)]
     pub vars: BTreeMap<String, Value>,
-    /// What it stands for.
+    /// Body.
     #[serde(rename = "do")]
     pub body: Value,
 }
@@ -37,10 +37,10 @@ pub struct Shape {
 /// The shared shapes by name.
 pub type Library = BTreeMap<String, Shape>;
 
-/// The plain value that a template stands for.
+/// Expands a template.
 ///
 /// # Errors
-/// What is wrong with which expression.
+/// The failing expression and its error.
 pub fn expand(template: &Value, scope: &dyn Scope, library: &Library) -> Result<Value, String> {
     Expander { library, depth: 0 }.value(template, scope)
 }
@@ -99,7 +99,7 @@ impl Expander<'_> {
                 let count = count.as_f64().filter(|count| *count <= MAX_REPEATS);
                 let count = count.ok_or("`count` needs a number up to 200")?;
                 for index in 0..count.max(0.0).round() as usize {
-                    let inner = With { own: [(name.to_owned(), number(index as f64))].into(), outer: scope };
+                    let inner = NestedScope { own: [(name.to_owned(), number(index as f64))].into(), outer: scope };
                     splice(self.value(body, &inner)?);
                 }
             } else if fields.contains_key("use") {
@@ -119,23 +119,23 @@ impl Expander<'_> {
 
     fn shape(self, fields: &Map<String, Value>, scope: &dyn Scope) -> Result<Value, String> {
         let name = fields.get("use").and_then(Value::as_str).ok_or("`use` needs the name of a shape")?;
-        let shape = self.library.get(name).ok_or_else(|| format!("there is no shape `{name}`"))?;
+        let shape = self.library.get(name).ok_or_else(|| format!("unknown shape `{name}`"))?;
         if self.depth >= MAX_DEPTH {
             return Err(format!("shape `{name}` uses itself"));
         }
         let mut own = BTreeMap::new();
         for (argument, value) in fields.iter().filter(|(argument, _)| *argument != "use") {
             if !shape.with.contains_key(argument) {
-                return Err(format!("shape `{name}` takes no `{argument}`"));
+                return Err(format!("shape `{name}` has no argument `{argument}`"));
             }
             own.insert(argument.clone(), self.value(value, scope)?);
         }
-        let inner = Inside { name, shape, own, stream: scope.stream(name) };
+        let inner = ShapeScope { name, shape, own, stream: scope.stream(name) };
         Self { depth: self.depth + 1, ..self }.value(&shape.body, &inner)
     }
 }
 
-/// A text with its `{expressions}` in words.
+/// Interpolates the `{expressions}` of a string.
 fn sentence(text: &str, scope: &dyn Scope) -> Result<String, String> {
     let mut words = String::new();
     let mut rest = text;
@@ -148,13 +148,13 @@ fn sentence(text: &str, scope: &dyn Scope) -> Result<String, String> {
     Ok(words + rest)
 }
 
-/// A scope with a few more names.
-struct With<'a> {
+/// A scope with additional variables.
+struct NestedScope<'a> {
     own: BTreeMap<String, Value>,
     outer: &'a dyn Scope,
 }
 
-impl Scope for With<'_> {
+impl Scope for NestedScope<'_> {
     fn value(&self, name: &str) -> Result<Value, String> {
         self.own.get(name).map_or_else(|| self.outer.value(name), |value| Ok(value.clone()))
     }
@@ -164,15 +164,15 @@ impl Scope for With<'_> {
     }
 }
 
-/// The inside of a shape: its arguments alone.
-struct Inside<'a> {
+/// Scope inside a shape: only its arguments and derived values.
+struct ShapeScope<'a> {
     name: &'a str,
     shape: &'a Shape,
     own: BTreeMap<String, Value>,
     stream: Seed,
 }
 
-impl Scope for Inside<'_> {
+impl Scope for ShapeScope<'_> {
     fn value(&self, name: &str) -> Result<Value, String> {
         if let Some(value) = self.own.get(name) {
             return Ok(value.clone());
@@ -183,7 +183,7 @@ impl Scope for Inside<'_> {
         match self.shape.with.get(name) {
             Some(Value::Null) => Err(format!("shape `{}` needs `{name}`", self.name)),
             Some(default) => expand(default, self, &Library::new()),
-            None => Err(format!("there is no `{name}` in shape `{}`", self.name)),
+            None => Err(format!("unknown variable `{name}` in shape `{}`", self.name)),
         }
     }
 

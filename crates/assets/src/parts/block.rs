@@ -11,37 +11,38 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, rounded_rectangle};
 
-/// A box, sharp or rounded, standing on the centre of its base: carton, book, cube, loaf.
+/// A box with sharp or rounded edges, standing on the centre of its base: carton, book, cube, loaf.
 ///
-/// Collision: an exact box up to 4 mm of rounding, else a hull of bevelled rings.
+/// Collision: an exact box for rounding up to 4 mm, otherwise a hull of bevelled rings.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// Name of the surface.
+    /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Extent.
+    /// Extent along each axis, m.
     pub size: DVec3,
-    /// Centre of the base.
+    /// Centre of the base, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Turned about the centre of the base: roll, pitch, yaw about fixed axes in degrees.
+    /// Rotation about the centre of the base: roll, pitch, yaw about fixed axes, degrees.
     #[serde(default)]
     pub turn_deg: [f64; 3],
-    /// Radius of the edges.
+    /// Edge radius, m.
     #[serde(default)]
     pub round: f64,
-    /// What remains of the rounding at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single
-    /// vertex. Small roundings crowd vertices: the physics engine keeps four contacts of a face, and a thing whose
-    /// contacts all lie at two opposite corners rocks for ever.
+    /// Fraction of the rounding kept at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single
+    /// vertex.
+    /// Small roundings crowd vertices: the physics engine keeps four contacts per face, and an object whose contacts
+    /// all lie at two opposite corners never stops rocking.
     #[serde(default = "corner")]
     pub corner: f64,
-    /// Draw only.
+    /// True for a purely visual part.
     #[serde(default)]
     pub ghost: bool,
-    /// Look of all sides.
+    /// Finish of all sides.
     pub finish: Finish,
-    /// Look of single sides: front (-x), far (+x), left (+y), right (-y), top, bottom.
+    /// Finish of single sides: front (-x), far (+x), left (+y), right (-y), top, bottom.
     #[serde(default)]
     pub faces: BTreeMap<Face, Finish>,
 }
@@ -67,7 +68,7 @@ pub enum Face {
 impl Face {
     const ALL: [Self; 6] = [Self::Front, Self::Far, Self::Left, Self::Right, Self::Top, Self::Bottom];
 
-    /// Directions of the texture's u (right) and v (down) and of the outward normal.
+    /// Directions of the texture's u (right) and v (down), and the outward normal.
     fn axes(self) -> [DVec3; 3] {
         let (u, v) = match self {
             Self::Front => (DVec3::NEG_Y, DVec3::NEG_Z),
@@ -89,7 +90,7 @@ impl Block {
         let object_from_block = Pose::new(self.at, turn) * Pose::from_position(DVec3::Z * half.z);
         let round = self.round.min(half.min_element());
         let side = |face: Face, detail: Detail| {
-            // With a single chord, edges that are as fine as pixels look dotted.
+            // A single chord makes edges as thin as a pixel look dotted.
             let steps = detail.chords(ROUND_STEPS, round, FRAC_PI_4).max(2);
             face_mesh(face, half, round, steps, &object_from_block)
         };
@@ -140,10 +141,10 @@ impl Block {
     }
 }
 
-/// Chords of an eighth of a circle, from the middle of a side to that of its edge.
+/// Chords of a rounded edge's half (an eighth of a circle).
 const ROUND_STEPS: usize = 3;
 
-/// One side with its share of the rounded edges, each in `steps` chords; texture coordinates are flat over the whole side.
+/// Mesh of one side with its half of the rounded edges, in `steps` chords each; planar texture coordinates.
 fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_block: &Pose) -> TriMesh {
     let [u, v, normal] = face.axes();
     let (half_u, half_v, half_n) = (u.abs().dot(half), v.abs().dot(half), normal.abs().dot(half));
@@ -152,7 +153,7 @@ fn face_mesh(face: Face, half: DVec3, round: f64, steps: usize, object_from_bloc
             return vec![-extent, extent];
         }
         let core = extent - round;
-        // Equal angles over an eighth of a circle, seen from the middle of the rounding.
+        // Equal angles over an eighth of a circle, projected from the centre of the rounding.
         let bend = |i: usize| core + round * (FRAC_PI_4 * i as f64 / steps as f64).tan();
         let mut knots: Vec<f64> = (0..=steps).rev().map(|i| -bend(i)).collect();
         knots.extend((0..=steps).map(bend));
@@ -190,7 +191,7 @@ fn append(mesh: &mut TriMesh, other: &TriMesh) {
     mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|index| index + offset)));
 }
 
-/// Chosen for the first objects.
+/// Default of [`Block::corner`].
 pub(super) const CORNER: f64 = 0.05;
 
 fn corner() -> f64 {

@@ -4,13 +4,13 @@ use serde::Deserialize;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 
-/// Collision only: a capsule per segment of a path, for bent shells that are drawn by other parts.
+/// Collision-only capsules along a path, for curved shells whose visuals come from other parts.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capsules {
-    /// Centres of the caps.
+    /// Centres of the caps, m.
     pub path: Vec<DVec3>,
-    /// One radius per segment.
+    /// Radius of each segment, m.
     pub radii: Vec<f64>,
 }
 

@@ -8,37 +8,37 @@ use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 
-/// A box that is open towards the front (-x), with shelves: carcass of a cabinet, microwave.
+/// A box that is open at the front (-x), with shelves: carcass of a cabinet, microwave.
 ///
-/// Collision: a box per wall and shelf, of which the floor alone touches the table; cavity: the room above each shelf,
+/// Collision: a box per wall and shelf, of which only the floor touches the table. Cavity: the space above each shelf,
 /// unless drawers fill it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Outer extent.
+    /// Outer extent, m.
     pub size: DVec3,
-    /// Centre of the base.
+    /// Centre of the base, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Thickness of the left (+y), right (-y), bottom, top and back (+x) walls.
+    /// Thickness of the left (+y), right (-y), bottom, top and back (+x) walls, m.
     pub walls: [f64; 5],
-    /// Number of shelves, evenly spread.
+    /// Number of evenly spaced shelves.
     #[serde(default)]
     pub shelves: usize,
-    /// Thickness of a shelf.
+    /// Thickness of a shelf, m.
     #[serde(default)]
     pub shelf: f64,
-    /// Whether drawers fill the room, so that nothing can lie in it but in them.
+    /// True if drawers fill the case, so that it has no cavity of its own.
     #[serde(default)]
     pub drawers: bool,
-    /// Look of the outside and of the walls' edges.
+    /// Finish of the outside and of the walls' edges.
     pub outside: Finish,
-    /// Look of the inside.
+    /// Finish of the inside.
     pub inside: Finish,
 }
 
 impl Case {
-    /// Smallest and largest corner of the space between the walls, whatever the shelves.
+    /// Smallest and largest corner of the interior, ignoring shelves.
     fn hollow(&self) -> [DVec3; 2] {
         let [left, right, bottom, top, back] = self.walls;
         let half = DVec3::new(self.size.x / 2.0, self.size.y / 2.0, 0.0);
@@ -67,15 +67,15 @@ impl Case {
         wall("floor", min, max.with_z(low.z), &[Face::Top]);
         wall("top", DVec3::new(min.x, low.y, high.z), DVec3::new(max.x, high.y, max.z), &[Face::Bottom]);
         wall("back", DVec3::new(high.x, low.y, low.z), DVec3::new(max.x, high.y, high.z), &[Face::Front]);
-        let room = (high.z - low.z - self.shelves as f64 * self.shelf) / (self.shelves + 1) as f64;
+        let height = (high.z - low.z - self.shelves as f64 * self.shelf) / (self.shelves + 1) as f64;
         for level in 0..=self.shelves {
-            let floor = low.z + level as f64 * (room + self.shelf);
+            let floor = low.z + level as f64 * (height + self.shelf);
             if level > 0 {
                 let (from, to) = (low.with_z(floor - self.shelf), high.with_z(floor));
                 self.block("shelf", from, to, &[Face::Top, Face::Bottom]).add_to(link, seed.fork("shelf"));
             }
             if !self.drawers {
-                let (from, to) = (low.with_z(floor), high.with_z(floor + room));
+                let (from, to) = (low.with_z(floor), high.with_z(floor + height));
                 link.cavity.push(Solid::cuboid(Pose::from_position((from + to) / 2.0), (to - from) / 2.0).piece);
             }
         }

@@ -1,4 +1,4 @@
-//! Families of parts by construction: each makes a surface, exact convex bodies and, where it is hollow, a cavity.
+//! Kinds of parts: each builds a surface, exact convex pieces and, if hollow, a cavity.
 
 mod block;
 mod capsules;
@@ -29,31 +29,31 @@ use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::surface::Detail;
 
-/// One part of an object, all lengths in metres in the object's frame.
+/// One part of an object, in metres in the object's frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
     /// A hollow body of revolution, open at the top.
     Vessel(Vessel),
-    /// A full body of revolution or a regular prism.
+    /// A solid body of revolution or a regular prism.
     Turned(Turned),
     /// A swept tube, round or flattened.
     Tube(Tube),
-    /// A box, sharp or rounded.
+    /// A box with sharp or rounded edges.
     Block(Block),
     /// A box without a lid.
     OpenBox(OpenBox),
-    /// A box that is open towards the front.
+    /// A box that is open at the front.
     Case(Case),
-    /// A convex polygon with thickness.
+    /// An extruded convex polygon.
     Prism(Prism),
-    /// A ring lying flat.
+    /// A horizontal ring.
     Ring(Ring),
-    /// Collision capsules without a surface.
+    /// Collision-only capsules.
     Capsules(Capsules),
 }
 
-/// All parts of one link; chance in their textures comes from `seed`.
+/// Assembles the parts of one link; `seed` drives their random textures.
 pub fn assemble(parts: &[Part], seed: Seed) -> LinkBuilder {
     let mut link = LinkBuilder::default();
     for (index, part) in parts.iter().enumerate() {
@@ -63,7 +63,7 @@ pub fn assemble(parts: &[Part], seed: Seed) -> LinkBuilder {
 }
 
 impl Part {
-    /// Adds the part to a link; chance in its textures comes from `seed`.
+    /// Adds the part to a link; `seed` drives its random texture.
     fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         match self {
             Self::Vessel(part) => part.add_to(link, seed),
@@ -78,7 +78,7 @@ impl Part {
         }
     }
 
-    /// The hollow of a part that is open at the top.
+    /// Cavity of a part that is open at the top.
     pub fn cavity(&self) -> Option<Piece> {
         match self {
             Self::Vessel(part) => Some(part.cavity()),
@@ -87,7 +87,7 @@ impl Part {
         }
     }
 
-    /// Why the part cannot be made, if it cannot.
+    /// Reason why the part cannot be built; `None` if it is valid.
     pub fn flaw(&self) -> Option<&'static str> {
         let profile = |points: &[[f64; 2]]| points.len() >= 2 && points.iter().flatten().all(|value| value.is_finite());
         let (sound, rule) = match self {
@@ -122,10 +122,10 @@ impl Part {
                     && 2.0 * part.wall < part.size.x.min(part.size.y),
                 "an open box needs walls and a floor thinner than its size",
             ),
-            Self::Case(part) => (part.is_sound(), "a case needs walls and shelves that leave room between them"),
+            Self::Case(part) => (part.is_sound(), "a case needs walls and shelves that leave space between them"),
             Self::Prism(part) => (
                 part.polygon.len() >= 3 && part.span[0] < part.span[1],
-                "a prism needs at least 3 corners and a rising span",
+                "a prism needs at least 3 corners and an increasing span",
             ),
             Self::Ring(part) => (
                 part.section.len() >= 3 && !(1..3).contains(&part.solid.len()) && (4..=96).contains(&part.sectors),
@@ -140,13 +140,13 @@ impl Part {
     }
 }
 
-/// How far collision pieces stay above the table that need not stand on it, m.
+/// Height above the table of collision pieces that need not touch it, m.
 ///
-/// Two dozen wedges that touch the table beside the base disc make physics five times slower and hold nothing.
+/// Two dozen wedges touching the table around the base disc slow physics fivefold without adding support.
 const CLEARANCE: f64 = 0.0005;
 
-/// A surface in the object's frame, made of triangles as it is measured and as it is drawn.
+/// A visual part in the object's frame, with a full-resolution and a rendering mesh.
 fn surface(name: &str, mesh: impl Fn(Detail) -> TriMesh, finish: &Finish, seed: Seed) -> VisualPart {
-    let measured = VisualPart::new(name, mesh(Detail::Measured), finish.material(seed), Pose::IDENTITY);
-    VisualPart { drawn: Arc::new(mesh(Detail::Drawn)), ..measured }
+    let measured = VisualPart::new(name, mesh(Detail::Full), finish.material(seed), Pose::IDENTITY);
+    VisualPart { render_mesh: Arc::new(mesh(Detail::Simplified)), ..measured }
 }

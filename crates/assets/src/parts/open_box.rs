@@ -10,27 +10,27 @@ use crate::surface::{from_rings, rounded_rectangle};
 
 /// A box without a lid: basket, cardboard box, tray.
 ///
-/// Collision: a floor and four walls, exact boxes; cavity: the hollow up to the rim.
+/// Collision: exact boxes for the floor and four walls. Cavity: the interior up to the rim.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OpenBox {
-    /// Outer extent.
+    /// Outer extent, m.
     pub size: DVec3,
-    /// Centre of the base.
+    /// Centre of the base, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Thickness of the walls.
+    /// Thickness of the walls, m.
     pub wall: f64,
-    /// Thickness of the floor.
+    /// Thickness of the floor, m.
     pub floor: f64,
-    /// Radius of the upright edges, drawn only.
+    /// Radius of the vertical edges, visual only, m.
     #[serde(default)]
     pub corner: f64,
-    /// Look of the walls' outside; u runs once around.
+    /// Finish of the walls' outside; u wraps around once.
     pub outside: Finish,
-    /// Look of the inside walls.
+    /// Finish of the walls' inside.
     pub inside: Finish,
-    /// Look of the floor.
+    /// Finish of the floor.
     pub bottom: Finish,
 }
 
@@ -58,7 +58,7 @@ impl OpenBox {
         link.cavity.push(self.cavity());
     }
 
-    /// The hollow up to the rim.
+    /// The interior up to the rim.
     pub(super) fn cavity(&self) -> Piece {
         let hollow =
             DVec3::new(self.size.x / 2.0 - self.wall, self.size.y / 2.0 - self.wall, (self.size.z - self.floor) / 2.0);
@@ -81,7 +81,7 @@ impl OpenBox {
     }
 }
 
-/// A flat face over a convex ring; texture coordinates cover its bounds.
+/// Triangle fan over a convex ring; texture coordinates span its bounds.
 fn fan(ring: &[DVec3], upward: bool) -> TriMesh {
     let low = ring.iter().fold(DVec3::INFINITY, |low, point| low.min(*point));
     let high = ring.iter().fold(DVec3::NEG_INFINITY, |high, point| high.max(*point));

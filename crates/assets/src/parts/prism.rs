@@ -8,26 +8,26 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::from_rings;
 
-/// A convex polygon with thickness: gable of a carton, blade of a turner, jaw of a wrench.
+/// An extruded convex polygon: gable of a carton, blade of a turner, jaw of a wrench.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prism {
-    /// Name of the surface.
+    /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Direction of the thickness; the polygon lies in the other two axes in cyclic order (x: yz, y: zx, z: xy).
+    /// Extrusion direction; the polygon lies in the other two axes in cyclic order (x: yz, y: zx, z: xy).
     pub axis: PrismAxis,
-    /// Corners, counter-clockwise seen against the axis.
+    /// Polygon vertices, counter-clockwise seen against the axis, m.
     pub polygon: Vec<[f64; 2]>,
-    /// Lower and upper end along the axis.
+    /// Lower and upper end along the axis, m.
     pub span: [f64; 2],
-    /// Scale of the polygon at the upper end about its mean, 1 for a straight prism.
+    /// Scale of the polygon at the upper end about its mean; 1 for a straight prism.
     #[serde(default = "one")]
     pub taper: f64,
-    /// Draw only.
+    /// True for a purely visual part.
     #[serde(default)]
     pub ghost: bool,
-    /// Its look.
+    /// Finish.
     pub finish: Finish,
 }
 

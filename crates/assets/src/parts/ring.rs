@@ -10,30 +10,30 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, smooth_curve};
 
-/// A ring lying flat around +z: doughnut, tape roll.
+/// A horizontal ring around +z: doughnut, tape roll.
 ///
-/// Collision: one convex sector of the cross-section after the other; four of them, a quarter turn apart,
-/// carry the ring, the others keep clear of what is below and above.
+/// Collision: consecutive convex sectors of the cross-section. Four of them, a quarter turn apart, support the ring;
+/// the others keep clear of what is below and above.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {
-    /// Name of the surface.
+    /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Convex cross-section of (radius, height), counter-clockwise with the radius to the right.
+    /// Convex cross-section of (radius, height), counter-clockwise with the radius to the right, m.
     pub section: Vec<[f64; 2]>,
-    /// Convex cross-section that it collides with; `section` when absent.
+    /// Convex collision cross-section; `section` if empty.
     #[serde(default)]
     pub solid: Vec<[f64; 2]>,
     /// Number of sectors, a multiple of four.
     pub sectors: usize,
-    /// Draw the cross-section as a smooth closed curve.
+    /// True to smooth the visual cross-section.
     #[serde(default)]
     pub smooth: bool,
-    /// Draw only.
+    /// True for a purely visual part.
     #[serde(default)]
     pub ghost: bool,
-    /// Its look; u runs around the axis, v around the cross-section from its first point.
+    /// Finish; u runs around the axis, v around the cross-section from its first point.
     pub finish: Finish,
 }
 

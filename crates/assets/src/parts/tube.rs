@@ -12,32 +12,32 @@ use crate::surface::{Detail, from_rings, smooth_curve, tube_rings};
 
 /// A tube swept along a path: handle, banana, stem, tine.
 ///
-/// Collision: a capsule per segment where the tube is round, else a hull.
+/// Collision: a capsule per segment where the tube is round, otherwise a hull.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tube {
-    /// Name of the surface.
+    /// Name of the visual part.
     #[serde(default = "handle")]
     pub name: String,
-    /// Stations of the centre line.
+    /// Stations of the centre line, m.
     pub path: Vec<DVec3>,
-    /// Half widths, across and upright, one for all stations or one per station.
+    /// Half widths, horizontal and vertical, one pair for all stations or one per station, m.
     pub half_widths: Vec<[f64; 2]>,
-    /// Draw the path with its corners.
+    /// True for a polygonal instead of a smooth centre line.
     #[serde(default)]
     pub straight: bool,
-    /// Draw only: too small to matter.
+    /// True for a purely visual part that is too small to matter.
     #[serde(default)]
     pub ghost: bool,
-    /// Its look.
+    /// Finish.
     pub finish: Finish,
 }
 
-/// Corners of a cross-section, drawn and of the hulls.
+/// Sides of a collision cross-section, and minimum sides of a visual one.
 const SIDES: usize = 12;
 
-/// Most corners of a cross-section that is only drawn.
-const GHOST_SIDES: usize = 28;
+/// Maximum sides of a purely visual cross-section.
+const MAX_GHOST_SIDES: usize = 28;
 
 impl Tube {
     pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
@@ -46,7 +46,7 @@ impl Tube {
         let widths: Vec<DVec3> = (0..self.path.len()).map(|i| self.half_width(i).extend(0.0)).collect();
         let widths: Vec<DVec2> = smooth_curve(&widths, steps).into_iter().map(DVec3::truncate).collect();
         let widest = widths.iter().map(|half| half.max_element()).fold(0.0, f64::max);
-        let most = if self.ghost { GHOST_SIDES } else { SIDES };
+        let most = if self.ghost { MAX_GHOST_SIDES } else { SIDES };
         let mesh = |detail: Detail| {
             let mut rings = tube_rings(&path, &widths, detail.chords(most, widest, TAU).max(SIDES));
             close_ends(&mut rings);
@@ -89,7 +89,7 @@ impl Tube {
     }
 }
 
-/// Adds a shrunken and a pointed ring at both ends.
+/// Closes both ends with a degenerate ring.
 fn close_ends(rings: &mut Vec<Vec<DVec3>>) {
     let center = |ring: &[DVec3]| ring.iter().sum::<DVec3>() / ring.len().max(1) as f64;
     if let (Some(first), Some(last)) = (rings.first().cloned(), rings.last().cloned()) {

@@ -10,75 +10,75 @@ use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 
-/// A full body of revolution or a regular prism: can, bottle, jar, fruit, pen.
+/// A solid body of revolution or a regular prism: can, bottle, jar, fruit, pen.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turned {
-    /// Name of the surface.
+    /// Name of the visual part.
     #[serde(default = "body")]
     pub name: String,
-    /// Profile of (radius, position along the axis), base to top.
+    /// Profile of (radius, position along the axis), base to top, m.
     pub profile: Vec<[f64; 2]>,
-    /// Draw the profile as a smooth curve.
+    /// True to smooth the visual profile.
     #[serde(default)]
     pub smooth: bool,
-    /// Corners of the cross-section; 0 for round.
+    /// Sides of the cross-section; 0 for round.
     #[serde(default)]
     pub sides: usize,
-    /// Draw only the mantle, without the flat ends.
+    /// True to omit the flat ends of the visual.
     #[serde(default)]
     pub open: bool,
-    /// Stretch of the cross-section.
+    /// Scale of the cross-section along x and y.
     #[serde(default = "unstretched")]
     pub stretch: DVec2,
-    /// Where the axis starts and how it runs.
+    /// Placement of the axis.
     #[serde(default)]
     pub axis: Axis,
-    /// What it collides with.
+    /// Collision geometry.
     #[serde(default)]
     pub solid: TurnedSolid,
-    /// Its look.
+    /// Finish.
     pub finish: Finish,
 }
 
-/// How the axis of a turned body runs.
+/// Placement of a turned part's axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Axis {
     /// Along +z through the origin.
     #[default]
     Upright,
-    /// Along +x, each cross-section touching the table, with a flat facet to rest on.
+    /// Along +x, each cross-section touching the table, with a facet to rest on.
     Lying,
-    /// Along +x at a height, with a flat facet to rest on.
+    /// Along +x at a height, with a facet to rest on.
     Level(f64),
-    /// Along a direction from a point.
+    /// From a point along a direction.
     From(DVec3, DVec3),
 }
 
-/// What a turned body collides with.
+/// Collision geometry of a turned part.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TurnedSolid {
-    /// The convex hull of the profile's rings; two equal rings of a round body give an exact cylinder, here and below.
+    /// Convex hull of the profile's rings; here and below, two equal rings of a round body give an exact cylinder.
     #[default]
     Hull,
-    /// The hull of other rings than those that are drawn.
+    /// Convex hull of other rings than the visual ones.
     Rings(Vec<[f64; 2]>),
-    /// Several convex bodies, each from the rings of one list.
+    /// Several convex pieces, each from a list of rings.
     Stack(Vec<Vec<[f64; 2]>>),
-    /// One cylinder: largest radius, whole length.
+    /// One cylinder: largest radius, full length.
     Cylinder,
-    /// Nothing: too small to matter.
+    /// None, for parts too small to matter.
     None,
 }
 
-/// Corners of the rings that round bodies collide with.
+/// Sides of the collision rings of round bodies.
 const ROUND: usize = 20;
 
-/// Most and fewest corners of a round surface; chosen by looking at cans and pens.
-const MOST_SIDES: usize = 40;
-const FEWEST_SIDES: usize = 12;
+/// Bounds on the sides of a round visual; chosen by inspecting cans and pens.
+const MAX_SIDES: usize = 40;
+const MIN_SIDES: usize = 12;
 
 impl Turned {
     pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
@@ -107,7 +107,7 @@ impl Turned {
                 return self.cylinder(radius, low, high);
             }
             let profile: Vec<DVec2> = points.iter().map(|&point| DVec2::from_array(point)).collect();
-            // Lying bodies rest on a facet, so the polygon is drawn around the circle and not into it.
+            // Lying bodies rest on a facet, so the polygon circumscribes the circle.
             let grow = if self.rests_on_side() { 1.0 / (std::f64::consts::PI / sides as f64).cos() } else { 1.0 };
             let rings = self.rings_scaled(&profile, sides, self.phase(sides), grow);
             Solid::loft(&rings)
@@ -123,10 +123,10 @@ impl Turned {
         }
     }
 
-    /// Corners of a round surface, a multiple of four so that its size is exact along both axes.
+    /// Sides of a round visual; a multiple of four so that its size is exact along both axes.
     fn round_sides(&self, detail: Detail) -> usize {
         let radius = self.radius() * self.stretch.max_element();
-        detail.chords(MOST_SIDES, radius, TAU).next_multiple_of(4).max(FEWEST_SIDES)
+        detail.chords(MAX_SIDES, radius, TAU).next_multiple_of(4).max(MIN_SIDES)
     }
 
     /// Largest radius.
@@ -134,7 +134,7 @@ impl Turned {
         self.profile.iter().map(|point| point[0]).fold(0.0, f64::max)
     }
 
-    /// Round, and free to roll: an exact cylinder serves it best.
+    /// True for a round body that may roll, which is best represented by an exact cylinder.
     fn is_exact_cylinder(&self) -> bool {
         self.sides == 0 && !self.rests_on_side() && self.stretch == DVec2::ONE
     }
@@ -149,7 +149,7 @@ impl Turned {
     }
 
     fn phase(&self, sides: usize) -> f64 {
-        // Prisms and lying polygons show a flat side to the axes, round bodies a corner, so that sizes are exact.
+        // Prisms and lying polygons have a flat side towards the axes, round bodies a vertex, so that sizes are exact.
         if (self.sides > 0 && sides.is_multiple_of(2)) || self.rests_on_side() { 0.5 } else { 0.0 }
     }
 

@@ -12,38 +12,38 @@ use crate::surface::{Detail, circle, from_rings, smooth_profile, subdivided};
 
 /// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
-/// The wall lies between two profiles of (radius, height) with equally many points, from the base to the rim.
-/// Collision: one convex wedge per sector and profile segment, and a full base up to the first inner point,
-/// which alone touches the table.
+/// The wall lies between two profiles of (radius, height) with equally many points, base to rim.
+/// Collision: one convex wedge per sector and profile segment, and a solid base up to the first inner point, which is
+/// the only piece that touches the table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vessel {
-    /// Outer profile, base edge to rim.
+    /// Outer profile, base edge to rim, m.
     pub outer: Vec<[f64; 2]>,
-    /// Inner profile, floor edge to rim.
+    /// Inner profile, floor edge to rim, m.
     pub inner: Vec<[f64; 2]>,
-    /// Number of collision wedges around, a multiple of four so that the size is exact.
+    /// Number of collision wedges around; a multiple of four so that the size is exact.
     pub sectors: usize,
-    /// What the outside is drawn with when it is finer than `outer`, base edge to rim.
+    /// Visual profile of the outside, base edge to rim, if finer than `outer`.
     #[serde(default)]
     pub outline: Vec<[f64; 2]>,
-    /// Draw the profiles as smooth curves.
+    /// True to smooth the visual profiles.
     #[serde(default)]
     pub smooth: bool,
-    /// Outside, from the centre of the base to the rim.
+    /// Finish of the outside, from the centre of the base to the rim.
     pub outside: Finish,
-    /// Inside, v = 0 at the centre of the floor, v = 1 at the rim.
+    /// Finish of the inside, v = 0 at the centre of the floor, v = 1 at the rim.
     pub inside: Finish,
-    /// Look of the rim; the inside's ground colour when absent.
+    /// Finish of the rim; the inside's base colour if absent.
     #[serde(default)]
     pub rim: Option<Finish>,
-    /// Where the centre of the base stands.
+    /// Centre of the base, m.
     #[serde(default)]
     pub at: DVec3,
-    /// Stretch along x and y, for oval vessels.
+    /// Scale along x and y, for oval vessels.
     #[serde(default = "unstretched")]
     pub stretch: DVec2,
-    /// How high things may lie and still count as in it; the rim when absent.
+    /// Top of the cavity, m; the rim if absent.
     #[serde(default)]
     pub cavity_top: Option<f64>,
 }
@@ -72,7 +72,7 @@ impl Vessel {
             [("outside", outside, &self.outside), ("rim", rim, &self.rim_finish()), ("inside", inside, &self.inside)]
         {
             let mesh = |detail: Detail| {
-                let is_plain = detail == Detail::Drawn && !finish.is_painted();
+                let is_plain = detail == Detail::Simplified && !finish.is_painted();
                 let profile = if is_plain { profile.clone() } else { subdivided(&profile) };
                 let rings: Vec<_> = profile.into_iter().map(|point| self.ring(point, sides)).collect();
                 from_rings(&rings, detail)
@@ -121,7 +121,7 @@ impl Vessel {
         }
     }
 
-    /// The hollow, up to the rim or as far as things count as in it.
+    /// The cavity, up to the rim or `cavity_top`.
     pub(super) fn cavity(&self) -> Piece {
         let top = self.cavity_top.unwrap_or(f64::INFINITY);
         let rings: Vec<_> = self

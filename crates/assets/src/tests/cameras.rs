@@ -1,4 +1,4 @@
-//! What the cameras of the default world have in their pictures, beside those of version 1.
+//! Coverage of the default world's cameras, compared to version 1; camera and sensor presets.
 
 use genmanip_core::camera::{CameraPreset, PRESETS};
 use genmanip_core::glam::{DVec2, DVec3};
@@ -10,18 +10,18 @@ use serde_json::json;
 use crate::panda;
 use crate::worlds::default_world;
 
-/// Least share of the picture's width that the workspace spans.
-const LEAST_WIDTH_SHARE: f64 = 0.70;
-/// Least share of the workspace's area in the picture: a strip of its near edge, beyond the arm's reach from above,
-/// may be cut off.
-const LEAST_AREA_SHARE: f64 = 0.93;
-/// How much larger things appear than through the cameras of version 1: "about 1.4 times".
+/// Minimum fraction of the image width that the workspace spans.
+const MIN_WIDTH_SHARE: f64 = 0.70;
+/// Minimum fraction of the workspace area inside the image: a strip of its near edge, beyond the reach of top-down
+/// picks, may be cut off.
+const MIN_AREA_SHARE: f64 = 0.93;
+/// Magnification relative to the cameras of version 1: "about 1.4 times".
 const ENLARGEMENT: std::ops::RangeInclusive<f64> = 1.35..=1.45;
 
-/// A camera fixed in the world that projects points of the world.
-struct Eye<'a>(&'a Camera);
+/// A camera fixed in the world.
+struct WorldCamera<'a>(&'a Camera);
 
-impl Eye<'_> {
+impl WorldCamera<'_> {
     fn pixel(&self, point: DVec3) -> DVec2 {
         let in_camera = self.0.mount_from_camera.inverse().transform_point(point);
         self.0.intrinsics.project(in_camera).unwrap_or(DVec2::NAN)
@@ -33,8 +33,7 @@ impl Eye<'_> {
             && pixel.cmple(DVec2::new(f64::from(k.width) - 0.5, f64::from(k.height) - 0.5)).all()
     }
 
-    /// Pixels that a length of 8 cm across the line of sight takes up at the middle of the workspace, as a cube stands
-    /// there.
+    /// Width in pixels of an 8 cm cube at the centre of the workspace.
     fn cube_px(&self) -> f64 {
         let middle = DVec3::new(0.55, 0.0, 0.04);
         0.08 * self.0.intrinsics.fx / self.0.mount_from_camera.inverse().transform_point(middle).z
@@ -42,19 +41,19 @@ impl Eye<'_> {
 }
 
 #[test]
-fn the_default_cameras_are_filled_with_the_workspace_and_see_the_hand() {
+fn the_default_cameras_cover_the_workspace_and_the_hand() {
     let old: Vec<Camera> =
         serde_json::from_str(include_str!("../../../core/src/upgrade/cameras_of_version_1.json")).unwrap();
     let world = default_world();
     let (robot, area) = (panda(), world.workspace);
     let links = robot.link_poses(&world.robot.home, robot.gripper.max_width);
-    // From the flange to between the pads, and as wide as the hand.
+    // From the flange to between the pads, and the width of the hand.
     let hand = [(-0.1, 0.0), (0.1, 0.0), (-0.1, 0.06), (0.1, 0.06), (0.0, 0.1034)]
         .map(|(y, z)| links[robot.hand].transform_point(DVec3::new(0.0, y, z)));
     for (name, sees_hand) in [("overview", true), ("left", false), ("right", false), ("static", true)] {
         let camera = world.camera(name).unwrap();
         assert_eq!((camera.mount, camera.intrinsics.width, camera.intrinsics.height), (CameraMount::World, 512, 288));
-        let eye = Eye(camera);
+        let eye = WorldCamera(camera);
         let at = |i: usize, j: usize| {
             let part = |[low, high]: [f64; 2], index: usize| low + (high - low) * index as f64 / 40.0;
             DVec3::new(part(area.x, i), part(area.y, j), 0.0)
@@ -62,12 +61,12 @@ fn the_default_cameras_are_filled_with_the_workspace_and_see_the_hand() {
         let grid = || (0..=40).flat_map(move |i| (0..=40).map(move |j| at(i, j)));
         let seen: Vec<DVec3> = grid().filter(|&point| eye.sees(point)).collect();
         let area_share = seen.len() as f64 / grid().count() as f64;
-        assert!(area_share >= LEAST_AREA_SHARE, "{name}: {area_share:.3} of the workspace is in the picture");
+        assert!(area_share >= MIN_AREA_SHARE, "{name}: {area_share:.3} of the workspace is in the image");
         let columns = || seen.iter().map(|&point| eye.pixel(point).x);
         let span = columns().fold(f64::MIN, f64::max) - columns().fold(f64::MAX, f64::min);
         let share = span / f64::from(camera.intrinsics.width);
-        assert!(share >= LEAST_WIDTH_SHARE, "{name}: the workspace fills {share:.3} of the width");
-        let before = Eye(old.iter().find(|other| other.name == name).unwrap());
+        assert!(share >= MIN_WIDTH_SHARE, "{name}: the workspace fills {share:.3} of the width");
+        let before = WorldCamera(old.iter().find(|other| other.name == name).unwrap());
         let enlargement = eye.cube_px() / before.cube_px();
         assert!(ENLARGEMENT.contains(&enlargement), "{name}: {enlargement:.3} times as large as before");
         let missed = hand.iter().find(|&&point| sees_hand && !eye.sees(point));
@@ -77,9 +76,9 @@ fn the_default_cameras_are_filled_with_the_workspace_and_see_the_hand() {
     assert_eq!(mirrored("left"), world.camera("right").unwrap().mount_from_camera.position);
 }
 
-/// Vertical fields of view as the makers publish them, degrees, where they do.
+/// Published vertical fields of view, degrees.
 #[test]
-fn presets_are_those_of_the_makers() {
+fn presets_match_published_values() {
     let vertical = [("d415", 42.5), ("d415_depth", 40.0), ("d435", 42.5), ("d435_depth", 58.0)];
     for (name, published_deg) in vertical {
         let got = CameraPreset::named(name).unwrap().intrinsics().vertical_fov().to_degrees();
@@ -108,12 +107,12 @@ fn presets_are_those_of_the_makers() {
     assert_eq!(CameraPreset::named("d455"), None);
 }
 
-/// Pixels per row that the devices measure depth in.
+/// Image widths at which the devices measure depth, pixels.
 const DEPTH_WIDTHS: [(&str, f64); 3] = [("d415", 1280.0), ("d435", 848.0), ("structured-light", 640.0)];
 
-/// Files may name a device instead of its numbers, which agree with each other.
+/// Sensor presets are valid, consistent, and accepted by name in files.
 #[test]
-fn sensors_are_sound_and_go_by_name() {
+fn sensor_presets_are_valid_and_named() {
     let entry = |sensor: serde_json::Value| {
         json!({"name": "c", "mount": "world", "eye_m": [1, 0, 1], "target_m": [0, 0, 0], "size_px": [64, 36],
                "vertical_fov_deg": 40, "sensor": sensor})
@@ -134,9 +133,9 @@ fn sensors_are_sound_and_go_by_name() {
     assert!(unknown.contains("cameras[0].sensor") && unknown.contains("structured-light"), "{unknown}");
 }
 
-/// Each fault of a lens or a sensor is named with its place.
+/// Every invalid lens or sensor parameter is reported with its path.
 #[test]
-fn lenses_and_sensors_that_cannot_be_are_refused() {
+fn invalid_lenses_and_sensors_are_rejected() {
     let intrinsics = Intrinsics::from_vertical_fov(64, 36, 0.7);
     let usual = Camera::looking_at("c", DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO, intrinsics);
     let device = SensorPreset::named("d435").unwrap().sensor;

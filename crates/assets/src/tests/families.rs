@@ -1,16 +1,16 @@
-//! Every family against what its objects must be, the list of generated objects, and finding them.
+//! Validity of every family's objects, the list of generated objects, and search.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{AssetRef, Pose, Seed};
 use serde_json::json;
 
-use crate::listed::listed;
-use crate::notes::{Split, geometry_notes, notes};
+use crate::instances::generated_instances;
+use crate::metadata::{Split, asset_metadata, geometry_metadata};
 use crate::search::Filter;
 use crate::{AssetSource, Catalogue, Families};
 
-/// Seeds of each family that are looked at.
+/// Number of seeds checked per family.
 const SEEDS: u64 = 3;
 
 #[test]
@@ -20,7 +20,7 @@ fn there_are_enough_families() {
     assert!(count(&|family| !family.articulated) >= 80);
     assert!(count(&|family| !family.articulated && family.unseen) >= 16);
     assert!(count(&|family| family.articulated) >= 12);
-    // The families speak for every category of the built-in objects they share.
+    // Every family has synonyms, uses and a category path.
     assert!(
         families.all().all(|family| !family.synonyms.is_empty() && !family.uses.is_empty() && family.path.len() > 1)
     );
@@ -59,7 +59,7 @@ fn objects_of_every_family_are_sound() {
                 check(narrow <= 0.0765, format!("its narrowest side is {narrow} m"));
             }
             check(card.is_articulated == (model.joint_count() > 0), "joints".into());
-            check(!geometry_notes(&model).stable_poses.is_empty(), "no pose to stand in".into());
+            check(!geometry_metadata(&model).stable_poses.is_empty(), "no pose to stand in".into());
             let moving = model.links.iter().filter(|link| link.joint.is_some());
             check(
                 moving.clone().all(|link| crate::handle_bounds(link).is_some()),
@@ -71,7 +71,7 @@ fn objects_of_every_family_are_sound() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_object_and_set_parameters_leave_the_others() {
+fn seeds_are_reproducible_and_fixed_parameters_leave_the_others() {
     let families = Families::builtin();
     let make = |params: &[(&str, serde_json::Value)], seed| {
         let params = params.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
@@ -89,20 +89,20 @@ fn the_same_seed_gives_the_same_object_and_set_parameters_leave_the_others() {
 }
 
 #[test]
-fn wrong_requests_say_what_is_wrong() {
+fn invalid_requests_are_explained() {
     let check = |family: &str, params: serde_json::Value, expected: &str| {
         let params = serde_json::from_value(params).unwrap();
         let error = Families::builtin().instance(family, &params, Seed::new(1)).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     };
     check("mugs", json!({}), "near misses: ");
-    check("mug", json!({"height": 0.1}), "it has no parameter `height`, only ");
+    check("mug", json!({"height": 0.1}), "unknown parameter `height`; known parameters: ");
     check("mug", json!({"h": "tall"}), "mm(1 arguments) is unknown");
-    check("mug", json!({"h": 3.0}), "it measures ");
+    check("mug", json!({"h": 3.0}), "its size is ");
 }
 
 #[test]
-fn wrong_data_says_where() {
+fn invalid_data_is_located() {
     let check = |record: serde_json::Value, expected: &str| {
         let files = [("own", json!([record]).to_string())];
         let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
@@ -117,19 +117,19 @@ fn wrong_data_says_where() {
                         "mass_kg": 0.1}, "parts": parts})
     };
     check(record(json!([{"block": {"size": ["=w", 0.1, 0.1], "finish": {"color": "#ffffff"}}}]), json!({})), "`w`");
-    check(record(json!([{"use": "nothing"}]), json!({})), "there is no shape `nothing`");
+    check(record(json!([{"use": "nothing"}]), json!({})), "unknown shape `nothing`");
     check(record(json!([{"blok": {}}]), json!({})), "unknown variant `blok`");
-    check(record(json!([]), json!({})), "it measures ");
+    check(record(json!([]), json!({})), "its size is ");
     let loops = record(
         json!([{"block": {"size": ["=a", 0.1, 0.1], "finish": {"color": "#ffffff"}}}]),
         json!({"a": "=b", "b": "=a"}),
     );
-    check(loops, "follows from itself");
+    check(loops, "depends on itself");
 }
 
-/// A family whose physics changed still makes its earlier objects.
+/// A family whose physics changed still generates its earlier objects.
 #[test]
-fn earlier_versions_are_still_made() {
+fn earlier_versions_are_still_generated() {
     let catalogue = Catalogue::builtin();
     let pan = |version| {
         let asset = AssetRef::Generated { family: "pan".into(), params: BTreeMap::new(), seed: Seed::new(8), version };
@@ -140,11 +140,11 @@ fn earlier_versions_are_still_made() {
     let [first, second, third] = [1, 2, 3].map(pan);
     assert_eq!([first.0, second.0, third.0, pan(7).0], [1, 2, 3, 3]);
     assert_eq!(second.1 - first.1, 4, "24 wedges instead of 20");
-    assert!(first.2 != second.2 && second.2 != third.2, "physics of its own");
+    assert!(first.2 != second.2 && second.2 != third.2, "distinct physics");
 }
 
 #[test]
-fn the_list_is_whole_and_as_the_families_make_it() {
+fn the_list_is_complete_and_up_to_date() {
     let full = Catalogue::full();
     let (articulated, rigid): (Vec<_>, Vec<_>) = full.cards().iter().partition(|card| card.is_articulated);
     assert_eq!((rigid.len(), articulated.len()), (1000, 120));
@@ -158,18 +158,18 @@ fn the_list_is_whole_and_as_the_families_make_it() {
             words.windows(2).find(|pair| ["a", "A"].contains(&pair[0]) && pair[1].starts_with(['a', 'e', 'i', 'o']));
         assert_eq!(misfit, None, "{text}");
     }
-    for one in listed().iter().step_by(23) {
+    for one in generated_instances().iter().step_by(23) {
         let model = full.model(&one.card.asset).unwrap();
-        assert_eq!(model.card, one.card, "the list is stale: `genmanip assets freeze` makes it anew");
+        assert_eq!(model.card, one.card, "the list is stale: regenerate it with `genmanip assets freeze`");
         assert!(
             (model.world_bounds(&Pose::IDENTITY, &[]).size() - one.card.size_m).abs().max_element() < 0.02
                 || model.joint_count() > 0
         );
     }
-    // Families and single objects are kept for testing.
-    let with = |split: Split| listed().iter().filter(|one| one.split == split).count();
+    // Families and single objects are held out for testing.
+    let with = |split: Split| generated_instances().iter().filter(|one| one.split == split).count();
     assert!(with(Split::UnseenFamily) > 100 && with(Split::UnseenInstance) > 100 && with(Split::Train) > 600);
-    let families: BTreeSet<&str> = listed()
+    let families: BTreeSet<&str> = generated_instances()
         .iter()
         .filter_map(|one| match &one.card.asset {
             AssetRef::Generated { family, .. } => Some(family.as_str()),
@@ -180,9 +180,9 @@ fn the_list_is_whole_and_as_the_families_make_it() {
 }
 
 #[test]
-fn searches_find_what_people_mean() {
+fn searches_return_relevant_objects() {
     let index = Catalogue::full().index();
-    // Query, and a word that the category path or synonyms of each of the first five answers must hold.
+    // Query, and a word that the category path or synonyms of each of the first five results must contain.
     let cases = [
         ("something to drink from", "drinkware|cup|glass|pitcher|kettle|mug"),
         ("something to drink from that is not red", "drinkware|cup|glass|pitcher|mug"),
@@ -232,8 +232,8 @@ fn searches_find_what_people_mean() {
     for (query, expected) in cases {
         let found = index.search(query, &Filter::default(), 5);
         let fits = |card: &genmanip_core::ObjectCard| {
-            let notes = notes(card);
-            let known = notes.category_path.iter().chain(&notes.synonyms).chain([&card.category]);
+            let metadata = asset_metadata(card);
+            let known = metadata.category_path.iter().chain(&metadata.synonyms).chain([&card.category]);
             let known: Vec<&String> = known.collect();
             expected.split('|').any(|word| known.iter().any(|text| text.contains(word)))
         };

@@ -1,4 +1,4 @@
-//! Frozen objects: what they hold, and that a changed byte does not pass.
+//! Frozen objects: contents and integrity.
 
 use genmanip_core::Document;
 
@@ -8,7 +8,7 @@ use crate::{AssetSource, Catalogue, FrozenAsset};
 fn a_frozen_object_is_the_one_that_was_frozen() {
     let catalogue = Catalogue::full();
     let mut bytes = 0;
-    // Every tenth card: made by hand and by families, rigid and articulated.
+    // Every tenth card: hand-written and generated, rigid and articulated.
     let some: Vec<_> = catalogue.cards().iter().step_by(10).collect();
     assert!(some.iter().any(|card| card.is_articulated) && some.len() > 100);
     for card in &some {
@@ -20,20 +20,20 @@ fn a_frozen_object_is_the_one_that_was_frozen() {
         let (made, kept) = (catalogue.model(&card.asset).unwrap(), read.model().unwrap());
         assert_eq!(made.hashes(), kept.hashes(), "{}", card.uid);
         assert_eq!(made.card, kept.card);
-        // To the last bit, not only as hashes tell.
+        // Compare bit-exactly, not only by hash.
         for (made, kept) in made.links.iter().zip(&kept.links) {
             assert_eq!((&made.pieces, &made.cavity, made.mass), (&kept.pieces, &kept.cavity, kept.mass));
         }
     }
-    // What was changed does not pass: bodies do not fit the hashes, or the recipe does not fit the bodies.
+    // Modified objects are rejected: links that do not match the hashes, and a recipe that does not match the links.
     let sound = FrozenAsset::of(&some[0].asset, catalogue).unwrap();
     let mut heavier = sound.clone();
     heavier.links[0].mass.mass_kg += 0.001;
-    assert!(heavier.model().unwrap_err().to_string().contains("its physics has hash"));
+    assert!(heavier.model().unwrap_err().to_string().contains("physics hash: expected"));
     let mut other = sound.clone();
     other.recipe["parts"] = serde_json::json!([]);
     assert!(other.model().is_err());
     assert_eq!(heavier.differences(&sound, 3), ["links[0].mass.mass_kg"]);
-    // 600 objects of a suite of 200 scenarios are to stay within a few megabytes.
+    // 600 objects of a suite with 200 scenarios should stay within a few megabytes.
     assert!(bytes / some.len() < 16_000, "{} bytes each", bytes / some.len());
 }

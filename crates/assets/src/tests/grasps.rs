@@ -20,9 +20,9 @@ fn the_grasps_that_come_with_the_program_are_fresh_and_plausible() {
     }
 }
 
-/// Also when it is read and written again, as an interrupted bake does.
+/// Reading and writing again gives the same text, as an interrupted bake relies on.
 #[test]
-fn a_file_of_grasps_comes_back_as_it_was_written() {
+fn grasp_files_round_trip() {
     let text = GraspFile::builtin().to_text();
     let again = GraspFile::from_json(&text).unwrap();
     assert!(again.to_text() == text && again.objects.keys().eq(GraspFile::builtin().objects.keys()));
@@ -46,9 +46,9 @@ fn stale_grasps_are_refused_and_unknown_objects_have_none() {
     assert_eq!(GraspFile::builtin().of(&nameless).unwrap(), None);
 }
 
-/// What a robot is given: its own grasps of unchanged objects, an error for changed ones, and nothing of another robot.
+/// A robot gets its own grasps of unchanged objects, an error for changed ones, and nothing of another robot.
 #[test]
-fn a_library_gives_out_what_this_robot_tried_on_this_object() {
+fn the_library_returns_grasps_of_this_robot_and_object() {
     let (robot, mug) = (panda(), Catalogue::builtin().build("001").unwrap());
     let library = GraspLibrary::builtin();
     let known = &GraspFile::builtin().objects["001"].grasps;
@@ -62,9 +62,9 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
 
     let mut other = (*robot).clone();
     other.name = "another arm".into();
-    assert_eq!(library.of(&other, &mug), Ok(&[][..]), "grasps of another hand");
+    assert_eq!(library.of(&other, &mug), Ok(&[][..]), "grasps of another robot");
     assert_eq!(library.of(&other, &changed), Ok(&[][..]));
-    assert_eq!(library.of(&robot, &variant(&mug, Seed::new(1))), Ok(&[][..]), "a variant is another thing");
+    assert_eq!(library.of(&robot, &variant(&mug, Seed::new(1))), Ok(&[][..]), "a variant is a different object");
     let shelf = Catalogue::builtin().build("057").unwrap();
     assert_eq!(library.of(&robot, &shelf), Ok(&[][..]), "never tried");
 
@@ -75,12 +75,12 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
     file.made_by.robot_hash = Some(robot.physics_hash());
     assert!(GraspLibrary::new([file]).of(&robot, &mug).unwrap() == known);
 
-    // What nobody tried has the grasps of what has the same physics.
+    // An untried object uses the grasps of an object with the same physics.
     let mut twin = (*mug).clone();
     twin.asset = AssetRef::Builtin { uid: "twin".into(), version: 1 };
     assert!(library.of(&robot, &twin).unwrap() == known);
 
-    // Of files for several robots each gets its own.
+    // Files of several robots are kept apart.
     let mut theirs = GraspFile::builtin().clone();
     theirs.made_by.robot.clone_from(&other.name);
     theirs.objects.retain(|uid, _| uid == "046");
@@ -90,7 +90,7 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
     assert!(both.of(&robot, &mug).unwrap() == known);
 }
 
-/// Every so many-th object of the list: all of them take a minute to make.
+/// A sample of the list: building all objects takes a minute.
 #[test]
 fn the_list_has_grasps_that_were_tried() {
     let (robot, full) = (panda(), Catalogue::full());
@@ -100,11 +100,11 @@ fn the_list_has_grasps_that_were_tried() {
         .map(|card| card.uid.as_str())
         .filter(|uid| GraspLibrary::builtin().of(&robot, &full.build(uid).unwrap()).unwrap().is_empty())
         .collect();
-    assert_eq!(without, Vec::<&str>::new(), "bake data/instance_grasps.json anew");
+    assert_eq!(without, Vec::<&str>::new(), "regenerate data/instance_grasps.json");
 }
 
 #[test]
-fn broken_rows_are_refused_with_their_place() {
+fn invalid_rows_are_rejected_with_their_index() {
     let file = |row: &str| {
         let made_by = r#"{"seed":0,"genmanip_version":"","engine":"","robot":"","settings":{}}"#;
         let objects = format!(r#"{{"001":{{"physics_hash":"","grasps":[{row}]}}}}"#);

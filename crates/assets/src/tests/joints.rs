@@ -1,11 +1,11 @@
-//! Articulated objects: their states, their motion, their handles.
+//! Articulated objects: states, range of motion, handles.
 
 use genmanip_core::{Joint, ObjectModel};
 
 use super::gap;
 use crate::{AssetError, Catalogue, handle_bounds};
 
-/// Runs a check on every articulated object and reports all that fail.
+/// Runs a check on every articulated object and reports all failures.
 fn check_articulated(check: impl Fn(&ObjectModel) -> Vec<String>) {
     let catalogue = Catalogue::builtin();
     let mut flaws = Vec::new();
@@ -58,7 +58,7 @@ fn links_move_freely_over_the_whole_range() {
     check_articulated(|model| {
         let joints = joints(model);
         let mut worst = (0.0, String::new());
-        // Every joint over its range with all others at one end, then at the other.
+        // Sweep each joint over its range, with all others at one end, then at the other.
         for moving in 0..joints.len() {
             for (end, step) in (0..2).flat_map(|end| (0..=STEPS).map(move |step| (end, step))) {
                 let place = |index: usize, joint: &&Joint| {
@@ -83,20 +83,20 @@ fn links_move_freely_over_the_whole_range() {
 }
 
 #[test]
-fn every_moving_link_has_a_handle_for_the_hand() {
+fn every_moving_link_has_a_graspable_handle() {
     check_articulated(|model| {
         let moving = model.links.iter().filter(|link| link.joint.is_some());
         let thin = |size: glam::DVec3| size.min_element() < 0.075;
         moving
             .filter(|link| !handle_bounds(link).is_some_and(|bounds| thin(bounds.size())))
-            .map(|link| format!("{} has no handle that fits the hand", link.name))
+            .map(|link| format!("{} has no graspable handle", link.name))
             .collect()
     });
     assert!(handle_bounds(&Catalogue::builtin().build("048").unwrap().links[0]).is_none());
 }
 
 #[test]
-fn wrong_links_are_refused() {
+fn invalid_links_are_rejected() {
     let good = include_str!("../../data/catalog.json");
     for (from, to, place) in [
         (

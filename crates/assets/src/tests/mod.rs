@@ -1,4 +1,4 @@
-//! Checks of the built-in data, with the geometry they share.
+//! Tests of the built-in data, with shared geometry functions.
 
 mod cameras;
 mod families;
@@ -14,7 +14,7 @@ mod worlds;
 use genmanip_core::{Piece, Pose, VisualPart};
 use glam::DVec3;
 
-/// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
+/// Maximum of a function of a unit vector: a coarse search over the sphere, refined in shrinking caps.
 fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
     let sphere = |i: u32| {
         let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 100.0;
@@ -39,12 +39,13 @@ fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
     best.0
 }
 
-/// Separation of a point from a piece; positive when the point is outside.
+/// Signed distance of a point from a piece; positive outside.
 fn separation(piece: &Piece, point: DVec3) -> f64 {
     largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
 }
 
-/// How far the drawn surface stands out of the collision pieces, from every `stride`-th corner.
+/// Largest distance by which the visual surface protrudes from the collision pieces, sampled at every `stride`-th
+/// vertex.
 fn uncovered(visual: &[VisualPart], pieces: &[Piece], stride: usize) -> f64 {
     let corners = visual.iter().flat_map(|part| {
         part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))
@@ -59,7 +60,7 @@ fn uncovered(visual: &[VisualPart], pieces: &[Piece], stride: usize) -> f64 {
     corners.step_by(stride).map(gap).fold(0.0, f64::max)
 }
 
-/// Smallest separation of two sets of pieces; negative when they overlap, at most 5 cm.
+/// Smallest signed distance between two sets of pieces; negative if they overlap, at most 5 cm.
 fn gap(a: &[Piece], world_from_a: &Pose, b: &[Piece], world_from_b: &Pose) -> f64 {
     let mut smallest: f64 = 0.05;
     for first in a {

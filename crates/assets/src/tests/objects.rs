@@ -1,4 +1,4 @@
-//! Every object of the catalogue against its card.
+//! Every object of the catalogue matches its card.
 
 use genmanip_core::{Aabb, AssetRef, ObjectModel, PhysicsFactors, Piece, PlacedObject, Pose, Shape};
 use glam::{DMat3, DVec3};
@@ -7,7 +7,7 @@ use super::{largest_over_directions, separation, uncovered};
 use crate::solid::{Moments, Solid};
 use crate::{AssetError, AssetSource, Catalogue};
 
-/// Runs a check on every object that has a generator and reports all that fail.
+/// Runs a check on every object with a recipe and reports all failures.
 fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
     let catalogue = Catalogue::builtin();
     let mut flaws = Vec::new();
@@ -22,20 +22,10 @@ fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
     assert!(flaws.is_empty(), "{} flaws:\n{}", flaws.len(), flaws.join("\n"));
 }
 
-fn visual_bounds(model: &ObjectModel) -> Aabb {
-    let poses = model.link_poses(&[]);
-    let parts =
-        model.links.iter().zip(&poses).flat_map(|(link, pose)| link.visual.iter().map(move |part| (pose, part)));
-    Aabb::from_points(parts.flat_map(|(&object_from_link, part)| {
-        let object_from_part = object_from_link * part.link_from_part;
-        part.mesh.positions.iter().map(move |position| object_from_part.transform_point(position.as_dvec3()))
-    }))
-}
-
 #[test]
 fn sizes_are_those_of_the_cards() {
     check_all(|model| {
-        let bounds = [("pieces", model.world_bounds(&Pose::IDENTITY, &[])), ("surface", visual_bounds(model))];
+        let bounds = [("pieces", model.world_bounds(&Pose::IDENTITY, &[])), ("surface", model.visual_bounds(&[]))];
         let mut flaws = Vec::new();
         for (what, bounds) in bounds {
             let excess = (bounds.size() - model.card.size_m).abs();
@@ -61,8 +51,8 @@ fn lofts_are_convex_and_few() {
         }
         for (index, piece) in pieces().chain(&model.cavities(&[])).enumerate() {
             let Shape::Hull { points } = &piece.shape else { continue };
-            // A point that is no corner of the hull can be left out without changing it: every point must be extreme
-            // in some direction, up to the chord error of a bent tube.
+            // A point that is not a vertex of the hull is redundant: every point must be extreme in some direction, up
+            // to the chord error of a bent tube.
             let inside = points.iter().map(|&point| depth_in_hull(points, point)).fold(0.0, f64::max);
             if inside > 4e-4 {
                 flaws.push(format!("piece {index} has a point {:.2} mm inside its hull", inside * 1e3));
@@ -72,7 +62,7 @@ fn lofts_are_convex_and_few() {
     });
 }
 
-/// How deep a point lies in the hull of others.
+/// Depth of a point inside the hull of others.
 fn depth_in_hull(points: &[DVec3], point: DVec3) -> f64 {
     -largest_over_directions(|direction| {
         -points.iter().map(|other| (*other - point).dot(direction)).fold(0.0, f64::max)
@@ -105,7 +95,7 @@ fn mass_and_inertia_are_physical() {
     });
 }
 
-/// Ascending, of a symmetric matrix, by Jacobi rotations.
+/// Eigenvalues of a symmetric matrix in ascending order, by Jacobi rotations.
 fn eigenvalues(mut m: DMat3) -> [f64; 3] {
     for _ in 0..30 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -135,7 +125,7 @@ fn resting_pose_is_stable() {
     });
 }
 
-/// By how much the centre of mass stands inside what touches the table, m.
+/// Stability margin: distance of the centre of mass from the edge of the support polygon, m.
 fn standing_margin(model: &ObjectModel, joints: &[f64]) -> f64 {
     let poses = model.link_poses(joints);
     let masses = model.links.iter().zip(&poses);
@@ -164,7 +154,7 @@ fn standing_margin(model: &ObjectModel, joints: &[f64]) -> f64 {
 
 #[test]
 fn few_pieces_touch_the_table() {
-    // Every contact costs time in each physics step; a base or a few feet are enough to stand on.
+    // Every contact costs time in each physics step; a base or a few feet are sufficient support.
     check_all(|model| {
         let lowest = |piece: &Piece| piece.support(DVec3::NEG_Z).z;
         let touching = model.links[0].pieces.iter().filter(|piece| lowest(piece) < 3e-4).count();
@@ -279,7 +269,7 @@ proptest::proptest! {
 }
 
 #[test]
-fn a_scenario_of_other_physics_is_refused() {
+fn a_scenario_with_other_physics_is_rejected() {
     let catalogue = Catalogue::builtin();
     let model = catalogue.build("019").unwrap();
     let placed = PlacedObject {
@@ -309,20 +299,20 @@ fn a_scenario_of_other_physics_is_refused() {
         looks_hash: None,
         ..placed.clone()
     };
-    assert!(catalogue.instance(&old).is_ok(), "scenarios of version 1 are checked by their own hash");
+    assert!(catalogue.instance(&old).is_ok(), "scenarios of version 1 are checked with the version 1 hash");
     let repainted = PlacedObject { looks_hash: Some("v2:0".into()), ..placed.clone() };
-    assert!(catalogue.instance(&repainted).is_ok(), "looks refuse nothing");
-    let measured = PlacedObject { looks_hash: Some(model.drawn_as_measured().looks_hash()), ..placed.clone() };
-    let drawn = |placed| -> usize {
+    assert!(catalogue.instance(&repainted).is_ok(), "appearance is not checked");
+    let full = PlacedObject { looks_hash: Some(model.with_full_meshes().looks_hash()), ..placed.clone() };
+    let triangles = |placed| -> usize {
         let model = catalogue.instance(placed).unwrap();
-        model.links[0].visual.iter().map(|part| part.drawn.triangles.len()).sum()
+        model.links[0].visual.iter().map(|part| part.render_mesh.triangles.len()).sum()
     };
-    assert!(drawn(&measured) > drawn(&placed), "an earlier scenario is drawn as it was");
-    assert_eq!(catalogue.changed_looks(&[placed, old, repainted, measured]).unwrap(), ["019#2"]);
+    assert!(triangles(&full) > triangles(&placed), "an older scenario keeps its full-resolution meshes");
+    assert_eq!(catalogue.changed_appearance(&[placed, old, repainted, full]).unwrap(), ["019#2"]);
 }
 
 #[test]
-fn unknown_and_missing_objects_say_what_exists() {
+fn unknown_objects_get_suggestions() {
     let catalogue = Catalogue::builtin();
     let Err(AssetError::UnknownUid { near, .. }) = catalogue.build("Red Mugg") else { panic!("expected UnknownUid") };
     assert_eq!(near.first().map(String::as_str), Some("001 (Red Mug)"));
@@ -331,7 +321,7 @@ fn unknown_and_missing_objects_say_what_exists() {
 }
 
 #[test]
-fn broken_data_is_an_error_with_its_place() {
+fn invalid_data_is_located() {
     let record = |key: &str, value: &str| {
         let mut records: serde_json::Value = serde_json::from_str(include_str!("../../data/catalog.json")).unwrap();
         records[0][key] = serde_json::from_str(value).unwrap();
@@ -361,25 +351,25 @@ fn same_uid_same_bytes() {
     assert!(text(&fresh().unwrap()) == text(&fresh().unwrap()));
 }
 
-/// The room of a card is the hollow of its model, cut at mid height.
+/// A card's cavity size is derived from the model's cavity.
 #[test]
-fn rooms_are_those_of_the_cavities() {
+fn cavity_sizes_match_the_cavities() {
     let catalogue = Catalogue::builtin();
-    let mut rooms = 0;
+    let mut cavities_found = 0;
     for card in catalogue.cards() {
         let model = catalogue.build(&card.uid).unwrap();
         let cavities = model.cavities(&vec![0.0; model.joint_count()]);
         let expected = match cavities.as_slice() {
-            [cavity] if !card.is_articulated => genmanip_core::Room::of_cavity(cavity),
+            [cavity] if !card.is_articulated => genmanip_core::CavitySize::of_cavity(cavity),
             _ => None,
         };
         assert_eq!(card.annotations.room, expected, "{}", card.name);
-        if let Some(room) = expected {
-            rooms += 1;
-            assert!(room.depth_m < card.size_m.z && room.inside_m[0] < card.size_m.x, "{}: {room:?}", card.name);
+        if let Some(size) = expected {
+            cavities_found += 1;
+            assert!(size.depth_m < card.size_m.z && size.inside_m[0] < card.size_m.x, "{}: {size:?}", card.name);
         }
     }
-    assert!(rooms > 10);
+    assert!(cavities_found > 10);
     let inside = catalogue.card("052").and_then(|card| card.annotations.room).unwrap();
     assert!((inside.inside_m[0] - 0.192).abs() < 1e-9 && (inside.depth_m - 0.096).abs() < 1e-9, "{inside:?}");
 }

@@ -1,4 +1,4 @@
-//! The Panda against its published figures and outline.
+//! The Panda matches its published kinematics, limits and outline.
 
 use genmanip_core::{Aabb, Pose, RobotModel, Seed};
 use glam::DVec3;
@@ -7,10 +7,10 @@ use rand::RngExt;
 use super::{gap, uncovered};
 use crate::{AssetError, panda, robot_from_json};
 
-/// Arm positions, position, y axis, z axis.
+/// Arm joint positions; hand position, y axis and z axis.
 type HandPose = ([f64; 7], [f64; 3], [f64; 3], [f64; 3]);
 
-/// Hand poses from the maker's URDF by plain matrix products.
+/// Hand poses computed from the manufacturer's URDF by plain matrix products.
 const URDF_HAND: [HandPose; 3] = [
     ([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], [0.30702, 0.0, 0.59027], [0.000398, -1.0, 0.0], [0.0, 0.0, -1.0]),
     (
@@ -27,7 +27,7 @@ const URDF_HAND: [HandPose; 3] = [
     ),
 ];
 
-/// Bounds of the public collision meshes in their link frames, metres: link, smallest and largest corner.
+/// Bounds of the public collision meshes in their link frames, m: link, smallest and largest corner.
 const OUTLINES: [(&str, [f64; 3], [f64; 3]); 9] = [
     ("link0", [-0.154, -0.095, 0.0], [0.072, 0.095, 0.14]),
     ("link1", [-0.055, -0.129, -0.192], [0.055, 0.055, 0.055]),
@@ -41,7 +41,7 @@ const OUTLINES: [(&str, [f64; 3], [f64; 3]); 9] = [
 ];
 
 #[test]
-fn kinematics_are_those_of_the_maker() {
+fn kinematics_match_the_urdf() {
     let robot = panda();
     for (arm, position, y, z) in URDF_HAND {
         let hand = robot.link_poses(&arm, 0.0)[robot.hand];
@@ -52,7 +52,7 @@ fn kinematics_are_those_of_the_maker() {
 }
 
 #[test]
-fn home_looks_straight_down_from_well_above_the_table() {
+fn the_home_position_points_straight_down_above_the_table() {
     let robot = panda();
     let tcp = robot.tcp_pose(&robot.home);
     assert!(tcp.transform_vector(DVec3::Z).distance(DVec3::NEG_Z) < 1e-6, "{tcp:?}");
@@ -65,7 +65,7 @@ fn home_looks_straight_down_from_well_above_the_table() {
 }
 
 #[test]
-fn limits_are_those_of_the_maker() {
+fn limits_match_published_values() {
     let robot = panda();
     let joints: Vec<_> = robot.arm_joints().collect();
     assert_eq!(joints.len(), 7);
@@ -88,7 +88,7 @@ fn pads_meet_at_the_tcp_and_open_to_the_full_width() {
             Aabb::from_pieces(&(tcp_from_world * poses[finger]), [pad])
         });
         assert!((bounds[0].min.y - width / 2.0).abs() < 1e-9 && (bounds[1].max.y + width / 2.0).abs() < 1e-9);
-        assert!((bounds[0].center().z).abs() < 1e-9, "pads are centred on the tcp");
+        assert!((bounds[0].center().z).abs() < 1e-9, "pads are centred on the TCP");
         let size = bounds[0].size();
         assert!((DVec3::new(size.y, size.x, size.z) - robot.gripper.pad_size).length() < 1e-9);
     }
@@ -116,7 +116,7 @@ fn shapes_follow_the_outline_of_the_robot() {
 }
 
 #[test]
-fn arm_rarely_meets_itself_and_excluded_pairs_never_do() {
+fn self_collisions_are_rare_and_excluded_pairs_never_collide() {
     let robot = panda();
     let mut rng = Seed::new(1).fork("self collision").rng();
     let (mut colliding, samples) = (0, 60);
@@ -132,10 +132,10 @@ fn arm_rarely_meets_itself_and_excluded_pairs_never_do() {
             assert!(depth < 0.012, "{a} and {b} overlap by {:.1} mm at {arm:?}", depth * 1e3);
         }
     }
-    assert!(colliding * 100 <= samples * 30, "{colliding} of {samples} random positions meet themselves");
+    assert!(colliding * 100 <= samples * 30, "{colliding} of {samples} random positions are in self-collision");
 }
 
-/// The first pair of links that overlap by more than the search's error.
+/// The first pair of links that overlap by more than the search's numerical error.
 fn self_collision(robot: &RobotModel, arm: &[f64], width: f64) -> Option<(usize, usize)> {
     let poses = robot.link_poses(arm, width);
     let pairs = (0..robot.links.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
@@ -145,7 +145,7 @@ fn self_collision(robot: &RobotModel, arm: &[f64], width: f64) -> Option<(usize,
 }
 
 #[test]
-fn broken_robots_are_refused() {
+fn invalid_robots_are_rejected() {
     let good = include_str!("../../data/panda.json");
     for (from, to, place) in [
         ("\"parent\": 0", "\"parent\": 9", "links[1].parent"),

@@ -1,15 +1,15 @@
-//! What pictures show of a surface, against what judges measure.
+//! Rendering meshes stay close to the full-resolution meshes.
 
 use genmanip_core::{Seed, TriMesh};
 use glam::DVec3;
 
 use crate::{Catalogue, Families, panda};
 
-/// Tenth of a millimetre of a drawn profile, and what the chords of a measured circle stray from it themselves.
+/// Maximum deviation: the tolerance of rendering meshes plus the chord error of a full-resolution circle, m.
 const FAR_M: f64 = 2.5e-4;
 
 #[test]
-fn what_is_drawn_lies_close_to_what_is_measured() {
+fn rendering_meshes_stay_close_to_full_resolution() {
     let catalogue = Catalogue::builtin();
     let families = Families::builtin();
     let built = catalogue.cards().iter().map(|card| catalogue.build(&card.uid).unwrap());
@@ -18,11 +18,11 @@ fn what_is_drawn_lies_close_to_what_is_measured() {
     let objects = built.flat_map(|model| model.links.clone()).chain(made.flat_map(|model| model.links));
     let robot = panda();
     let surfaces = objects.flat_map(|link| link.visual).chain(robot.links.iter().flat_map(|link| link.visual.clone()));
-    let (mut measured, mut drawn, mut flaws) = (0, 0, Vec::new());
+    let (mut full, mut simplified, mut flaws) = (0, 0, Vec::new());
     for part in surfaces {
-        measured += part.mesh.triangles.len();
-        drawn += part.drawn.triangles.len();
-        let gaps: Vec<[f64; 2]> = sampled(&part.mesh).map(|(at, normal)| gap(&part.drawn, at, normal)).collect();
+        full += part.mesh.triangles.len();
+        simplified += part.render_mesh.triangles.len();
+        let gaps: Vec<[f64; 2]> = sampled(&part.mesh).map(|(at, normal)| gap(&part.render_mesh, at, normal)).collect();
         let farthest = gaps.iter().map(|gap| gap[0]).fold(0.0, f64::max);
         let alike = gaps.iter().map(|gap| gap[1]).sum::<f64>() / gaps.len() as f64;
         if farthest > FAR_M || alike < 0.985 {
@@ -30,16 +30,16 @@ fn what_is_drawn_lies_close_to_what_is_measured() {
         }
     }
     assert!(flaws.is_empty(), "{} flaws:\n{}", flaws.len(), flaws.join("\n"));
-    assert!(drawn * 10 < measured * 6, "{drawn} triangles of {measured}");
+    assert!(simplified * 10 < full * 6, "{simplified} triangles of {full}");
 }
 
-/// Some corners with their normals.
+/// A sample of vertices with their normals.
 fn sampled(mesh: &TriMesh) -> impl Iterator<Item = (DVec3, DVec3)> {
     let corners = mesh.positions.iter().zip(&mesh.normals).map(|(at, normal)| (at.as_dvec3(), normal.as_dvec3()));
     corners.step_by(mesh.positions.len() / 50 + 1)
 }
 
-/// How far a point lies from a surface, and the largest cosine between its normal and that of a triangle so close.
+/// Distance of a point from a mesh, and the largest cosine between its normal and that of a triangle within tolerance.
 fn gap(mesh: &TriMesh, at: DVec3, normal: DVec3) -> [f64; 2] {
     let mut best = [f64::INFINITY, -1.0];
     for triangle in &mesh.triangles {
@@ -56,8 +56,8 @@ fn gap(mesh: &TriMesh, at: DVec3, normal: DVec3) -> [f64; 2] {
     best
 }
 
-/// Distance of a point from a triangle, and the shares of the corners in the nearest point; after Ericson, *Real-Time
-/// Collision Detection*, 5.1.5.
+/// Distance of a point from a triangle, and the barycentric coordinates of the nearest point; after Ericson,
+/// *Real-Time Collision Detection*, 5.1.5.
 fn closest([a, b, c]: [DVec3; 3], at: DVec3) -> (f64, [f64; 3]) {
     let on_edge = |from: DVec3, to: DVec3| {
         ((at - from).dot(to - from) / (to - from).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)

@@ -2,9 +2,10 @@ use genmanip_core::{Aabb, Pose, Seed};
 
 use crate::{Catalogue, variant};
 
-/// Every rigid object: what is seen, touched and weighed changes alike, and what fitted the hand still does.
+/// For every rigid object, visuals, collision pieces and mass scale consistently, and graspable objects stay
+/// graspable.
 #[test]
-fn variants_are_the_same_thing_in_other_proportions() {
+fn variants_scale_consistently() {
     let catalogue = Catalogue::builtin();
     for card in catalogue.cards() {
         let model = catalogue.build(&card.uid).unwrap();
@@ -17,7 +18,7 @@ fn variants_are_the_same_thing_in_other_proportions() {
         assert_ne!(changed.physics_hash(), variant(&model, Seed::new(78)).physics_hash(), "{}", card.name);
         let factors = changed.card.size_m / model.card.size_m;
         let bounds = |model: &genmanip_core::ObjectModel| Aabb::from_pieces(&Pose::IDENTITY, &model.links[0].pieces);
-        // Inscribed hulls of round bodies are up to half a millimetre smaller.
+        // Inscribed hulls of round bodies are up to 0.5 mm smaller.
         let difference = (bounds(&changed).size() - bounds(&model).size() * factors).abs().max_element();
         assert!(difference < 6e-4, "{}: pieces differ by {difference} m", card.name);
         let seen =
@@ -31,7 +32,7 @@ fn variants_are_the_same_thing_in_other_proportions() {
         let (before, after) = (&model.links[0].mass, &changed.links[0].mass);
         assert!((after.mass_kg - changed.card.mass_kg).abs() < 1e-9, "{}", card.name);
         assert!((after.center - before.center * factors).length() < 1e-12, "{}", card.name);
-        // Inertia of a stretched body lies between those of the extreme factors.
+        // Inertia of a scaled body lies between those of the extreme factors.
         let share = after.mass_kg / before.mass_kg;
         for axis in 0..3 {
             let ratio = after.inertia.col(axis)[axis] / before.inertia.col(axis)[axis] / share;

@@ -1,4 +1,4 @@
-//! Worlds from text: the default one, every fault at once, and what makes two of them differ.
+//! Worlds from text: the default world, fault reports, and differences.
 
 use genmanip_core::{CameraMount, Document, World, WorldPart};
 
@@ -6,7 +6,7 @@ use crate::worlds::{DEFAULT_TEXT, default_world, read};
 use crate::{panda, robots};
 
 #[test]
-fn the_default_world_is_whole_and_survives_json() {
+fn the_default_world_round_trips_through_json() {
     let (world, robot) = read(DEFAULT_TEXT).unwrap();
     assert_eq!(world, *default_world());
     assert_eq!((world.robot.name.as_str(), &world.robot.home), ("panda", &panda().home));
@@ -20,7 +20,7 @@ fn the_default_world_is_whole_and_survives_json() {
     assert_eq!(World::from_json(stored).unwrap().hashes().physics, world.hashes().physics, "the test world is stale");
 }
 
-/// Replaces text of the default world; the places of all faults, in their order.
+/// Replaces text of the default world and returns the paths of all faults, in order.
 fn faults(replacements: &[(&str, &str)]) -> Vec<String> {
     let text = replacements.iter().fold(DEFAULT_TEXT.to_owned(), |text, (old, new)| {
         assert!(text.contains(old), "the default world has no `{old}`");
@@ -30,7 +30,7 @@ fn faults(replacements: &[(&str, &str)]) -> Vec<String> {
 }
 
 #[test]
-fn every_fault_is_said_at_once_and_where_it_is() {
+fn all_faults_are_reported_with_their_path() {
     let check = |replacements: &[(&str, &str)], expected: &[&str]| {
         let found = faults(replacements);
         assert_eq!(found, expected, "{replacements:?}");
@@ -86,11 +86,11 @@ fn worlds_differ_by_field_and_by_part() {
     };
     let mut spelled = (*world).clone();
     integer(&mut spelled);
-    assert_eq!(world.hashes(), spelled.hashes(), "30 and 30.0 are one number");
+    assert_eq!(world.hashes(), spelled.hashes(), "30 and 30.0 are the same number");
 }
 
 #[test]
-fn robots_are_found_by_name_and_refused_by_field() {
+fn robots_are_found_by_name_and_checked_by_field() {
     let error = robots::named("Pandas").unwrap_err().to_string();
     assert!(error.contains("near misses: panda"), "{error}");
     let mut world = (*default_world()).clone();

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::suite::{Stage, balanced_traits};
 use genmanip_assets::Catalogue;
-use genmanip_assets::notes::Split;
+use genmanip_assets::metadata::Split;
 use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_tasks::designer::{DesignSettings, Series};

@@ -163,7 +163,8 @@ fn differences(
         match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
             Ok(mut today) => {
                 // Drawn by all triangles, as suites once were frozen, it is still the catalogue's.
-                if Catalogue::builtin().measured_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash) {
+                if Catalogue::builtin().full_mesh_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash)
+                {
                     today.looks_hash.clone_from(&frozen.looks_hash);
                 }
                 let places = frozen.differences(&today, MOST_PLACES);

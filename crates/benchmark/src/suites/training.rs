@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::suite::Stage;
 use genmanip_assets::Catalogue;
-use genmanip_assets::notes::Split;
+use genmanip_assets::metadata::Split;
 use genmanip_core::{Document, ObjectCard, Scenario, Seed, Task};
 use genmanip_tasks::designer::{DesignSettings, Series};
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_core::Distortion;
-use genmanip_core::sensor::{LONGEST_SHUTTER_S, SensorPreset};
+use genmanip_core::sensor::{MAX_SHUTTER_S, SensorPreset};
 
 /// Verbs for worlds.
 #[derive(Debug, Subcommand)]
@@ -150,9 +150,9 @@ fn sensor_names() -> clap::builder::PossibleValuesParser {
 }
 
 pub(super) fn parse_shutter(text: &str) -> Result<f64, String> {
-    let expected = || format!("expected 0 to {LONGEST_SHUTTER_S} seconds, got `{text}`");
+    let expected = || format!("expected 0 to {MAX_SHUTTER_S} seconds, got `{text}`");
     let seconds: f64 = text.parse().map_err(|_| expected())?;
-    if (0.0..=LONGEST_SHUTTER_S).contains(&seconds) { Ok(seconds) } else { Err(expected()) }
+    if (0.0..=MAX_SHUTTER_S).contains(&seconds) { Ok(seconds) } else { Err(expected()) }
 }
 
 pub(super) fn parse_distortion(text: &str) -> Result<Distortion, String> {

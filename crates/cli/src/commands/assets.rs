@@ -6,8 +6,8 @@ use genmanip_workspace::worlds;
 use std::path::Path;
 use std::sync::Arc;
 
-use genmanip_assets::listed::{choose, to_text};
-use genmanip_assets::notes::{geometry_notes, notes};
+use genmanip_assets::instances::{choose, to_text};
+use genmanip_assets::metadata::{asset_metadata, geometry_metadata};
 use genmanip_assets::search::Filter;
 use genmanip_assets::{Catalogue, Families, Family, GraspLibrary, panda};
 use genmanip_core::glam::DVec3;
@@ -76,7 +76,7 @@ fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Resul
 fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let catalogue = Catalogue::all();
     let model = object_images::model(catalogue, &arguments.uid)?;
-    let (card, geometry, known) = (&model.card, geometry_notes(&model), notes(&model.card));
+    let (card, geometry, known) = (&model.card, geometry_metadata(&model), asset_metadata(&model.card));
     let joints: Vec<_> = model.links.iter().filter_map(|link| link.joint.as_ref()).collect();
     let states: Vec<_> =
         model.joint_states.iter().map(|state| json!({"name": state.name, "joints": state.intervals})).collect();
@@ -170,7 +170,7 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     let columns = arguments.columns.min(models.len());
     let place = |(index, model): (usize, &Arc<ObjectModel>)| {
         json!({"row": index / columns + 1, "column": index % columns + 1, "uid": model.card.uid, "name": model.card.name,
-               "description": model.card.description, "accepted_names": notes(&model.card).accepted_names})
+               "description": model.card.description, "accepted_names": asset_metadata(&model.card).accepted_names})
     };
     let rows: Vec<_> = models.iter().enumerate().map(place).collect();
     let line = |row: &serde_json::Value| {
@@ -250,7 +250,8 @@ fn export(arguments: &ExportAssetArguments, printer: &Printer) -> Result<ExitSta
     write(&format!("{}.obj", model.card.uid), &geometry)?;
     write(&mtl, &materials)?;
     write(&format!("{}.xml", model.card.uid), &object_images::mjcf(&model)?)?;
-    let described = json!({"card": model.card, "notes": notes(&model.card), "geometry": geometry_notes(&model)});
+    let described =
+        json!({"card": model.card, "notes": asset_metadata(&model.card), "geometry": geometry_metadata(&model)});
     write(&format!("{}.json", model.card.uid), &serde_json::to_string_pretty(&described).unwrap_or_default())?;
     let files = ["obj", "mtl", "xml", "json"].map(|end| format!("{}.{end}", model.card.uid));
     printer.data(&json!({"folder": arguments.out, "files": files}), &files.join("\n"));

@@ -16,7 +16,7 @@ use genmanip_data::lerobot::{
 };
 use genmanip_data::{DataError, ExportReport};
 use genmanip_pipeline::rerender::{self, RerenderOptions};
-use genmanip_s3::{Access, Address, Bucket, Moved, Patience, S3Error};
+use genmanip_s3::{Access, Address, Bucket, RetryPolicy, S3Error, TransferSummary};
 use genmanip_viz::replay::{self, Replayed};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
@@ -92,14 +92,14 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
 fn moved(
     (what, done, address): (&str, &str, &str),
     printer: &Printer,
-    work: impl FnOnce(&Bucket, &str, &(dyn Fn(usize) + Sync)) -> Result<Moved, S3Error>,
+    work: impl FnOnce(&Bucket, &str, &(dyn Fn(usize) + Sync)) -> Result<TransferSummary, S3Error>,
 ) -> Result<ExitStatus, Failed> {
     let failed = |error: S3Error| {
         let hint = error.hint();
         Failed::because(format!("cannot {what} the folder"), &error).hint(hint)
     };
     let place = Address::parse(address).map_err(|error| Failed::misused(error.to_string()).hint(error.hint()))?;
-    let bucket = Bucket::new(&place.bucket, Access::from_environment().map_err(failed)?, Patience::default());
+    let bucket = Bucket::new(&place.bucket, Access::from_environment().map_err(failed)?, RetryPolicy::default());
     let begun = std::sync::Once::new();
     let heard = |all: usize| {
         begun.call_once(|| printer.begin(&format!("{what}ing files"), all));
@@ -107,7 +107,7 @@ fn moved(
     };
     let moved = work(&bucket, &place.prefix, &heard).map_err(failed)?;
     printer.end();
-    let Moved { files, bytes, moved: count } = moved;
+    let TransferSummary { files, bytes, moved: count } = moved;
     let there = files - count;
     let megabytes = bytes as f64 / 1e6;
     printer

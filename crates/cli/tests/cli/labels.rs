@@ -7,7 +7,7 @@ use genmanip_agent::picture::Picture;
 use genmanip_core::Document;
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::perception::PictureLabels;
+use genmanip_core::perception::ImageLabels;
 use serde_json::Value;
 
 use crate::{assert_same_tree, finished_run, genmanip, tree};
@@ -26,9 +26,9 @@ fn scenario() -> String {
     finished_run().join(format!("scenarios/{ID}.json")).to_str().unwrap().to_owned()
 }
 
-fn lines(folder: &Path) -> Vec<PictureLabels> {
+fn lines(folder: &Path) -> Vec<ImageLabels> {
     let text = fs::read_to_string(folder.join("labels.jsonl")).unwrap();
-    text.lines().map(|line| PictureLabels::from_json(line).unwrap()).collect()
+    text.lines().map(|line| ImageLabels::from_json(line).unwrap()).collect()
 }
 
 /// Points of a binary PLY file with colours.

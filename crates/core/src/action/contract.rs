@@ -1,23 +1,23 @@
-//! The contract of the actions of a data set, as the data set carries it.
+//! The action contract that a dataset carries.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{ActionSpec, Document};
 
-/// What the `action` column of a data set means; a policy that was trained on it returns such actions.
+/// Meaning of a dataset's `action` column; a policy trained on the dataset returns such actions.
 ///
-/// Row i holds for `1 / rate_hz` from the time of row i on. Changes and speeds are counted as `delta_from` says; from the
-/// robot's home and the open hand in the first row.
+/// Row i holds for `1 / rate_hz` from the timestamp of row i. Deltas and velocities are relative to `delta_from`; in
+/// the first row, to the robot's home position and the open gripper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionContract {
-    /// Meaning of the numbers.
+    /// Layout of the action vector.
     pub action: ActionSpec,
-    /// Actions per second; the 60 Hz control rate is a whole multiple.
+    /// Action rate, Hz; divides the 60 Hz control rate.
     pub rate_hz: f64,
     /// Name of the robot.
     pub robot: String,
-    /// Names of the numbers, in their order.
+    /// Names of the vector's entries, in order.
     pub names: Vec<String>,
 }
 

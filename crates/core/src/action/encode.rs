@@ -1,14 +1,14 @@
-//! Native commands as actions of a contract, for recorded demonstrations.
+//! Encodes native commands as actions of a contract, for recorded demonstrations.
 //!
-//! The way back needs inverse kinematics and is in `rollout::adapter`.
+//! Decoding needs inverse kinematics and lives in `rollout::adapter`.
 
 use crate::{ActionFrame, ActionSpace, ActionSpec, Pose, RobotModel};
 
 impl ActionSpec {
-    /// The action that leads, in `duration_s`, from the arm configuration `reference` (rad, base to hand) to the native
-    /// `command`: arm joint targets, then the opening width. Absolute spaces do not read the reference.
+    /// The action that takes the arm from the joint positions `reference` (rad, base to end effector) to the native
+    /// `command` (arm joint targets, then opening width) within `duration_s`. Absolute spaces ignore the reference.
     ///
-    /// Encodings that hold less than the command, as a gripper with a threshold, lose the rest.
+    /// Lossy for encodings that hold less than the command, e.g. a gripper with a threshold.
     pub fn encode(&self, robot: &RobotModel, command: &[f32], reference: &[f64], duration_s: f64) -> Vec<f32> {
         let (arm, width) = command.split_at(command.len().saturating_sub(1));
         let arm: Vec<f64> = arm.iter().copied().map(f64::from).collect();
@@ -26,7 +26,7 @@ impl ActionSpec {
         motion.into_iter().map(|value| value as f32).chain([self.gripper.number(width, &robot.gripper)]).collect()
     }
 
-    /// Names of the numbers, for an arm with these joints.
+    /// Names of the vector's entries, for an arm with these joints.
     pub fn names(&self, joints: &[&str]) -> Vec<String> {
         let prefix = match self.space {
             ActionSpace::JointPosition | ActionSpace::EePose => "",
@@ -52,7 +52,7 @@ impl ActionSpec {
 }
 
 impl ActionFrame {
-    /// A tcp pose after a change along these axes.
+    /// Applies a TCP displacement expressed along these axes.
     pub fn apply(self, change: &Pose, world_from_tcp: &Pose) -> Pose {
         match self {
             Self::EndEffector => *world_from_tcp * *change,
@@ -62,7 +62,7 @@ impl ActionFrame {
         }
     }
 
-    /// The change between two tcp poses along these axes.
+    /// TCP displacement between two poses, expressed along these axes.
     pub fn change(self, world_from_old: &Pose, world_from_new: &Pose) -> Pose {
         match self {
             Self::EndEffector => world_from_old.inverse() * *world_from_new,

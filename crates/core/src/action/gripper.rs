@@ -1,13 +1,13 @@
-//! The gripper's number of an action.
+//! Conversion between the gripper value of an action and the opening width.
 
 use crate::{Gripper, GripperEncoding, GripperSpec};
 
 impl GripperSpec {
-    /// The opening width that a number means, metres, within what the hand can.
+    /// Opening width of a gripper value, metres, clamped to the gripper's range.
     pub fn width_m(self, number: f32, hand: &Gripper) -> f32 {
         let max_width = hand.max_width as f32;
         if self.is_native() {
-            return number; // kept to the last bit; the drives keep it within the range
+            return number; // passed through bit-exactly; the drives clamp it
         }
         let Range { shut, open } = Range::of(self.encoding, hand.max_width);
         let (low, high) = (shut.min(open), shut.max(open));
@@ -19,7 +19,7 @@ impl GripperSpec {
         ((number - shut) / (open - shut)) as f32 * max_width
     }
 
-    /// The number that means an opening width.
+    /// Gripper value of an opening width.
     pub fn number(self, width_m: f32, hand: &Gripper) -> f32 {
         if self.is_native() {
             return width_m;
@@ -38,7 +38,7 @@ impl GripperSpec {
     }
 }
 
-/// The numbers of a shut and of an open hand.
+/// Gripper values of a closed and an open gripper.
 struct Range {
     shut: f64,
     open: f64,

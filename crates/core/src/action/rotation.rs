@@ -1,36 +1,35 @@
-//! Rotations as numbers of an action.
+//! Rotation encodings of action vectors.
 
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 
 use crate::{Pose, RotationEncoding};
 
-/// Shorter than this, numbers name no direction.
-const SHORTEST: f64 = 1e-6;
+/// Vectors shorter than this have no direction.
+const MIN_LENGTH: f64 = 1e-6;
 
 impl RotationEncoding {
-    /// The rotation that the numbers mean; `None` when they mean none. Quaternions and columns need not be of unit
-    /// length.
+    /// Decodes a rotation; `None` if the numbers encode none. Quaternions and matrix columns need not be normalised.
     pub fn decode(self, numbers: &[f64]) -> Option<DQuat> {
-        let quaternion = |quaternion: DQuat| (quaternion.length() > SHORTEST).then(|| quaternion.normalize());
+        let quaternion = |quaternion: DQuat| (quaternion.length() > MIN_LENGTH).then(|| quaternion.normalize());
         match (self, numbers) {
             (Self::QuatWxyz, &[w, x, y, z]) => quaternion(DQuat::from_xyzw(x, y, z, w)),
             (Self::QuatXyzw, &[x, y, z, w]) => quaternion(DQuat::from_xyzw(x, y, z, w)),
             (Self::SixD, &[ax, ay, az, bx, by, bz]) => {
                 let a = DVec3::new(ax, ay, az);
-                let x = (a.length() > SHORTEST).then(|| a.normalize())?;
+                let x = (a.length() > MIN_LENGTH).then(|| a.normalize())?;
                 let b = DVec3::new(bx, by, bz);
                 let across = b - x * x.dot(b);
-                let y = (across.length() > SHORTEST).then(|| across.normalize())?;
+                let y = (across.length() > MIN_LENGTH).then(|| across.normalize())?;
                 Some(DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y))).normalize())
             }
-            // Fixed axes x, y, z are the turning axes z, y, x.
+            // Extrinsic x-y-z equals intrinsic z-y-x.
             (Self::FixedXyzEuler, &[x, y, z]) => Some(DQuat::from_euler(EulerRot::ZYX, z, y, x)),
             (Self::AxisAngle, &[x, y, z]) => Some(DQuat::from_scaled_axis(DVec3::new(x, y, z))),
             _ => None,
         }
     }
 
-    /// The numbers of a rotation: quaternions with w not negative, angles of at most half a turn.
+    /// Encodes a rotation: quaternions with w ≥ 0, angles of at most π.
     pub fn encode(self, rotation: DQuat) -> Vec<f64> {
         let rotation = if rotation.w < 0.0 { -rotation } else { rotation };
         match self {
@@ -45,8 +44,8 @@ impl RotationEncoding {
         }
     }
 
-    /// What is expected, in words.
-    pub fn words(self) -> &'static str {
+    /// Description of the expected numbers, for error messages.
+    pub fn description(self) -> &'static str {
         match self {
             Self::QuatWxyz => "a quaternion, w first",
             Self::QuatXyzw => "a quaternion, w last",
@@ -56,7 +55,7 @@ impl RotationEncoding {
         }
     }
 
-    /// Names of the numbers, as columns of data sets have them.
+    /// Names of the numbers, as dataset column names.
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::QuatWxyz => &["qw", "qx", "qy", "qz"],
@@ -67,7 +66,7 @@ impl RotationEncoding {
         }
     }
 
-    /// Number of numbers.
+    /// Length of the encoding.
     pub fn length(self) -> usize {
         self.names().len()
     }

@@ -1,8 +1,8 @@
-//! Settings of picking and placing, which lay with planner and expert before there was one query for both.
+//! Migration of pick-and-place settings to the shared feasibility query.
 
 use serde_json::{Map, Value, json};
 
-/// Moves `planner.reach` to `layout.grasp`, and what the expert knew of grasps to `expert.feasibility`.
+/// Moves `planner.reach` to `layout.grasp`, and the expert's grasp settings to `expert.feasibility`.
 pub(super) fn gather(settings: &mut Map<String, Value>) {
     let mut section = |name: &str| settings.get_mut(name).and_then(Value::as_object_mut).map(std::mem::take);
     let (mut layout, mut planner, mut expert) = (

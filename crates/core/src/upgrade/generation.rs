@@ -1,4 +1,4 @@
-//! Records of a language model's work, version 1: they hold a task of version 1, where one came of it.
+//! Task-generation records of version 1, which embed a task of version 1.
 
 use serde_json::{Map, Value};
 

@@ -1,7 +1,7 @@
-//! How documents of the version before become documents of the present version.
+//! Upgrades of documents from the preceding schema version.
 //!
-//! What the older version did not say is filled in with what was fixed when it was current, never with today's default;
-//! so every constant here is frozen.
+//! Missing fields are filled with the values that were fixed at the time, never with current defaults; all constants
+//! here are therefore frozen.
 
 mod feasibility;
 pub mod generation;
@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 
 use crate::DocumentError;
 
-/// Builds the error for something that a document of the older version must have.
+/// Error for a missing field.
 fn lacks(path: &str, expected: &str) -> DocumentError {
     DocumentError::Invalid { path: path.into(), message: format!("expected {expected}") }
 }

@@ -1,16 +1,16 @@
-//! Results of episodes, which also stand inside episode records and evaluations.
+//! Episode results of version 1, alone or inside episode records and evaluations.
 
 use serde_json::{Map, Value, json};
 
 use crate::{DocumentError, Upgrade};
 
-/// From `genmanip.result/1`: one failure with one cause becomes a list; how the episode ended follows from that cause.
+/// From `genmanip.result/1`: the single failure becomes a list, and the termination reason follows from its cause.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.result/1", upgrade: from_1 };
 
 /// Upgrades the body of a result, alone or inside another document.
 ///
 /// # Errors
-/// When the failure is neither null nor an object with a cause.
+/// If the failure is neither null nor an object with a known cause.
 pub fn from_1(result: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let failure = result.shift_remove("failure").unwrap_or(Value::Null);
     let (ending, failures) = match &failure {
@@ -22,7 +22,7 @@ pub fn from_1(result: &mut Map<String, Value>) -> Result<(), DocumentError> {
     Ok(())
 }
 
-/// Upgrades the body of `genmanip.evaluation/1`: every episode of that version was run, and none had a reference way.
+/// Upgrades the body of `genmanip.evaluation/1`, in which every episode was run and none had a reference path.
 ///
 /// # Errors
 /// As [`from_1`].
@@ -37,7 +37,7 @@ pub fn evaluation_from_1(evaluation: &mut Map<String, Value>) -> Result<(), Docu
     Ok(())
 }
 
-/// Version 1 wrote down one cause; what the policy itself said always came first.
+/// Version 1 recorded a single cause; causes reported by the policy took precedence.
 fn ending_of(failure: &Value) -> Result<Value, DocumentError> {
     match failure.get("cause").and_then(Value::as_str) {
         Some("layout") => Ok(Value::Null),

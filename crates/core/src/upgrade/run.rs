@@ -1,4 +1,4 @@
-//! Runs of version 1: tasks of version 1, one world that could not be chosen, and settings of picking in three places.
+//! Runs of version 1: version 1 tasks, one fixed world, and grasp settings in three sections.
 
 use serde_json::{Map, Value};
 

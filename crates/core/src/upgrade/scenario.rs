@@ -1,4 +1,4 @@
-//! Scenarios of version 1: objects were named by uid and generator, and hashed with their uid; there was one world.
+//! Scenarios of version 1: objects identified by uid and generator, hashes that include the uid, one fixed world.
 
 use serde_json::{Map, Value, json};
 
@@ -14,14 +14,14 @@ fn from_1(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
     world::insert(scenario)
 }
 
-/// Objects become instances of assets.
+/// Converts objects to instances of assets.
 fn instances(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
     for (index, placed) in objects(scenario, "objects", "$")?.into_iter().enumerate() {
         let path = format!("$.objects[{index}]");
         let (uid, hash) = (text(placed, "uid", &path)?, text(placed, "physics_hash", &path)?);
         let asset = asset(placed, &uid, &path)?;
-        for gone in ["uid", "family", "seed", "generator_version"] {
-            placed.shift_remove(gone);
+        for obsolete in ["uid", "family", "seed", "generator_version"] {
+            placed.shift_remove(obsolete);
         }
         placed.insert("id".into(), uid.into());
         placed.insert("asset".into(), asset);
@@ -30,7 +30,7 @@ fn instances(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
     Ok(())
 }
 
-/// The catalogue's own object, or a variant of it where the seed is not the catalogue's.
+/// The built-in asset, or a generated variant of it if the seed differs from the catalogue's.
 fn asset(placed: &Map<String, Value>, uid: &str, path: &str) -> Result<Value, DocumentError> {
     let number = |key: &str| {
         placed.get(key).and_then(Value::as_u64).ok_or_else(|| lacks(&format!("{path}.{key}"), "a whole number"))
@@ -43,7 +43,7 @@ fn asset(placed: &Map<String, Value>, uid: &str, path: &str) -> Result<Value, Do
     Ok(json!({"source": "generated", "family": family, "params": {"of": uid}, "seed": seed, "version": version}))
 }
 
-/// The seed with which the catalogue of that time built an object.
+/// Seed with which the catalogue of version 1 built an object.
 fn catalogue_seed(uid: &str) -> Seed {
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
 }

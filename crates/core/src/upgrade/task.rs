@@ -1,4 +1,4 @@
-//! Tasks of version 1: an asset occurred once at most, and its uid was its name in the scene as well.
+//! Tasks of version 1: at most one instance per asset, named by its uid.
 
 use serde_json::{Map, Value, json};
 
@@ -8,10 +8,10 @@ use crate::{DocumentError, Upgrade};
 /// From `genmanip.task/1`.
 pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.task/1", upgrade: from_1 };
 
-/// Version of the built-in objects while tasks of version 1, which do not say it, were made.
+/// Version of the built-in objects at the time of version 1 tasks, which do not record it.
 const BUILTIN_VERSION: u32 = 2;
 
-/// Gives every node and card its asset, and brings the cards into the order of the nodes.
+/// Adds the asset to every node and card, and sorts the cards into node order.
 pub(super) fn from_1(task: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let mut uids = Vec::new();
     let graph = object(task, "scene_graph", "$")?;
@@ -26,7 +26,7 @@ pub(super) fn from_1(task: &mut Map<String, Value>) -> Result<(), DocumentError>
         let uid = text(card, "uid", &format!("$.objects[{index}]"))?;
         card.insert("asset".into(), builtin(&uid));
     }
-    // Cards were found by their uid, now they are found by their place.
+    // Cards used to be looked up by uid; now they are indexed like the nodes.
     let cards = task.get_mut("objects").and_then(Value::as_array_mut).map(std::mem::take).unwrap_or_default();
     let of = |uid: &String| cards.iter().find(|card| card["uid"] == uid.as_str()).cloned();
     let sorted = uids.iter().enumerate().map(|(index, uid)| {

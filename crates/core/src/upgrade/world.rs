@@ -1,4 +1,4 @@
-//! The world as it was before it was data.
+//! The fixed world of documents from before worlds became data.
 
 #![expect(clippy::approx_constant, reason = "frozen as they were written")]
 
@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::lacks;
 use crate::DocumentError;
 
-/// [`crate::RobotModel::physics_hash`] of the Panda that every scenario of version 1 was made with.
+/// [`crate::RobotModel::physics_hash`] of the Panda used by every scenario of version 1.
 const PANDA_HASH: &str = "v2:b1cf8b6b79622b1e";
 
 /// Moves `robot`, `robot_home`, `cameras` and `workspace` of a scenario into its `world`.
@@ -29,7 +29,7 @@ pub(super) fn insert(body: &mut Map<String, Value>) -> Result<(), DocumentError>
     Ok(())
 }
 
-/// What no scenario of version 1 could choose.
+/// Settings that were fixed in version 1.
 fn fixed() -> Value {
     json!({
         "surfaces": [{
@@ -73,7 +73,7 @@ fn fixed() -> Value {
     })
 }
 
-/// `settings.sim` as every run of version 1 has it: the command line could not change it.
+/// `settings.sim` of every run of version 1, which was not configurable.
 fn fixed_sim() -> Value {
     json!({
         "physics_rate_hz": 480,
@@ -103,7 +103,7 @@ fn fixed_sim() -> Value {
     })
 }
 
-/// Replaces `sim` and `layout.reach_m` of a run's settings by the `world` its layouts were made for.
+/// Replaces `sim` and `layout.reach_m` of a run's settings by the `world` of its layouts.
 pub(super) fn replace_settings(settings: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let refuse = |path: &str, expected: &Value, got: &Value| {
         let message = format!("version 1 fixed this to {expected}, got {got}");

@@ -1,25 +1,25 @@
-//! What a world must satisfy, all faults at once.
+//! Validation of worlds; reports all faults at once.
 
 use std::collections::BTreeSet;
 
 use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
 use crate::{Camera, CameraSensor, Look, RobotModel, Vary};
 
-/// Longest side of a surface and of a workspace, metres; more is a slip of the units.
-const LONGEST_M: f64 = 20.0;
-/// Most pixels along one side of a picture.
-const MOST_PIXELS: u32 = 8192;
+/// Maximum side length of surfaces and workspaces, metres; larger values indicate a wrong unit.
+const MAX_SIDE_M: f64 = 20.0;
+/// Maximum image size along one side, pixels.
+const MAX_PIXELS: u32 = 8192;
 
-/// Something in a world that cannot be.
+/// An invalid value in a world.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct WorldFault {
-    /// Where, e.g. `surfaces[1].size_m`.
+    /// Field path, e.g. `surfaces[1].size_m`.
     pub place: String,
-    /// What was expected there.
+    /// Expected value.
     pub expected: String,
-    /// What is there.
+    /// Actual value.
     pub got: String,
-    /// What to do about it; may be empty.
+    /// Suggested fix; may be empty.
     pub hint: String,
 }
 
@@ -36,12 +36,12 @@ impl WorldFault {
         Self { place: place.into(), expected: expected.into(), got: got.to_string(), hint: String::new() }
     }
 
-    /// What was expected and what is there, without the place.
+    /// Expected and actual value, without the field path.
     pub fn expectation(&self) -> String {
         format!("expected {}, got {}", self.expected, self.got)
     }
 
-    /// With what to do about it.
+    /// Adds a suggested fix.
     #[must_use]
     pub fn hint(self, hint: impl Into<String>) -> Self {
         Self { hint: hint.into(), ..self }
@@ -49,7 +49,7 @@ impl WorldFault {
 }
 
 impl World {
-    /// Everything that is wrong with this world for a robot; the engine's knobs are checked by the `sim` crate.
+    /// All faults of this world for a robot; engine settings are validated by the `sim` crate.
     pub fn faults(&self, robot: &RobotModel) -> Vec<WorldFault> {
         let mut faults = Vec::new();
         self.check_surfaces(&mut faults);
@@ -60,7 +60,7 @@ impl World {
         faults
     }
 
-    /// What is wrong with the parts of this world, whatever its robot.
+    /// All faults that do not depend on the robot.
     pub fn faults_of_parts(&self) -> Vec<WorldFault> {
         let mut faults = Vec::new();
         for (index, surface) in self.surfaces.iter().enumerate() {
@@ -80,14 +80,14 @@ impl World {
             faults.push(WorldFault::new("surfaces[0].id", "`table`", format!("`{}`", table.id)));
         }
         if table.top_center_m.z != 0.0 {
-            let hint = "the world's frame lies in the table top; shift everything else instead";
+            let hint = "the world frame's origin is at table height; shift everything else instead";
             faults.push(WorldFault::new("surfaces[0].top_center_m[2]", "0", table.top_center_m.z).hint(hint));
         }
         let mut ids = BTreeSet::new();
         for (index, surface) in self.surfaces.iter().enumerate() {
             let place = format!("surfaces[{index}]");
             if !ids.insert(surface.id.as_str()) {
-                faults.push(WorldFault::new(format!("{place}.id"), "an id of its own", format!("`{}`", surface.id)));
+                faults.push(WorldFault::new(format!("{place}.id"), "a unique id", format!("`{}`", surface.id)));
             }
             check_surface(surface, &place, faults);
             let lowest = surface.bounds().min.z;
@@ -104,7 +104,7 @@ impl World {
     fn check_workspace(&self, faults: &mut Vec<WorldFault>) {
         let workspace = &self.workspace;
         for (axis, [low, high]) in [("x", workspace.x), ("y", workspace.y)] {
-            let is_interval = low.is_finite() && high.is_finite() && low < high && high - low <= LONGEST_M;
+            let is_interval = low.is_finite() && high.is_finite() && low < high && high - low <= MAX_SIDE_M;
             if !is_interval {
                 let got = format!("[{low}, {high}]");
                 faults.push(WorldFault::new(format!("workspace.{axis}"), "[smaller, larger], metres", got));
@@ -131,7 +131,7 @@ impl World {
         }
         let hash = robot.physics_hash();
         if self.robot.physics_hash != hash {
-            let hint = "the world was made with another version of this robot; leave the line out to take today's";
+            let hint = "the world was made with another version of this robot; omit the line to use the current one";
             faults.push(WorldFault::new("robot.physics_hash", hash, &self.robot.physics_hash).hint(hint));
         }
         if self.robot.home.len() != robot.arm_dof() {
@@ -154,7 +154,7 @@ impl World {
     }
 }
 
-/// What is wrong with the parts that can be judged alone, as far as they are known.
+/// Faults of the parts that can be validated on their own; `None` for parts that could not be read.
 pub(super) fn check_parts(
     cameras: &[Camera],
     physics: Option<&PhysicsSettings>,
@@ -173,7 +173,7 @@ pub(super) fn check_parts(
     }
 }
 
-/// Everything that is wrong with cameras that stand alone.
+/// All faults of a list of cameras.
 pub fn camera_faults(cameras: &[Camera]) -> Vec<WorldFault> {
     let mut faults = Vec::new();
     check_parts(cameras, None, None, &mut faults);
@@ -185,23 +185,23 @@ fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFa
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let is_id = id.len() <= 40 && id.chars().next().is_some_and(|c| c.is_ascii_lowercase()) && id.chars().all(fits);
     if !is_id || ["robot", "floor", "object"].contains(&id.as_str()) {
-        let expected = "lower-case letters, digits and _, a letter in front; not `robot`, `floor` or `object`";
+        let expected = "lower-case letters, digits and _, starting with a letter; not `robot`, `floor` or `object`";
         faults.push(WorldFault::new(format!("{place}.id"), expected, format!("`{id}`")));
     }
     if surface.name.trim().is_empty() {
-        faults.push(WorldFault::new(format!("{place}.name"), "what people call it", "nothing"));
+        faults.push(WorldFault::new(format!("{place}.name"), "a display name", "an empty name"));
     }
     if !surface.top_center_m.is_finite() || !surface.yaw_rad.is_finite() {
         faults.push(WorldFault::new(format!("{place}.top_center_m"), "finite numbers", surface.top_center_m));
     }
-    let is_size = |size: glam::DVec3| size.is_finite() && size.min_element() > 0.0 && size.max_element() <= LONGEST_M;
+    let is_size = |size: glam::DVec3| size.is_finite() && size.min_element() > 0.0 && size.max_element() <= MAX_SIDE_M;
     if !is_size(surface.size_m) {
-        let expected = format!("three lengths above 0 and up to {LONGEST_M} m");
+        let expected = format!("three lengths above 0 and up to {MAX_SIDE_M} m");
         faults.push(WorldFault::new(format!("{place}.size_m"), expected, surface.size_m));
     }
     for (index, board) in surface.boards.iter().enumerate() {
         if !is_size(board.size_m) || !board.center_m.is_finite() {
-            let expected = format!("three lengths above 0 and up to {LONGEST_M} m");
+            let expected = format!("three lengths above 0 and up to {MAX_SIDE_M} m");
             faults.push(WorldFault::new(format!("{place}.boards[{index}]"), expected, board.size_m));
         }
     }
@@ -215,7 +215,7 @@ fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFa
     }
 }
 
-/// What is wrong with a camera; `place` is where it stands.
+/// Validates a camera; `place` is its field path.
 fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<WorldFault>) {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if camera.name.is_empty() || camera.name.len() > 40 || !camera.name.chars().all(fits) {
@@ -223,11 +223,11 @@ fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<World
         faults.push(WorldFault::new(format!("{place}.name"), expected, format!("`{}`", camera.name)));
     }
     if twin {
-        faults.push(WorldFault::new(format!("{place}.name"), "a name of its own", format!("`{}`", camera.name)));
+        faults.push(WorldFault::new(format!("{place}.name"), "a unique name", format!("`{}`", camera.name)));
     }
     let k = &camera.intrinsics;
-    if ![k.width, k.height].iter().all(|side| (1..=MOST_PIXELS).contains(side)) {
-        let expected = format!("1 to {MOST_PIXELS} pixels along each side");
+    if ![k.width, k.height].iter().all(|side| (1..=MAX_PIXELS).contains(side)) {
+        let expected = format!("1 to {MAX_PIXELS} pixels along each side");
         faults.push(WorldFault::new(format!("{place}.intrinsics"), expected, format!("{}x{}", k.width, k.height)));
     }
     if !(k.fx.is_finite() && k.fx > 0.0 && k.fy.is_finite() && k.fy > 0.0 && k.cx.is_finite() && k.cy.is_finite()) {
@@ -235,7 +235,7 @@ fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<World
         faults.push(WorldFault::new(format!("{place}.intrinsics"), "finite numbers, fx and fy above 0", got));
     }
     if camera.distortion.is_some_and(|lens| lens.pinhole(k).is_none()) {
-        let expected = "a lens that shows each point once and stretches no edge more than twice";
+        let expected = "an invertible lens that stretches no edge more than twofold";
         let got = format!("{:?}", camera.distortion.unwrap_or_default());
         let hint = "coefficients are k1, k2, p1, p2, k3 in the order of OpenCV; |k1| is rarely above 0.4";
         faults.push(WorldFault::new(format!("{place}.distortion"), expected, got).hint(hint));
@@ -251,7 +251,7 @@ fn fault_of_look(look: &Look) -> Option<WorldFault> {
     }
     let has_camera = look.vary.contains(&Vary::Camera);
     let fault = || WorldFault::new("look.vary", "light, background, material or objects", "`camera`");
-    has_camera.then(|| fault().hint("cameras stand where `cameras` says; put them elsewhere there"))
+    has_camera.then(|| fault().hint("camera poses are set in `cameras`; change them there"))
 }
 
 fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {

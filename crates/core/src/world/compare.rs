@@ -1,4 +1,4 @@
-//! What makes two worlds differ: by field for people, by hash for results.
+//! Comparison of worlds: by field for people, by hash for results.
 
 use std::collections::BTreeMap;
 
@@ -9,15 +9,15 @@ use sha2::{Digest, Sha256};
 
 use super::World;
 
-/// The part of a world that a field belongs to.
+/// Part of a world that a field belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WorldPart {
-    /// Decides how things move: surfaces, robot, physics settings.
+    /// Affects motion: surfaces, robot, physics settings.
     Physics,
-    /// Decides what counts: relation settings, usable areas.
+    /// Affects verdicts: relation settings, usable areas.
     Judging,
-    /// Decides what is seen: cameras, look, names, legs.
+    /// Affects appearance: cameras, appearance randomisation, names, legs.
     Looks,
 }
 
@@ -39,16 +39,16 @@ impl WorldPart {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldHashes {
-    /// Of [`WorldPart::Physics`].
+    /// Hash of [`WorldPart::Physics`].
     pub physics: String,
-    /// Of [`WorldPart::Judging`].
+    /// Hash of [`WorldPart::Judging`].
     pub judging: String,
-    /// Of [`WorldPart::Looks`].
+    /// Hash of [`WorldPart::Looks`].
     pub looks: String,
 }
 
 impl WorldHashes {
-    /// The hash of a part.
+    /// The hash of one part.
     pub fn of(&self, part: WorldPart) -> &str {
         match part {
             WorldPart::Physics => &self.physics,
@@ -61,13 +61,13 @@ impl WorldHashes {
 /// A field in which two worlds differ.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WorldDifference {
-    /// What it decides.
+    /// Part that the field belongs to.
     pub part: WorldPart,
-    /// Where it stands, e.g. `physics.gravity_m_s2` or `surfaces.0.size_m.1`.
+    /// Field path, e.g. `physics.gravity_m_s2` or `surfaces.0.size_m.1`.
     pub field: String,
-    /// Its value in the one world; `nothing` where it has no such field.
+    /// Value in the first world; `nothing` if absent.
     pub ours: String,
-    /// Its value in the other.
+    /// Value in the second world; `nothing` if absent.
     pub theirs: String,
 }
 
@@ -78,7 +78,7 @@ impl std::fmt::Display for WorldDifference {
 }
 
 impl World {
-    /// A hash per part, over its fields in the order of their names; numbers count by their value, not their spelling.
+    /// A hash per part over its fields in name order; numbers are compared by value, not spelling.
     pub fn hashes(&self) -> WorldHashes {
         let fields = self.fields();
         let of = |part: WorldPart| {
@@ -91,7 +91,7 @@ impl World {
         WorldHashes { physics: of(WorldPart::Physics), judging: of(WorldPart::Judging), looks: of(WorldPart::Looks) }
     }
 
-    /// Every field in which another world differs, by field name.
+    /// All fields in which another world differs, sorted by path.
     pub fn differences(&self, other: &Self) -> Vec<WorldDifference> {
         let (ours, theirs) = (self.fields(), other.fields());
         let fields: std::collections::BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();
@@ -110,12 +110,12 @@ impl World {
             .collect()
     }
 
-    /// The first difference that forbids replaying one world's recordings in the other; looks never do.
+    /// The first difference that forbids replaying one world's recordings in the other; appearance never does.
     pub fn refusal(&self, other: &Self) -> Option<WorldDifference> {
         self.differences(other).into_iter().find(|difference| difference.part != WorldPart::Looks)
     }
 
-    /// Every value with its place, nested names joined by dots.
+    /// All values by dotted field path.
     fn fields(&self) -> BTreeMap<String, String> {
         let mut fields = BTreeMap::new();
         collect(&serde_json::to_value(self).unwrap_or_default(), String::new(), &mut fields);
@@ -123,7 +123,7 @@ impl World {
     }
 }
 
-/// What a field decides.
+/// Part that a field belongs to.
 fn part_of(field: &str) -> WorldPart {
     let parts: Vec<&str> = field.split('.').collect();
     match parts.as_slice() {
@@ -142,7 +142,7 @@ fn collect(value: &Value, place: String, fields: &mut BTreeMap<String, String>) 
         Value::Array(list) => {
             list.iter().enumerate().for_each(|(index, value)| collect(value, below(&index.to_string()), fields));
         }
-        // 30 and 30.0 are one number; the shortest text that gives a float back is the same on every platform.
+        // 30 and 30.0 are the same number; the shortest round-trip text of a float is the same on every platform.
         Value::Number(number) => {
             fields.insert(place, number.as_f64().map_or_else(|| number.to_string(), |value| format!("{value:?}")));
         }

@@ -1,4 +1,4 @@
-//! Worlds as people write them: TOML or JSON, with shorthands that need the robot.
+//! World files written by people: TOML or JSON, with shorthands that are resolved for the robot.
 
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
@@ -13,9 +13,9 @@ use crate::{Camera, Document, DocumentError, Intrinsics, RobotModel};
 
 /// A world file before its shorthands are resolved.
 ///
-/// Shorthands: `robot` may leave out hash and home; a camera may say `eye_m` and `target_m` in the frame of its mount
-/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, the name of a device instead of
-/// the numbers of its `sensor`, and one on the hand may leave its pose to the robot.
+/// Shorthands: `robot` may omit hash and home position; a camera may give `eye_m` and `target_m` in its mount's frame
+/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, a device name instead of
+/// `sensor` parameters; a wrist camera may omit its pose to use the robot's default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldFile {
     body: Map<String, Value>,
@@ -25,10 +25,10 @@ pub struct WorldFile {
 const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look"];
 
 impl WorldFile {
-    /// Reads JSON (a text that starts with `{`) or TOML, and checks that it says to be a world.
+    /// Reads JSON (a text that starts with `{`) or TOML, and checks the schema.
     ///
     /// # Errors
-    /// The place of a syntax error, or the schema that was found.
+    /// The position of a syntax error, or an unexpected schema.
     pub fn from_text(text: &str) -> Result<Self, WorldFault> {
         let value: Value = if text.trim_start().starts_with('{') {
             strict::parse(text).map_err(|error| match error {
@@ -44,33 +44,33 @@ impl WorldFile {
             })?
         };
         let Value::Object(mut body) = value else {
-            return Err(WorldFault::new("the file", "a table", "something else"));
+            return Err(WorldFault::new("the file", "a table", "another value"));
         };
         match body.shift_remove("schema") {
             Some(Value::String(schema)) if schema == World::SCHEMA => Ok(Self { body }),
             other => {
                 let got = other.map_or("none".into(), |schema| schema.to_string());
                 Err(WorldFault::new("schema", format!("\"{}\"", World::SCHEMA), got)
-                    .hint("`genmanip world init` writes a whole world to start from"))
+                    .hint("`genmanip world init` writes a complete world to start from"))
             }
         }
     }
 
-    /// The robot the file names.
+    /// Name of the robot in the file.
     pub fn robot_name(&self) -> Option<&str> {
         self.body.get("robot")?.get("name")?.as_str()
     }
 
-    /// The world with every shorthand resolved for its robot.
+    /// Resolves every shorthand for a robot and validates the world.
     ///
     /// # Errors
-    /// All faults that can be found at once.
+    /// All faults found.
     pub fn resolve(mut self, robot: &RobotModel) -> Result<World, Vec<WorldFault>> {
         let mut faults = Vec::new();
         for key in self.body.keys().filter(|key| !KEYS.contains(&key.as_str())) {
             let near = KEYS.iter().find(|known| known.starts_with(&key[..key.len().min(3)]));
             let hint = near.map_or_else(|| format!("there are {}", KEYS.join(", ")), |near| format!("`{near}`?"));
-            faults.push(WorldFault::new(key, "no such key", "it").hint(hint));
+            faults.push(WorldFault::new(key, "a known key", format!("`{key}`")).hint(hint));
         }
         if let Some(Value::Object(named)) = self.body.get_mut("robot") {
             named.entry("physics_hash").or_insert_with(|| robot.physics_hash().into());
@@ -111,7 +111,7 @@ impl WorldFile {
         let relations: Option<RelationSettings> = self.section("relations", &mut faults);
         let look = self.body.contains_key("look").then(|| self.section("look", &mut faults)).flatten();
         if floor_z_m.is_none() || workspace.is_none() || named.is_none() || physics.is_none() || relations.is_none() {
-            // What can be read is checked all the same.
+            // Validate the sections that could be read.
             check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
         }
         let (Some(floor_z_m), Some(workspace), Some(named), Some(physics), Some(relations)) =
@@ -126,17 +126,17 @@ impl WorldFile {
 
     fn section<T: DeserializeOwned>(&mut self, key: &str, faults: &mut Vec<WorldFault>) -> Option<T> {
         let Some(value) = self.body.shift_remove(key) else {
-            faults.push(WorldFault::new(key, "a value", "none").hint("`genmanip world init` shows all of them"));
+            faults.push(WorldFault::new(key, "a value", "none").hint("`genmanip world init` shows all sections"));
             return None;
         };
         parse(value, key).map_err(|fault| faults.push(fault)).ok()
     }
 }
 
-/// A camera from an entry of a file, its shorthands resolved for a robot.
+/// Reads a camera entry and resolves its shorthands for a robot.
 ///
 /// # Errors
-/// What does not fit, and where.
+/// The field path of an invalid value.
 pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Camera, WorldFault> {
     let Value::Object(mut body) = entry else { return Err(WorldFault::new(place, "a table", entry)) };
     let mut take = |key: &str| body.shift_remove(key);
@@ -206,7 +206,7 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
         let known = SensorPreset::names();
         let Some(preset) = SensorPreset::named(name) else {
             let fault = WorldFault::new(format!("{place}.sensor"), format!("one of {}", known.join(", ")), name);
-            return Err(fault.hint("or the numbers of a sensor; see docs/formats/world.md"));
+            return Err(fault.hint("or give the parameters of a sensor; see docs/formats/world.md"));
         };
         body.insert("sensor".into(), json!(preset.sensor));
     }
@@ -217,6 +217,6 @@ fn parse<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, WorldFault
     serde_path_to_error::deserialize(&value).map_err(|error| {
         let inside = error.path().to_string();
         let place = if inside == "." { place.to_owned() } else { format!("{place}.{inside}") };
-        WorldFault::new(place, "a value that fits", error.inner())
+        WorldFault::new(place, "a valid value", error.inner())
     })
 }

@@ -1,4 +1,4 @@
-//! Fixed slabs that things stand on.
+//! Support surfaces: fixed slabs that objects stand on.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -7,34 +7,35 @@ use serde::{Deserialize, Serialize};
 use super::Workspace;
 use crate::{Aabb, Piece, Pose, Shape};
 
-/// A fixed, level slab that things stand on: the table, a shelf, a side table.
+/// A fixed, level slab that objects stand on: the table, a shelf, a side table.
 ///
-/// Its frame has the origin in the middle of the top, z up, turned by `yaw_rad` against the world.
+/// Its frame has the origin at the centre of the top, z up, rotated by `yaw_rad` relative to the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SupportSurface {
-    /// What files call it; `table` for the first one. Tasks name a further one by it.
+    /// Id in files; `table` for the first one. Tasks refer to the others by it.
     pub id: String,
-    /// What people call it, e.g. `side table`.
+    /// Display name, e.g. `side table`.
     pub name: String,
-    /// Middle of the top in the world, metres.
+    /// Centre of the top in the world, metres.
     #[schemars(with = "[f64; 3]")]
     pub top_center_m: DVec3,
-    /// Heading of its x axis, rad.
+    /// Yaw of its x axis, rad.
     #[serde(default)]
     pub yaw_rad: f64,
-    /// Extent along its own x and y, and thickness, metres.
+    /// Extent along its x and y axes, and thickness, metres.
     #[schemars(with = "[f64; 3]")]
     pub size_m: DVec3,
-    /// Sliding friction; in a contact the larger coefficient of the two counts.
+    /// Sliding friction; a contact uses the larger coefficient of the two bodies.
     pub friction: f64,
-    /// How far inside the edges of the top things may be put, metres.
+    /// Margin inside the top's edges in which no object is placed, metres.
     #[serde(default)]
     pub edge_margin_m: f64,
-    /// Further fixed boxes of the same body, e.g. the sides of a shelf.
+    /// Additional fixed boxes of the same body, e.g. the sides of a shelf.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub boards: Vec<Board>,
-    /// Whether four legs down to the floor are drawn. Only drawn: where the arm could touch a leg, make it a board.
+    /// True to render four legs down to the floor. They have no collision geometry: use boards where the arm could
+    /// touch one.
     #[serde(default)]
     pub legs: bool,
 }
@@ -43,48 +44,48 @@ pub struct SupportSurface {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Board {
-    /// Its middle in the surface's frame, metres.
+    /// Centre in the surface's frame, metres.
     #[schemars(with = "[f64; 3]")]
     pub center_m: DVec3,
-    /// Its extent along the surface's axes, metres.
+    /// Extent along the surface's axes, metres.
     #[schemars(with = "[f64; 3]")]
     pub size_m: DVec3,
 }
 
 impl SupportSurface {
-    /// `world_from_surface`; the origin is in the middle of the top.
+    /// `world_from_surface`; the origin is at the centre of the top.
     pub fn world_from_surface(&self) -> Pose {
         Pose::from_position_yaw(self.top_center_m, self.yaw_rad)
     }
 
-    /// Collision bodies in the surface's frame, the slab first.
+    /// Collision pieces in the surface's frame, the slab first.
     pub fn pieces(&self) -> Vec<Piece> {
         let of = |center: DVec3, size: DVec3| Piece::at(center, Shape::Box { half_extents: size * 0.5 });
         let slab = of(DVec3::new(0.0, 0.0, -self.size_m.z * 0.5), self.size_m);
         std::iter::once(slab).chain(self.boards.iter().map(|board| of(board.center_m, board.size_m))).collect()
     }
 
-    /// Bounds of the slab alone in the world.
+    /// World bounds of the slab alone.
     pub fn slab_bounds(&self) -> Aabb {
         Aabb::from_pieces(&self.world_from_surface(), self.pieces().iter().take(1))
     }
 
-    /// Bounds of the top at least its margin, and `more_m`, inside its edges; a surface that is turned against the world's
-    /// axes fills them in part, see [`SupportSurface::is_over_top`].
+    /// World bounds of the top, inset by its margin plus `more_m`; a rotated surface does not fill them, see
+    /// [`SupportSurface::is_over_top`].
     pub fn area(&self, more_m: f64) -> Workspace {
         let (bounds, margin) = (self.slab_bounds(), self.edge_margin_m + more_m);
         let within = |low: f64, high: f64| [low + margin, high - margin];
         Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
     }
 
-    /// Whether points of the world's plane are over the top and at least its margin, and `more_m`, inside its edges.
+    /// True if all points of the world's xy plane lie over the top, inset by its margin plus `more_m`.
     pub fn is_over_top(&self, mut points: impl Iterator<Item = DVec2>, more_m: f64) -> bool {
         let surface_from_world = self.world_from_surface().inverse();
         let half = self.size_m.truncate() * 0.5 - DVec2::splat(self.edge_margin_m + more_m);
         points.all(|point| surface_from_world.transform_point(point.extend(0.0)).truncate().abs().cmple(half).all())
     }
 
-    /// Bounds of all of it in the world.
+    /// World bounds of the slab and the boards.
     pub fn bounds(&self) -> Aabb {
         Aabb::from_pieces(&self.world_from_surface(), &self.pieces())
     }

@@ -113,7 +113,7 @@ impl Told<'_> {
                 _ => Some(robot.tcp_pose(&joints)),
             };
             let Some(pose) = pose else {
-                let expected = format!("a rotation as {}", spec.rotation.words());
+                let expected = format!("a rotation as {}", spec.rotation.description());
                 return Some((row, "action", expected, format!("{motion:?}")));
             };
             let width = f64::from(spec.gripper.width_m(grip[0] as f32, &robot.gripper));

@@ -12,7 +12,7 @@ pub mod steps;
 
 use std::path::PathBuf;
 
-use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Between, Episode, RobotModel};
+use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Episode, Interpolation, RobotModel};
 use serde::{Deserialize, Serialize};
 
 use crate::masks::MaskTrack;
@@ -105,12 +105,12 @@ impl ExportSettings {
 /// Absolute joint targets and the opening, between which the commands move evenly: so a row of any rate ends with the
 /// very command that was recorded.
 pub fn default_action() -> ActionSpec {
-    ActionSpec { between: Between::Linear, ..ActionSpec::native() }
+    ActionSpec { between: Interpolation::Linear, ..ActionSpec::native() }
 }
 
 /// What an `action` column means, for cards and descriptions.
 pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
-    let rotation = spec.rotation.words();
+    let rotation = spec.rotation.description();
     let motion = match spec.space {
         ActionSpace::JointPosition => "absolute arm joint targets (rad)".into(),
         ActionSpace::JointDelta => "changes of the arm joint targets over the row (rad)".into(),
@@ -122,8 +122,10 @@ pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
         ),
     };
     let between = match (spec.space, spec.between) {
-        (ActionSpace::JointVelocity, _) | (_, Between::Linear) => "joint targets move evenly there during the row",
-        (_, Between::Hold) => "commanded from the beginning of the row on",
+        (ActionSpace::JointVelocity, _) | (_, Interpolation::Linear) => {
+            "joint targets move evenly there during the row"
+        }
+        (_, Interpolation::Hold) => "commanded from the beginning of the row on",
     };
     format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
 }

@@ -1,14 +1,14 @@
-//! Exact shapes that the engine knows, where a surface is nearly one.
+//! Primitive fitting: boxes, cylinders and ellipsoids for meshes that nearly match one.
 
 use genmanip_core::{Aabb, Piece, Pose, Shape};
 use glam::{DQuat, DVec3};
 
-/// A shape that holds the surface is taken when the surface fills this share of it.
+/// Minimum fraction of a bounding primitive that the mesh must fill for the primitive to be used.
 const FILLED: f64 = 0.92;
-/// Turns about the upright axis at which a box is tried.
+/// Number of yaw angles at which a box is fitted.
 const TURNS: usize = 18;
 
-/// The shape that hull corners enclosing `volume` nearly are, and its name.
+/// Fits a primitive to hull vertices that enclose `volume`; returns it with its name.
 pub fn fit(corners: &[DVec3], volume: f64) -> Option<(Piece, &'static str)> {
     let shapes = [ball(corners, volume), cylinder(corners, volume), cuboid(corners, volume)];
     let best = shapes.into_iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -57,13 +57,13 @@ fn cylinder(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Of an ellipsoid with the extent of the bounds nothing may stick out by more than a fiftieth.
+/// Bounding-box ellipsoid, unless a vertex protrudes by more than 2 %.
 fn ball(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
     let bounds = Aabb::from_points(corners.iter().copied());
     let radii = bounds.size() / 2.0;
     let outermost = corners.iter().map(|corner| ((*corner - bounds.center()) / radii).length()).fold(0.0, f64::max);
     let filled = volume / (4.0 / 3.0 * std::f64::consts::PI * radii.element_product());
-    // A body of flat faces fills less of a ball than the ball itself: 0.92 of it is a coarse ball.
+    // A faceted ball fills less than the exact one: 0.92 admits a coarse ball.
     (outermost < 1.02 && filled.is_finite() && filled <= 1.02)
         .then(|| (Piece::at(bounds.center(), Shape::Ellipsoid { radii }), filled))
 }
@@ -74,7 +74,7 @@ mod tests {
     use crate::collision::hull::{convex_hull, volume};
 
     #[test]
-    fn boxes_cans_and_balls_are_found() {
+    fn boxes_cylinders_and_balls_are_fitted() {
         let turn = DQuat::from_rotation_z(0.5);
         let cuboid: Vec<DVec3> = (0..8_u32)
             .map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)) * 2.0 - 1.0)

@@ -1,4 +1,4 @@
-//! Convex hulls of few corners.
+//! Convex hulls with few vertices.
 
 use genmanip_assets::solid::Moments;
 use genmanip_core::{Piece, Shape};
@@ -6,13 +6,13 @@ use glam::DVec3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 
-/// Thinner than this a hull is a box of this thickness, m.
-const LEAST_M: f64 = 0.0015;
+/// Minimum thickness of a hull, m; thinner hulls become boxes.
+const MIN_THICKNESS_M: f64 = 0.0015;
 
-/// Less volume than this a hull has only by rounding, m³.
-const LEAST_M3: f64 = 1e-11;
+/// Smaller hull volumes are rounding errors, m³.
+const MIN_VOLUME_M3: f64 = 1e-11;
 
-/// Corners and triangles of the convex hull; `None` of points that lie in a plane.
+/// Vertices and triangles of the convex hull; `None` for coplanar points.
 pub fn convex_hull(points: &[DVec3]) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let mut input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
     input.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
@@ -34,21 +34,21 @@ pub fn volume(corners: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     triangles.iter().map(triangle).sum()
 }
 
-/// The hull of points as a piece of at most about `most` corners: those farthest along evenly spread directions.
+/// The hull of points as a piece with at most about `most` vertices, the support points of evenly spread directions.
 pub fn piece(points: &[DVec3], most: usize) -> Option<Piece> {
     let bounds = genmanip_core::Aabb::from_points(points.iter().copied());
     if !bounds.size().is_finite() {
         return None;
     }
-    if bounds.size().min_element() < LEAST_M {
-        let half_extents = (bounds.size() / 2.0).max(DVec3::splat(LEAST_M / 2.0));
+    if bounds.size().min_element() < MIN_THICKNESS_M {
+        let half_extents = (bounds.size() / 2.0).max(DVec3::splat(MIN_THICKNESS_M / 2.0));
         return Some(Piece::at(bounds.center(), Shape::Box { half_extents }));
     }
-    let corners = match convex_hull(points).filter(|(corners, triangles)| volume(corners, triangles) > LEAST_M3) {
+    let corners = match convex_hull(points).filter(|(corners, triangles)| volume(corners, triangles) > MIN_VOLUME_M3) {
         Some((corners, _)) => corners,
-        // A plate at a slant has no volume of its own: it is made as thick as the thinnest thing.
+        // A slanted plate has no volume: thicken it to the minimum.
         None => {
-            let shifts = DVec3::AXES.map(|axis| axis * (LEAST_M / 2.0));
+            let shifts = DVec3::AXES.map(|axis| axis * (MIN_THICKNESS_M / 2.0));
             let thick = points.iter().flat_map(|&point| shifts.iter().flat_map(move |&by| [point + by, point - by]));
             convex_hull(&thick.collect::<Vec<_>>())?.0
         }
@@ -63,7 +63,7 @@ pub fn piece(points: &[DVec3], most: usize) -> Option<Piece> {
     Some(Piece::at(moments.center, Shape::Hull { points }))
 }
 
-/// The corners farthest along directions that are spread evenly over the sphere (Fibonacci lattice).
+/// Support points of directions spread evenly over the sphere (Fibonacci lattice).
 fn fewer(corners: Vec<DVec3>, most: usize) -> Vec<DVec3> {
     if corners.len() <= most {
         return corners;
@@ -104,10 +104,10 @@ mod tests {
     }
 
     #[test]
-    fn flat_things_get_a_thickness() {
+    fn flat_objects_are_thickened() {
         let square = [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1, DVec3::new(0.1, 0.1, 0.0)];
         let piece = piece(&square, 48).unwrap();
-        assert!(matches!(piece.shape, Shape::Box { half_extents } if half_extents.z == LEAST_M / 2.0));
+        assert!(matches!(piece.shape, Shape::Box { half_extents } if half_extents.z == MIN_THICKNESS_M / 2.0));
         let slanted: Vec<DVec3> = square.iter().map(|p| DVec3::new(p.x, p.y, p.x)).collect();
         assert!(super::piece(&slanted, 48).is_some());
     }

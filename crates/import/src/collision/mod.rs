@@ -1,5 +1,5 @@
-//! What an object touches with: exact shapes where its surface nearly is one, else its hull, else walls around a hollow,
-//! else a convex decomposition (V-HACD, Mamou 2016, as parry has it).
+//! Collision geometry of an object: a primitive if one fits, otherwise the convex hull, otherwise walls around a
+//! cavity, otherwise a convex decomposition (V-HACD, Mamou 2016, as implemented in parry).
 
 mod fit;
 pub mod hull;
@@ -16,54 +16,54 @@ use crate::clean::{is_closed, signed_volume};
 use crate::raw::{RawCollision, RawLink, RawMesh};
 use crate::simplify::reduced;
 
-/// A surface whose hull is at most so much larger is taken for its hull.
+/// Maximum ratio of hull volume to mesh volume at which a mesh is replaced by its hull.
 const NEARLY_CONVEX: f64 = 1.15;
-/// Corners of a hull: what the engine's collision of hulls takes without slowing down.
-const MOST_CORNERS: usize = 48;
-/// Most pieces of a decomposition, and its resolution in voxels along the longest side.
-const MOST_PIECES: u32 = 24;
+/// Maximum number of hull vertices that the engine's hull collision handles without slowing down.
+const MAX_VERTICES: usize = 48;
+/// Maximum number of pieces of a decomposition, and its resolution in voxels along the longest side.
+const MAX_PIECES: u32 = 24;
 const RESOLUTION: u32 = 48;
-/// Most parts of a mesh that was decomposed before.
-const MOST_PARTS: usize = 64;
-/// Pieces and resolution of what sticks out of a shell.
+/// Maximum number of connected components of a pre-decomposed mesh.
+const MAX_COMPONENTS: usize = 64;
+/// Maximum number of pieces and resolution for the protrusions of a shell.
 const REST_PIECES: u32 = 6;
 const REST_RESOLUTION: u32 = 28;
-/// Triangles of a surface that is measured or decomposed; what is drawn has about as many.
-const MEASURED: usize = 12_000;
+/// Maximum number of triangles for measuring and decomposing; about as many as the visual mesh has.
+const MAX_TRIANGLES: usize = 12_000;
 
-/// What a link touches with.
+/// Collision geometry of a link.
 #[derive(Clone, Debug, Default)]
 pub struct Body {
     /// Convex pieces in the link's frame.
     pub pieces: Vec<Piece>,
-    /// Hollows in which something counts as in the object.
+    /// Cavities in which something counts as in the object.
     pub cavity: Vec<Piece>,
-    /// How the pieces were found, in words.
+    /// Description of the method used.
     pub how: String,
-    /// Volume of the matter, m³, where the surface says it.
+    /// Volume of the material, m³, if the mesh is closed.
     pub volume_m3: Option<f64>,
 }
 
-/// The pieces of a link: those that its files give, or those that fit what is drawn.
+/// Collision pieces of a link: those of its files, or pieces fitted to the visual mesh.
 pub fn body(link: &RawLink) -> Body {
     if link.collision.is_empty() {
         let mut all = RawMesh::default();
         link.surfaces.iter().for_each(|surface| all.append(&surface.mesh));
         return if all.triangles.is_empty() { Body::default() } else { of_surface(&all, true) };
     }
-    let mut body = Body { how: "as the files say".into(), ..Body::default() };
+    let mut body = Body { how: "from the files".into(), ..Body::default() };
     for collision in &link.collision {
         match collision {
             RawCollision::Piece(piece) => body.pieces.push(piece.clone()),
-            RawCollision::HullOf(points) => body.pieces.extend(hull::piece(points, MOST_CORNERS)),
+            RawCollision::HullOf(points) => body.pieces.extend(hull::piece(points, MAX_VERTICES)),
             RawCollision::Mesh(mesh) => {
                 if let Some(pieces) = convex_parts(mesh) {
-                    body.how = format!("of the files' collision mesh: {} convex parts", pieces.len());
+                    body.how = format!("from the collision mesh: {} convex parts", pieces.len());
                     body.pieces.extend(pieces);
                     continue;
                 }
                 let found = of_surface(mesh, link.collision.len() == 1);
-                body.how = format!("of the files' collision mesh: {}", found.how);
+                body.how = format!("from the collision mesh: {}", found.how);
                 body.pieces.extend(found.pieces);
                 body.cavity.extend(found.cavity);
             }
@@ -72,22 +72,22 @@ pub fn body(link: &RawLink) -> Body {
     body
 }
 
-/// The hulls of the connected parts of a mesh, where there are several and each nearly is its hull: somebody has
-/// decomposed it already.
+/// The hulls of a mesh's connected components if there are several and all are nearly convex, i.e. if the mesh is
+/// already decomposed.
 fn convex_parts(mesh: &RawMesh) -> Option<Vec<Piece>> {
     let parts = connected(mesh);
-    if !(2..=MOST_PARTS).contains(&parts.len()) {
+    if !(2..=MAX_COMPONENTS).contains(&parts.len()) {
         return None;
     }
     let hull_of = |part: &RawMesh| {
         let (corners, triangles) = hull::convex_hull(&part.positions)?;
         let is_convex = hull::volume(&corners, &triangles) <= NEARLY_CONVEX * signed_volume(part).abs();
-        is_convex.then(|| hull::piece(&corners, MOST_CORNERS)).flatten()
+        is_convex.then(|| hull::piece(&corners, MAX_VERTICES)).flatten()
     };
     parts.iter().map(hull_of).collect()
 }
 
-/// Parts of a mesh that share no corner.
+/// Connected components of a mesh.
 fn connected(mesh: &RawMesh) -> Vec<RawMesh> {
     let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let place = mesh.positions.iter().map(|point| {
@@ -119,13 +119,13 @@ fn connected(mesh: &RawMesh) -> Vec<RawMesh> {
     parts.into_values().collect()
 }
 
-/// Pieces of a surface; a hollow is looked for where it may be one.
+/// Collision pieces of a mesh; looks for a cavity if `may_be_hollow`.
 fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
     let mut mesh = mesh.clone();
     mesh.uvs.clear();
-    let mesh = reduced(&mesh, MEASURED);
+    let mesh = reduced(&mesh, MAX_TRIANGLES);
     let Some((corners, triangles)) = hull::convex_hull(&mesh.positions) else {
-        let pieces = hull::piece(&mesh.positions, MOST_CORNERS).into_iter().collect();
+        let pieces = hull::piece(&mesh.positions, MAX_VERTICES).into_iter().collect();
         return Body { pieces, how: "a thin plate".into(), ..Body::default() };
     };
     let outer = hull::volume(&corners, &triangles);
@@ -136,7 +136,7 @@ fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
             return Body { pieces: vec![piece], how: format!("a {name}"), volume_m3: Some(volume), ..Body::default() };
         }
         if outer < NEARLY_CONVEX * volume {
-            let pieces = hull::piece(&corners, MOST_CORNERS).into_iter().collect();
+            let pieces = hull::piece(&corners, MAX_VERTICES).into_iter().collect();
             return Body { pieces, how: "its convex hull".into(), volume_m3: Some(volume), ..Body::default() };
         }
     }
@@ -149,21 +149,21 @@ fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
             Vec::new()
         };
         let how = format!(
-            "a hollow with walls of {:.1} mm in {walls} wedges, and {} pieces that stick out",
+            "a cavity with walls of {:.1} mm in {walls} wedges, and {} protruding pieces",
             shell.thickness_m * 1e3,
             rest.len()
         );
         pieces.extend(rest);
         return Body { pieces, cavity: vec![shell.cavity], how, volume_m3: volume };
     }
-    let pieces = decomposed(&mesh, RESOLUTION, MOST_PIECES);
-    // An open surface that encloses nothing but itself: where its parts fill the hull, the hull is simpler.
+    let pieces = decomposed(&mesh, RESOLUTION, MAX_PIECES);
+    // An open surface has no volume: if its pieces fill the hull, use the simpler hull.
     let filled: f64 = pieces.iter().map(piece_volume).sum();
     if pieces.is_empty() || outer < NEARLY_CONVEX * filled {
         if let Some((piece, name)) = fit::fit(&corners, filled.min(outer)) {
             return Body { pieces: vec![piece], how: format!("a {name}"), volume_m3: volume, ..Body::default() };
         }
-        let pieces = hull::piece(&corners, MOST_CORNERS).into_iter().collect();
+        let pieces = hull::piece(&corners, MAX_VERTICES).into_iter().collect();
         return Body { pieces, how: "its convex hull".into(), volume_m3: volume, ..Body::default() };
     }
     Body {
@@ -192,7 +192,7 @@ fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
     let settings =
         VHACDParameters { resolution, max_convex_hulls: most, concavity: 0.004, ..VHACDParameters::default() };
     let parts = VHACD::decompose(&settings, &points, &indices, false);
-    // Voxels stick out of the surface by up to their size: what lies beyond its bounds is cut.
+    // Voxels protrude from the mesh by up to their size: clamp to its bounds.
     let low = points.iter().fold(DVec3::INFINITY, |low, p| low.min(DVec3::from_array(p.to_array())));
     let high = points.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(DVec3::from_array(p.to_array())));
     parts
@@ -201,7 +201,7 @@ fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
         .filter_map(|(corners, _)| {
             let corners: Vec<DVec3> =
                 corners.iter().map(|corner| DVec3::from_array(corner.to_array()).clamp(low, high)).collect();
-            hull::piece(&corners, MOST_CORNERS)
+            hull::piece(&corners, MAX_VERTICES)
         })
         .collect()
 }

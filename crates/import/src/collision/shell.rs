@@ -1,5 +1,5 @@
-//! Things that are open at the top: walls of wedges around a hollow, a base, and what sticks out, so that they stay
-//! hollow with walls as thick as they are.
+//! Objects that are open at the top: wedges around a cavity, a base, and protrusions, so that they stay hollow with
+//! walls of their true thickness.
 
 use std::f64::consts::TAU;
 
@@ -10,39 +10,39 @@ use super::hull;
 use crate::clean::is_closed;
 use crate::raw::RawMesh;
 
-/// Cells per side of the map of heights in which the hollow is looked for.
+/// Cells per side of the height map in which the cavity is searched.
 const CELLS: usize = 72;
-/// Shares of the height at which a closed wall is looked for, highest first.
+/// Fractions of the height at which a closed wall is searched, highest first.
 const LEVELS: [f64; 5] = [0.9, 0.75, 0.6, 0.45, 0.3];
-/// Least share of the outline that the hollow takes, and least depth as a share of the height.
-const LEAST_AREA: f64 = 0.12;
-const LEAST_DEPTH: f64 = 0.2;
-/// Directions in which the wall is measured, and how many of them become edges of wedges.
+/// Minimum fraction of the footprint that the cavity covers, and minimum depth as a fraction of the height.
+const MIN_AREA: f64 = 0.12;
+const MIN_DEPTH: f64 = 0.2;
+/// Number of directions in which the wall is measured, and number of wedges.
 const DIRECTIONS: usize = 96;
 const SECTORS: usize = 24;
-/// Heights at which the wall is measured, as shares of the depth.
+/// Heights at which the wall is measured, as fractions of the depth.
 const HEIGHTS: [f64; 4] = [0.02, 0.3, 0.65, 0.95];
-/// Share of directions in which the wall must be met from the middle.
-const LEAST_MET: f64 = 0.93;
-/// Thickness of a wall that has none, and the largest that counts as a wall, m.
+/// Minimum fraction of directions in which a ray from the centre must hit the wall.
+const MIN_HIT_SHARE: f64 = 0.93;
+/// Thickness assigned to a wall without one, and maximum wall thickness, m.
 const SHEET_M: f64 = 0.0025;
-const THICKEST_M: f64 = 0.05;
-/// What lies so far outside of the wall sticks out, m.
+const MAX_WALL_M: f64 = 0.05;
+/// Minimum distance outside the wall at which a vertex counts as protruding, m.
 const OUTSIDE_M: f64 = 0.004;
 
-/// A hollow thing in convex pieces.
+/// A hollow object in convex pieces.
 pub struct Shell {
     /// Base and wall.
     pub pieces: Vec<Piece>,
-    /// The hollow.
+    /// The cavity.
     pub cavity: Piece,
-    /// Triangles that stick out, such as a handle.
+    /// Protruding triangles, such as a handle.
     pub rest: RawMesh,
     /// Mean thickness of the wall, m.
     pub thickness_m: f64,
 }
 
-/// The walls of a mesh that stands upright and is open at the top; `None` of anything else.
+/// Shell of an upright mesh that is open at the top; `None` for any other mesh.
 pub fn shell(mesh: &RawMesh) -> Option<Shell> {
     let bounds = Aabb::from_points(mesh.positions.iter().copied());
     let heights = Heights::of(mesh, &bounds);
@@ -74,7 +74,7 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
             pieces.extend(hull::piece(&corners, 16));
         }
     }
-    // The base: everything of the surface below the floor that is not outside of the wall.
+    // Base: all vertices below the floor that are not outside the wall.
     let mut base: Vec<DVec3> = edges.iter().map(|&edge| ring(outer, 0, edge, floor)).collect();
     let reach = base.iter().map(|corner| corner.truncate().distance(middle)).fold(0.0, f64::max);
     base.extend(mesh.positions.iter().filter(|p| p.z <= floor && p.truncate().distance(middle) <= reach + 1e-3));
@@ -95,19 +95,19 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
     Some(Shell { pieces, cavity, rest: wall.rest(mesh, middle, floor, rim), thickness_m })
 }
 
-/// Topmost heights over the outline of a mesh.
+/// Height map of a mesh's topmost points.
 struct Heights {
     low: DVec2,
     cell: DVec2,
     base: f64,
     height: f64,
-    /// Row by row; minus infinity where there is nothing.
+    /// Heights in row-major order; minus infinity for empty cells.
     top: Vec<f64>,
 }
 
 impl Heights {
     fn of(mesh: &RawMesh, bounds: &Aabb) -> Self {
-        // A free cell all around, from which the outside is reached.
+        // A free border of one cell, from which the outside is flood-filled.
         let cell = bounds.size().truncate() / (CELLS - 2) as f64;
         let low = bounds.min.truncate() - cell;
         let mut map = Self {
@@ -127,7 +127,7 @@ impl Heights {
         let cell = self.cell.min_element();
         let steps =
             |from: DVec3, to: DVec3| (2.0 * (to - from).truncate().length() / cell).ceil().clamp(1.0, 400.0) as usize;
-        // Rows of points from one corner to the opposite edge, half a cell apart: also of upright walls.
+        // Sample the triangle in rows half a cell apart, so that vertical walls are covered as well.
         let rows = steps(a, b).max(steps(a, c));
         for row in 0..=rows {
             let t = row as f64 / rows as f64;
@@ -144,23 +144,23 @@ impl Heights {
         }
     }
 
-    /// Middle, floor and rim of the hollow that a closed wall surrounds.
+    /// Centre, floor and rim of a cavity enclosed by a closed wall.
     fn hollow(&self) -> Option<(DVec2, f64, f64)> {
         let filled = self.top.iter().filter(|top| top.is_finite()).count();
         LEVELS.iter().find_map(|share| {
             let rim = self.base + share * self.height;
             let is_low = |cell: usize| self.top[cell] < rim;
-            let outside = self.reached_from_outside(&is_low);
+            let outside = self.flood_from_outside(&is_low);
             let inside: Vec<usize> = (0..CELLS * CELLS).filter(|&cell| is_low(cell) && !outside[cell]).collect();
-            if (inside.len() as f64) < LEAST_AREA * filled as f64 {
+            if (inside.len() as f64) < MIN_AREA * filled as f64 {
                 return None;
             }
             let mut heights: Vec<f64> =
                 inside.iter().map(|&cell| self.top[cell]).filter(|top| top.is_finite()).collect();
             heights.sort_by(f64::total_cmp);
-            // Holes in the floor, as of a pot for plants, do not count.
+            // Ignore holes in the floor, e.g. of a plant pot.
             let floor = *heights.get(heights.len() / 10)?;
-            if heights.len() * 2 < inside.len() || rim - floor < LEAST_DEPTH * self.height {
+            if heights.len() * 2 < inside.len() || rim - floor < MIN_DEPTH * self.height {
                 return None;
             }
             let sum: DVec2 = inside.iter().map(|&cell| DVec2::new((cell % CELLS) as f64, (cell / CELLS) as f64)).sum();
@@ -169,7 +169,7 @@ impl Heights {
         })
     }
 
-    fn reached_from_outside(&self, is_low: &dyn Fn(usize) -> bool) -> Vec<bool> {
+    fn flood_from_outside(&self, is_low: &dyn Fn(usize) -> bool) -> Vec<bool> {
         let mut reached = vec![false; CELLS * CELLS];
         let mut open = vec![0];
         reached[0] = true;
@@ -192,18 +192,18 @@ impl Heights {
     }
 }
 
-/// Distances of the wall from the middle in one direction at one height, m.
+/// Inner and outer distance of the wall from the centre, in one direction at one height, m.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     inner: f64,
     outer: f64,
 }
 
-/// One of the distances of a station.
+/// Selects the inner or outer distance of a station.
 type Distance = fn(&Station) -> f64;
 
 struct Wall {
-    /// By height, then direction.
+    /// Stations by height, then direction.
     stations: Vec<Vec<Station>>,
 }
 
@@ -213,7 +213,7 @@ impl Wall {
         let mut stations = Vec::new();
         for share in HEIGHTS {
             let z = floor + share * (rim - floor);
-            // Only what this height cuts can be met at it.
+            // Only triangles that intersect this height can be hit.
             let cut: Vec<[DVec3; 3]> =
                 mesh.corners().filter(|t| t.iter().any(|p| p.z <= z) && t.iter().any(|p| p.z >= z)).collect();
             let measured: Vec<Option<Station>> = (0..DIRECTIONS)
@@ -223,15 +223,15 @@ impl Wall {
                 })
                 .collect();
             let met = measured.iter().flatten().count();
-            if (met as f64) < LEAST_MET * DIRECTIONS as f64 {
+            if (met as f64) < MIN_HIT_SHARE * DIRECTIONS as f64 {
                 return None;
             }
-            stations.push(filled(&measured));
+            stations.push(fill_gaps(&measured));
         }
         Some(Self { stations })
     }
 
-    /// Directions of the wedges' edges: evenly spread, and at corners.
+    /// Directions of the wedges' edges: evenly spread, plus corners of the outline.
     fn edges(&self) -> Vec<usize> {
         let outer = |index: usize| self.stations[HEIGHTS.len() / 2][index % DIRECTIONS].outer;
         (0..DIRECTIONS)
@@ -245,7 +245,7 @@ impl Wall {
             .collect()
     }
 
-    /// Triangles outside of the wall.
+    /// Triangles outside the wall.
     fn rest(&self, mesh: &RawMesh, middle: DVec2, floor: f64, rim: f64) -> RawMesh {
         let is_outside = |point: DVec3| {
             let across = point.truncate() - middle;
@@ -264,19 +264,19 @@ impl Wall {
     }
 }
 
-/// Where a ray from the middle first meets the wall, and where it leaves it.
+/// First entry and exit of a ray from the centre through the wall.
 fn station(triangles: &[[DVec3; 3]], from: DVec3, along: DVec3, closed: bool) -> Option<Station> {
-    let mut hits: Vec<f64> = triangles.iter().filter_map(|triangle| met(triangle, from, along)).collect();
+    let mut hits: Vec<f64> = triangles.iter().filter_map(|triangle| ray_hit(triangle, from, along)).collect();
     hits.sort_by(f64::total_cmp);
     let inner = *hits.first()?;
-    let next = hits.iter().copied().find(|hit| *hit > inner + 2e-4 && *hit < inner + THICKEST_M);
+    let next = hits.iter().copied().find(|hit| *hit > inner + 2e-4 && *hit < inner + MAX_WALL_M);
     let outer = next.filter(|_| closed).unwrap_or(inner + SHEET_M);
-    // Engines need walls that nothing slips through.
+    // Minimum thickness that physics engines resolve without tunnelling.
     Some(Station { inner, outer: outer.max(inner + 0.6 * SHEET_M) })
 }
 
-/// Distance at which a ray meets a triangle (Möller and Trumbore 1997).
-fn met(&[a, b, c]: &[DVec3; 3], from: DVec3, along: DVec3) -> Option<f64> {
+/// Distance at which a ray hits a triangle (Möller and Trumbore 1997).
+fn ray_hit(&[a, b, c]: &[DVec3; 3], from: DVec3, along: DVec3) -> Option<f64> {
     let (e1, e2) = (b - a, c - a);
     let p = along.cross(e2);
     let determinant = e1.dot(p);
@@ -291,8 +291,8 @@ fn met(&[a, b, c]: &[DVec3; 3], from: DVec3, along: DVec3) -> Option<f64> {
     (u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9 && t > 1e-6).then_some(t)
 }
 
-/// Directions in which nothing was met take the nearest one's.
-fn filled(measured: &[Option<Station>]) -> Vec<Station> {
+/// Fills directions without a hit from the nearest direction with one.
+fn fill_gaps(measured: &[Option<Station>]) -> Vec<Station> {
     let count = measured.len();
     (0..count)
         .map(|index| {

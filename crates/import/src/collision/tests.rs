@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::clean::tests::cuboid;
 
-/// A surface of revolution from a closed profile of (radius, height), counter-clockwise in the half plane.
+/// A surface of revolution from a closed (radius, height) profile, counter-clockwise in the half plane.
 fn turned(profile: &[[f64; 2]], sectors: u32) -> RawMesh {
     let count = profile.len() as u32;
     let mut mesh = RawMesh::default();
@@ -25,12 +25,12 @@ fn turned(profile: &[[f64; 2]], sectors: u32) -> RawMesh {
 }
 
 fn cup() -> RawMesh {
-    // Up outside, over the rim, down inside; the axis closes top and bottom.
+    // Up the outside, over the rim, down the inside; the axis closes top and bottom.
     turned(&[[0.0, 0.0], [0.03, 0.0], [0.04, 0.09], [0.036, 0.09], [0.027, 0.005], [0.0, 0.005]], 48)
 }
 
 #[test]
-fn solid_things_become_exact_shapes_or_hulls() {
+fn solid_objects_become_primitives_or_hulls() {
     let how = |mesh: &RawMesh| of_surface(mesh, true).how;
     assert_eq!(how(&cuboid(DVec3::ZERO, DVec3::new(0.1, 0.05, 0.2))), "a box");
     assert_eq!(how(&turned(&[[0.0, 0.0], [0.03, 0.0], [0.03, 0.12], [0.0, 0.12]], 48)), "a cylinder");
@@ -44,7 +44,7 @@ fn a_cup_stays_hollow_with_its_wall() {
     let depth = cavity.support(DVec3::Z).z + cavity.support(DVec3::NEG_Z).z.abs();
     assert!((0.07..0.095).contains(&depth), "{depth}");
     assert!(body.how.contains("walls of 4") || body.how.contains("walls of 3"), "{}", body.how);
-    // The middle is free from just above the floor, the wall is not, and the base stands at 0.
+    // The interior is free from just above the floor, the wall is solid, and the base stands at 0.
     let holds = |point: DVec3| {
         body.pieces.iter().any(|piece| {
             let outward = |d: DVec3| piece.support(d).dot(d) - point.dot(d);
@@ -62,7 +62,7 @@ fn a_cup_stays_hollow_with_its_wall() {
 }
 
 #[test]
-fn a_handle_sticks_out_of_its_cup() {
+fn a_handle_protrudes_from_its_cup() {
     let mut mug = cup();
     mug.append(&cuboid(DVec3::new(0.036, -0.005, 0.02), DVec3::new(0.07, 0.005, 0.03)));
     mug.append(&cuboid(DVec3::new(0.06, -0.005, 0.03), DVec3::new(0.07, 0.005, 0.06)));
@@ -86,13 +86,13 @@ fn a_table_is_decomposed() {
 }
 
 #[test]
-fn a_mesh_that_was_decomposed_before_keeps_its_parts() {
+fn a_pre_decomposed_mesh_keeps_its_parts() {
     let mut parts = cuboid(DVec3::ZERO, DVec3::splat(0.05));
     parts.append(&cuboid(DVec3::new(0.04, 0.0, 0.0), DVec3::new(0.1, 0.02, 0.02)));
     let link = RawLink { collision: vec![RawCollision::Mesh(parts.clone())], ..RawLink::default() };
     let body = body(&link);
-    assert_eq!((body.pieces.len(), body.how.as_str()), (2, "of the files' collision mesh: 2 convex parts"));
-    // One part that is bent is decomposed as a whole.
+    assert_eq!((body.pieces.len(), body.how.as_str()), (2, "from the collision mesh: 2 convex parts"));
+    // One non-convex component: the mesh is decomposed as a whole.
     parts.append(&cup());
     assert!(convex_parts(&parts).is_none());
 }

@@ -1,4 +1,4 @@
-//! glTF 2.0, binary (GLB) or as text with its files: meshes of the default scene, materials, textures.
+//! glTF 2.0, binary (GLB) or JSON: meshes of the default scene, materials, textures.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,19 +14,19 @@ use gltf::mesh::Mode;
 
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::picture;
-use crate::raw::{MOST_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::image;
+use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Deepest chain of nodes and most nodes with a mesh that are followed.
-const MOST_DEPTH: usize = 64;
-const MOST_NODES: usize = 10_000;
-/// Most materials with a picture.
-const MOST_TEXTURES: usize = 16;
+/// Maximum nesting depth of nodes and maximum number of nodes.
+const MAX_DEPTH: usize = 64;
+const MAX_NODES: usize = 10_000;
+/// Maximum number of textures.
+const MAX_TEXTURES: usize = 16;
 
-/// Reads an object of one GLB or glTF file.
+/// Reads an object from one GLB or glTF file.
 ///
 /// # Errors
-/// When the file is cut off, breaks the standard, or needs an extension that is not read, such as Draco.
+/// If the file is truncated, violates the standard, or needs an unsupported extension such as Draco.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     check_header(path, &bytes)?;
@@ -41,16 +41,16 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         reader.buffers.push(bytes);
     }
     let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
-    let Some(scene) = scene else { return Err(ImportError::new(path, "holds no scene")) };
+    let Some(scene) = scene else { return Err(ImportError::new(path, "contains no scene")) };
     let (mut surfaces, mut nodes) = (Vec::new(), 0);
     let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
     while let Some((node, world_from_parent, depth)) = open.pop() {
         nodes += 1;
-        if depth > MOST_DEPTH || nodes > MOST_NODES {
+        if depth > MAX_DEPTH || nodes > MAX_NODES {
             return Err(ImportError::new(
                 path,
                 format!(
-                    "node {} is one of more than {MOST_NODES}, or deeper than {MOST_DEPTH}: do nodes hold each other?",
+                    "node {}: more than {MAX_NODES} nodes, or nested deeper than {MAX_DEPTH}: do nodes contain each other?",
                     node.index()
                 ),
             ));
@@ -66,8 +66,8 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
                 let Some((mesh, material)) = reader.primitive(&primitive, files)? else { continue };
                 surfaces.push(Surface { name: name.clone(), mesh: mesh.transformed(&world_from_node), material });
                 let triangles: usize = surfaces.iter().map(|surface| surface.mesh.triangles.len()).sum();
-                if triangles > MOST_TRIANGLES {
-                    let message = format!("more than {MOST_TRIANGLES} triangles");
+                if triangles > MAX_TRIANGLES {
+                    let message = format!("more than {MAX_TRIANGLES} triangles");
                     return Err(ImportError::new(path, message).hint("reduce it in a modelling program first"));
                 }
             }
@@ -75,7 +75,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         open.extend(node.children().map(|child| (child, world_from_node, depth + 1)));
     }
     if surfaces.is_empty() {
-        return Err(ImportError::new(path, "its scene draws no triangles"));
+        return Err(ImportError::new(path, "its scene contains no triangles"));
     }
     let name = scene.nodes().next().and_then(|node| node.name().map(str::to_owned)).unwrap_or_default();
     let copyright = gltf.as_json().asset.copyright.clone();
@@ -91,19 +91,19 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// The file as the library holds it, checked.
+/// Parses and validates the file.
 fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     let unreadable = |error: gltf::Error| {
-        ImportError::new(path, format!("no glTF 2.0 that can be read: {error}"))
-            .hint("compressed meshes (Draco, meshopt) are not read: export without compression")
+        ImportError::new(path, format!("not a readable glTF 2.0 file: {error}"))
+            .hint("compressed meshes (Draco, meshopt) are not supported: export without compression")
     };
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
     let json = document.into_json();
-    // The library looks positions up before it checks where they are.
+    // The library accesses positions before it validates their accessor.
     for (index, mesh) in json.meshes.iter().enumerate() {
         let mut accessors = mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values());
         if let Some(missing) = accessors.find(|accessor| accessor.value() >= json.accessors.len()) {
-            let message = format!("mesh {index} names accessor {} of {}", missing.value(), json.accessors.len());
+            let message = format!("mesh {index} refers to accessor {} of {}", missing.value(), json.accessors.len());
             return Err(ImportError::new(path, message));
         }
     }
@@ -111,7 +111,7 @@ fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
     Ok(gltf::Gltf { document, blob })
 }
 
-/// A GLB says how long it is.
+/// Checks the length in a GLB header.
 fn check_header(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
     if !bytes.starts_with(b"glTF") {
         return Ok(());
@@ -129,7 +129,7 @@ struct Reader<'a> {
     gltf: &'a gltf::Gltf,
     buffers: Vec<Vec<u8>>,
     notes: Vec<String>,
-    /// By number of the image, those that were read or given up.
+    /// Textures by image index; `None` for images that could not be read.
     textures: BTreeMap<usize, Option<Arc<Texture>>>,
 }
 
@@ -159,14 +159,14 @@ impl Reader<'_> {
         Ok(files.bytes(&beside(self.path, &plain)?, limit)?.to_vec())
     }
 
-    /// The triangles of a primitive with its material; `None` for points and lines.
+    /// Triangles and material of a primitive; `None` for points and lines.
     fn primitive(
         &mut self,
         primitive: &gltf::Primitive<'_>,
         files: &mut Files<'_>,
     ) -> Result<Option<(RawMesh, Material)>, ImportError> {
         if !matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-            self.notes.push("points and lines are left out".into());
+            self.notes.push("points and lines are ignored".into());
             return Ok(None);
         }
         let material = self.material(&primitive.material(), files)?;
@@ -196,13 +196,13 @@ impl Reader<'_> {
         } else {
             Vec::new()
         };
-        let uvs = if uvs.len() == positions.len() { self.moved(uvs, primitive) } else { Vec::new() };
+        let uvs = if uvs.len() == positions.len() { self.transformed_uvs(uvs, primitive) } else { Vec::new() };
         let order: Vec<u32> = match reader.read_indices() {
             Some(indices) => indices.into_u32().collect(),
             None => (0..positions.len() as u32).collect(),
         };
         if let Some(index) = order.iter().find(|&&index| index as usize >= positions.len()) {
-            return Err(wrong(format!("a face names corner {index} of {}", positions.len())));
+            return Err(wrong(format!("a face refers to vertex {index} of {}", positions.len())));
         }
         let triangles: Vec<[u32; 3]> = match primitive.mode() {
             Mode::TriangleStrip => {
@@ -216,7 +216,7 @@ impl Reader<'_> {
         Ok(Some((RawMesh { positions, uvs, triangles }, material)))
     }
 
-    /// The library trusts what an accessor says about its place, and that it holds what its use needs.
+    /// Validates an accessor's type and bounds, which the library takes for granted.
     fn check_accessor(
         &self,
         accessor: &gltf::Accessor<'_>,
@@ -230,11 +230,11 @@ impl Reader<'_> {
             return wrong(&format!("{got:?} of {of:?}; expected {dimensions:?} of one of {types:?}"));
         }
         if accessor.sparse().is_some() {
-            return wrong("sparse accessors are not read");
+            return wrong("sparse accessors are not supported");
         }
         let Some(view) = accessor.view() else { return wrong("has no buffer view: is the mesh compressed?") };
-        if accessor.count() == 0 || accessor.count() > 3 * MOST_TRIANGLES {
-            return wrong(&format!("{} elements; expected 1 to {}", accessor.count(), 3 * MOST_TRIANGLES));
+        if accessor.count() == 0 || accessor.count() > 3 * MAX_TRIANGLES {
+            return wrong(&format!("{} elements; expected 1 to {}", accessor.count(), 3 * MAX_TRIANGLES));
         }
         let stride = view.stride().unwrap_or(accessor.size());
         if stride < accessor.size() {
@@ -252,8 +252,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Texture coordinates as KHR_texture_transform moves them.
-    fn moved(&self, mut uvs: Vec<[f32; 2]>, primitive: &gltf::Primitive<'_>) -> Vec<[f32; 2]> {
+    /// Applies KHR_texture_transform to texture coordinates.
+    fn transformed_uvs(&self, mut uvs: Vec<[f32; 2]>, primitive: &gltf::Primitive<'_>) -> Vec<[f32; 2]> {
         let info = primitive.material().pbr_metallic_roughness().base_color_texture();
         if let Some(transform) = info.and_then(|info| info.texture_transform()) {
             let ([du, dv], [su, sv], (sin, cos)) =
@@ -293,18 +293,18 @@ impl Reader<'_> {
         if let Some(known) = self.textures.get(&image.index()) {
             return Ok(known.clone());
         }
-        if self.textures.len() == MOST_TEXTURES {
-            self.notes.push(format!("image {}: left out, more than {MOST_TEXTURES} textures", image.index()));
+        if self.textures.len() == MAX_TEXTURES {
+            self.notes.push(format!("image {} ignored: more than {MAX_TEXTURES} textures", image.index()));
             return Ok(None);
         }
-        // The reader takes for granted that one of the two is there, and the kind of a picture inside the file.
+        // The library requires one of the two sources, and the media type of an embedded image.
         let declared = self.gltf.as_json().images.get(image.index());
         let is_whole = declared.is_some_and(|image| match image.buffer_view {
             Some(_) => image.mime_type.is_some(),
             None => image.uri.is_some(),
         });
         if !is_whole {
-            self.notes.push(format!("image {} left out: it names no picture", image.index()));
+            self.notes.push(format!("image {} ignored: it has no source", image.index()));
             self.textures.insert(image.index(), None);
             return Ok(None);
         }
@@ -317,14 +317,14 @@ impl Reader<'_> {
             gltf::image::Source::Uri { uri, .. } => self.uri(uri, IMPORTED_PICTURE, files),
         };
         let read =
-            bytes.map_err(|error| error.to_string()).and_then(|bytes| picture::texture(&bytes, &mut files.pixels_left));
+            bytes.map_err(|error| error.to_string()).and_then(|bytes| image::texture(&bytes, &mut files.pixels_left));
         let texture = match read {
             Ok((texture, note)) => {
                 self.notes.extend(note);
                 Some(Arc::new(texture))
             }
             Err(message) => {
-                self.notes.push(format!("image {} left out: {message}", image.index()));
+                self.notes.push(format!("image {} ignored: {message}", image.index()));
                 None
             }
         };
@@ -333,7 +333,7 @@ impl Reader<'_> {
     }
 }
 
-/// Of a linear value, IEC 61966-2-1.
+/// sRGB encoding of a linear value, IEC 61966-2-1.
 pub fn srgb(linear: f32) -> f32 {
     let linear = if linear.is_finite() { linear.clamp(0.0, 1.0) } else { 0.5 };
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

@@ -1,4 +1,4 @@
-//! Readers of file formats: each makes a [`crate::raw::RawObject`] of what its files say, and guesses nothing.
+//! Readers of file formats: each converts file contents to a [`crate::raw::RawObject`] without guessing.
 
 pub mod glb;
 pub mod mjcf;
@@ -15,21 +15,21 @@ use crate::files::Files;
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use genmanip_core::Material;
 
-/// Of surfaces without a material, as in STL.
+/// Default colour of surfaces without a material, as in STL.
 const PLAIN: [f32; 3] = [0.7, 0.7, 0.7];
 
-/// The ending of a path, in small letters.
-pub fn ending(path: &str) -> String {
+/// Lower-case extension of a path.
+pub fn extension(path: &str) -> String {
     let name = path.rsplit('/').next().unwrap_or_default();
-    name.rsplit_once('.').map_or_else(String::new, |(_, ending)| ending.to_ascii_lowercase())
+    name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_ascii_lowercase())
 }
 
-/// Reads the object of a file by its ending.
+/// Reads an object, choosing the format by the file's extension.
 ///
 /// # Errors
-/// As the reader of the format, or when there is none for the ending.
+/// As the format's reader, or if the extension is unknown.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
-    match ending(path).as_str() {
+    match extension(path).as_str() {
         "obj" => obj::read(path, files),
         "glb" | "gltf" => glb::read(path, files),
         "urdf" => urdf::read(path, files),
@@ -48,36 +48,36 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
                 notes: Vec::new(),
             })
         }
-        other => Err(ImportError::new(path, format!("the ending `{other}` is of no format that is read"))
+        other => Err(ImportError::new(path, format!("unsupported file extension `{other}`"))
             .hint("expected .glb, .gltf, .obj, .stl, .msh, .urdf or .xml (MJCF); unpack archives first")),
     }
 }
 
-/// An error with what helps with files of its format, where nothing better is known.
+/// Adds a format-specific hint to an error without one.
 pub fn advised(error: ImportError) -> ImportError {
     if !error.hint.is_empty() {
         return error;
     }
-    let hint = match ending(&error.file).as_str() {
-        "glb" | "gltf" => "copy or export it again as glTF 2.0; the Khronos glTF validator names all faults",
-        "obj" => "mend it or export it again; lines are `v X Y Z`, `vt U V`, and `f` with numbers of corners from 1",
+    let hint = match extension(&error.file).as_str() {
+        "glb" | "gltf" => "copy or export it again as glTF 2.0; the Khronos glTF validator lists all errors",
+        "obj" => "fix it or export it again; lines are `v X Y Z`, `vt U V`, and `f` with vertex indices from 1",
         "stl" => "copy it again, or export it as binary STL",
         "msh" => {
-            "expected MuJoCo's MSH: counts of corners, normals, texture coordinates and faces, then these; convert it to OBJ"
+            "expected MuJoCo's MSH: counts of vertices, normals, texture coordinates and faces, then the data; or convert it to OBJ"
         }
-        "urdf" => "mend it there; `check_urdf` and other readers name the same place",
-        "xml" => "mend it there; MuJoCo's own compiler says what it accepts",
-        _ => "expected a file that an object can be read from",
+        "urdf" => "fix it at this position; `check_urdf` and other readers report the same position",
+        "xml" => "fix it at this position; MuJoCo's own compiler documents what it accepts",
+        _ => "expected a file that contains an object",
     };
     error.hint(hint)
 }
 
-/// The triangles of a mesh file, whatever their materials.
+/// The triangles of a mesh file, ignoring materials.
 ///
 /// # Errors
 /// As [`read`].
 pub fn mesh(path: &str, files: &mut Files<'_>) -> Result<RawMesh, ImportError> {
-    match ending(path).as_str() {
+    match extension(path).as_str() {
         "stl" => stl::read(path, &files.bytes(path, IMPORTED_MESH)?),
         "msh" => stl::read_msh(path, &files.bytes(path, IMPORTED_MESH)?),
         _ => {

@@ -7,19 +7,17 @@ use genmanip_core::Material;
 use genmanip_core::limits::{IMPORTED_DESCRIPTION, IMPORTED_MESH};
 use glam::DVec3;
 
+use super::PLAIN;
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::raw::{MOST_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Most surfaces: groups that change their material back and forth share one.
-const MOST_SURFACES: usize = 4096;
-/// Of surfaces without a material: light grey.
-const PLAIN: [f32; 3] = [0.7, 0.7, 0.7];
-
-/// Reads an object of one OBJ file.
+/// Maximum number of surfaces; groups that alternate between materials share one.
+const MAX_SURFACES: usize = 4096;
+/// Reads an object from one OBJ file.
 ///
 /// # Errors
-/// With the line that cannot be read. Materials and textures that cannot be had are noted and left out.
+/// With the number of the invalid line. Unavailable materials and textures are noted and ignored.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let mut notes = Vec::new();
     let surfaces = surfaces(path, files, &mut notes)?;
@@ -55,7 +53,7 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
             "usemtl" => reader.material = words.collect::<Vec<_>>().join(" "),
             "mtllib" => match library(path, line.trim_start()[6..].trim(), files, notes) {
                 Ok(found) => materials.extend(found),
-                Err(error) => notes.push(format!("materials left out: {error}")),
+                Err(error) => notes.push(format!("materials ignored: {error}")),
             },
             _ => {}
         }
@@ -71,12 +69,12 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
         })
         .collect();
     if surfaces.is_empty() {
-        return Err(ImportError::new(path, "holds no faces").hint("expected an OBJ with lines `f 1 2 3`"));
+        return Err(ImportError::new(path, "contains no faces").hint("expected an OBJ with lines `f 1 2 3`"));
     }
     Ok(surfaces)
 }
 
-/// What was read so far.
+/// Parser state.
 #[derive(Default)]
 struct Reader<'a> {
     path: &'a str,
@@ -87,11 +85,11 @@ struct Reader<'a> {
     group: String,
     material: String,
     triangles: usize,
-    /// By group and material.
+    /// Surfaces by group and material.
     surfaces: BTreeMap<(String, String), Part>,
 }
 
-/// A surface with the numbers of its corners by those of the file; the map is only looked up.
+/// A surface with its vertex indices by those of the file; the map is never iterated.
 #[derive(Default)]
 struct Part {
     mesh: RawMesh,
@@ -103,12 +101,12 @@ impl Reader<'_> {
         ImportError::new(self.path, format!("line {}: {message}", self.line))
     }
 
-    /// At least `least` numbers; what is no number is damage, but `nan` is one and is left to cleaning.
+    /// At least `least` numbers; `nan` parses and is left to the cleaning step.
     fn numbers(&self, words: std::str::SplitWhitespace<'_>, least: usize) -> Result<Vec<f64>, ImportError> {
         let values: Option<Vec<f64>> = words.take(6).map(|word| word.parse().ok()).collect();
         let values = values.ok_or_else(|| self.wrong("expected numbers"))?;
         if values.len() < least {
-            return Err(self.wrong(format!("{} numbers; expected {least}", values.len())));
+            return Err(self.wrong(format!("{} numbers; expected at least {least}", values.len())));
         }
         Ok(values)
     }
@@ -128,21 +126,21 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A polygon as a fan of triangles.
+    /// Reads a polygon as a triangle fan.
     fn face(&mut self, words: std::str::SplitWhitespace<'_>) -> Result<(), ImportError> {
         let corners = words.map(|word| self.named(word)).collect::<Result<Vec<_>, _>>()?;
         if corners.len() < 3 {
-            return Err(self.wrong(format!("a face of {} corners", corners.len())));
+            return Err(self.wrong(format!("a face with {} vertices", corners.len())));
         }
         self.triangles += corners.len() - 2;
-        if self.triangles > MOST_TRIANGLES {
+        if self.triangles > MAX_TRIANGLES {
             return Err(self
-                .wrong(format!("more than {MOST_TRIANGLES} triangles"))
+                .wrong(format!("more than {MAX_TRIANGLES} triangles"))
                 .hint("reduce it in a modelling program first"));
         }
         let key = (self.group.clone(), self.material.clone());
-        if self.surfaces.len() == MOST_SURFACES && !self.surfaces.contains_key(&key) {
-            return Err(self.wrong(format!("more than {MOST_SURFACES} groups")));
+        if self.surfaces.len() == MAX_SURFACES && !self.surfaces.contains_key(&key) {
+            return Err(self.wrong(format!("more than {MAX_SURFACES} groups")));
         }
         let part = self.surfaces.entry(key).or_default();
         let indices: Vec<u32> = corners
@@ -159,32 +157,32 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `corner/place/normal`, from 1, or from the end when negative.
+    /// Parses `vertex/texture/normal`, counted from 1, or from the end if negative.
     fn named(&self, word: &str) -> Result<(usize, Option<usize>), ImportError> {
         let mut parts = word.split('/');
         let number = |part: Option<&str>, count: usize, what: &str| -> Result<Option<usize>, ImportError> {
             let Some(part) = part.filter(|part| !part.is_empty()) else { return Ok(None) };
-            let wrong = || self.wrong(format!("names {what} `{}` of {count}", shortened(part)));
+            let wrong = || self.wrong(format!("refers to {what} `{}` of {count}", shortened(part)));
             let index: i64 = part.parse().map_err(|_| wrong())?;
             let index = if index < 0 { count as i64 + index } else { index - 1 };
             usize::try_from(index).ok().filter(|index| *index < count).map(Some).ok_or_else(wrong)
         };
-        let corner = number(parts.next(), self.corners.len(), "corner")?;
+        let corner = number(parts.next(), self.corners.len(), "vertex")?;
         let place = number(parts.next(), self.places.len(), "texture coordinate")?;
-        Ok((corner.ok_or_else(|| self.wrong("a face without corners"))?, place))
+        Ok((corner.ok_or_else(|| self.wrong("a face without vertices"))?, place))
     }
 }
 
-/// A material as MTL says it.
+/// A material as defined in MTL.
 #[derive(Default)]
 struct Mtl {
     color: Option<[f32; 3]>,
     shininess: Option<f32>,
     opacity: Option<f32>,
-    picture: Option<String>,
+    texture: Option<String>,
 }
 
-/// The materials of a library by name; what cannot be read of one is left out.
+/// Materials of a library by name; unreadable properties are ignored.
 fn library(
     path: &str,
     named: &str,
@@ -209,51 +207,48 @@ fn library(
             ("Ns", &[n]) => material.shininess = Some(n),
             ("d", &[opacity]) => material.opacity = Some(opacity),
             ("Tr", &[transparency]) => material.opacity = Some(1.0 - transparency),
-            ("map_Kd", _) => material.picture = Some(rest.trim().to_owned()),
+            ("map_Kd", _) => material.texture = Some(rest.trim().to_owned()),
             _ => {}
         }
     }
     Ok(read.into_iter().map(|(name, material)| (name, finish(&mtl, &material, files, notes))).collect())
 }
 
-/// A material of MTL as metallic-roughness: what the format does not say is dull plastic.
+/// Converts an MTL material to metallic-roughness; unspecified properties default to dull plastic.
 fn finish(mtl: &str, material: &Mtl, files: &mut Files<'_>, notes: &mut Vec<String>) -> Material {
     let mut color = material.color.unwrap_or(PLAIN).map(|value| value.clamp(0.0, 1.0));
-    let texture = material.picture.as_deref().and_then(|named| {
-        // Options such as `-s 1 1 1` stand before the name; names may hold blanks.
+    let texture = material.texture.as_deref().and_then(|named| {
+        // Options such as `-s 1 1 1` precede the name; names may contain blanks.
         let name = if named.starts_with('-') { named.split_whitespace().last().unwrap_or(named) } else { named };
-        match load_texture(mtl, name, files, notes) {
-            Ok(texture) => Some(texture),
-            Err(error) => {
-                notes.push(format!("texture left out: {error}"));
-                None
-            }
-        }
+        texture(mtl, name, files, notes)
     });
-    // With a picture over it, black is what many exporters write for "not set".
+    // Many exporters write black for "not set" under a texture.
     if texture.is_some() && color.iter().all(|&value| value < 0.05) {
         color = [1.0; 3];
     }
-    // Phong's exponent as roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
+    // Phong exponent to roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
     let roughness = material.shininess.filter(|n| *n >= 0.0).map_or(0.5, |n| (2.0 / (n + 2.0)).sqrt());
     let opacity = material.opacity.unwrap_or(1.0).clamp(0.05, 1.0);
     Material { opacity, texture, ..Material::plain(color, roughness.sqrt().clamp(0.15, 0.95)) }
 }
 
-/// The picture that a file names.
-///
-/// # Errors
-/// When it cannot be read.
-pub fn load_texture(
+/// Loads a texture referred to by a file; an unavailable one is noted and ignored.
+pub fn texture(
     file: &str,
     named: &str,
     files: &mut Files<'_>,
     notes: &mut Vec<String>,
-) -> Result<Arc<genmanip_core::Texture>, ImportError> {
-    let path = beside(file, named)?;
-    let (texture, note) = files.picture(&path)?;
-    notes.extend(note);
-    Ok(texture)
+) -> Option<Arc<genmanip_core::Texture>> {
+    match beside(file, named).and_then(|path| files.image(&path)) {
+        Ok((texture, note)) => {
+            notes.extend(note);
+            Some(texture)
+        }
+        Err(error) => {
+            notes.push(format!("texture ignored: {error}"));
+            None
+        }
+    }
 }
 
 fn mean_color(colors: &[[f32; 3]]) -> [f32; 3] {

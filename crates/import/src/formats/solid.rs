@@ -1,4 +1,4 @@
-//! Surfaces of the shapes that descriptions name.
+//! Meshes of primitive shapes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,11 +8,11 @@ use glam::DVec3;
 use crate::collision::hull::convex_hull;
 use crate::raw::RawMesh;
 
-/// Corners around a round shape, and rows of a half ball.
+/// Number of vertices around a round shape, and rows per hemisphere.
 const AROUND: usize = 32;
 const ROWS: usize = 8;
 
-/// The surface of a shape in its own frame.
+/// Mesh of a shape in its own frame.
 pub fn mesh(shape: &Shape) -> RawMesh {
     let ring = |radius: f64, z: f64| {
         (0..AROUND).map(move |i| {
@@ -20,7 +20,7 @@ pub fn mesh(shape: &Shape) -> RawMesh {
             DVec3::new(radius * cos, radius * sin, z)
         })
     };
-    // Rings of a ball's halves, the lower one moved down and the upper one up.
+    // Rings of the two hemispheres, shifted apart by the half length.
     let ball = |half_length: f64| {
         let rows = (1..2 * ROWS).flat_map(|row| {
             let angle = PI * row as f64 / (2 * ROWS) as f64;

@@ -1,14 +1,14 @@
-//! STL (binary or text) and the engine's own MSH: triangles without materials.
+//! STL (binary or text) and MuJoCo's MSH: triangles without materials.
 
 use glam::DVec3;
 
 use crate::ImportError;
-use crate::raw::{MOST_TRIANGLES, RawMesh};
+use crate::raw::{MAX_TRIANGLES, RawMesh};
 
 /// Triangles of an STL file.
 ///
 /// # Errors
-/// When it is neither binary nor text STL, or too large.
+/// If it is neither binary nor text STL, or too large.
 pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
     let is_binary = count.is_some_and(|count| bytes.len() as u64 >= 84 + 50 * u64::from(count) && count > 0);
@@ -22,22 +22,22 @@ pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     } else {
         return Err(ImportError::new(
             path,
-            "neither text nor binary STL: its length does not fit its number of triangles",
+            "neither text nor binary STL: its length does not match its number of triangles",
         ));
     };
     if corners.is_empty() || corners.len() % 3 != 0 {
-        return Err(ImportError::new(path, format!("{} corners; expected three per triangle", corners.len())));
+        return Err(ImportError::new(path, format!("{} vertices; expected three per triangle", corners.len())));
     }
     let triangles = (0..corners.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect();
     Ok(RawMesh { positions: corners, uvs: Vec::new(), triangles })
 }
 
-/// Triangles of an MSH file: four counts, then corners, normals, texture coordinates and faces.
+/// Triangles of an MSH file: four counts, then vertices, normals, texture coordinates and faces.
 ///
 /// # Errors
-/// When its length does not fit its counts.
+/// If its length does not match its counts.
 pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
-    let wrong = || ImportError::new(path, "no MSH: its length does not fit its counts");
+    let wrong = || ImportError::new(path, "not an MSH file: its length does not match its counts");
     let word = |index: usize| Some(i32::from_le_bytes(bytes.get(4 * index..4 * index + 4)?.try_into().ok()?));
     let count = |index| word(index).and_then(|value| usize::try_from(value).ok()).ok_or_else(wrong);
     let (corners, normals, uvs, faces) = (count(0)?, count(1)?, count(2)?, count(3)?);
@@ -52,7 +52,7 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     };
     let positions: Vec<DVec3> = part(0).chunks_exact(12).map(corner).collect();
     let single = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
-    // Rows count from the top of the picture, unlike in OBJ.
+    // Texture rows count from the top of the image, unlike in OBJ.
     let mut texture: Vec<[f32; 2]> = part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), single(&uv[4..])]).collect();
     if texture.len() != positions.len() {
         texture.clear();
@@ -62,7 +62,10 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
         let corner = |at: usize| face[4 * at..4 * at + 4].try_into().map_or(u32::MAX, u32::from_le_bytes);
         let triangle = [corner(0), corner(1), corner(2)];
         if triangle.iter().any(|&index| index as usize >= positions.len()) {
-            return Err(ImportError::new(path, format!("a face names corner {triangle:?} of {}", positions.len())));
+            return Err(ImportError::new(
+                path,
+                format!("a face refers to vertices {triangle:?} of {}", positions.len()),
+            ));
         }
         triangles.push(triangle);
     }
@@ -70,8 +73,8 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
 }
 
 fn check_count(path: &str, triangles: usize) -> Result<(), ImportError> {
-    if triangles > MOST_TRIANGLES {
-        return Err(ImportError::new(path, format!("{triangles} triangles; at most {MOST_TRIANGLES} are read"))
+    if triangles > MAX_TRIANGLES {
+        return Err(ImportError::new(path, format!("{triangles} triangles; at most {MAX_TRIANGLES} are supported"))
             .hint("reduce it in a modelling program first"));
     }
     Ok(())
@@ -102,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn msh_is_read_as_it_is_written() {
+    fn msh_files_are_read() {
         let mut bytes: Vec<u8> = [3_i32, 0, 3, 1].into_iter().flat_map(i32::to_le_bytes).collect();
         let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.25, 1.0, 0.25, 0.0, 0.75];
         bytes.extend(numbers.into_iter().flat_map(f32::to_le_bytes));

@@ -1,4 +1,4 @@
-//! URDF, as PartNet-Mobility, ManiSkill and pybullet write it: links with surfaces, joints, masses.
+//! URDF as written by PartNet-Mobility, ManiSkill and pybullet: links with surfaces, joints, masses.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,20 +9,20 @@ use super::xml::{self, Element};
 use super::{mesh, obj, solid};
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::place::moved;
-use crate::raw::{MOST_LINKS, RawCollision, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::place::transformed_mass;
+use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
-/// Damping and dry friction of a joint that says nothing, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that
-/// stays where it is left.
+/// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that stays where
+/// it is left.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
-/// Range of a joint that turns on and on, rad.
+/// Range of a continuous joint, rad.
 const CONTINUOUS: [f64; 2] = [-std::f64::consts::PI, std::f64::consts::PI];
 
-/// Reads the object of a URDF; links that are fixed to another become one with it.
+/// Reads the object of a URDF; links with fixed joints are merged into their parents.
 ///
 /// # Errors
-/// With the line of what cannot be: a joint of a link that is not there, a loop, a number that is none, a missing mesh.
+/// With the line of a joint to an unknown link, a loop, an invalid number or a missing mesh.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let robot = xml::parse(path, files)?;
     if robot.tag != "robot" {
@@ -35,12 +35,12 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         }
     }
     let links: Vec<&Element> = robot.all("link").collect();
-    if links.is_empty() || links.len() > 8 * MOST_LINKS {
-        return Err(ImportError::new(path, format!("{} links; expected 1 to {}", links.len(), 8 * MOST_LINKS)));
+    if links.is_empty() || links.len() > 8 * MAX_LINKS {
+        return Err(ImportError::new(path, format!("{} links; expected 1 to {}", links.len(), 8 * MAX_LINKS)));
     }
     let joints = robot.all("joint").map(|joint| reader.joint(joint)).collect::<Result<Vec<_>, _>>()?;
     let order = ordered(&robot, &links, &joints)?;
-    // The links that stay, by name: their number, and where those that are fixed to them lie.
+    // Index of the remaining link and pose in it, by the name of the original link.
     let mut places: BTreeMap<&str, (usize, Pose)> = BTreeMap::new();
     let mut made: Vec<RawLink> = Vec::new();
     for (node, name, hung) in order {
@@ -66,15 +66,15 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         places.insert(name, (index, pose));
         merge(&mut made[index], own, &pose);
     }
-    if made.len() > MOST_LINKS {
-        return Err(ImportError::new(path, format!("{} links that move; at most {MOST_LINKS}", made.len())));
+    if made.len() > MAX_LINKS {
+        return Err(ImportError::new(path, format!("{} moving links; at most {MAX_LINKS} are supported", made.len())));
     }
     let notes = reader.notes;
     let is_partnet = path.rsplit('/').next() == Some("mobility.urdf");
     Ok(RawObject {
         name: robot.attribute("name").unwrap_or_default().to_owned(),
         links: made,
-        // PartNet-Mobility scales every object to a diagonal of about two.
+        // PartNet-Mobility normalises every object to a diagonal of about two.
         unit: if is_partnet { Unit::Normalised } else { Unit::Metre },
         up: Up::Z,
         licence: None,
@@ -83,12 +83,12 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// A joint as it is written.
-struct Hung<'a> {
+/// A joint as written in the file.
+struct FileJoint<'a> {
     parent: &'a str,
     child: &'a str,
     parent_from_joint: Pose,
-    /// How it moves; none for a fixed one. Its parent and frame are filled in later.
+    /// The motion; `None` for a fixed joint. Parent and frame are filled in later.
     moves: Option<Joint>,
 }
 
@@ -100,7 +100,7 @@ struct Reader<'a, 'b> {
 }
 
 impl Reader<'_, '_> {
-    fn joint<'x>(&mut self, node: &'x Element) -> Result<Hung<'x>, ImportError> {
+    fn joint<'x>(&mut self, node: &'x Element) -> Result<FileJoint<'x>, ImportError> {
         let link = |tag: &str| {
             let found = node.first(tag).and_then(|end| end.attribute("link"));
             found.ok_or_else(|| node.wrong(format!("expected <{tag} link=\"…\">")))
@@ -111,7 +111,11 @@ impl Reader<'_, '_> {
             "prismatic" => Some(JointKind::Prismatic),
             "fixed" => None,
             other => {
-                self.notes.push(format!("joint of type `{}` to {} taken as fixed", shortened(other), shortened(child)));
+                self.notes.push(format!(
+                    "joint of type `{}` to {} treated as fixed",
+                    shortened(other),
+                    shortened(child)
+                ));
                 None
             }
         };
@@ -134,9 +138,9 @@ impl Reader<'_, '_> {
                 let number = |name, otherwise| dynamics.map_or(Ok(otherwise), |node| node.number(name, otherwise));
                 let name = node.attribute("name").unwrap_or(child).to_owned();
                 if range[0] > range[1] {
-                    return Err(node.wrong(format!("its range falls: {} to {}", range[0], range[1])));
+                    return Err(node.wrong(format!("expected an increasing range, got {} to {}", range[0], range[1])));
                 }
-                // A joint without room to move is none.
+                // A joint with an empty range is fixed.
                 (range[1] - range[0] > 1e-6).then_some(Joint {
                     name,
                     parent: 0,
@@ -151,10 +155,10 @@ impl Reader<'_, '_> {
                 })
             }
         };
-        Ok(Hung { parent, child, parent_from_joint: self.origin(node)?, moves })
+        Ok(FileJoint { parent, child, parent_from_joint: self.origin(node)?, moves })
     }
 
-    /// What a link holds, in its own frame.
+    /// Contents of a link, in its own frame.
     fn link(&mut self, node: &Element, name: &str) -> Result<RawLink, ImportError> {
         let mut link = RawLink { name: name.to_owned(), ..RawLink::default() };
         for visual in node.all("visual") {
@@ -202,9 +206,9 @@ impl Reader<'_, '_> {
         }
         let [ixx, iyy, izz, ixy, ixz, iyz] = moments;
         let inertia = DMat3::from_cols(DVec3::new(ixx, ixy, ixz), DVec3::new(ixy, iyy, iyz), DVec3::new(ixz, iyz, izz));
-        // A body that does not move, as a base is written, has no mass of its own.
+        // A body with zero mass, as bases are often written, has no mass of its own.
         let own = MassProperties { mass_kg, center: DVec3::ZERO, inertia };
-        Ok((mass_kg > 0.0).then_some(moved(&own, &self.origin(node)?)))
+        Ok((mass_kg > 0.0).then_some(transformed_mass(&own, &self.origin(node)?)))
     }
 
     fn origin(&self, node: &Element) -> Result<Pose, ImportError> {
@@ -221,14 +225,7 @@ impl Reader<'_, '_> {
             None => None,
         };
         let texture = node.first("texture").and_then(|texture| texture.attribute("filename"));
-        let texture =
-            texture.and_then(|named| match obj::load_texture(self.path, plain(named), self.files, &mut self.notes) {
-                Ok(texture) => Some(texture),
-                Err(error) => {
-                    self.notes.push(format!("texture left out: {error}"));
-                    None
-                }
-            });
+        let texture = texture.and_then(|named| obj::texture(self.path, plain(named), self.files, &mut self.notes));
         if rgba.is_none() && texture.is_none() {
             return Ok(None);
         }
@@ -238,20 +235,20 @@ impl Reader<'_, '_> {
 
     fn surfaces(&mut self, visual: &Element, material: Option<&Material>) -> Result<Vec<Surface>, ImportError> {
         let Some(geometry) = visual.first("geometry") else { return Ok(Vec::new()) };
-        let own = material.cloned().unwrap_or_else(|| Material::plain([0.7; 3], 0.5));
+        let own = material.cloned().unwrap_or_else(|| Material::plain(super::PLAIN, 0.5));
         if let Some(shape) = self.shape(geometry)? {
             return Ok(vec![Surface { name: String::new(), mesh: solid::mesh(&shape), material: own }]);
         }
         let Some(node) = geometry.first("mesh") else { return Ok(Vec::new()) };
         let (named, scale) = self.mesh_file(node)?;
-        if super::ending(&named) != "obj" {
+        if super::extension(&named) != "obj" {
             let mesh = mesh(&named, self.files)?.transformed(&DMat4::from_scale(scale));
             return Ok(vec![Surface { name: String::new(), mesh, material: own }]);
         }
         let mut surfaces = obj::surfaces(&named, self.files, &mut self.notes)?;
         for surface in &mut surfaces {
             surface.mesh = std::mem::take(&mut surface.mesh).transformed(&DMat4::from_scale(scale));
-            // A material that the description gives covers those of the mesh, unless these have pictures.
+            // The description's material overrides that of the mesh, unless the mesh has a texture.
             if let Some(material) = material.filter(|_| surface.material.texture.is_none()) {
                 surface.material = material.clone();
             }
@@ -298,12 +295,12 @@ impl Reader<'_, '_> {
     }
 }
 
-/// A name without the scheme of ROS packages: the package is the folder of the description.
+/// Strips the `package://` scheme of ROS; the package is the description's folder.
 fn plain(named: &str) -> &str {
     named.strip_prefix("package://").map_or(named, |rest| rest.split_once('/').map_or(rest, |(_, inside)| inside))
 }
 
-/// Moves what a fixed link holds to the link that it is fixed to.
+/// Merges a fixed link into its parent.
 fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
     let transform = DMat4::from_rotation_translation(pose.rotation, pose.position);
     for mut surface in link.surfaces.drain(..) {
@@ -320,16 +317,16 @@ fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
         RawCollision::Mesh(mesh) => RawCollision::Mesh(mesh.transformed(&transform)),
     }));
     into.friction = into.friction.or(link.friction);
-    if let Some(mass) = link.mass.map(|mass| moved(&mass, pose)) {
+    if let Some(mass) = link.mass.map(|mass| transformed_mass(&mass, pose)) {
         into.mass = Some(match into.mass {
             None => mass,
-            Some(own) => both(&own, &mass),
+            Some(own) => combined(&own, &mass),
         });
     }
 }
 
-/// Mass properties of two bodies together.
-pub fn both(a: &MassProperties, b: &MassProperties) -> MassProperties {
+/// Combined mass properties of two bodies.
+pub fn combined(a: &MassProperties, b: &MassProperties) -> MassProperties {
     let mass_kg = a.mass_kg + b.mass_kg;
     let center = (a.center * a.mass_kg + b.center * b.mass_kg) / mass_kg;
     let about = |one: &MassProperties| {
@@ -340,47 +337,47 @@ pub fn both(a: &MassProperties, b: &MassProperties) -> MassProperties {
     MassProperties { mass_kg, center, inertia: about(a) + about(b) }
 }
 
-type Ordered<'b, 'x> = Vec<(&'x Element, &'x str, Option<&'b Hung<'x>>)>;
+type Ordered<'b, 'x> = Vec<(&'x Element, &'x str, Option<&'b FileJoint<'x>>)>;
 
-/// Links, parents first, each with the joint that it hangs on.
+/// Links, parents first, each with its joint.
 fn ordered<'b, 'x>(
     robot: &'x Element,
     links: &[&'x Element],
-    joints: &'b [Hung<'x>],
+    joints: &'b [FileJoint<'x>],
 ) -> Result<Ordered<'b, 'x>, ImportError> {
     let mut nodes: BTreeMap<&str, &'x Element> = BTreeMap::new();
     for link in links {
         let name = link.attribute("name").ok_or_else(|| link.wrong("expected a name"))?;
         if nodes.insert(name, link).is_some() {
-            return Err(link.wrong("a second link of that name"));
+            return Err(link.wrong("duplicate link name"));
         }
     }
-    let mut hung: BTreeMap<&str, &Hung<'x>> = BTreeMap::new();
+    let mut hung: BTreeMap<&str, &FileJoint<'x>> = BTreeMap::new();
     for joint in joints {
         for end in [joint.parent, joint.child] {
             if !nodes.contains_key(end) {
-                return Err(robot.wrong(format!("a joint names the link `{}`, which there is not", shortened(end))));
+                return Err(robot.wrong(format!("a joint refers to the unknown link `{}`", shortened(end))));
             }
         }
         if hung.insert(joint.child, joint).is_some() {
-            return Err(robot.wrong(format!("link `{}` hangs on two joints", shortened(joint.child))));
+            return Err(robot.wrong(format!("link `{}` has two parent joints", shortened(joint.child))));
         }
     }
     let roots: Vec<&str> = nodes.keys().copied().filter(|name| !hung.contains_key(name)).collect();
     let [root] = roots.as_slice() else {
-        return Err(robot.wrong(format!("expected one link that hangs on nothing, got {}", roots.len())));
+        return Err(robot.wrong(format!("expected exactly one root link, got {}", roots.len())));
     };
     let (mut order, mut known) = (vec![(nodes[root], *root, None)], BTreeSet::from([*root]));
     while order.len() < nodes.len() {
         let before = order.len();
-        // In the order of the file, so that links of equal objects have equal numbers.
+        // In file order, so that equal objects get equal indices.
         for joint in joints.iter().filter(|joint| known.contains(joint.parent)).collect::<Vec<_>>() {
             if known.insert(joint.child) {
                 order.push((nodes[joint.child], joint.child, Some(joint)));
             }
         }
         if order.len() == before {
-            return Err(robot.wrong("some links hang on each other in a circle"));
+            return Err(robot.wrong("some links form a loop"));
         }
     }
     Ok(order)

@@ -1,4 +1,4 @@
-//! XML descriptions as trees of elements that know where they stand, with their numbers.
+//! XML elements that remember their file and line, with typed attribute access.
 
 use std::collections::BTreeMap;
 
@@ -8,38 +8,38 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::ImportError;
 use crate::files::{Files, shortened};
 
-/// Most elements and attributes of a description, and how deep they nest.
-const MOST_NODES: u32 = 400_000;
-const MOST_DEPTH: usize = 128;
+/// Maximum number of elements and attributes, and maximum nesting depth.
+const MAX_NODES: u32 = 400_000;
+const MAX_DEPTH: usize = 128;
 
-/// An element.
+/// An XML element.
 #[derive(Clone, Debug, Default)]
 pub struct Element {
-    /// Its name.
+    /// Tag name.
     pub tag: String,
-    /// Its attributes.
+    /// Attributes by name.
     pub attributes: BTreeMap<String, String>,
-    /// The elements in it.
+    /// Child elements.
     pub children: Vec<Element>,
-    /// The file and line where it stands.
+    /// File and line of the element.
     pub place: (String, u32),
 }
 
-/// The root element of a file. Entities are not followed.
+/// Parses a file and returns its root element. Entities are not expanded.
 ///
 /// # Errors
-/// With line and column of what is no XML.
+/// With line and column of a syntax error.
 pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
     let text = files.text(path, IMPORTED_DESCRIPTION)?;
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(&text, options);
-    let document = document.map_err(|error| ImportError::new(path, format!("no XML: {error}")))?;
+    let document = document.map_err(|error| ImportError::new(path, format!("not XML: {error}")))?;
     element(path, document.root_element(), 0)
 }
 
 fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, ImportError> {
-    if depth > MOST_DEPTH {
-        return Err(ImportError::new(path, format!("elements nest deeper than {MOST_DEPTH}")));
+    if depth > MAX_DEPTH {
+        return Err(ImportError::new(path, format!("elements are nested deeper than {MAX_DEPTH}")));
     }
     let children = node.children().filter(Node::is_element).map(|child| element(path, child, depth + 1));
     Ok(Element {
@@ -54,17 +54,17 @@ fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, Impo
 }
 
 impl Element {
-    /// The text of an attribute.
+    /// The value of an attribute.
     pub fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.get(name).map(String::as_str)
     }
 
-    /// The elements of a name in it.
+    /// The children with a tag.
     pub fn all<'a>(&'a self, tag: &'a str) -> impl Iterator<Item = &'a Element> {
         self.children.iter().filter(move |child| child.tag == tag)
     }
 
-    /// The first element of a name in it.
+    /// The first child with a tag.
     pub fn first(&self, tag: &str) -> Option<&Element> {
         self.children.iter().find(|child| child.tag == tag)
     }
@@ -76,10 +76,10 @@ impl Element {
         ImportError::new(file.as_str(), format!("line {line}: <{}{name}>: {message}", shortened(&self.tag)))
     }
 
-    /// All numbers of an attribute; `None` without it.
+    /// All numbers of an attribute; `None` if it is absent.
     ///
     /// # Errors
-    /// When one is no finite number.
+    /// If one is not a finite number.
     pub fn numbers(&self, name: &str) -> Result<Option<Vec<f64>>, ImportError> {
         let Some(text) = self.attribute(name) else { return Ok(None) };
         let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite() && value.abs() < 1e9);
@@ -89,10 +89,10 @@ impl Element {
         }
     }
 
-    /// So many numbers of an attribute; `None` without it.
+    /// Exactly `N` numbers of an attribute; `None` if it is absent.
     ///
     /// # Errors
-    /// When there are more or fewer, or one is no finite number.
+    /// If there are more or fewer, or one is not a finite number.
     pub fn exactly<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, ImportError> {
         let Some(values) = self.numbers(name)? else { return Ok(None) };
         let count = values.len();
@@ -100,7 +100,7 @@ impl Element {
         values.map(Some).map_err(|_| self.wrong(format!("{name}: expected {N} numbers, got {count}")))
     }
 
-    /// One number of an attribute, or what stands for it.
+    /// One number of an attribute, or the default.
     ///
     /// # Errors
     /// As [`Element::exactly`].

@@ -1,4 +1,4 @@
-//! Which files of what the user named are objects of their own.
+//! Discovery of importable objects in files and folders.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -9,30 +9,31 @@ use genmanip_core::limits;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Most files and deepest folder that are looked at.
-const MOST_FILES: usize = 50_000;
-const MOST_DEPTH: usize = 16;
-/// Endings of what may hold an object; of files with one stem in one folder the first is taken.
-const ENDINGS: [&str; 7] = ["urdf", "xml", "glb", "gltf", "obj", "stl", "msh"];
-/// Words in names of files that hold what touches, beside one that holds what is drawn.
-const TOUCHING: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
-/// Folders of YCB with other reconstructions of the same object.
+/// Maximum number of files and nesting depth that are searched.
+const MAX_FILES: usize = 50_000;
+const MAX_DEPTH: usize = 16;
+/// Extensions of importable files; of files with the same stem in one folder, the first is used.
+const EXTENSIONS: [&str; 7] = ["urdf", "xml", "glb", "gltf", "obj", "stl", "msh"];
+/// Words in the names of collision meshes, which accompany visual ones.
+const COLLISION_WORDS: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
+/// YCB folders with alternative reconstructions of the same object.
 const OTHER_SCANS: [&str; 3] = ["poisson", "tsdf", "clouds"];
 
-/// A file with an object in it.
+/// A file that contains an object.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Candidate {
-    /// The folder that no file of the object may lie outside of.
+    /// Folder that the object's files must not leave.
     pub root: PathBuf,
-    /// The file, relative to the root, with `/`.
+    /// File, relative to the root, with `/`.
     pub path: String,
 }
 
-/// The objects of files and folders: a file is itself; of a folder, descriptions (URDF, MJCF) and meshes that no
-/// description names. No file of an object lies outside of `root`; without, of the folder that is named or holds the file.
+/// The objects of files and folders: a file is one object; a folder contains descriptions (URDF, MJCF), and meshes
+/// that no description refers to. An object's files must lie in `root`, or by default in the given folder or the
+/// file's folder.
 ///
 /// # Errors
-/// When a path lies outside of the root, something cannot be listed, or a folder holds nothing that can be imported.
+/// If a path lies outside the root, a folder cannot be listed, or a folder contains nothing importable.
 pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, RunError> {
     let mut found = BTreeSet::new();
     for path in paths {
@@ -41,8 +42,8 @@ pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidat
         })?;
         if let Some(root) = root {
             let inside = path.strip_prefix(root).map_err(|_| {
-                RunError::input(format!("{} does not lie in {}", path.display(), root.display()))
-                    .with_hint("write both alike, as `--root assets assets/objects/can.xml`")
+                RunError::input(format!("{} is not inside {}", path.display(), root.display()))
+                    .with_hint("write both relative to the same folder, e.g. `--root assets assets/objects/can.xml`")
             })?;
             let inside = inside.to_string_lossy().replace('\\', "/");
             let within = |one: Candidate| Candidate { root: root.to_owned(), path: format!("{inside}/{}", one.path) };
@@ -73,33 +74,33 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, RunError> {
     paths.sort();
     let mut named: BTreeSet<String> = BTreeSet::new();
     let mut descriptions = Vec::new();
-    for path in paths.iter().filter(|path| matches!(ending(path), "urdf" | "xml")) {
-        // What cannot be read as text is refused when it is imported.
+    for path in paths.iter().filter(|path| matches!(extension(path), "urdf" | "xml")) {
+        // Unreadable text is reported by the import itself.
         let Ok(bytes) = documents::read_bytes(&root.join(path), limits::IMPORTED_DESCRIPTION) else { continue };
         let text = String::from_utf8_lossy(&bytes);
-        named.extend(files_named(&text));
-        let is_object = match ending(path) {
+        named.extend(referenced_files(&text));
+        let is_object = match extension(path) {
             "xml" => text.contains("<mujoco ") || text.contains("<mujoco>"),
             _ => text.contains("<robot"),
         };
-        if is_object && (ending(path) != "xml" || text.contains("<worldbody")) {
+        if is_object && (extension(path) != "xml" || text.contains("<worldbody")) {
             descriptions.push(path.clone());
         }
     }
     let mut meshes: BTreeMap<String, String> = BTreeMap::new();
-    for path in paths.iter().filter(|path| !matches!(ending(path), "urdf" | "xml")) {
+    for path in paths.iter().filter(|path| !matches!(extension(path), "urdf" | "xml")) {
         let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
         let is_other_scan = folder.split('/').any(|part| OTHER_SCANS.contains(&part));
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let beside =
             |other: &String| other != path && other.rsplit_once('/').map_or("", |(folder, _)| folder) == folder;
-        let is_touching = TOUCHING.iter().any(|word| stem.to_lowercase().contains(word));
+        let is_collision = COLLISION_WORDS.iter().any(|word| stem.to_lowercase().contains(word));
         let is_plain = stem == "nontextured" && paths.iter().any(|other| beside(other) && other.contains("/textured."));
         if named.contains(name)
             || is_other_scan
             || is_plain
-            || (is_touching
-                && paths.iter().any(|other| beside(other) && !TOUCHING.iter().any(|word| other.contains(word))))
+            || (is_collision
+                && paths.iter().any(|other| beside(other) && !COLLISION_WORDS.iter().any(|word| other.contains(word))))
         {
             continue;
         }
@@ -112,16 +113,16 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, RunError> {
     Ok(all.map(|path| Candidate { root: root.to_owned(), path }).collect())
 }
 
-fn ending(path: &str) -> &str {
-    path.rsplit_once('.').map_or("", |(_, ending)| ending)
+fn extension(path: &str) -> &str {
+    path.rsplit_once('.').map_or("", |(_, extension)| extension)
 }
 
 fn rank(path: &str) -> usize {
-    ENDINGS.iter().position(|known| ending(path).eq_ignore_ascii_case(known)).unwrap_or(ENDINGS.len())
+    EXTENSIONS.iter().position(|known| extension(path).eq_ignore_ascii_case(known)).unwrap_or(EXTENSIONS.len())
 }
 
-/// Names of files, without folders, in quotation marks anywhere in a description.
-fn files_named(text: &str) -> impl Iterator<Item = String> + '_ {
+/// File names, without folders, in quotation marks anywhere in a description.
+fn referenced_files(text: &str) -> impl Iterator<Item = String> + '_ {
     let quoted = text.split(['"', '\'']).filter(|part| part.len() < 300 && part.contains('.') && !part.contains('<'));
     quoted.map(|part| part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned())
 }
@@ -134,13 +135,13 @@ fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Re
         let Ok(kind) = entry.file_type() else { continue };
         let Some(name) = entry.file_name().to_str().map(str::to_owned) else { continue };
         let path = if under.is_empty() { name.clone() } else { format!("{under}/{name}") };
-        // Links may lead anywhere, also back.
-        if kind.is_dir() && depth < MOST_DEPTH && !name.starts_with('.') {
+        // Links are not followed: they may form loops or leave the root.
+        if kind.is_dir() && depth < MAX_DEPTH && !name.starts_with('.') {
             list(root, path, depth + 1, found)?;
-        } else if kind.is_file() && rank(&name) < ENDINGS.len() {
-            if found.len() == MOST_FILES {
-                return Err(RunError::input(format!("more than {MOST_FILES} files in {}", root.display()))
-                    .with_hint("import its folders one by one"));
+        } else if kind.is_file() && rank(&name) < EXTENSIONS.len() {
+            if found.len() == MAX_FILES {
+                return Err(RunError::input(format!("more than {MAX_FILES} files in {}", root.display()))
+                    .with_hint("import its subfolders separately"));
             }
             found.push(path);
         }
@@ -153,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn descriptions_go_before_the_meshes_that_they_name() {
+    fn descriptions_take_precedence_over_their_meshes() {
         let root = tempfile::tempdir().unwrap();
         let write = |path: &str, text: &str| {
             let path = root.path().join(path);

@@ -1,4 +1,4 @@
-//! `genmanip assets import`: files into a pack, each object tried on the table and in the hand.
+//! `genmanip assets import`: imports files into a pack and tests each object on the table and with grasps.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::place::lying_from_standing;
 use crate::report::Guess;
 use crate::{Given, Imported, pack};
-use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, remember};
+use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
 use genmanip_data::files;
@@ -25,41 +25,42 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
-/// A thing that turns farther while it comes to rest has fallen over, rad.
-const FALLEN_RAD: f64 = 0.3;
-/// Times that a thing is laid down as it came to rest; the new base is cut where it touched, so once nearly always does.
-const MOST_TURNS: u32 = 3;
-/// Farther than this in 2 s it does not rest, mm.
+/// Rotation while settling beyond which an object counts as toppled, rad.
+const TOPPLED_RAD: f64 = 0.3;
+/// Maximum number of times that an object is re-imported in its resting pose; once is nearly always enough, because
+/// the new base is cut where the object touches.
+const MAX_TURNS: u32 = 3;
+/// Maximum drift in 2 s of an object at rest, mm.
 const DRIFT_MM: f64 = 1.0;
-/// Pixels per side of the pictures.
-const PICTURE_PX: u32 = 256;
+/// Side of the preview images, pixels.
+const PREVIEW_PX: u32 = 256;
 
-/// How objects are imported.
+/// Settings of an import.
 #[derive(Clone, Debug)]
 pub struct ImportSettings {
     /// Folder of the packs.
     pub folder: PathBuf,
     /// Name of the pack.
     pub pack: String,
-    /// What the user says about the frames of the files.
+    /// The user's choices for the files' frames.
     pub given: Given,
-    /// Licence of all of them, where the files do not say it.
+    /// Licence, if the files do not state one.
     pub licence: Option<String>,
-    /// Whether no grasps are tried.
+    /// True to skip grasp trials.
     pub without_grasps: bool,
-    /// Seed of the trials.
+    /// Seed of the grasp trials.
     pub seed: Seed,
 }
 
-/// How one file came in.
+/// Result of importing one file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ImportRow {
     /// The file.
     pub file: String,
-    /// Why it was refused.
+    /// Reason why it was rejected.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// What to do about that.
+    /// Suggested fix.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
     /// Uid of the object.
@@ -67,28 +68,29 @@ pub struct ImportRow {
     pub uid: Option<String>,
     /// Its name.
     pub name: String,
-    /// Whether it stays where it is put on a table.
+    /// True if it stays where it is placed on the table.
     pub rests: bool,
-    /// Way in 2 s at rest, mm.
+    /// Drift in 2 s at rest, mm.
     pub drift_mm: f64,
-    /// Convex collision pieces.
+    /// Number of convex collision pieces.
     pub pieces: usize,
-    /// Whether the hand could hold it, as its size and mass say.
+    /// True if size and mass allow the gripper to hold it.
     pub can_grasp: bool,
-    /// Grasps that held in every trial.
+    /// Number of grasps that held in every trial.
     pub grasps: usize,
-    /// What was guessed.
+    /// Guesses.
     pub guesses: Vec<Guess>,
-    /// What was mended, scaled down or left out.
+    /// Repairs, downscaled textures and omissions.
     pub repairs: Vec<String>,
 }
 
-/// Imports objects into a pack; what cannot be read is a row with its error. Objects of the same files are replaced.
+/// Imports objects into a pack; files that cannot be read become rows with an error. Objects from the same files are
+/// replaced.
 ///
-/// When `stop` becomes true, objects under way are finished and the rest is left out.
+/// When `stop` becomes true, objects in progress are finished and the rest is skipped.
 ///
 /// # Errors
-/// When the robot cannot be had or the pack cannot be written.
+/// If the robot is unavailable or the pack cannot be written.
 pub fn import(
     candidates: &[Candidate],
     world: &World,
@@ -110,7 +112,7 @@ pub fn import(
     };
     let robot = trials.robot.name.clone();
     let grasps_path = grasps_file(&folder, &robot);
-    let kept = Mutex::new(Kept {
+    let kept = Mutex::new(PackContents {
         entries: known.objects.into_iter().map(|entry| (entry.card.uid.clone(), entry)).collect(),
         grasps: known_grasps(&grasps_path, &trials, settings.seed)?,
     });
@@ -121,14 +123,14 @@ pub fn import(
             let uid = object.model.card.uid.clone();
             documents::write_file(&object_file(&folder, &uid), &pack::to_bytes(&object))?;
             let model = Arc::new(object.model);
-            let rgb = portrait(&model, &vec![0.0; model.joint_count()], PICTURE_PX)?;
-            let picture = genmanip_render::encode::png_rgb(PICTURE_PX, PICTURE_PX, &rgb)
-                .map_err(|error| RunError::broken("the picture cannot be encoded", error))?;
-            documents::write_file(&folder.join(format!("{uid}.png")), &picture)?;
+            let rgb = portrait(&model, &vec![0.0; model.joint_count()], PREVIEW_PX)?;
+            let preview = genmanip_render::encode::png_rgb(PREVIEW_PX, PREVIEW_PX, &rgb)
+                .map_err(|error| RunError::broken("the preview cannot be encoded", error))?;
+            documents::write_file(&folder.join(format!("{uid}.png")), &preview)?;
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             if !settings.without_grasps {
                 let physics_hash = model.physics_hash();
-                remember(&trials.robot.physics_hash(), &physics_hash, tried.clone());
+                cache_grasps(&trials.robot.physics_hash(), &physics_hash, tried.clone());
                 kept.grasps.objects.insert(uid.clone(), ObjectGrasps { physics_hash, grasps: tried });
             }
             kept.entries
@@ -143,20 +145,20 @@ pub fn import(
         if !kept.grasps.objects.is_empty() {
             documents::write_file(&grasps_path, kept.grasps.to_text().as_bytes())?;
         }
-        // The list comes last: what it names is whole.
+        // The index is written last, so that everything it lists is complete.
         let list = PackList { objects: kept.entries.into_values().collect() };
         documents::write_file(&list_path, list.to_json().as_bytes())?;
     }
     Ok(rows)
 }
 
-/// What a pack holds so far.
-struct Kept {
+/// Contents of the pack so far.
+struct PackContents {
     entries: BTreeMap<String, PackEntry>,
     grasps: GraspFile,
 }
 
-/// The grasps that the pack holds already, if the same hand tried them.
+/// The pack's existing grasps, if they were tried with the same robot.
 fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFile, RunError> {
     let made_by = GraspProvenance {
         seed,
@@ -174,7 +176,7 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
     Ok(if known.made_by.robot_hash == made_by.robot_hash { GraspFile { made_by, ..known } } else { nothing })
 }
 
-/// Reads one object and tries it.
+/// Imports and tests one object.
 fn one(
     candidate: &Candidate,
     trials: &GraspTrials,
@@ -197,7 +199,7 @@ fn one(
         ..ImportRow::default()
     };
     if !row.rests {
-        object.report.repairs.push("it does not stay where it is put on a table".into());
+        object.report.repairs.push("it does not stay where it is placed on a table".into());
     }
     let mut tried = Vec::new();
     if model.card.can_grasp && !settings.without_grasps {
@@ -206,12 +208,12 @@ fn one(
         let because = match &found {
             Ok(found) if found.is_empty() => Some("no grasp held in every trial".to_owned()),
             Ok(_) => None,
-            Err(error) => Some(format!("grasps cannot be tried: {error}")),
+            Err(error) => Some(format!("grasp trials failed: {error}")),
         };
         tried = found.unwrap_or_default();
         row.grasps = tried.len();
         if let Some(because) = because {
-            // The hand has the last word; the row still says that it was meant for it.
+            // The trials decide; the row still reports the estimate.
             object.model.card.can_grasp = false;
             object.report.guesses.push(Guess::new(format!("can_grasp with {}", trials.robot.name), "false", because));
         }
@@ -220,8 +222,8 @@ fn one(
     (row, Some((object, tried)))
 }
 
-/// Reads one object and puts it on the table; one that tips over and lies still comes in as it lies, unless the user said
-/// which way is up. Or what is wrong, and what to do about it.
+/// Imports one object and places it on the table. An object that topples and then rests is imported in its resting
+/// pose, unless the user specified the up axis. Errors are a message and a hint.
 fn put_on_table(
     candidate: &Candidate,
     settings: &ImportSettings,
@@ -241,13 +243,13 @@ fn put_on_table(
         let model = Arc::new(object.model.clone());
         let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
         let rest = at_rest(&model, &Pose::IDENTITY, &joints, world).map_err(|error| {
-            let hint = "mend the masses, inertias or joints that the message names; say --scale if the unit is wrong";
+            let hint = "fix the masses, inertias or joints in the message; pass --scale if the unit is wrong";
             let error = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-            (format!("{}: the simulator refuses it: {error}", candidate.path), Some(hint.to_owned()))
+            (format!("{}: rejected by the simulator: {error}", candidate.path), Some(hint.to_owned()))
         })?;
-        // What rocked for long lies still at the end of the watch all the same.
+        // An object that rocked for long may still be at rest at the end.
         let lies_still = rest.drift_mm < DRIFT_MM;
-        if rests(&rest) || !lies_still || given.up.is_some() || turns == MOST_TURNS {
+        if rests(&rest) || !lies_still || given.up.is_some() || turns == MAX_TURNS {
             return Ok((object, rest));
         }
         turns += 1;
@@ -256,19 +258,19 @@ fn put_on_table(
     }
 }
 
-/// Whether it stays where it is put.
+/// True if the object stays where it is placed.
 fn rests(rest: &AtRest) -> bool {
-    rest.settled && rest.tilt_rad < FALLEN_RAD && rest.drift_mm < DRIFT_MM
+    rest.settled && rest.tilt_rad < TOPPLED_RAD && rest.drift_mm < DRIFT_MM
 }
 
-/// The rows as a table, with their errors and what was guessed below.
+/// Formats the rows as a table, followed by errors, guesses and repairs.
 pub fn table(rows: &[ImportRow]) -> String {
     let mut lines = vec![["file", "uid", "rests", "pieces", "grasps"].map(String::from).to_vec()];
     for row in rows {
         let grasps = if row.can_grasp { row.grasps.to_string() } else { "-".into() };
         lines.push(vec![
             row.file.clone(),
-            row.uid.clone().unwrap_or_else(|| "refused".into()),
+            row.uid.clone().unwrap_or_else(|| "rejected".into()),
             if row.rests { "yes" } else { "no" }.into(),
             row.pieces.to_string(),
             grasps,

@@ -1,7 +1,7 @@
-//! Packs of imported objects: folders that any program call can open.
+//! Packs: folders of imported objects that every command can open.
 //!
-//! `DIR/NAME/pack.json` lists the objects of a pack, with a file each (`UID.object`, see [`crate::pack`]), a
-//! picture (`UID.png`), and the grasps that were tried of them (`grasps-ROBOT.json`).
+//! `DIR/NAME/pack.json` lists the objects of a pack; each has a file (`UID.object`, see [`crate::pack`]) and a preview
+//! (`UID.png`); tried grasps are stored per robot (`grasps-ROBOT.json`).
 
 mod candidates;
 mod importing;
@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::report::Report;
 use genmanip_assets::imported::{self, Origin};
-use genmanip_assets::{AssetError, AssetSource, GraspFile, remember};
+use genmanip_assets::{AssetError, AssetSource, GraspFile, cache_grasps};
 use genmanip_core::{AssetRef, Document, ObjectCard, ObjectModel, limits};
 use genmanip_data::files;
 use serde::{Deserialize, Serialize};
@@ -26,17 +26,17 @@ pub use resting::{AtRest, at_rest};
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// The list of a pack.
+/// Name of a pack's index file.
 const LIST: &str = "pack.json";
-/// Most packs of a folder, and objects of a pack.
-const MOST_PACKS: usize = 1000;
-const MOST_OBJECTS: usize = 100_000;
+/// Maximum number of packs in a folder, and of objects in a pack.
+const MAX_PACKS: usize = 1000;
+const MAX_OBJECTS: usize = 100_000;
 
-/// The list of a pack.
+/// Index of a pack.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackList {
-    /// Its objects, by uid.
+    /// Objects, sorted by uid.
     pub objects: Vec<PackEntry>,
 }
 
@@ -44,11 +44,11 @@ pub struct PackList {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackEntry {
-    /// What people and language models are told about it.
+    /// Description for people and language models.
     pub card: ObjectCard,
-    /// Where it is from.
+    /// Provenance.
     pub origin: Origin,
-    /// What was guessed and mended when it came in.
+    /// Guesses and repairs of its import.
     pub report: Report,
 }
 
@@ -58,8 +58,8 @@ impl Document for PackList {
     fn check(&self) -> Result<(), genmanip_core::DocumentError> {
         let invalid =
             |path: String, message: &str| Err(genmanip_core::DocumentError::Invalid { path, message: message.into() });
-        if self.objects.len() > MOST_OBJECTS {
-            return invalid("objects".into(), &format!("more than {MOST_OBJECTS} objects"));
+        if self.objects.len() > MAX_OBJECTS {
+            return invalid("objects".into(), &format!("more than {MAX_OBJECTS} objects"));
         }
         for (index, PackEntry { card, .. }) in self.objects.iter().enumerate() {
             let fits = !card.uid.is_empty()
@@ -68,7 +68,7 @@ impl Document for PackList {
             if !fits || !matches!(card.asset, AssetRef::Imported { .. }) {
                 return invalid(
                     format!("objects[{index}].card"),
-                    "expected an imported asset with a uid that can name a file",
+                    "expected an imported asset whose uid is a valid file name",
                 );
             }
         }
@@ -76,18 +76,19 @@ impl Document for PackList {
     }
 }
 
-/// The packs of a folder, opened: objects are read when they are first asked for.
+/// The opened packs of a folder; objects are read on first use.
 pub struct Packs {
     cards: Vec<ObjectCard>,
-    /// By hash of the files: where the object is kept, and where it is from.
+    /// File and provenance of each object, by the hash of its source files.
     objects: BTreeMap<String, (PathBuf, Origin)>,
     models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
 }
 
-/// Opens every pack in a folder, so that the whole program knows their objects and their tried grasps; how many there are.
+/// Opens every pack in a folder, registering their objects and tried grasps for the whole program; returns the number
+/// of objects.
 ///
 /// # Errors
-/// When a list cannot be read or is wrong.
+/// If an index cannot be read or is invalid.
 pub fn open(folder: &Path) -> Result<usize, RunError> {
     let packs = Packs::read(folder)?;
     let count = packs.cards.len();
@@ -96,7 +97,7 @@ pub fn open(folder: &Path) -> Result<usize, RunError> {
 }
 
 impl Packs {
-    /// Reads the lists of a folder's packs, and makes their grasps known.
+    /// Reads the indexes of a folder's packs, and registers their grasps.
     ///
     /// # Errors
     /// As [`open`].
@@ -106,35 +107,35 @@ impl Packs {
         let mut folders: Vec<PathBuf> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir()).collect();
         folders.sort();
-        folders.truncate(MOST_PACKS);
+        folders.truncate(MAX_PACKS);
         for pack in folders.into_iter().filter(|pack| files::is_own_file(&pack.join(LIST))) {
             let list: PackList = documents::read_document(&pack.join(LIST), limits::PACK)?;
             for PackEntry { card, origin, .. } in list.objects {
                 let AssetRef::Imported { hash } = &card.asset else { continue };
-                // The same files may be in several packs.
+                // Several packs may contain the same files.
                 if packs.objects.insert(hash.clone(), (object_file(&pack, &card.uid), origin)).is_none() {
                     packs.cards.push(card);
                 }
             }
-            remember_grasps(&pack)?;
+            register_grasps(&pack)?;
         }
         packs.cards.sort_by(|a, b| a.uid.cmp(&b.uid));
         Ok(packs)
     }
 }
 
-/// The file of an object in the folder of its pack.
+/// File of an object in its pack's folder.
 fn object_file(pack: &Path, uid: &str) -> PathBuf {
     pack.join(format!("{uid}.object"))
 }
 
-/// The file of the grasps that a robot tried of a pack's objects.
+/// File of a pack's grasps tried with a robot.
 fn grasps_file(pack: &Path, robot: &str) -> PathBuf {
     pack.join(format!("grasps-{robot}.json"))
 }
 
-/// Makes the tried grasps of a pack known.
-fn remember_grasps(pack: &Path) -> Result<(), RunError> {
+/// Registers the tried grasps of a pack.
+fn register_grasps(pack: &Path) -> Result<(), RunError> {
     for robot in genmanip_assets::robots::NAMES {
         let path = grasps_file(pack, robot);
         if !files::is_own_file(&path) {
@@ -143,7 +144,7 @@ fn remember_grasps(pack: &Path) -> Result<(), RunError> {
         let file: GraspFile = documents::read_document(&path, limits::GRASPS)?;
         let Some(robot_hash) = &file.made_by.robot_hash else { continue };
         for object in file.objects.into_values() {
-            remember(robot_hash, &object.physics_hash, object.grasps);
+            cache_grasps(robot_hash, &object.physics_hash, object.grasps);
         }
     }
     Ok(())
@@ -167,7 +168,7 @@ impl AssetSource for Packs {
         let bytes = files::read_own(path, limits::PACK_OBJECT).map_err(|error| wrong(error.to_string()))?;
         let object = crate::pack::from_bytes(&bytes).map_err(wrong)?;
         if object.model.asset != *asset {
-            return Err(wrong(format!("holds {}; expected {asset}: import the pack again", object.model.asset)));
+            return Err(wrong(format!("contains {}; expected {asset}: import the pack again", object.model.asset)));
         }
         let model = Arc::new(object.model);
         models.insert(hash.clone(), Arc::clone(&model));

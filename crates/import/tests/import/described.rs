@@ -1,4 +1,4 @@
-//! Objects of descriptions: URDF and MJCF in the layouts of the libraries that write them.
+//! URDF and MJCF objects in the layouts of common libraries.
 
 use genmanip_core::{JointKind, ObjectModel, Pose};
 use genmanip_import::{Given, ImportError};
@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::rigid::{Disk, disk, import_from, upright_box};
 
-/// An OBJ of a box.
+/// A box as OBJ.
 fn box_obj(size: [f32; 3]) -> Vec<u8> {
     let (corners, triangles) = upright_box(size);
     let mut text: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
@@ -14,7 +14,7 @@ fn box_obj(size: [f32; 3]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// A cabinet as PartNet-Mobility writes it: a base without shape, a body fixed to it, a door that turns.
+/// A cabinet in PartNet-Mobility's layout: an empty base, a body fixed to it, a revolute door.
 pub fn cabinet() -> Disk {
     let urdf = br#"<?xml version="1.0"?>
 <robot name="StorageFurniture">
@@ -55,20 +55,20 @@ fn joints(model: &ObjectModel) -> Vec<(&str, JointKind, [f64; 2])> {
 fn a_partnet_cabinet_has_one_door_and_two_states() {
     let object = import_from(&cabinet(), "45132/mobility.urdf", &Given::default()).unwrap();
     let model = &object.model;
-    assert_eq!(model.links.len(), 2, "the fixed link is one with the base");
+    assert_eq!(model.links.len(), 2, "the fixed link is merged into the base");
     assert_eq!(joints(model), [("joint_0", JointKind::Revolute, [0.0, 1.5])]);
     assert_eq!(model.card.states, ["closed", "open"]);
     assert!(model.card.is_articulated && !model.card.can_grasp);
     let longest = model.card.size_m.max_element();
     assert!((0.1..0.8).contains(&longest), "normalised sizes are scaled to a table: {longest}");
-    // Opened, the door swings about its hinge at the object's front.
+    // The door swings about its hinge at the object's front.
     let open = model.joint_states[1].nominal.clone();
     let reach = |joints: &[f64]| model.world_bounds(&Pose::IDENTITY, joints).min.x;
     assert!(reach(&open) < reach(&[0.0]) - 0.1 * longest, "{} {}", reach(&open), reach(&[0.0]));
 }
 
 #[test]
-fn a_urdf_of_pybullet_keeps_its_mass_and_says_that_its_inertia_is_none() {
+fn a_pybullet_urdf_keeps_its_mass_and_reports_its_inertia() {
     let urdf = br#"<robot name="blob"><link name="blob"><contact><lateral_friction value="1.0"/></contact>
 <inertial><mass value="0.1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="0"/></inertial>
 <visual><geometry><mesh filename="000.obj" scale="0.015 0.015 0.015"/></geometry>
@@ -88,7 +88,7 @@ fn a_urdf_of_pybullet_keeps_its_mass_and_says_that_its_inertia_is_none() {
     assert!((model.links[0].mass.inertia.x_axis.x - even).abs() < 1e-8);
 }
 
-/// A drawer as MetaWorld writes it: dependencies in a file beside, classes, what touches in group 4.
+/// A drawer in MetaWorld's layout: dependencies in a sibling file, classes, collision geoms in group 4.
 pub fn drawer() -> Disk {
     let main = br#"<mujoco><include file="assets/drawer_dependencies.xml"/><include file="scene.xml"/>
 <worldbody><geom type="plane" size="1 1 1"/><include file="assets/drawer.xml"/></worldbody></mujoco>"#;
@@ -113,10 +113,10 @@ pub fn drawer() -> Disk {
     ])
 }
 
-/// Found by `lab hostile`: a diagonal that could be, and products with which no body has it.
+/// Found by `genmanip-lab hostile`: a plausible diagonal with products of inertia that no body can have.
 #[test]
-fn an_inertia_of_no_body_is_replaced_and_said() {
-    for (products, is_said) in [
+fn an_impossible_inertia_is_replaced_and_reported() {
+    for (products, is_reported) in [
         (r#"ixy="0" ixz="0" iyz="0""#, false),
         (r#"ixy="0.05" ixz="0.05" iyz="0.05""#, true),
         (r#"ixy="0.003""#, false),
@@ -128,8 +128,8 @@ fn an_inertia_of_no_body_is_replaced_and_said() {
         );
         let files = disk(&[("block.urdf", text.as_bytes())]);
         let object = import_from(&files, "block.urdf", &Given::default()).unwrap();
-        let said = object.report.guesses.iter().any(|guess| guess.what == "inertia");
-        assert_eq!(said, is_said, "{products}: {:?}", object.report.guesses);
+        let reported = object.report.guesses.iter().any(|guess| guess.what == "inertia");
+        assert_eq!(reported, is_reported, "{products}: {:?}", object.report.guesses);
     }
 }
 
@@ -139,13 +139,13 @@ fn an_mjcf_drawer_with_includes_and_classes_slides() {
     let model = &object.model;
     assert_eq!(joints(model), [("slide", JointKind::Prismatic, [-0.1, 0.0])]);
     assert_eq!(model.links.iter().map(|link| link.pieces.len()).collect::<Vec<_>>(), [1, 2]);
-    assert_eq!(model.links[0].visual.len(), 1, "the box that touches is not drawn");
+    assert_eq!(model.links[0].visual.len(), 1, "the collision box is not rendered");
     assert!((model.card.mass_kg - 0.62).abs() < 1e-9, "{}", model.card.mass_kg);
     assert_eq!(model.links[1].joint.as_ref().unwrap().damping, 2.0);
     let bounds = model.world_bounds(&Pose::IDENTITY, &[0.0]);
     assert!(bounds.min.z.abs() < 1e-6 && (bounds.max.z - 0.1).abs() < 1e-3, "{bounds:?}");
     assert!(
-        object.report.repairs.iter().any(|repair| repair.contains("scene around it")),
+        object.report.repairs.iter().any(|repair| repair.contains("surrounding scene")),
         "{:?}",
         object.report.repairs
     );
@@ -155,7 +155,7 @@ fn an_mjcf_drawer_with_includes_and_classes_slides() {
 }
 
 #[test]
-fn an_mjcf_of_robosuite_touches_with_the_hull_of_its_mesh() {
+fn a_robosuite_mjcf_collides_with_the_hull_of_its_mesh() {
     let can = br#"<mujoco model="can"><asset><mesh file="meshes/can.obj" name="can_mesh"/></asset><worldbody><body>
 <body name="object"><geom mesh="can_mesh" type="mesh" density="100" friction="0.95 0.3 0.1" rgba="0.8 0.1 0.1 1"/></body>
 <site name="bottom_site" pos="0 0 -0.06"/></body></worldbody></mujoco>"#;
@@ -168,7 +168,7 @@ fn an_mjcf_of_robosuite_touches_with_the_hull_of_its_mesh() {
 }
 
 #[test]
-fn what_hangs_on_nothing_is_the_base_and_freedom_is_no_joint() {
+fn the_root_is_the_base_and_free_motion_is_not_a_joint() {
     let model = |joints: &str| {
         let text = format!(
             "<mujoco><worldbody><body>{joints}<geom type='box' size='.02 .02 .02'/></body></worldbody></mujoco>"
@@ -187,7 +187,7 @@ fn what_hangs_on_nothing_is_the_base_and_freedom_is_no_joint() {
 }
 
 #[test]
-fn euler_angles_quaternions_and_ends_of_a_line_say_the_same() {
+fn orientation_formats_are_equivalent() {
     let body = |attributes: &str| {
         let text = format!(
             "<mujoco><compiler angle=\"degree\"/><worldbody><body><geom type=\"capsule\" {attributes}/></body></worldbody></mujoco>"
@@ -208,7 +208,7 @@ fn euler_angles_quaternions_and_ends_of_a_line_say_the_same() {
 }
 
 #[test]
-fn descriptions_that_cannot_be_say_where() {
+fn invalid_descriptions_are_located() {
     let urdf = |inside: &str| disk(&[("a.urdf", format!("<robot name='a'>{inside}</robot>").as_bytes())]);
     let mjcf = |inside: &str| disk(&[("a.xml", format!("<mujoco>\n{inside}</mujoco>").as_bytes())]);
     let sphere = "<visual><geometry><sphere radius='0.03'/></geometry></visual>";
@@ -221,10 +221,10 @@ fn descriptions_that_cannot_be_say_where() {
     let loops = format!("{}{}{}{}{}", link("a"), link("b"), link("c"), joint("b", "c"), joint("c", "b"));
     let cases: Vec<(Disk, &str, &str)> = vec![
         (urdf(""), "a.urdf", "0 links"),
-        (urdf(&format!("{}{}", link("a"), link("a"))), "a.urdf", "second link"),
+        (urdf(&format!("{}{}", link("a"), link("a"))), "a.urdf", "duplicate link name"),
         (urdf(&format!("{}{}", link("a"), link("b"))), "a.urdf", "got 2"),
         (urdf(&format!("{}{}", link("a"), joint("a", "x"))), "a.urdf", "`x`"),
-        (urdf(&loops), "a.urdf", "circle"),
+        (urdf(&loops), "a.urdf", "loop"),
         (
             urdf("<link name='a'><visual><geometry><sphere radius='nan'/></geometry></visual></link>"),
             "a.urdf",
@@ -245,20 +245,12 @@ fn descriptions_that_cannot_be_say_where() {
             "a.urdf",
             "no such file",
         ),
-        (disk(&[("a.urdf", b"<robot><link")]), "a.urdf", "no XML"),
-        (disk(&[("a.urdf", b"<!DOCTYPE x [<!ENTITY a \"b\">]><robot/>")]), "a.urdf", "no XML"),
+        (disk(&[("a.urdf", b"<robot><link")]), "a.urdf", "not XML"),
+        (disk(&[("a.urdf", b"<!DOCTYPE x [<!ENTITY a \"b\">]><robot/>")]), "a.urdf", "not XML"),
         (mjcf("<worldbody/>"), "a.xml", "no triangle"),
-        (
-            mjcf("<worldbody><body><geom class='x'/></body></worldbody>"),
-            "a.xml",
-            "line 2: <geom>: there is no class `x`",
-        ),
-        (mjcf("<worldbody><body><geom mesh='x'/></body></worldbody>"), "a.xml", "there is no mesh `x`"),
-        (
-            mjcf("<worldbody><body><geom size='0.1' material='x'/></body></worldbody>"),
-            "a.xml",
-            "there is no material `x`",
-        ),
+        (mjcf("<worldbody><body><geom class='x'/></body></worldbody>"), "a.xml", "line 2: <geom>: unknown class `x`"),
+        (mjcf("<worldbody><body><geom mesh='x'/></body></worldbody>"), "a.xml", "unknown mesh `x`"),
+        (mjcf("<worldbody><body><geom size='0.1' material='x'/></body></worldbody>"), "a.xml", "unknown material `x`"),
         (mjcf("<include file='a.xml'/>"), "a.xml", "include each other"),
         (mjcf("<include file='../b.xml'/>"), "a.xml", "outside"),
         (

@@ -1,4 +1,4 @@
-//! Damaged and hostile files: one clear error or a stated repair, never a panic.
+//! Damaged and hostile files: one clear error or a reported repair, never a panic.
 
 use genmanip_import::{Given, ImportError, import};
 use proptest::prelude::*;
@@ -27,10 +27,10 @@ fn every_broken_file_has_one_clear_error() {
         r#","extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]"#;
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
         ("cut.glb", good[..good.len() / 2].to_vec(), "its header says"),
-        ("empty.glb", Vec::new(), "no glTF"),
+        ("empty.glb", Vec::new(), "not a readable glTF"),
         ("nan.glb", glb(&nan, &triangles, ""), "12 of 12 triangles"),
-        ("beyond.glb", glb(&corners, &beyond, ""), "corner 99 of 8"),
-        ("draco.glb", glb(&corners, &triangles, draco), "no glTF"),
+        ("beyond.glb", glb(&corners, &beyond, ""), "vertex 99 of 8"),
+        ("draco.glb", glb(&corners, &triangles, draco), "not a readable glTF"),
         ("words.obj", b"v 1 2\n".to_vec(), "line 1"),
         ("face.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "line 4"),
         ("empty.obj", b"# nothing\n".to_vec(), "no faces"),
@@ -47,9 +47,9 @@ fn every_broken_file_has_one_clear_error() {
     assert!(refused(&disk(&[]), "missing.glb").message.contains("no such file"));
 }
 
-/// The corpus that `genmanip-lab hostile --kind import-…` changes.
+/// The corpus that `genmanip-lab hostile --kind import-…` mutates.
 #[test]
-fn the_sound_file_of_every_format_comes_in_as_it_is() {
+fn a_valid_file_of_every_format_imports_without_repairs() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound");
     for (format, name) in [
         ("glb", "carton.glb"),
@@ -68,9 +68,9 @@ fn the_sound_file_of_every_format_comes_in_as_it_is() {
     }
 }
 
-/// Found by `lab hostile`: an image that is nowhere, which the glTF reader takes for granted.
+/// Found by `genmanip-lab hostile`: an image without a source, which the glTF library takes for granted.
 #[test]
-fn an_image_without_a_source_is_left_out() {
+fn an_image_without_a_source_is_ignored() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound/gltf");
     let whole: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("carton.gltf")).unwrap()).unwrap();
     for image in [serde_json::json!({}), serde_json::json!({ "bufferView": 0 })] {
@@ -81,13 +81,13 @@ fn an_image_without_a_source_is_left_out() {
             path => std::fs::read(folder.join(path)).map_err(|error| error.to_string()),
         };
         let object = import("carton.gltf", &mut read, &Given::default(), None).unwrap();
-        assert!(object.report.repairs.iter().any(|repair| repair.contains("names no picture")), "{image}");
+        assert!(object.report.repairs.iter().any(|repair| repair.contains("has no source")), "{image}");
     }
 }
 
-/// Found by `lab hostile`: what an accessor holds and how far its elements are apart, which the reader takes for granted.
+/// Found by `genmanip-lab hostile`: type and stride of an accessor, which the glTF library takes for granted.
 #[test]
-fn an_accessor_that_holds_something_else_is_refused() {
+fn an_inconsistent_accessor_is_rejected() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound/gltf");
     let whole: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("carton.gltf")).unwrap()).unwrap();
     let primitive = &whole["meshes"][0]["primitives"][0];
@@ -104,7 +104,7 @@ fn an_accessor_that_holds_something_else_is_refused() {
             0,
             "primitives",
             serde_json::json!([{"attributes": {"POSITION": 3}}]),
-            "mesh 0 names accessor 3 of 3",
+            "mesh 0 refers to accessor 3 of 3",
         ),
     ] {
         let mut changed: serde_json::Value = whole.clone();
@@ -118,9 +118,9 @@ fn an_accessor_that_holds_something_else_is_refused() {
     }
 }
 
-/// Found by `lab hostile`: a line of a drawer 600 times, which took physics 12 s.
+/// Found by `genmanip-lab hostile`: one line of a drawer repeated 600 times, which took physics 12 s.
 #[test]
-fn shapes_that_touch_are_counted_once_and_bounded() {
+fn collision_shapes_are_deduplicated_and_bounded() {
     let of = |count: usize, apart: f64| {
         let shape = |index: usize| {
             let x = apart * index as f64;
@@ -137,19 +137,19 @@ fn shapes_that_touch_are_counted_once_and_bounded() {
     assert_eq!(import_from(&of(200, 0.002), "comb.urdf", &Given::default()).unwrap().model.links[0].pieces.len(), 200);
     for count in [300, 3000] {
         let error = refused(&of(count, 0.002), "comb.urdf");
-        assert!(error.message.contains(&format!("{count} shapes that touch")), "{error}");
+        assert!(error.message.contains(&format!("{count} collision shapes")), "{error}");
     }
 }
 
 #[test]
-fn names_that_lead_elsewhere_are_left_out_and_said() {
+fn references_outside_the_folder_are_ignored_and_reported() {
     for (named, expected) in
         [("/etc/passwd", "absolute"), ("../../../secret.png", "outside"), ("missing.png", "no such file")]
     {
         let mut files = crate_obj();
         files.insert("boxes/crate.mtl".into(), format!("newmtl card\nKd 0 1 0\nmap_Kd {named}\n").into_bytes());
         let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
-        let repair = object.report.repairs.iter().find(|repair| repair.contains("texture left out"));
+        let repair = object.report.repairs.iter().find(|repair| repair.contains("texture ignored"));
         assert!(repair.is_some_and(|repair| repair.contains(expected)), "{named}: {:?}", object.report.repairs);
         assert_eq!(object.model.card.colors, ["green"]);
     }
@@ -157,29 +157,29 @@ fn names_that_lead_elsewhere_are_left_out_and_said() {
     let text = String::from_utf8(files["boxes/blorp.obj"].clone()).unwrap().replace("crate.mtl", "/etc/hosts");
     files.insert("boxes/blorp.obj".into(), text.into_bytes());
     let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
-    assert!(object.report.repairs.iter().any(|repair| repair.contains("materials left out")));
+    assert!(object.report.repairs.iter().any(|repair| repair.contains("materials ignored")));
 }
 
 #[test]
-fn pictures_that_are_bombs_are_left_out_and_said() {
+fn decompression_bombs_are_ignored_and_reported() {
     let mut bomb = png(4, 4, &[9; 48]);
     bomb[16..24].copy_from_slice(&[0, 0, 0x90, 0, 0, 0, 0x90, 0]);
     let mut files = crate_obj();
     files.insert("pictures/card.png".into(), bomb);
     let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
     assert!(
-        object.report.repairs.iter().any(|repair| repair.contains("texture left out")),
+        object.report.repairs.iter().any(|repair| repair.contains("texture ignored")),
         "{:?}",
         object.report.repairs
     );
 }
 
 #[test]
-fn nodes_that_hold_each_other_end() {
+fn cyclic_nodes_are_rejected() {
     let scene =
         r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"children":[1]},{"children":[0]}]}"#;
     let error = refused(&disk(&[("loop.gltf", scene.as_bytes())]), "loop.gltf");
-    assert!(error.message.contains("hold each other"), "{error}");
+    assert!(error.message.contains("contain each other"), "{error}");
 }
 
 proptest! {
@@ -209,7 +209,7 @@ proptest! {
             let cut = cut.index(bytes.len());
             bytes.truncate(cut);
         }
-        // Whatever comes of it, it comes back.
+        // Any result is fine, as long as there is no panic.
         let _ = import_from(&files, path, &Given::default());
     }
 }

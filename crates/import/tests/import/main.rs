@@ -1,4 +1,4 @@
-//! Whole imports of small files of our own, of damaged ones and of hostile ones.
+//! Imports of small valid, damaged and hostile files.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 

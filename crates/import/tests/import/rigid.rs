@@ -1,4 +1,4 @@
-//! Objects of one body: OBJ with materials and pictures, GLB, STL.
+//! Rigid objects: OBJ with materials and textures, GLB, STL.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use genmanip_core::{AssetRef, Shape};
 use genmanip_import::raw::Up;
 use genmanip_import::{Given, ImportError, Imported, import, pack};
 
-/// Files by name.
+/// An in-memory file system.
 pub type Disk = BTreeMap<String, Vec<u8>>;
 
 /// Imports a file of a disk.
@@ -15,7 +15,7 @@ pub fn import_from(disk: &Disk, path: &str, given: &Given) -> Result<Imported, I
     let mut read = |path: &str, limit: Limit| {
         let bytes = disk.get(path).ok_or("there is no such file")?;
         if bytes.len() as u64 > limit.bytes {
-            Err(format!("larger than {}", limit.in_words()))
+            Err(format!("larger than {}", limit.human_readable()))
         } else {
             Ok(bytes.clone())
         }
@@ -23,12 +23,12 @@ pub fn import_from(disk: &Disk, path: &str, given: &Given) -> Result<Imported, I
     import(path, &mut read, given, None)
 }
 
-/// Files from names and texts.
+/// A disk from names and contents.
 pub fn disk(files: &[(&str, &[u8])]) -> Disk {
     files.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())).collect()
 }
 
-/// A box in OBJ, centimetres, +y up, with a picture on it.
+/// A box as OBJ, centimetres, +y up, textured.
 pub fn crate_obj() -> Disk {
     let mut obj = String::from("mtllib crate.mtl\no crate\n");
     for (x, y, z) in
@@ -57,7 +57,7 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A GLB of one triangle mesh: positions and indices.
+/// A GLB of one triangle mesh.
 pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u8> {
     let mut binary: Vec<u8> = positions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
     let corners = binary.len();
@@ -96,7 +96,7 @@ pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u
     bytes
 }
 
-/// Corners and triangles of a box standing on y = 0.
+/// Vertices and triangles of a box standing on y = 0.
 pub fn upright_box(size: [f32; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let at = |i: u32, axis: usize| if i >> axis & 1 == 1 { size[axis] } else { 0.0 };
     let corners = (0..8).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect();
@@ -105,14 +105,14 @@ pub fn upright_box(size: [f32; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
 }
 
 #[test]
-fn a_textured_obj_in_centimetres_comes_in_upright() {
+fn a_textured_obj_in_centimetres_is_imported_upright() {
     let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     let card = &object.model.card;
     assert_eq!(card.name, "Blorp");
     assert!(card.size_m.abs_diff_eq(glam::DVec3::new(0.08, 0.06, 0.10), 1e-6), "{}", card.size_m);
     let [piece] = object.model.links[0].pieces.as_slice() else { panic!("not one piece") };
     assert!(matches!(piece.shape, Shape::Box { .. }));
-    assert_eq!(card.colors, ["red"], "from the picture");
+    assert_eq!(card.colors, ["red"], "from the texture");
     assert!(object.model.links[0].visual[0].material.texture.is_some());
     assert!(card.can_grasp && !card.is_container && card.mass_kg > 0.02 && card.mass_kg < 1.0, "{card:?}");
     assert!(object.origin.licence.starts_with("Creative Commons Zero"), "{}", object.origin.licence);
@@ -120,12 +120,12 @@ fn a_textured_obj_in_centimetres_comes_in_upright() {
     let AssetRef::Imported { hash } = &card.asset else { panic!("{}", card.asset) };
     assert!(hash.len() == 16 && card.uid.starts_with("blorp-"));
     for what in ["unit", "up", "category", "mass", "friction", "collision", "materials", "can_grasp"] {
-        assert!(object.report.guesses.iter().any(|guess| guess.what == what), "{what} is not said to be guessed");
+        assert!(object.report.guesses.iter().any(|guess| guess.what == what), "{what} is not reported as guessed");
     }
 }
 
 #[test]
-fn what_is_given_is_not_guessed() {
+fn given_values_are_not_guessed() {
     let given = Given { scale: Some(0.005), up: Some(Up::Z), ..Given::default() };
     let object = import_from(&crate_obj(), "boxes/blorp.obj", &given).unwrap();
     assert!(object.model.card.size_m.abs_diff_eq(glam::DVec3::new(0.04, 0.05, 0.03), 1e-6));
@@ -136,14 +136,14 @@ fn what_is_given_is_not_guessed() {
 }
 
 #[test]
-fn what_tipped_over_comes_in_as_it_lies() {
+fn toppling_objects_are_imported_lying() {
     let standing = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     let tipped = Given { tipped_up: Some(glam::DVec3::new(1.0, 0.0, 0.02)), ..Given::default() };
     let lying = import_from(&crate_obj(), "boxes/blorp.obj", &tipped).unwrap();
     let (size, was) = (lying.model.card.size_m, standing.model.card.size_m);
     assert!(size.abs_diff_eq(glam::DVec3::new(was.z, was.y, was.x), 3e-3), "{was} became {size}");
     let guess = lying.report.guesses.iter().find(|guess| guess.what == "upright").unwrap();
-    assert_eq!(guess.value, "turned by 89°");
+    assert_eq!(guess.value, "rotated by 89°");
     assert_eq!(lying.model.asset, standing.model.asset, "the same files make the same object");
     assert!(standing.report.guesses.iter().all(|guess| guess.what != "upright"));
 }
@@ -162,7 +162,7 @@ fn a_glb_is_metric_with_y_up() {
 }
 
 #[test]
-fn an_imported_object_is_kept_as_it_is() {
+fn an_imported_object_round_trips() {
     let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     let bytes = pack::to_bytes(&object);
     let again = pack::from_bytes(&bytes).unwrap();

@@ -64,7 +64,7 @@ fn call(
         Some(0) => "taken",
         _ => "refused",
     };
-    let (file, limit) = (file.to_owned(), limit.in_words());
+    let (file, limit) = (file.to_owned(), limit.human_readable());
     Ok(Reader { file, limit, filled_with, outcome, cpu_s: ended.cpu_s, peak_mib: ended.peak_mib })
 }
 

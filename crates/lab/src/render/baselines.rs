@@ -116,7 +116,7 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
     }
     let (robot, world, seed) = (panda(), default_world(), seed.fork("crowd"));
     let kinds: Vec<_> =
-        objects(seed.fork("objects"), false, OBJECTS)?.iter().map(|kind| Arc::new(kind.drawn_as_measured())).collect();
+        objects(seed.fork("objects"), false, OBJECTS)?.iter().map(|kind| Arc::new(kind.with_full_meshes())).collect();
     let mut crowd: Vec<_> = kinds.into_iter().cycle().take(GRID.columns * ROWS).collect();
     let count =
         |crowd: &[_]| RenderAssets::new(Arc::clone(&robot), crowd, Some(&world)).map(|assets| assets.triangle_count());

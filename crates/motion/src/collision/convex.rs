@@ -6,8 +6,8 @@ use parry3d_f64::math::{Pose as ParryPose, Rot3, Vector};
 use parry3d_f64::query::epa::EPA;
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
-use parry3d_f64::transformation::try_convex_hull;
 
+use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
 /// A piece of geometry that cannot be used.
@@ -212,9 +212,7 @@ const LARGE_HULL: usize = 40;
 
 /// The corners of the hull and the neighbours of each; no neighbours when the hull cannot be triangulated.
 fn linked(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
-    let input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
-    let Ok((corners, triangles)) = try_convex_hull(&input) else { return (points, vec![]) };
-    let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect();
+    let Ok((corners, triangles)) = convex_hull(&points) else { return (points, vec![]) };
     let mut neighbors = vec![Vec::new(); corners.len()];
     for [a, b, c] in triangles {
         for (from, to) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {

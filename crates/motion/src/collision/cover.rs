@@ -4,9 +4,9 @@
 //! balls that are not clear prove nothing, and the exact body decides.
 
 use glam::DVec3;
-use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
 use super::convex::{Ball, Convex, Core};
+use crate::hull::convex_hull;
 
 /// How far a ball may stick out before it is split: half of the body's thickness, within these bounds, m.
 const OVERHANG: [f64; 2] = [0.008, 0.025];
@@ -46,11 +46,9 @@ fn depth_in(core: &Core, point: DVec3) -> f64 {
 }
 
 fn depth_in_hull(corners: &[DVec3], point: DVec3) -> f64 {
-    let input: Vec<Vector> = corners.iter().map(|corner| Vector::from_array(corner.to_array())).collect();
-    let Ok((corners, triangles)) = try_convex_hull(&input) else { return f64::NEG_INFINITY };
-    let corner = |index: u32| DVec3::from_array(corners[index as usize].to_array());
-    let depth = |[a, b, c]: [u32; 3]| {
-        let (a, b, c) = (corner(a), corner(b), corner(c));
+    let Ok((corners, triangles)) = convex_hull(corners) else { return f64::NEG_INFINITY };
+    let depth = |triangle: [u32; 3]| {
+        let [a, b, c] = triangle.map(|index| corners[index as usize]);
         (b - a).cross(c - a).try_normalize().map_or(f64::INFINITY, |outward| outward.dot(a - point))
     };
     triangles.into_iter().map(depth).fold(f64::INFINITY, f64::min) - 1e-6
@@ -128,9 +126,5 @@ fn extreme(points: Vec<DVec3>) -> Vec<DVec3> {
     if points.len() <= 32 {
         return points;
     }
-    let input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
-    match try_convex_hull(&input) {
-        Ok((corners, _)) => corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect(),
-        Err(_) => points,
-    }
+    convex_hull(&points).map_or(points, |(corners, _)| corners)
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use genmanip_core::{Piece, Pose, Shape};
 use glam::DVec3;
-use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
 use super::convex::{Convex, GeometryError};
 use super::points::{SurfaceError, check};
@@ -64,8 +63,5 @@ pub fn triangulate(piece: &Piece) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Geometr
     Convex::new("the piece", 0, piece)?;
     corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     corners.dedup_by(|a, b| a.distance(*b) < 1e-9);
-    let input: Vec<Vector> = corners.iter().map(|corner| Vector::from_array(corner.to_array())).collect();
-    let (corners, triangles) =
-        try_convex_hull(&input).map_err(|error| bad(format!("it has no convex hull: {error:?}")))?;
-    Ok((corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect(), triangles))
+    crate::hull::convex_hull(&corners).map_err(bad)
 }

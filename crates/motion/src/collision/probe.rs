@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 use parry3d_f64::math::{Pose as ParryPose, Vector};
-use parry3d_f64::transformation::try_convex_hull;
 
 use super::convex::{Convex, Core, Separation, cores_closer_than, cores_separation};
 use super::lanes::{LANES, Lanes};
 use super::triangle::Triangle;
+use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
 /// The planes of a hull's faces, in the frame of its core; none for other shapes, whose distances have closed forms.
@@ -67,9 +67,8 @@ pub(super) struct Probe<'a> {
 impl Planes {
     pub(crate) fn new(piece: &Convex) -> Self {
         let Core::Hull { corners, .. } = &piece.core else { return Self(vec![]) };
-        let input: Vec<Vector> = corners.iter().map(|corner| Vector::from_array(corner.to_array())).collect();
-        let Ok((hull, triangles)) = try_convex_hull(&input) else { return Self(vec![]) };
-        let corner = |index: u32| DVec3::from_array(hull[index as usize].to_array());
+        let Ok((hull, triangles)) = convex_hull(corners) else { return Self(vec![]) };
+        let corner = |index: u32| hull[index as usize];
         let normal = |[a, b, c]: &[u32; 3]| (corner(*b) - corner(*a)).cross(corner(*c) - corner(*a)).try_normalize();
         let normals: Vec<DVec3> = triangles.iter().filter_map(normal).collect();
         // How like each normal is to the nearest of those chosen.

@@ -1,16 +1,15 @@
 //! Corners of the convex hull of a mesh, from STL (binary or text) and OBJ.
 
 use genmanip_core::glam::DVec3;
-use parry3d_f64::{math::Vector, transformation::try_convex_hull};
-
 use genmanip_core::limits::MESH;
 
 use super::plausible::MAX_CORNERS;
+use crate::hull::convex_hull;
 
 /// The corners of the mesh's convex hull, scaled; the words say what is wrong.
 pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec<DVec3>, String> {
     if bytes.len() as u64 > MESH.bytes {
-        return Err(format!("{} bytes; at most {} are read", bytes.len(), MESH.in_words()));
+        return Err(format!("{} bytes; at most {} are read", bytes.len(), MESH.human_readable()));
     }
     let ending = name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
     let mut points = match ending.as_str() {
@@ -26,41 +25,39 @@ pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec
     if !points.iter().all(|point| point.is_finite() && point.abs().max_element() < 1e3) {
         return Err("a corner is not finite, or a kilometre away".into());
     }
-    let mut input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
-    input.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
-    input.dedup();
-    if input.len() < 4 {
-        return Err(format!("{} different corners; a body needs at least 4", input.len()));
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
+    points.dedup();
+    if points.len() < 4 {
+        return Err(format!("{} different corners; a body needs at least 4", points.len()));
     }
-    if input.len() > MAX_CORNERS {
-        input = outermost(input);
+    if points.len() > MAX_CORNERS {
+        points = outermost(points);
     }
-    if input.len() > MAX_CORNERS {
-        return Err(format!("its convex hull has about {} corners; at most {MAX_CORNERS} are taken", input.len()));
+    if points.len() > MAX_CORNERS {
+        return Err(format!("its convex hull has about {} corners; at most {MAX_CORNERS} are taken", points.len()));
     }
-    let (corners, _) = try_convex_hull(&input).map_err(|error| format!("it has no convex hull: {error:?}"))?;
-    Ok(corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect())
+    convex_hull(&points).map(|(corners, _)| corners)
 }
 
 /// Points without those that are surely inside: within the hull of the points that are farthest along some directions.
-fn outermost(points: Vec<Vector>) -> Vec<Vector> {
+fn outermost(points: Vec<DVec3>) -> Vec<DVec3> {
     // Spread evenly over the sphere (Fibonacci lattice); chosen, enough for all but a few per cent of an even cloud.
     const DIRECTIONS: usize = 256;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let direction = |index: usize| {
         let z = 1.0 - (2.0 * index as f64 + 1.0) / DIRECTIONS as f64;
         let (sin, cos) = (golden * index as f64).sin_cos();
-        Vector::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+        DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
     };
     let farthest = |index: usize| {
         let along = direction(index);
         points.iter().copied().max_by(|a, b| a.dot(along).total_cmp(&b.dot(along)))
     };
-    let mut extremes: Vec<Vector> = (0..DIRECTIONS).filter_map(farthest).collect();
+    let mut extremes: Vec<DVec3> = (0..DIRECTIONS).filter_map(farthest).collect();
     extremes.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     extremes.dedup();
-    let Ok((corners, triangles)) = try_convex_hull(&extremes) else { return points };
-    let planes: Vec<(Vector, f64)> = triangles
+    let Ok((corners, triangles)) = convex_hull(&extremes) else { return points };
+    let planes: Vec<(DVec3, f64)> = triangles
         .iter()
         .filter_map(|[a, b, c]| {
             let [a, b, c] = [a, b, c].map(|index| corners[*index as usize]);
@@ -69,7 +66,7 @@ fn outermost(points: Vec<Vector>) -> Vec<Vector> {
         })
         .collect();
     // Well inside: what lies in the planes may be a corner.
-    let is_inside = |point: &Vector| planes.iter().all(|(outward, reach)| outward.dot(*point) < reach - 1e-9);
+    let is_inside = |point: &DVec3| planes.iter().all(|(outward, reach)| outward.dot(*point) < reach - 1e-9);
     points.into_iter().filter(|point| !is_inside(point)).collect()
 }
 

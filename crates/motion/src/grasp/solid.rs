@@ -2,9 +2,9 @@
 
 use genmanip_core::{Piece, Shape};
 use glam::{DMat3, DVec3};
-use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
 use crate::collision::GeometryError;
+use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
 /// The object as a set of convex pieces that lines can be cut with.
@@ -103,9 +103,7 @@ impl Surface {
             Shape::Cylinder { radius, half_height } => Self::Cylinder { radius: *radius, half_height: *half_height },
             Shape::Capsule { radius, half_length } => Self::Capsule { radius: *radius, half_length: *half_length },
             Shape::Hull { points } => {
-                let points: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
-                let (corners, triangles) = try_convex_hull(&points).ok()?;
-                let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect();
+                let (corners, triangles) = convex_hull(points).ok()?;
                 let middle = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64;
                 let volume = |triangle: &[u32; 3]| {
                     let [a, b, c] = triangle.map(|index| corners[index as usize] - middle);

@@ -184,7 +184,7 @@ fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, RunErr
         if line.len() as u64 > limits::RESULT_LINE.bytes {
             return Err(damaged(format!(
                 "expected at most {}, got {} bytes",
-                limits::RESULT_LINE.in_words(),
+                limits::RESULT_LINE.human_readable(),
                 line.len()
             )));
         }

@@ -17,7 +17,7 @@ pub use way::Pending;
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, Pose, RobotModel};
+use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Interpolation, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
 use way::Follower;
 
@@ -177,13 +177,13 @@ impl Adapter {
         };
         let target = command(&arm);
         let step = |step: usize| match self.spec.between {
-            Between::Linear if step < self.repeat => {
+            Interpolation::Linear if step < self.repeat => {
                 let share = step as f64 / self.repeat as f64;
                 let in_force = from.command.iter().copied().chain([f64::from(from.width_m)]);
                 in_force.zip(&target).map(|(old, &new)| (old + (f64::from(new) - old) * share) as f32).collect()
             }
             // To the last bit.
-            Between::Linear | Between::Hold => target.clone(),
+            Interpolation::Linear | Interpolation::Hold => target.clone(),
         };
         Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })
     }
@@ -222,7 +222,7 @@ impl Adapter {
     fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {
         let (position, numbers) = motion.split_at(3);
         let rotation = self.spec.rotation.decode(numbers).ok_or_else(|| AdapterError::NoRotation {
-            encoding: self.spec.rotation.words(),
+            encoding: self.spec.rotation.description(),
             numbers: numbers.to_vec(),
         })?;
         Ok(Pose::new(DVec3::from_slice(position), rotation))

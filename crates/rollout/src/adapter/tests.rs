@@ -4,7 +4,7 @@ use std::sync::Arc;
 use genmanip_assets::panda;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
-    ActionFrame, ActionSpace, ActionSpec, Between, DeltaFrom, GripperEncoding, GripperSpec, Pose, RobotModel,
+    ActionFrame, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, Interpolation, Pose, RobotModel,
     RotationEncoding,
 };
 use genmanip_motion::{Chain, IkSettings, InverseKinematics};
@@ -57,7 +57,7 @@ fn any_spec() -> impl Strategy<Value = ActionSpec> {
     let frames = [ActionFrame::World, ActionFrame::EndEffector];
     let indices = (0..SPACES.len(), 0..REFERENCES.len(), 0..frames.len(), 0..ROTATIONS.len(), 0..GRIPPERS.len());
     (indices, any::<bool>()).prop_map(move |((space, reference, frame, rotation, gripper), is_linear)| ActionSpec {
-        between: if is_linear { Between::Linear } else { Between::Hold },
+        between: if is_linear { Interpolation::Linear } else { Interpolation::Hold },
         delta_from: REFERENCES[reference],
         // An absolute pose has no frame of its own.
         frame: if SPACES[space] == ActionSpace::EePose { ActionFrame::World } else { frames[frame] },
@@ -317,14 +317,14 @@ fn a_linear_contract_moves_evenly_to_the_action() {
     let mut action: Vec<f32> = home.iter().map(|&q| q as f32).chain([0.04]).collect();
     action[0] += 0.1;
     let spec = |between| ActionSpec { between, ..ActionSpec::native() };
-    let linear = adapter(spec(Between::Linear)).to_native(&action, from).unwrap().commands;
+    let linear = adapter(spec(Interpolation::Linear)).to_native(&action, from).unwrap().commands;
     for (step, width) in [0.07, 0.06, 0.05, 0.04].into_iter().enumerate() {
         let gone = f64::from(linear[step][0]) - home[0];
         assert!((gone - 0.025 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
         assert!((linear[step][7] - width).abs() < 1e-6, "step {step}: {} m", linear[step][7]);
     }
     assert_eq!(linear[3], action);
-    assert_eq!(adapter(spec(Between::Hold)).to_native(&action, from).unwrap().commands, vec![action; 4]);
+    assert_eq!(adapter(spec(Interpolation::Hold)).to_native(&action, from).unwrap().commands, vec![action; 4]);
 }
 
 #[test]
@@ -390,6 +390,6 @@ fn contracts_are_compared_by_what_is_read() {
         let error = delta.require_same(&given).unwrap_err().to_string();
         assert!(error.contains(message), "{error}");
     }
-    let error = delta.require_same(&ActionSpec { between: Between::Linear, ..delta }).unwrap_err().to_string();
+    let error = delta.require_same(&ActionSpec { between: Interpolation::Linear, ..delta }).unwrap_err().to_string();
     assert!(error.contains("motion between actions of the action: expected hold, got linear"), "{error}");
 }

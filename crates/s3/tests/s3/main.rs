@@ -1,4 +1,4 @@
-//! Folders pushed to a server that refuses calls, and pulled from it again.
+//! Push to and pull from a server that injects failures.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
@@ -10,24 +10,24 @@ use std::path::Path;
 use std::time::Duration;
 
 use genmanip_data::files::Writing;
-use genmanip_s3::{Access, Bucket, LIST, Moved, Patience, S3Error, pull, push};
+use genmanip_s3::{Access, Bucket, LIST, RetryPolicy, S3Error, TransferSummary, pull, push};
 use server::Server;
 
-/// So that a test waits milliseconds.
-const QUICK: Patience =
-    Patience { tries: 9, first_wait: Duration::from_millis(1), longest_wait: Duration::from_millis(4) };
+/// Retry policy with millisecond delays.
+const QUICK: RetryPolicy =
+    RetryPolicy { attempts: 9, initial_delay: Duration::from_millis(1), max_delay: Duration::from_millis(4) };
 
-fn bucket(server: &Server, patience: Patience) -> Bucket {
+fn bucket(server: &Server, retry_policy: RetryPolicy) -> Bucket {
     let access = Access::from_variables(|name| match name {
         "AWS_ACCESS_KEY_ID" => Some("tester".into()),
         "AWS_SECRET_ACCESS_KEY" => Some("hush".into()),
         "AWS_ENDPOINT_URL" => Some(server.url()),
         _ => None,
     });
-    Bucket::new("my-bucket", access.unwrap(), patience)
+    Bucket::new("my-bucket", access.unwrap(), retry_policy)
 }
 
-/// Files of all kinds of names and sizes; one is larger than a part.
+/// Files with all kinds of names and sizes; one exceeds the part size.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, bytes: &[u8]| {
@@ -43,7 +43,7 @@ fn folder() -> tempfile::TempDir {
     }
     let large: Vec<u8> = (0..17_000_000_u32).map(|index| (index / 7) as u8).collect();
     write("videos/large.mp4", &large);
-    // What somebody is still writing.
+    // Unfinished file of another process.
     write(".frames.parquet.partial-aa-bb-7-70-0", b"half");
     folder
 }
@@ -65,9 +65,9 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// The object of an upload is there although the answer that said so was lost, whatever is said of the upload then.
+/// An upload whose completion response was lost counts as complete, whatever the server reports on retry.
 #[test]
-fn a_lost_answer_to_a_completion_loses_nothing() {
+fn a_lost_completion_response_is_recovered() {
     for status in [403, 404] {
         let (server, from) = (Server::start(), folder());
         server.lose_completions(status);
@@ -80,7 +80,7 @@ fn a_lost_answer_to_a_completion_loses_nothing() {
     }
 }
 
-/// Every seventh call fails, by turns before the server has done anything and after: every object arrives all the same.
+/// Every seventh call fails, alternating before and after the server processed it; every object still arrives.
 #[test]
 fn a_folder_survives_a_server_that_refuses_calls() {
     let (server, from) = (Server::start(), folder());
@@ -92,33 +92,33 @@ fn a_folder_survives_a_server_that_refuses_calls() {
     let to = tempfile::tempdir().unwrap();
     let fetched = pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap();
     assert_eq!((fetched.files, fetched.moved, fetched.bytes), (sent.files, sent.files, sent.bytes));
-    assert!(contents(to.path()) == expected, "what came back is another folder");
+    assert!(contents(to.path()) == expected, "the pulled folder differs");
     assert!(server.failed() > 10, "only {} calls failed", server.failed());
-    assert_eq!(server.unsigned(), 0, "calls whose payload was not as signed");
+    assert_eq!(server.unsigned(), 0, "calls whose payload did not match the signature");
 
-    // Nothing is moved twice, and only what was changed is.
+    // Only changed files are transferred again.
     fs::write(from.path().join("empty"), b"not any more").unwrap();
     fs::write(to.path().join("meta/info.json"), b"[]").unwrap();
-    let moved = |moved: Moved| moved.moved;
+    let moved = |moved: TransferSummary| moved.moved;
     assert_eq!(moved(push(&bucket, from.path(), "runs/monday", 4, &|_| ()).unwrap()), 1);
     assert_eq!(moved(pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap()), 2);
     assert!(contents(to.path()) == contents(from.path()));
     assert_eq!(moved(pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap()), 0);
 }
 
-/// A server that is gone in the middle: a message that says how far it came, no list, and the next call sends the rest.
+/// A server that fails midway: the error reports the progress, there is no file list, and the next call resumes.
 #[test]
-fn what_was_stopped_goes_on() {
+fn interrupted_pushes_resume() {
     let (server, from) = (Server::start(), folder());
-    let bucket = bucket(&server, Patience { tries: 3, ..QUICK });
+    let bucket = bucket(&server, RetryPolicy { attempts: 3, ..QUICK });
     server.fail_from(40);
     let error = push(&bucket, from.path(), "a", 1, &|_| ()).unwrap_err();
     let S3Error::Stopped { done, all, .. } = &error else { panic!("{error}") };
     let (done, all) = (*done, *all);
     assert!(0 < done && done < all, "{done} of {all}");
-    assert!(error.hint().contains("the same call goes on"), "{}", error.hint());
+    assert!(error.hint().contains("the same command resumes"), "{}", error.hint());
     let source = std::error::Error::source(&error).unwrap().to_string();
-    assert!(source.contains("given up after 3 tries; the last: 503 SlowDown: please"), "{source}");
+    assert!(source.contains("gave up after 3 attempts; last error: 503 SlowDown: please"), "{source}");
     server.fail_from(usize::MAX);
     let to = tempfile::tempdir().unwrap();
     let error = pull(&bucket, "a", to.path(), 1, &|_| ()).unwrap_err();
@@ -129,16 +129,16 @@ fn what_was_stopped_goes_on() {
     assert!(contents(to.path()) == contents(from.path()));
 }
 
-/// What a killed pull left half-written goes when it is called again; what a program that runs is writing stays.
+/// A pull removes unfinished files of a killed pull and keeps those of running processes.
 #[test]
-fn what_a_killed_pull_left_is_removed() {
+fn unfinished_files_of_a_killed_pull_are_removed() {
     let (server, from, to) = (Server::start(), folder(), tempfile::tempdir().unwrap());
     let bucket = bucket(&server, QUICK);
     push(&bucket, from.path(), "a", 2, &|_| ()).unwrap();
     let episode = to.path().join("episodes/007");
     let being_written = Writing::begin(&episode.join("frames.parquet")).unwrap();
     let name = fs::read_dir(&episode).unwrap().next().unwrap().unwrap().file_name().into_string().unwrap();
-    // The same of a program that has ended.
+    // The same, by a process that has ended.
     let mut ended = std::process::Command::new("true").spawn().unwrap();
     ended.wait().unwrap();
     let [this, other] = [std::process::id(), ended.id()].map(|id| format!("-{id}-"));
@@ -154,11 +154,11 @@ fn what_a_killed_pull_left_is_removed() {
     assert!(contents(to.path()) == contents(from.path()));
 }
 
-/// Lists that lead out of the folder, objects with other bytes than listed, and what is refused for good.
+/// Lists that leave the folder, objects that differ from the list, and permanent refusals.
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_lists_and_objects_are_rejected() {
     let server = Server::start();
-    let bucket = bucket(&server, Patience { tries: 2, ..QUICK });
+    let bucket = bucket(&server, RetryPolicy { attempts: 2, ..QUICK });
     let to = tempfile::tempdir().unwrap();
     let hash = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
     let list = |path: &str, bytes: u64, hash: &str| {
@@ -169,10 +169,10 @@ fn what_makes_no_sense_is_refused() {
         (list("/etc/evil", 0, hash), "expected a path within the folder"),
         (list("a//b", 0, hash), "expected a path within the folder"),
         (list("a", 0, "abc"), "files[0].sha256: expected 64 digits"),
-        (list("here", 3, hash), "another hash came"),
-        (list("gone", 0, hash), "there is no"),
-        ("[]".into(), "cannot read the list of files"),
-        ("{".into(), "cannot read the list of files"),
+        (list("here", 3, hash), "a different hash"),
+        (list("gone", 0, hash), "does not exist"),
+        ("[]".into(), "cannot read the file list"),
+        ("{".into(), "cannot read the file list"),
     ] {
         server.put(&format!("p/{LIST}"), list.as_bytes());
         server.put("p/here", b"abc");
@@ -188,7 +188,7 @@ fn what_makes_no_sense_is_refused() {
     server.refuse_all();
     let error = push(&bucket, folder().path(), "p", 2, &|_| ()).unwrap_err();
     let source = std::error::Error::source(&error).unwrap().to_string();
-    assert!(source.contains("answered 403") && error.hint().contains("keys"), "{source}: {}", error.hint());
+    assert!(source.contains("responded 403") && error.hint().contains("keys"), "{source}: {}", error.hint());
 
     let links = tempfile::tempdir().unwrap();
     std::os::unix::fs::symlink("/etc/passwd", links.path().join("link")).unwrap();

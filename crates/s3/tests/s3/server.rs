@@ -1,6 +1,7 @@
-//! A server that keeps objects in memory, and lets calls fail on request.
+//! An in-memory S3 server with fault injection.
 //!
-//! It checks that bodies are what was signed, not the signature itself: Amazon's examples do that, and a real server.
+//! It verifies the payload hash, not the signature itself, which is covered by Amazon's examples and by tests on a
+//! real server.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -16,11 +17,11 @@ struct State {
     calls: AtomicUsize,
     failed: AtomicUsize,
     unsigned: AtomicUsize,
-    /// 0: none.
+    /// Every n-th call fails; 0: none.
     every: AtomicUsize,
     from: AtomicUsize,
     refuses: AtomicBool,
-    /// Status of what is said of an upload that was completed before; 0: the first answer arrives.
+    /// Status reported for an upload that was already completed; 0: completion responses are not lost.
     loses_completions: AtomicUsize,
 }
 
@@ -37,7 +38,7 @@ struct Object {
     sha256: Option<String>,
 }
 
-/// A server on a port of its own, for as long as the test runs.
+/// A server on a free port, for as long as the test runs.
 pub struct Server {
     state: Arc<State>,
     port: u16,
@@ -76,7 +77,7 @@ impl Server {
         format!("http://127.0.0.1:{}", self.port)
     }
 
-    /// By turns a call is refused before anything is done, and its answer is lost after all is done.
+    /// Every n-th call fails, alternating between refused before and response lost after processing.
     pub fn fail_every(&self, calls: usize) {
         self.state.every.store(calls, Ordering::Relaxed);
     }
@@ -89,7 +90,7 @@ impl Server {
         self.state.refuses.store(true, Ordering::Relaxed);
     }
 
-    /// The answer to each completion of an upload is lost; the next one is an error of a status.
+    /// Loses the response to each completion of an upload; the next one returns `status`.
     pub fn lose_completions(&self, status: usize) {
         self.state.loses_completions.store(status, Ordering::Relaxed);
     }
@@ -185,7 +186,7 @@ impl State {
             ("POST", Some(id)) => match kept.uploads.remove(id) {
                 Some((mut object, parts)) => {
                     let named = String::from_utf8_lossy(body).matches("<Part>").count();
-                    assert_eq!(named, parts.len(), "parts that are named and parts that were sent");
+                    assert_eq!(named, parts.len(), "listed parts and uploaded parts");
                     object.bytes = parts.into_values().flatten().collect();
                     kept.objects.insert(key.clone(), object);
                     fine(b"<CompleteMultipartUploadResult/>".to_vec())

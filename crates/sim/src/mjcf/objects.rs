@@ -1,4 +1,4 @@
-//! Objects as free bodies with exact convex pieces and given inertia.
+//! Objects as free bodies with convex collision pieces and explicit inertia.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use genmanip_core::{JointKind, MassProperties, ObjectModel};
 
 use super::{Parts, color, geom, inertial, mesh, with_pose};
 use crate::SceneObject;
-use crate::engine::Numbers;
+use crate::engine::CheckedSettings;
 use crate::xml::Element;
 
 pub(crate) fn object_body(object: &str, link: &str) -> String {
@@ -17,26 +17,26 @@ pub(crate) fn object_joint(object: &str, joint: &str) -> String {
     format!("object/{object}/{joint}")
 }
 
-/// Name of the free joint of an object's root.
+/// Name of an object's free joint.
 pub(crate) fn object_free_joint(object: &str) -> String {
     format!("object/{object}")
 }
 
-pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], numbers: &Numbers) {
+pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &CheckedSettings) {
     for (index, object) in objects.iter().enumerate() {
-        // Equal models share their meshes; the first object of a model names them.
+        // Objects that share a model share its meshes, named after the first object.
         let first = objects[..index].iter().find(|other| Arc::ptr_eq(&other.model, &object.model));
         let owner = first.map_or(object.name.as_str(), |other| other.name.as_str());
         if first.is_none() {
             add_meshes(parts, &object.model, owner);
         }
-        let mut writer = Writer { object, owner, numbers, qpos: &mut parts.qpos };
+        let mut writer = Writer { object, owner, settings, qpos: &mut parts.qpos };
         let body = writer.root();
         parts.bodies.push(body);
     }
 }
 
-/// Name of a piece, shared by its geometry and its mesh.
+/// Name of a piece, shared by its geom and its mesh.
 fn piece_name(owner: &str, link: &str, piece: usize) -> String {
     format!("object/{owner}/{link}/{piece}")
 }
@@ -52,7 +52,7 @@ fn add_meshes(parts: &mut Parts, model: &ObjectModel, owner: &str) {
 struct Writer<'a> {
     object: &'a SceneObject,
     owner: &'a str,
-    numbers: &'a Numbers,
+    settings: &'a CheckedSettings,
     qpos: &'a mut Vec<f64>,
 }
 
@@ -71,7 +71,7 @@ impl Writer<'_> {
     fn fill(&mut self, body: &mut Element, index: usize) {
         let model = Arc::clone(&self.object.model);
         let link = &model.links[index];
-        let [turning, rolling] = self.numbers.physics.rotational_friction_m;
+        let [turning, rolling] = self.settings.physics.rotational_friction_m;
         let rgba = color(link.visual.first().map(|part| &part.material));
         let factors = self.object.physics;
         body.push(inertial(&MassProperties {
@@ -79,15 +79,15 @@ impl Writer<'_> {
             inertia: link.mass.inertia * factors.mass,
             ..link.mass
         }));
-        let [time_s, ratio] = self.numbers.engine.contact_solref;
-        let bouncing = [time_s, factors.contact_damping * ratio];
+        let [time_s, ratio] = self.settings.engine.contact_solref;
+        let solref = [time_s, factors.contact_damping * ratio];
         for (number, piece) in link.pieces.iter().enumerate() {
             let name = piece_name(&self.object.name, &link.name, number);
             let mut geom = geom(&name, "object", piece, &piece_name(self.owner, &link.name, number))
                 .numbers("friction", &[factors.friction * model.friction, turning, rolling])
                 .numbers("rgba", &rgba);
-            if bouncing != self.numbers.engine.contact_solref {
-                geom = geom.numbers("solref", &bouncing);
+            if solref != self.settings.engine.contact_solref {
+                geom = geom.numbers("solref", &solref);
             }
             body.push(geom);
         }
@@ -97,7 +97,7 @@ impl Writer<'_> {
                 JointKind::Revolute => "hinge",
                 JointKind::Prismatic => "slide",
             };
-            // Positions are listed in the order of the links, which need not be the order of the tree.
+            // Positions are listed in link order, which may differ from tree order.
             let number = model.links[..child].iter().filter(|link| link.joint.is_some()).count();
             self.qpos.push(self.object.joint_positions.get(number).copied().unwrap_or(0.0));
             let name = object_body(&self.object.name, &link.name);
@@ -108,7 +108,7 @@ impl Writer<'_> {
                     .numbers("range", &joint.range)
                     .number("damping", factors.joint_friction * joint.damping)
                     .number("frictionloss", factors.joint_friction * joint.friction_loss)
-                    .numbers("solimpfriction", &self.numbers.engine.joint_friction_solimp)
+                    .numbers("solimpfriction", &self.settings.engine.joint_friction_solimp)
                     .number("stiffness", joint.stiffness)
                     .number("springref", joint.spring_reference),
             );

@@ -1,13 +1,13 @@
-//! The robot's bodies, drives and limits.
+//! The robot's bodies, actuators and limits.
 
 use genmanip_core::{Drives, JointKind, RobotJoint, RobotModel};
 
 use super::{GRIP, Parts, geom, inertial, mesh, with_pose};
 use crate::xml::Element;
 
-/// Pieces this close to the nearest one still count as the pad, m.
+/// Pieces within this distance of the nearest one also count as pads, m.
 const PAD_TIE_M: f64 = 1e-3;
-/// Time constant of the finger coupling in physics steps: as stiff as the integrator allows.
+/// Time constant of the finger coupling, physics steps: as stiff as the integrator allows.
 const COUPLING_STEPS: f64 = 2.5;
 
 pub(crate) fn robot_body(link: &str) -> String {
@@ -18,7 +18,7 @@ pub(crate) fn robot_joint(joint: &str) -> String {
     format!("robot/{joint}")
 }
 
-/// Name of the joint of finger 0 or 1.
+/// Name of a finger's joint.
 pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> {
     let link = robot.links.get(*robot.gripper.fingers.get(finger)?)?;
     link.joint.as_ref().map(|joint| robot_joint(&joint.name))
@@ -87,7 +87,7 @@ fn joint_element(joint: &RobotJoint, is_finger: bool, drives: &Drives) -> Elemen
     if is_finger {
         element.number("armature", drives.finger_armature).number("damping", drives.finger_damping)
     } else {
-        // The motors carry the arm against gravity, and their sum stays within the maker's limit.
+        // Gravity compensation counts towards the published torque limit.
         element
             .number("armature", drives.arm_armature)
             .number("damping", drives.arm_damping)
@@ -96,7 +96,7 @@ fn joint_element(joint: &RobotJoint, is_finger: bool, drives: &Drives) -> Elemen
     }
 }
 
-/// The pieces of a finger that touch what is held: those whose centre is nearest to the tcp with the gripper closed.
+/// Pad pieces of a finger: those whose centre is nearest to the TCP with the gripper closed.
 fn pad_pieces(robot: &RobotModel, finger: usize) -> Vec<usize> {
     let poses = robot.link_poses(&robot.home, 0.0);
     let (Some(world_from_finger), Some(world_from_hand)) = (poses.get(finger), poses.get(robot.hand)) else {
@@ -112,7 +112,7 @@ fn pad_pieces(robot: &RobotModel, finger: usize) -> Vec<usize> {
     (0..distances.len()).filter(|&index| distances[index] <= nearest + PAD_TIE_M).collect()
 }
 
-/// PD drives: a position and a velocity servo per joint, the latter fed with the command's own speed.
+/// PD drives: a position and a velocity servo per joint; the latter tracks the command's velocity.
 fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives) {
     let gain = |gains: &[f64], index: usize| gains.get(index).or(gains.last()).copied().unwrap_or(0.0);
     for (kind, key, gains) in [("position", "kp", &drives.arm_kp), ("velocity", "kv", &drives.arm_kv)] {
@@ -127,7 +127,8 @@ fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives) {
     }
 }
 
-/// A force-limited drive on the opening width, and a coupling that keeps both fingers equal as the hand's gear does.
+/// A force-limited drive on the opening width, and an equality constraint that couples the fingers like the gripper's
+/// gear.
 fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, drives: &Drives, timestep_s: f64) {
     let (Some(first), Some(second)) = (finger_joint(robot, 0), finger_joint(robot, 1)) else { return };
     let term = |joint: &str| Element::new("joint").text("joint", joint).number("coef", 1.0);
@@ -139,7 +140,7 @@ fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, drives: &Drives, tim
             .numbers("polycoef", &[0.0, 1.0, 0.0, 0.0, 0.0])
             .numbers("solref", &[COUPLING_STEPS * timestep_s, 1.0]),
     );
-    // A force on the width acts on either finger in full, so each gets half of the sum.
+    // A tendon force acts on each finger in full, so the limit is halved.
     let per_finger = drives.grip_force_n / 2.0;
     parts.actuators.push(
         Element::named("position", GRIP)

@@ -1,4 +1,4 @@
-//! Grasps hold: light, thin, round, hollow and heavy things, all by friction, within the robot's limits.
+//! Grasps hold light, thin, round, hollow and heavy objects by friction, within the robot's limits.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, Piece, Pose, Seed};
@@ -11,10 +11,10 @@ use crate::models::{ball, can, cuboid, mug, pen, rigid};
 use crate::pick::{Pick, PickReport, pick};
 use crate::placed;
 
-/// A held object may drift this far in the hand while lifted and held.
+/// Largest drift of a held object in the gripper while lifting and holding.
 const MAX_SLIP_M: f64 = 0.003;
 
-/// Picks it, checks what must hold for every pick, and returns the figures.
+/// Picks an object, asserts what must hold for every pick, and returns the measurements.
 fn check(name: &str, case: &Pick) -> PickReport {
     let robot = panda();
     let report = pick(&robot, case).unwrap();
@@ -75,13 +75,13 @@ fn named_cases() -> Vec<(&'static str, Pick)> {
 }
 
 #[test]
-fn everyday_things_are_held() {
+fn everyday_objects_are_held() {
     for (name, case) in named_cases() {
         check(name, &case);
     }
 }
 
-/// A fresh object, pose and grasp from a seed: the fingers do not meet it centred, and it hangs off its middle.
+/// A random object, pose and off-centre grasp from a seed.
 fn random_case(seed: Seed) -> (String, Pick) {
     let draw =
         |label: &str, low: f64, high: f64| low + (high - low) * (seed.fork(label).value() as f64 / (1u64 << 53) as f64);
@@ -115,14 +115,14 @@ fn random_case(seed: Seed) -> (String, Pick) {
 }
 
 #[test]
-fn fresh_things_are_held() {
+fn random_objects_are_held() {
     for index in 0..12 {
         let (name, case) = random_case(Seed::new(1).fork_index(index));
         check(&name, &case);
     }
 }
 
-/// A plain top-down grasp over the middle, across the narrower side.
+/// A top-down grasp over the centre, across the narrower side.
 fn catalogue_case(uid: &str) -> Option<(String, Pick)> {
     let model = Catalogue::builtin().build(uid).unwrap();
     let bounds = model.world_bounds(&Pose::IDENTITY, &[]);
@@ -134,7 +134,7 @@ fn catalogue_case(uid: &str) -> Option<(String, Pick)> {
 }
 
 #[test]
-fn catalogue_things_are_held() {
+fn catalogue_objects_are_held() {
     // A 12 mm pen, a heavy wrench, a heavy book, a tall carton, a can, round fruit.
     for uid in ["042", "056", "041", "026", "019", "027"] {
         let (name, case) = catalogue_case(uid).unwrap();
@@ -143,7 +143,7 @@ fn catalogue_things_are_held() {
 }
 
 #[test]
-fn catalogue_things_stand_where_they_are_put() {
+fn catalogue_objects_stay_where_they_are_placed() {
     let mut restless = Vec::new();
     for card in Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated) {
         let object = placed(&card.uid, Catalogue::builtin().build(&card.uid).unwrap(), 0.5, 0.0, 0.3);

@@ -1,4 +1,4 @@
-//! Physics as its users meet it: scenes compile, states restore, things are held.
+//! Tests of the public interface: compiling, saving and restoring, grasping.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod grasping;

@@ -1,4 +1,4 @@
-//! Hand-made objects: light, thin, heavy, round, hollow, jointed.
+//! Hand-built test objects: light, thin, heavy, round, hollow, articulated.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

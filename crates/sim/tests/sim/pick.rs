@@ -1,4 +1,4 @@
-//! A scripted top-down pick: approach, close, lift 0.2 m, hold 1 s; and how well the object was held.
+//! A scripted top-down pick (approach, close, lift 0.2 m, hold 1 s) with measurements of the hold.
 
 use std::sync::Arc;
 
@@ -11,13 +11,13 @@ use genmanip_sim::{Scene, SceneObject, Sim, SimError};
 pub struct PickReport {
     /// Rise of the object from before the lift to the end, m.
     pub lifted: f64,
-    /// Largest drift of the object in the hand from lift-off (0.1 s into the lift) to the end, m.
+    /// Largest drift of the object in the gripper from lift-off (0.1 s into the lift) to the end, m.
     pub slip: f64,
-    /// Largest turn of the object in the hand over the same time, rad.
+    /// Largest rotation of the object in the gripper over the same time, rad.
     pub turn: f64,
     /// Largest drift during the second half of the hold, m.
     pub creep: f64,
-    /// How far closing moved the object, m.
+    /// Displacement of the object while closing, m.
     pub nudge: f64,
     /// Largest difference between commanded and simulated joints while approaching and lifting, rad.
     pub tracking: f64,
@@ -28,11 +28,11 @@ pub struct Pick {
     pub model: Arc<ObjectModel>,
     /// `world_from_object` at the start.
     pub start: Pose,
-    /// Where the tcp closes, in the object's frame.
+    /// TCP position at closing, in the object's frame.
     pub grasp: DVec3,
-    /// Turn of the closing direction against the object's y, rad.
+    /// Rotation of the closing direction relative to the object's y axis, rad.
     pub yaw: f64,
-    /// Opening of the gripper on the way down, m.
+    /// Opening width on the way down, m.
     pub opening: f32,
 }
 
@@ -80,7 +80,7 @@ pub fn pick(robot: &RobotModel, pick: &Pick) -> Result<PickReport, SimError> {
     run(&mut sim, &ascent, 0.0)?;
     run(&mut sim, &vec![top; 60], 0.0)?;
     let end = sim.object_states()[0].pose;
-    assert_eq!(sim.grasped(), frames[frames.len() - 1].grasped, "asking now and in the last interval");
+    assert_eq!(sim.grasped(), frames[frames.len() - 1].grasped, "queried now and in the last interval");
     assert_eq!(sim.joint_positions().len(), robot.arm_dof());
 
     let in_hand: Vec<Pose> =

@@ -1,4 +1,4 @@
-//! How fast: for people, not for CI.
+//! Throughput measurements, run by hand.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ fn scene() -> Arc<Scene> {
     Arc::new(Scene::compile(&default_world(), &panda(), &six_objects()).unwrap())
 }
 
-/// Time this thread has computed (Linux), so that other users of the machine do not count.
+/// CPU time of this thread (Linux), independent of the machine's load.
 fn cpu_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     text.split_whitespace().next().unwrap().parse::<f64>().unwrap() * 1e-9

@@ -1,4 +1,4 @@
-//! Saved states are complete, results are the same bytes on every thread, and nonsense is refused.
+//! Saved states are complete, results are bit-identical on every thread, and invalid input is rejected.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::models::{ball, can, cuboid, rigid};
 use crate::{placed, scene, six_objects};
 use genmanip_assets::{panda, worlds::default_world};
 
-/// A command that waves the arm through the objects.
+/// A command that sweeps the arm through the objects.
 fn command(step: usize) -> Vec<f32> {
     let t = step as f32 / 60.0;
     let mut joints: Vec<f32> = panda().home.iter().map(|&value| value as f32).collect();
@@ -40,7 +40,7 @@ fn restored_states_continue_byte_for_byte() {
 
     sim.set_state(&saved).unwrap();
     assert_eq!(sim.state(), saved);
-    // Looking at contacts must not change what follows.
+    // Querying contacts must not change the simulation.
     assert!(!sim.contacts().is_empty());
     assert_eq!(sim.control_step(&command(150)).unwrap(), frame_after_save);
     assert_eq!(run(&mut sim, 151..350), expected);
@@ -67,7 +67,7 @@ fn threads_agree_to_the_last_bit() {
 fn applied_commands_replay_exactly() {
     let scene = scene();
     let mut sim = Sim::new(Arc::clone(&scene));
-    // Far beyond range and speed, so that nearly every command is changed before it is applied.
+    // Far beyond range and speed, so that nearly every command is clamped.
     let wild = |step: usize| command(step).iter().map(|value| value * 3.0 + 1.0).collect::<Vec<f32>>();
     let applied: Vec<Vec<f32>> = (0..90).map(|step| sim.control_step(&wild(step)).unwrap().command).collect();
     let mut replay = Sim::new(scene);
@@ -98,7 +98,7 @@ fn jumping_commands_are_approached_at_the_published_speed() {
 }
 
 #[test]
-fn nonsense_is_refused_and_changes_nothing() {
+fn invalid_input_is_rejected_without_side_effects() {
     let mut sim = Sim::new(scene());
     let before = sim.state();
     let check = |sim: &mut Sim, command: &[f32], expected: &str| {
@@ -136,16 +136,16 @@ fn nonsense_is_refused_and_changes_nothing() {
     let mut strong = (*panda()).clone();
     strong.drives.as_mut().unwrap().grip_force_n = 200.0;
     assert!(matches!(refused(&default_world(), &strong, &[]), SimError::Settings(_)));
-    let knobs = [
+    let settings = [
         ("solver_iteration", 30.into(), "`solver_iterations`?"),
         ("contact_solref", "stiff".into(), "`physics.engine.contact_solref`: expected two numbers, got \"stiff\""),
         ("impedance_ratio", 0.into(), "`physics.engine.impedance_ratio`: expected a positive number, got 0"),
     ];
-    for (knob, value, expected) in knobs {
+    for (name, value, expected) in settings {
         let mut world = (*default_world()).clone();
-        world.physics.engine.insert(knob.into(), value);
+        world.physics.engine.insert(name.into(), value);
         let error = refused(&world, &panda(), &[]).to_string();
-        assert!(error.contains(expected), "{knob}: {error}");
+        assert!(error.contains(expected), "{name}: {error}");
     }
     let mut world = (*default_world()).clone();
     world.physics.engine.remove("arena_mib");
@@ -169,14 +169,14 @@ fn a_diverging_simulation_is_an_error() {
 }
 
 #[test]
-fn things_settle_where_they_belong() {
+fn objects_settle_in_place() {
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &six_objects()).unwrap()));
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.seconds < 1.0, "{report:?}");
     assert!(report.displacement.iter().all(|&moved| moved < 1e-3), "{report:?}");
     assert!(report.max_penetration < 5e-4, "{report:?}");
 
-    // A can on its edge falls; two boxes in one place are seen as deep.
+    // A can on its edge topples; two overlapping boxes are reported as deep.
     let mut tilted = placed("can", rigid("can", 0.3, 0.5, vec![can(0.03, 0.12)]), 0.5, 0.0, 0.0);
     tilted.pose = Pose::new(DVec3::new(0.5, 0.0, 0.03), DQuat::from_rotation_x(0.7));
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[tilted]).unwrap()));
@@ -188,12 +188,12 @@ fn things_settle_where_they_belong() {
     assert!((sim.penetration() - 0.02).abs() < 1e-3, "{}", sim.penetration());
 }
 
-/// Symptom: without rolling friction a ball that is put down with any speed rolls off the table.
+/// Regression: without rolling friction a ball that is put down with any speed rolls off the table.
 #[test]
 fn a_rolling_ball_comes_to_rest() {
     let ball = placed("ball", rigid("ball", 0.06, 0.5, vec![ball(0.0325)]), 0.5, 0.0, 0.0);
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[ball]).unwrap()));
-    // Time, seven numbers of position, then the speed of the origin, which is the point that touches and so rests.
+    // Time and seven pose numbers, then the velocity of the origin, which is the contact point and therefore at rest.
     let mut state = sim.state();
     state[8 + 4] = 0.1 / 0.0325;
     sim.set_state(&state).unwrap();

@@ -1,4 +1,4 @@
-//! Worlds become models: the old one as it was, others with what they describe.
+//! Worlds compile to models: version 1 unchanged, others with everything they describe.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use crate::models::{cuboid, rigid};
 use crate::{placed, six_objects};
 
-/// A scenario as version 1 wrote it, reduced to what physics reads.
+/// A scenario of version 1, reduced to the physics inputs.
 const VERSION_1: &str = include_str!("scenario_of_version_1.json");
 
 fn old_world() -> World {
@@ -20,14 +20,14 @@ fn old_world() -> World {
 }
 
 /// The text's hash is that of the last version without worlds; the state's was taken when recordings of that version
-/// replayed to their last bit (the rollout tests replay two of them).
-/// They change only when such recordings can no longer be replayed.
+/// replayed bit-exactly (the rollout tests replay two of them).
+/// They may only change when such recordings can no longer be replayed.
 #[test]
-fn the_world_of_version_1_compiles_to_the_model_it_was() {
+fn the_world_of_version_1_compiles_to_the_same_model() {
     let world = old_world();
     let robot = robots::of_world(&world).unwrap();
     let scene = Scene::compile(&world, &robot, &six_objects()).unwrap();
-    // Whether the engine's compiler uses threads changes no model; it did when this was recorded.
+    // The engine's compiler threads do not affect the model; they were enabled when this was recorded.
     let mjcf = scene.mjcf().replace(" usethread=\"false\"", "");
     let text: String = Sha256::digest(mjcf.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(text, "38f2383ab5efe2a06ae81d531292aef2880e5799ce1f10c983821f59b55a6342");
@@ -47,7 +47,7 @@ fn the_world_of_version_1_compiles_to_the_model_it_was() {
 }
 
 #[test]
-fn things_rest_on_a_further_surface_and_its_boards() {
+fn objects_rest_on_a_further_surface_and_its_boards() {
     let mut world = (*default_world()).clone();
     world.surfaces.push(SupportSurface {
         id: "shelf".into(),

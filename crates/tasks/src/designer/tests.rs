@@ -204,7 +204,7 @@ fn all_of_the_catalogue_is_used() {
     let batch = design_many(&TaskKind::ALL, 600, all, Seed::new(12), &DesignSettings::default()).unwrap();
     let used: BTreeSet<&str> =
         batch.tasks.iter().flat_map(|task| &task.objects).map(|card| card.category.as_str()).collect();
-    let families = genmanip_assets::listed::listed().iter().map(|one| one.card.category.as_str());
+    let families = genmanip_assets::instances::generated_instances().iter().map(|one| one.card.category.as_str());
     let unused: BTreeSet<&str> = families.filter(|one| !used.contains(one)).collect();
     assert!(unused.is_empty(), "{unused:?}");
 }

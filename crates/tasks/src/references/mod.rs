@@ -24,7 +24,7 @@ mod tests;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, MOST_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
+use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
 use grammar::Heard;
 use meaning::Listener;
@@ -150,7 +150,7 @@ fn open(reading: &Reading) -> Vec<Vec<String>> {
     let singled_out = |id: &String| reading.phrases.iter().any(|(_, meant)| *meant == [id.clone()]);
     let shared = |group: &Vec<String>, id: &String| groups.iter().any(|other| other != group && other.contains(id));
     let stays = |group: &&Vec<String>| {
-        group.len() <= MOST_INTERCHANGEABLE && !group.iter().any(|id| singled_out(id) || shared(group, id))
+        group.len() <= MAX_INTERCHANGEABLE && !group.iter().any(|id| singled_out(id) || shared(group, id))
     };
     groups.iter().filter(stays).cloned().collect()
 }

@@ -4,7 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use genmanip_core::names::{MAX_NAME_LENGTH, fits_file_name};
-use genmanip_core::perception::{self, PictureLabels, Seen};
+use genmanip_core::perception::{self, ImageLabels, VisibleRegion};
 use genmanip_core::{Camera, Document, RgbdImage};
 use genmanip_data::files::Writing;
 use genmanip_data::ply;
@@ -72,14 +72,14 @@ impl<'a> Labels<'a> {
         moment: &Moment,
         camera: &Camera,
         image: &RgbdImage,
-        whole: &[Seen],
+        whole: &[VisibleRegion],
     ) -> Result<(), RunError> {
         let objects = &self.stage.scenario.objects;
-        let visible = perception::seen(&image.ids, image.width(), objects.len());
-        let whole = whole.iter().copied().chain(std::iter::repeat(Seen::default()));
+        let visible = perception::visible_regions(&image.ids, image.width(), objects.len());
+        let whole = whole.iter().copied().chain(std::iter::repeat(VisibleRegion::default()));
         let told = objects.iter().zip(visible).zip(whole).zip(self.boxes.at(moment));
         let told = told.map(|(((placed, visible), whole), around)| (placed.id.as_str(), visible, whole, around));
-        let line = PictureLabels {
+        let line = ImageLabels {
             picture: moment.picture,
             control_step: moment.control_step,
             time_s: moment.frame.map_or(0.0, |frame| frame.time_s),

@@ -1,4 +1,4 @@
-//! Meshes, textures and materials by name.
+//! Meshes, textures and materials of an MJCF file.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct Assets<'a> {
 }
 
 impl<'a> Assets<'a> {
-    /// Of a file with its includes.
+    /// Assets of a file with its includes.
     pub fn of(root: &Element, main: &'a str, settings: &'a Settings) -> Self {
         let named = |tag: &str| {
             let all = root.all("asset").flat_map(|asset| asset.children.iter()).filter(|child| child.tag == tag);
@@ -32,13 +32,12 @@ impl<'a> Assets<'a> {
         Self { main, settings, meshes: named("mesh"), textures: named("texture"), materials: named("material") }
     }
 
-    /// The triangles of a mesh.
+    /// A mesh by name.
     ///
     /// # Errors
-    /// When there is none of that name, or its file cannot be read.
+    /// If the name is unknown or its file cannot be read.
     pub fn mesh(&self, user: &Element, name: &str, files: &mut Files<'_>) -> Result<RawMesh, ImportError> {
-        let element =
-            self.meshes.get(name).ok_or_else(|| user.wrong(format!("there is no mesh `{}`", shortened(name))))?;
+        let element = self.meshes.get(name).ok_or_else(|| user.wrong(format!("unknown mesh `{}`", shortened(name))))?;
         let element = self.settings.complete(element, "main")?;
         let found = match (element.attribute("file"), element.numbers("vertex")?) {
             (Some(file), _) => {
@@ -62,7 +61,7 @@ impl<'a> Assets<'a> {
         Ok(found.transformed(&DMat4::from_scale(scale)).transformed(&reference))
     }
 
-    /// How a geom looks, and how often its picture repeats; pictures that cannot be had are noted.
+    /// Material of a geom and its texture repetition; unavailable textures are noted.
     pub fn material(
         &self,
         geom: &Element,
@@ -73,10 +72,8 @@ impl<'a> Assets<'a> {
         let Some(name) = geom.attribute("material") else {
             return Ok((colored(own.unwrap_or([0.5, 0.5, 0.5, 1.0]), 0.5), [1.0; 2]));
         };
-        let element = self
-            .materials
-            .get(name)
-            .ok_or_else(|| geom.wrong(format!("there is no material `{}`", shortened(name))))?;
+        let element =
+            self.materials.get(name).ok_or_else(|| geom.wrong(format!("unknown material `{}`", shortened(name))))?;
         let element = self.settings.complete(element, "main")?;
         let rgba = own.or(element.exactly::<4>("rgba")?).unwrap_or([1.0; 4]);
         let roughness = 1.0 - 0.8 * element.number("shininess", 0.5)?.clamp(0.0, 1.0) as f32;
@@ -98,25 +95,19 @@ impl<'a> Assets<'a> {
         notes: &mut Vec<String>,
     ) -> Result<Option<Arc<Texture>>, ImportError> {
         let element =
-            self.textures.get(name).ok_or_else(|| user.wrong(format!("there is no texture `{}`", shortened(name))))?;
+            self.textures.get(name).ok_or_else(|| user.wrong(format!("unknown texture `{}`", shortened(name))))?;
         let Some(file) = element.attribute("file") else {
-            // A built-in pattern: its first colour.
+            // Use the first colour of a built-in pattern.
             let rgb =
                 element.exactly::<3>("rgb1")?.unwrap_or([0.8; 3]).map(|value| (value.clamp(0.0, 1.0) * 255.0) as u8);
             return Ok(Some(Arc::new(Texture { width: 1, height: 1, rgb: rgb.to_vec() })));
         };
         let path = self.path(&self.settings.texture_folder, file, element)?;
-        // The path is relative to the root already: it is named as from there.
-        match obj::load_texture("", &path, files, notes) {
-            Ok(texture) => Ok(Some(texture)),
-            Err(error) => {
-                notes.push(format!("texture left out: {error}"));
-                Ok(None)
-            }
-        }
+        // The path is already relative to the root.
+        Ok(obj::texture("", &path, files, notes))
     }
 
-    /// The path of a file in a folder beside the main file.
+    /// Path of a file in an asset folder, relative to the root.
     fn path(&self, folder: &str, file: &str, element: &Element) -> Result<String, ImportError> {
         let named =
             if folder.is_empty() { file.to_owned() } else { format!("{}/{file}", folder.trim_end_matches('/')) };
@@ -124,7 +115,7 @@ impl<'a> Assets<'a> {
     }
 }
 
-/// Elements of assets are named, or called like their files.
+/// Name of an asset: its attribute, or its file's stem.
 fn name(element: &Element) -> Option<String> {
     element.attribute("name").map(str::to_owned).or_else(|| {
         let file = element.attribute("file")?.rsplit(['/', '\\']).next()?;

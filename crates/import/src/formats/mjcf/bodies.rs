@@ -10,18 +10,18 @@ use crate::collision::piece_volume;
 use crate::files::{Files, shortened};
 use crate::formats::solid;
 use crate::formats::xml::Element;
-use crate::place::moved;
-use crate::raw::{MOST_LINKS, RawCollision, RawLink, RawMesh, Surface};
+use crate::place::transformed_mass;
+use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawMesh, Surface};
 
-/// Groups of geoms that are drawn: 0, 1 and 2.
-const DRAWN: f64 = 2.5;
-/// Range of a joint that is not limited: rad, m.
+/// Geom groups 0, 1 and 2 are visible.
+const MAX_VISIBLE_GROUP: f64 = 2.5;
+/// Range of an unlimited joint: rad, m.
 const UNLIMITED: [f64; 2] = [std::f64::consts::PI, 0.2];
-/// Damping and dry friction of a joint that says nothing, N·m·s/rad and N·m, or N·s/m and N.
+/// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N.
 const DAMPING: f64 = 0.1;
 const FRICTION_LOSS: f64 = 0.05;
 
-/// The links of the object in a world: bodies that are fixed to another are one with it.
+/// Links of the object in a world; bodies without joints are merged into their parents.
 pub fn links(
     root: &Element,
     main: &str,
@@ -39,35 +39,35 @@ pub fn links(
         free: 0,
     };
     let worlds: Vec<&Element> = root.all("worldbody").collect();
-    // What a file includes as a world of its own is the scene around its object.
+    // A `worldbody` from an included file is the scene around the object.
     let own = |world: &&&Element| world.place.0 == main && world.first("body").is_some();
     let is_scene = |world: &&Element| worlds.iter().any(|world| own(&world)) && !own(&world);
     let bodies: Vec<&Element> =
         worlds.iter().filter(|world| !is_scene(world)).flat_map(|world| world.all("body")).collect();
     let all = worlds.iter().flat_map(|world| world.all("body")).count();
-    // Of several bodies the one that can be moved is the object.
+    // If exactly one body moves freely, it is the object.
     let free: Vec<&Element> = bodies.iter().copied().filter(|body| is_free(body)).collect();
     let bodies = if free.len() == 1 { free } else { bodies };
     if bodies.len() < all {
-        reader.notes.push(format!("{} bodies of the scene around it are left out", all - bodies.len()));
+        reader.notes.push(format!("ignored {} bodies of the surrounding scene", all - bodies.len()));
     }
     for body in &bodies {
         reader.body(body, 0, Pose::IDENTITY, "main")?;
     }
-    // Beside bodies the world holds floors and decoration.
+    // Next to bodies, the world's own geoms are floors and decoration.
     if bodies.is_empty() {
         for world in &worlds {
             reader.geoms(world, 0, Pose::IDENTITY, "main")?;
         }
     }
     if reader.free > 1 {
-        let message = format!("{} bodies move freely, so it holds several objects", reader.free);
-        return Err(ImportError::new(main, message).hint("expected one object per file: a scene is no object"));
+        let message = format!("{} bodies move freely, so the file contains several objects", reader.free);
+        return Err(ImportError::new(main, message).hint("expected one object per file, not a scene"));
     }
     Ok(reader.links)
 }
 
-/// Whether a body of the world moves freely.
+/// True if a body of the world moves freely.
 fn is_free(body: &Element) -> bool {
     body.children
         .iter()
@@ -84,7 +84,7 @@ struct Reader<'a, 'b> {
 }
 
 impl Reader<'_, '_> {
-    /// A body in the frame of a link, with all that hangs on it.
+    /// Reads a body, in the frame of a link, and its descendants.
     fn body(&mut self, body: &Element, link: usize, link_from_around: Pose, class: &str) -> Result<(), ImportError> {
         let class = body.attribute("childclass").unwrap_or(class).to_owned();
         let mut link_from_body = link_from_around * self.settings.pose(body)?;
@@ -100,7 +100,7 @@ impl Reader<'_, '_> {
                 other => named.push(other.to_owned()),
             }
         }
-        // Several slides let a whole object move, as environments place it: they are its freedom.
+        // Several slides on the root place the whole object in an environment; they are not joints of the object.
         let slides = moving.iter().filter(|(kind, _)| *kind == JointKind::Prismatic).count();
         if slides >= 2 && link == 0 {
             self.free += 1;
@@ -113,15 +113,15 @@ impl Reader<'_, '_> {
         if !named.is_empty() {
             let (names, name) = (shortened(&named.join(", ")), shortened(name));
             self.notes.push(format!(
-                "body {name}: its joints {names} are taken as fixed, one hinge or slide per body is kept"
+                "body {name}: only one hinge or slide per body is supported; joints {names} are treated as fixed"
             ));
         }
         if let Some((kind, joint)) = moving.pop() {
             let made = self.joint(&joint, kind, link, link_from_body)?;
-            if self.links.len() == MOST_LINKS {
-                return Err(body.wrong(format!("more than {MOST_LINKS} bodies move")));
+            if self.links.len() == MAX_LINKS {
+                return Err(body.wrong(format!("more than {MAX_LINKS} moving bodies")));
             }
-            // The link's frame is the joint's: the body lies off it by the joint's place.
+            // The link's frame is the joint's, so the body is offset by the joint's position.
             link_from_body = Pose::from_position(-DVec3::from_array(joint.exactly::<3>("pos")?.unwrap_or_default()));
             let unique = self.links.iter().all(|link| link.name != name);
             let name = if unique { name.to_owned() } else { format!("{name}_{}", self.links.len()) };
@@ -163,7 +163,7 @@ impl Reader<'_, '_> {
             }
         };
         if range[0] >= range[1] {
-            return Err(joint.wrong(format!("its range does not rise: {} to {}", range[0], range[1])));
+            return Err(joint.wrong(format!("expected an increasing range, got {} to {}", range[0], range[1])));
         }
         Ok(Joint {
             name: joint.attribute("name").map_or_else(|| format!("joint_{}", self.links.len()), str::to_owned),
@@ -193,19 +193,19 @@ impl Reader<'_, '_> {
             (None, None) => DMat3::ZERO,
         };
         let own = MassProperties { mass_kg, center: DVec3::ZERO, inertia };
-        Ok(moved(&own, &(*link_from_body * body_from_inertial)))
+        Ok(transformed_mass(&own, &(*link_from_body * body_from_inertial)))
     }
 
     fn add_mass(&mut self, link: usize, mass: MassProperties, replaces: bool) {
         let known = &mut self.links[link].mass;
         *known = match known.take() {
             _ if mass.mass_kg <= 0.0 => None,
-            Some(own) if !replaces => Some(crate::formats::urdf::both(&own, &mass)),
+            Some(own) if !replaces => Some(crate::formats::urdf::combined(&own, &mass)),
             _ => Some(mass),
         };
     }
 
-    /// What a body draws and touches with.
+    /// Adds a body's visual and collision geoms.
     fn geoms(&mut self, body: &Element, link: usize, link_from_body: Pose, class: &str) -> Result<(), ImportError> {
         let geoms = body.all("geom").map(|geom| self.settings.complete(geom, class)).collect::<Result<Vec<_>, _>>()?;
         let touches = |geom: &Element| -> Result<bool, ImportError> {
@@ -213,14 +213,14 @@ impl Reader<'_, '_> {
         };
         let mut has_drawn_only = false;
         for geom in &geoms {
-            has_drawn_only |= !touches(geom)? && geom.number("group", 0.0)? < DRAWN;
+            has_drawn_only |= !touches(geom)? && geom.number("group", 0.0)? < MAX_VISIBLE_GROUP;
         }
         let mut mass_kg = 0.0;
         for geom in &geoms {
             let kind =
                 geom.attribute("type").unwrap_or(if geom.attributes.contains_key("mesh") { "mesh" } else { "sphere" });
             if matches!(kind, "plane" | "hfield" | "sdf") {
-                self.notes.push(format!("a geom of type {kind} is left out"));
+                self.notes.push(format!("a geom of type {kind} is ignored"));
                 continue;
             }
             let (pose, shape) = self.shape(geom, kind)?;
@@ -233,21 +233,21 @@ impl Reader<'_, '_> {
                 None => None,
             };
             let (material, repeat) = self.assets.material(geom, self.files, self.notes)?;
-            // Where some geoms are only drawn, group 0 is what touches, by custom.
-            let is_drawn = group < DRAWN
+            // By convention, group 0 is collision-only if other geoms are visual-only.
+            let is_drawn = group < MAX_VISIBLE_GROUP
                 && !(touches && has_drawn_only && group < 0.5)
                 && geom.exactly::<4>("rgba")?.is_none_or(|rgba| rgba[3] > 0.0);
             if is_drawn {
                 let mesh = mesh.clone().or_else(|| Some(solid::mesh(shape.as_ref()?).transformed(&transform)));
                 let name = geom.attribute("name").or(geom.attribute("mesh")).unwrap_or("surface").to_owned();
-                self.links[link].surfaces.extend(mesh.map(|mesh| drawn(name, mesh, material, repeat)));
+                self.links[link].surfaces.extend(mesh.map(|mesh| visual_surface(name, mesh, material, repeat)));
             }
             if touches {
                 match (&shape, &mesh) {
                     (Some(shape), _) => self.links[link]
                         .collision
                         .push(RawCollision::Piece(Piece { shape: shape.clone(), link_from_piece: pose })),
-                    // The engine takes the hull of a mesh.
+                    // The engine uses the hull of a mesh.
                     (None, Some(mesh)) => self.links[link].collision.push(RawCollision::HullOf(mesh.positions.clone())),
                     (None, None) => {}
                 }
@@ -278,7 +278,7 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Where a geom lies in its body, and its shape unless it is a mesh.
+    /// Pose of a geom in its body, and its shape unless it is a mesh.
     fn shape(&self, geom: &Element, kind: &str) -> Result<(Pose, Option<Shape>), ImportError> {
         let mut pose = self.settings.pose(geom)?;
         let size = geom.numbers("size")?.unwrap_or_default();
@@ -293,7 +293,7 @@ impl Reader<'_, '_> {
         let mut half = None;
         if let Some([a, b, c, d, e, f]) = geom.exactly::<6>("fromto")? {
             let (from, to) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
-            let along = (to - from).try_normalize().ok_or_else(|| geom.wrong("fromto: both ends are one point"))?;
+            let along = (to - from).try_normalize().ok_or_else(|| geom.wrong("fromto: both ends are equal"))?;
             pose = Pose { position: (from + to) / 2.0, rotation: DQuat::from_rotation_arc(DVec3::Z, along) };
             half = Some(from.distance(to) / 2.0);
         }
@@ -307,14 +307,14 @@ impl Reader<'_, '_> {
                 let z = half.map_or_else(|| at(2), Ok)?;
                 Some(Shape::Box { half_extents: DVec3::new(at(0)?, if half.is_some() { at(0)? } else { at(1)? }, z) })
             }
-            other => return Err(geom.wrong(format!("there is no type `{}`", shortened(other)))),
+            other => return Err(geom.wrong(format!("unknown type `{}`", shortened(other)))),
         };
         Ok((pose, shape))
     }
 }
 
-/// A drawn surface; a picture without texture coordinates becomes its mean colour.
-fn drawn(name: String, mut mesh: RawMesh, mut material: Material, repeat: [f32; 2]) -> Surface {
+/// A visual surface; a texture without texture coordinates is replaced by its mean colour.
+fn visual_surface(name: String, mut mesh: RawMesh, mut material: Material, repeat: [f32; 2]) -> Surface {
     if let Some(texture) = material.texture.take() {
         if mesh.uvs.len() == mesh.positions.len() && texture.width > 1 {
             mesh.uvs.iter_mut().for_each(|uv| *uv = [uv[0] * repeat[0], uv[1] * repeat[1]]);

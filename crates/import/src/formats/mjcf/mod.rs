@@ -1,6 +1,6 @@
-//! MJCF, as robosuite, RoboCasa, MolmoSpaces, MetaWorld and gymnasium-robotics write it: bodies with what is drawn and
-//! what touches, joints, masses; includes, defaults, meshes and textures. What moves an object (actuators, sensors,
-//! equalities) is left out.
+//! MJCF as written by robosuite, RoboCasa, MolmoSpaces, MetaWorld and gymnasium-robotics: bodies with visual and
+//! collision geoms, joints and masses; includes, defaults, meshes and textures. Actuators, sensors and equality
+//! constraints are ignored.
 
 mod assets;
 mod bodies;
@@ -11,19 +11,19 @@ use crate::files::{Files, beside};
 use crate::formats::xml::{self, Element};
 use crate::raw::{RawObject, Unit, Up};
 
-/// Deepest chain of files that include each other, and most included files.
-const MOST_DEPTH: usize = 16;
-const MOST_INCLUDED: usize = 200;
+/// Maximum nesting depth of includes, and maximum number of included files.
+const MAX_DEPTH: usize = 16;
+const MAX_INCLUDED: usize = 200;
 
-/// Reads the object of an MJCF file: everything in its world is one object, floors apart.
+/// Reads an MJCF file as one object, ignoring floors.
 ///
 /// # Errors
-/// With file and line of what cannot be: an unknown class, mesh or material, a number that is none, a missing file.
+/// With file and line of an unknown class, mesh or material, an invalid number or a missing file.
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let mut included = 0;
     let root = with_includes(path, path, files, 0, &mut included)?;
     if root.tag != "mujoco" {
-        return Err(root.wrong("expected <mujoco>; what is made to be included is no object of its own"));
+        return Err(root.wrong("expected <mujoco>; an include file is not a complete object"));
     }
     let settings = settings::Settings::of(&root)?;
     let mut notes = Vec::new();
@@ -40,8 +40,8 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
-/// The tree of a file with those that it includes in their places; names are relative to the main file or, as older
-/// files have it, to the including one.
+/// Parses a file and expands its includes; names are relative to the main file or, in older files, to the including
+/// file.
 fn with_includes(
     main: &str,
     path: &str,
@@ -50,9 +50,9 @@ fn with_includes(
     included: &mut usize,
 ) -> Result<Element, ImportError> {
     let mut root = xml::parse(path, files)?;
-    if depth > MOST_DEPTH || *included > MOST_INCLUDED {
+    if depth > MAX_DEPTH || *included > MAX_INCLUDED {
         return Err(root.wrong(format!(
-            "more than {MOST_INCLUDED} included files, or deeper than {MOST_DEPTH}: do files include each other?"
+            "more than {MAX_INCLUDED} included files, or deeper than {MAX_DEPTH}: do files include each other?"
         )));
     }
     expand(&mut root, main, path, files, depth, included)?;

@@ -1,4 +1,4 @@
-//! What holds for a whole MJCF file: units of angles, folders, classes of defaults.
+//! Global settings of an MJCF file: angle unit, asset folders, default classes.
 
 use std::collections::BTreeMap;
 
@@ -9,32 +9,32 @@ use crate::ImportError;
 use crate::files::shortened;
 use crate::formats::xml::Element;
 
-/// Defaults by class, then tag, then attribute.
+/// Defaults by class, tag and attribute.
 type Classes = BTreeMap<String, BTreeMap<String, BTreeMap<String, String>>>;
 
 /// `<compiler>` and `<default>`.
 #[derive(Debug)]
 pub struct Settings {
-    /// Whether angles are in degrees.
+    /// True if angles are in degrees.
     pub degrees: bool,
-    /// Folders of meshes and textures, relative to the main file.
+    /// Folder of meshes, relative to the main file.
     pub mesh_folder: String,
-    /// As [`Settings::mesh_folder`].
+    /// Folder of textures, relative to the main file.
     pub texture_folder: String,
-    /// Order of the axes of Euler angles; capitals turn about fixed axes.
+    /// Axis order of Euler angles; upper case for fixed axes.
     order: String,
-    /// Whether a range limits a joint that does not say so.
+    /// True if a `range` attribute implies `limited`.
     pub limits_by_range: bool,
-    /// Groups of geoms that have mass.
+    /// Geom groups that contribute mass.
     pub mass_groups: [f64; 2],
     classes: Classes,
 }
 
 impl Settings {
-    /// Of a file with its includes.
+    /// Settings of a file with its includes.
     ///
     /// # Errors
-    /// When something there makes no sense.
+    /// If a value is invalid.
     pub fn of(root: &Element) -> Result<Self, ImportError> {
         let mut settings = Self {
             degrees: true,
@@ -82,16 +82,16 @@ impl Settings {
         }
     }
 
-    /// An element with the attributes that its class, or the class of the body around it, gives it.
+    /// An element completed with the defaults of its class, or of the enclosing body's class.
     ///
     /// # Errors
-    /// When there is no such class.
+    /// If the class is unknown.
     pub fn complete(&self, element: &Element, class_around: &str) -> Result<Element, ImportError> {
         let name = element.attribute("class").unwrap_or(class_around);
         let class = self.classes.get(name);
-        let class = class.ok_or_else(|| element.wrong(format!("there is no class `{}`", shortened(name))))?;
+        let class = class.ok_or_else(|| element.wrong(format!("unknown class `{}`", shortened(name))))?;
         let mut attributes = class.get(&element.tag).cloned().unwrap_or_default();
-        // What says the same otherwise replaces what a class says.
+        // An alternative representation in the element overrides the class's.
         for rivals in
             [&["quat", "axisangle", "euler", "xyaxes", "zaxis"][..], &["fromto", "quat", "euler", "axisangle"]]
         {
@@ -103,22 +103,22 @@ impl Settings {
         Ok(Element { tag: element.tag.clone(), attributes, children: Vec::new(), place: element.place.clone() })
     }
 
-    /// An angle in rad.
+    /// Converts an angle to rad.
     pub fn angle(&self, value: f64) -> f64 {
         if self.degrees { value.to_radians() } else { value }
     }
 
-    /// Position and orientation of an element in what is around it.
+    /// Pose of an element in its parent.
     ///
     /// # Errors
-    /// When its numbers make no frame.
+    /// If its orientation is invalid.
     pub fn pose(&self, element: &Element) -> Result<Pose, ImportError> {
         let position = DVec3::from_array(element.exactly::<3>("pos")?.unwrap_or_default());
         Ok(Pose { position, rotation: self.rotation(element)? })
     }
 
     fn rotation(&self, element: &Element) -> Result<DQuat, ImportError> {
-        let wrong = |name: &str| element.wrong(format!("{name}: its numbers are no orientation"));
+        let wrong = |name: &str| element.wrong(format!("{name}: not a valid orientation"));
         if let Some([w, x, y, z]) = element.exactly::<4>("quat")? {
             let quaternion = DQuat::from_xyzw(x, y, z, w);
             return if quaternion.length() > 1e-9 { Ok(quaternion.normalize()) } else { Err(wrong("quat")) };

@@ -126,7 +126,7 @@ impl Pen<'_> {
 
     fn is_behind(&self, point: DVec3) -> bool {
         let Some((pixel, depth_m)) = self.projection.pixel(point) else { return false };
-        if !self.projection.is_in_picture(pixel) {
+        if !self.projection.is_in_image(pixel) {
             return false;
         }
         let (column, row) = (pixel.x.round() as usize, pixel.y.round() as usize);

@@ -1,34 +1,35 @@
-//! In which poses an object stands by itself.
+//! Stable poses of an object on a level surface.
 
 use genmanip_core::{ObjectModel, Piece, Pose};
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Corners this close to the lowest one carry the object, m: more than rounding of data, less than a foot's height.
+/// Support points within this height of the lowest one carry the object, m: more than data rounding, less than a foot.
 const TOUCHING_M: f64 = 0.0004;
-/// How far inside its support the centre of mass must lie, m; with less, a nudge topples it.
+/// Minimum distance of the centre of mass from the edge of the support polygon, m; with less, a nudge topples the
+/// object.
 const MARGIN_M: f64 = 0.003;
-/// Directions along which the support is measured.
+/// Number of directions in which the support polygon is measured.
 const DIRECTIONS: usize = 32;
 
-/// A pose in which an object stays put on a level surface.
+/// A stable pose on a level surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StablePose {
-    /// Which side is up, in words.
+    /// Name of the pose, e.g. `upright`.
     pub name: &'static str,
-    /// Of the object, its lowest point at z = 0, its centre of mass above the origin's z axis left as it is.
+    /// Pose with the lowest point at z = 0; the horizontal position is unchanged.
     pub world_from_object: Pose,
-    /// Least distance from the centre of mass to the edge of its support, m.
+    /// Smallest distance from the centre of mass to the edge of the support polygon, m.
     pub margin_m: f64,
 }
 
-/// Which of the six turns that put an axis of the object upright leave it standing on a face, upright first.
+/// Stable poses among the six axis-aligned orientations, upright first.
 ///
-/// Upright is always there; with a negative margin it leans a little, as a spoon on its bowl and grip does.
+/// Upright is always included; a negative margin means a slight lean, as of a spoon resting on bowl and grip.
 ///
-/// The exact support of the pieces is used: what lies on a round mantle has none, so a ball or a can on its side is not
-/// listed. Articulated objects have the canonical pose alone.
+/// Uses the exact support of the pieces: round mantles have none, so that a ball or a can on its side is not listed.
+/// Articulated objects have only the canonical pose.
 pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {
     let turns = [
         ("upright", DQuat::IDENTITY),
@@ -58,7 +59,7 @@ pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {
         .collect()
 }
 
-/// Lowest height of the turned pieces, and how far the centre of mass lies inside the hull of what touches there.
+/// Lowest height of the rotated pieces, and the stability margin of the centre of mass within the support polygon.
 fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
     let back = rotation.inverse();
     let height = |point: DVec3| (rotation * point).z;
@@ -68,7 +69,7 @@ fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
     let margin = (0..DIRECTIONS).map(|index| {
         let angle = TAU * index as f64 / DIRECTIONS as f64;
         let outward = DVec3::new(angle.cos(), angle.sin(), 0.0);
-        // A direction a little off straight down finds the outermost corner of the lowest face.
+        // A direction slightly off vertical finds the outermost vertex of the lowest face.
         let reach = low.iter().map(|piece| {
             let point = rotation * piece.support(back * (DVec3::NEG_Z + outward * 1e-3));
             if point.z < lowest + TOUCHING_M { (point - rotation * center).dot(outward) } else { f64::NEG_INFINITY }
@@ -84,13 +85,13 @@ mod tests {
     use crate::Catalogue;
 
     #[test]
-    fn things_stand_as_they_should() {
+    fn stable_poses_of_known_objects() {
         let check = |uid: &str, expected: &[&str]| {
             let model = Catalogue::builtin().build(uid).unwrap();
             let names: Vec<&str> = stable_poses(&model).iter().map(|pose| pose.name).collect();
             assert_eq!(names, expected, "{}", model.card.name);
         };
-        // A cube on every side, a can on its ends, a ball nowhere but on its own flat spots, a mug on its rim too.
+        // A cube on every side; a can on its ends; a mug on its rim as well; a cabinet upright only.
         check(
             "046",
             &["upright", "upside down", "on its front", "on its back", "on its left side", "on its right side"],

@@ -1,4 +1,4 @@
-//! The list of generated objects that come with the program, frozen by name and seed.
+//! The frozen list of generated objects that ship with the program.
 
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -6,23 +6,23 @@ use std::sync::OnceLock;
 use genmanip_core::{ObjectCard, Seed};
 use serde::{Deserialize, Serialize};
 
-use crate::notes::Split;
+use crate::metadata::Split;
 use crate::{AssetError, Families, Family};
 
 const LIST: &str = include_str!("../data/instances.json");
 
-/// Every so many-th object of a family that is trained on is kept for testing.
+/// Every n-th object of a training family is held out for testing.
 const UNSEEN_EVERY: usize = 5;
-/// Seeds tried per wanted object of a family before it is left with fewer.
-const MOST_SEEDS: u64 = 40;
+/// Maximum number of seeds tried per requested object of a family.
+const MAX_SEEDS: u64 = 40;
 
 /// A generated object of the list.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Listed {
-    /// What may be trained on.
+pub struct GeneratedInstance {
+    /// Train/test split.
     pub split: Split,
-    /// Its card, as the family made it when the list was frozen.
+    /// Card as generated when the list was frozen.
     pub card: ObjectCard,
 }
 
@@ -30,13 +30,13 @@ pub struct Listed {
 ///
 /// # Panics
 /// Never in a tested build: the data file is compiled in.
-pub fn listed() -> &'static [Listed] {
-    static LISTED: OnceLock<Vec<Listed>> = OnceLock::new();
+pub fn generated_instances() -> &'static [GeneratedInstance] {
+    static LISTED: OnceLock<Vec<GeneratedInstance>> = OnceLock::new();
     LISTED.get_or_init(|| crate::data_file::read("instances", LIST).expect("built-in data files are tested"))
 }
 
-/// Chooses a list anew: so many rigid and articulated objects, evenly over the families, from seeds 1, 2, … of each,
-/// without those whose name or description another one has already; `known` are the cards of other objects.
+/// Chooses a new list: the given numbers of rigid and articulated objects, spread evenly over the families, from seeds
+/// 1, 2, … of each, skipping names and descriptions already in use; `known` are the cards of other objects.
 ///
 /// # Errors
 /// As [`Families::instance`].
@@ -46,7 +46,7 @@ pub fn choose(
     articulated: usize,
     known: &[ObjectCard],
     advance: &mut dyn FnMut(),
-) -> Result<Vec<Listed>, AssetError> {
+) -> Result<Vec<GeneratedInstance>, AssetError> {
     let mut taken: BTreeSet<String> =
         known.iter().flat_map(|card| [card.name.clone(), card.description.clone()]).collect();
     let mut chosen = Vec::new();
@@ -56,7 +56,7 @@ pub fn choose(
         for (index, family) in of_kind.iter().enumerate() {
             let share = missing.div_ceil(of_kind.len() - index);
             let mut own = 0;
-            for seed in (1..=share as u64 * MOST_SEEDS).map(Seed::new) {
+            for seed in (1..=share as u64 * MAX_SEEDS).map(Seed::new) {
                 if own == share {
                     break;
                 }
@@ -71,7 +71,7 @@ pub fn choose(
                     () if own % UNSEEN_EVERY == 0 => Split::UnseenInstance,
                     () => Split::Train,
                 };
-                chosen.push(Listed { split, card });
+                chosen.push(GeneratedInstance { split, card });
                 advance();
             }
             missing -= own;
@@ -80,8 +80,8 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// The text of the list's file: a line per object.
-pub fn to_text(list: &[Listed]) -> String {
+/// The list file's text, one line per object.
+pub fn to_text(list: &[GeneratedInstance]) -> String {
     let lines: Vec<String> = list.iter().map(|one| serde_json::to_string(one).unwrap_or_default()).collect();
     format!("[\n{}\n]\n", lines.join(",\n"))
 }

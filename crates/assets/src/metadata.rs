@@ -1,4 +1,4 @@
-//! What is known of an asset besides its card: where it belongs, what it is for, what its parts are good for.
+//! Metadata of an asset beyond its card: category path, uses, part affordances, licence.
 
 use std::collections::BTreeMap;
 
@@ -7,26 +7,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::families::{Families, Family};
 use crate::imported;
-use crate::standing::{StablePose, stable_poses};
+use crate::stable_poses::{StablePose, stable_poses};
 
-/// Licence of everything that this project makes.
+/// Licence of everything that this project creates.
 const OWN_LICENCE: &str = "CC0-1.0";
 
-/// What may be trained on.
+/// Train/test split.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
-    /// For training.
+    /// Used for training.
     #[default]
     Train,
-    /// For testing: others of its family are trained on.
+    /// Held out for testing; other objects of its family are used for training.
     UnseenInstance,
-    /// For testing: nothing of its family is trained on.
+    /// Held out for testing together with its whole family.
     UnseenFamily,
 }
 
 impl Split {
-    /// Its name in files and on the command line.
+    /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Train => "train",
@@ -36,51 +36,51 @@ impl Split {
     }
 }
 
-/// What is known of an asset from its family.
+/// Metadata of an asset, mostly from its family.
 #[derive(Clone, Debug, Serialize)]
-pub struct Notes {
-    /// From general to particular, e.g. tableware, drinkware, mug.
+pub struct AssetMetadata {
+    /// Category path from general to specific, e.g. tableware, drinkware, mug.
     pub category_path: Vec<String>,
-    /// Other words for it.
+    /// Synonyms.
     pub synonyms: Vec<String>,
-    /// What people use it for.
+    /// Everyday uses.
     pub uses: Vec<String>,
-    /// What counts as its right name when somebody names it from a picture.
+    /// Accepted names when it is identified from an image.
     pub accepted_names: Vec<String>,
-    /// Licence of its geometry and looks.
+    /// Licence of geometry and appearance.
     pub licence: String,
-    /// Where it comes from.
+    /// Origin.
     pub source: String,
 }
 
 /// A named part of an object.
 #[derive(Clone, Debug, Serialize)]
-pub struct PartNote {
-    /// Its name, e.g. `handle`.
+pub struct PartMetadata {
+    /// Name, e.g. `handle`.
     pub name: String,
-    /// The link that it belongs to.
+    /// Link that it belongs to.
     pub link: String,
-    /// Its bounds in the frame of the link, m.
+    /// Bounds in the link's frame, m.
     pub link_bounds: Aabb,
-    /// What it is for: `grasp`, `contain`, `support`, `do_not_touch`, `read`, `open`, …
+    /// Affordances: `grasp`, `contain`, `support`, `do_not_touch`, `read`, `open`, …
     pub affordances: Vec<String>,
 }
 
-/// Everything that `genmanip assets show` says of an object's geometry.
+/// Geometry section of `genmanip assets show`.
 #[derive(Clone, Debug, Serialize)]
-pub struct GeometryNotes {
-    /// Named parts with what they are for.
-    pub parts: Vec<PartNote>,
-    /// In which poses it stands by itself.
+pub struct GeometryMetadata {
+    /// Named parts with their affordances.
+    pub parts: Vec<PartMetadata>,
+    /// Stable poses.
     pub stable_poses: Vec<StablePose>,
     /// Number of convex collision pieces.
     pub pieces: usize,
 }
 
-/// What is known of the asset of a card.
+/// Metadata of a card's asset.
 ///
-/// Built-in objects have the words of the family of their category.
-pub fn notes(card: &ObjectCard) -> Notes {
+/// Built-in objects use the metadata of the family of their category.
+pub fn asset_metadata(card: &ObjectCard) -> AssetMetadata {
     let families = Families::builtin();
     let family = families.of(&card.asset).or_else(|| families.of_category(&card.category));
     let (source, licence) = match &card.asset {
@@ -99,7 +99,7 @@ pub fn notes(card: &ObjectCard) -> Notes {
     let mut accepted = vec![card.category.clone()];
     accepted.extend(synonyms.iter().cloned());
     accepted.extend(family.map_or_else(Vec::new, |family| family.also_named.clone()));
-    Notes {
+    AssetMetadata {
         category_path: path,
         synonyms,
         uses: family.map_or_else(Vec::new, |family| family.uses.clone()),
@@ -109,19 +109,19 @@ pub fn notes(card: &ObjectCard) -> Notes {
     }
 }
 
-/// What is known of an object's geometry.
-pub fn geometry_notes(model: &ObjectModel) -> GeometryNotes {
+/// Geometry metadata of an object.
+pub fn geometry_metadata(model: &ObjectModel) -> GeometryMetadata {
     let families = Families::builtin();
     let family = families.of(&model.asset).or_else(|| families.of_category(&model.card.category));
-    GeometryNotes {
+    GeometryMetadata {
         parts: parts(model, family),
         stable_poses: stable_poses(model),
         pieces: model.links.iter().map(|link| link.pieces.len()).sum(),
     }
 }
 
-fn parts(model: &ObjectModel, family: Option<&Family>) -> Vec<PartNote> {
-    let mut notes = Vec::new();
+fn parts(model: &ObjectModel, family: Option<&Family>) -> Vec<PartMetadata> {
+    let mut parts = Vec::new();
     for link in &model.links {
         let mut bounds: BTreeMap<&str, Aabb> = BTreeMap::new();
         for part in &link.visual {
@@ -130,22 +130,22 @@ fn parts(model: &ObjectModel, family: Option<&Family>) -> Vec<PartNote> {
             let entry = bounds.entry(part.name.as_str()).or_insert(Aabb::EMPTY);
             *entry = corners.fold(*entry, |bounds, corner| bounds.including(corner));
         }
-        notes.extend(bounds.into_iter().map(|(name, link_bounds)| {
-            PartNote {
+        parts.extend(bounds.into_iter().map(|(name, link_bounds)| {
+            PartMetadata {
                 name: name.to_owned(),
                 link: link.name.clone(),
                 link_bounds,
                 affordances: family
                     .and_then(|family| family.part_affordances.get(name).cloned())
-                    .unwrap_or_else(|| usual(name, model)),
+                    .unwrap_or_else(|| default_affordances(name, model)),
             }
         }));
     }
-    notes
+    parts
 }
 
-/// What a part of a name is usually for.
-fn usual(name: &str, model: &ObjectModel) -> Vec<String> {
+/// Default affordances by part name.
+fn default_affordances(name: &str, model: &ObjectModel) -> Vec<String> {
     let words: &[&str] = match name {
         "handle" if model.card.is_articulated => &["grasp", "open"],
         "handle" | "grip" | "shaft" => &["grasp"],

@@ -1,4 +1,4 @@
-//! Textures from picture files: PNG and JPEG, checked before they are decoded, scaled down to what is drawn.
+//! Texture loading: PNG and JPEG, validated before decoding and downscaled to the rendering resolution.
 
 use genmanip_core::Texture;
 use png::{ColorType, Transformations};
@@ -7,50 +7,50 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-/// Largest width and height that are decoded: 8192 x 8192 take 200 MB.
-const MOST_PIXELS_PER_SIDE: usize = 8192;
-/// Most pixels that are decoded for one object: four of the largest, 6 s of processor time; a small file can hold many.
-pub const MOST_PIXELS: usize = 4 * MOST_PIXELS_PER_SIDE * MOST_PIXELS_PER_SIDE;
-/// Larger pictures are scaled down by whole factors until they fit, pixels per side.
+/// Maximum image width and height: 8192 x 8192 pixels take 200 MB.
+const MAX_SIDE: usize = 8192;
+/// Maximum number of pixels decoded per object: four of the largest images, 6 s of CPU time; a small file can decode
+/// to many.
+pub const MAX_PIXELS: usize = 4 * MAX_SIDE * MAX_SIDE;
+/// Maximum texture side after downscaling by whole factors, pixels.
 const KEPT_PIXELS: usize = 512;
 
-/// A picture as a texture, and a note when it was scaled down; the words say what is wrong. What is decoded is taken from
-/// `pixels_left`, at first [`MOST_PIXELS`].
+/// Decodes a texture, with a note if it was downscaled; errors are messages. Decoded pixels are deducted from
+/// `pixels_left`, initially [`MAX_PIXELS`].
 pub fn texture(bytes: &[u8], pixels_left: &mut usize) -> Result<(Texture, Option<String>), String> {
     let (width, height, rgb) = match bytes {
         [0x89, b'P', b'N', b'G', ..] => from_png(bytes, pixels_left)?,
         [0xff, 0xd8, ..] => from_jpeg(bytes, pixels_left)?,
-        _ => return Err("expected a PNG or JPEG picture".into()),
+        _ => return Err("expected a PNG or JPEG image".into()),
     };
     let factor = width.max(height).div_ceil(KEPT_PIXELS);
     if factor == 1 {
         return Ok((Texture { width: width as u32, height: height as u32, rgb }, None));
     }
     let (small, rgb) = scaled_down(width, height, &rgb, factor);
-    let note = format!("texture of {width} x {height} pixels scaled down to {} x {}", small[0], small[1]);
+    let note = format!("texture of {width} x {height} pixels downscaled to {} x {}", small[0], small[1]);
     Ok((Texture { width: small[0] as u32, height: small[1] as u32, rgb }, Some(note)))
 }
 
 fn check_size(width: usize, height: usize, pixels_left: &mut usize) -> Result<(), String> {
-    if width == 0 || height == 0 || width > MOST_PIXELS_PER_SIDE || height > MOST_PIXELS_PER_SIDE {
-        return Err(format!("{width} x {height} pixels; expected 1 to {MOST_PIXELS_PER_SIDE} per side"));
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        return Err(format!("{width} x {height} pixels; expected 1 to {MAX_SIDE} per side"));
     }
     let left = pixels_left.checked_sub(width * height);
-    *pixels_left = left.ok_or_else(|| {
-        format!("{width} x {height} pixels; the pictures of one object may have {MOST_PIXELS} together")
-    })?;
+    *pixels_left = left
+        .ok_or_else(|| format!("{width} x {height} pixels; the images of one object may have {MAX_PIXELS} in total"))?;
     Ok(())
 }
 
 fn from_png(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<u8>), String> {
-    let limits = png::Limits { bytes: 3 * MOST_PIXELS_PER_SIDE * MOST_PIXELS_PER_SIDE };
+    let limits = png::Limits { bytes: 3 * MAX_SIDE * MAX_SIDE };
     let mut decoder = png::Decoder::new_with_limits(std::io::Cursor::new(bytes), limits);
     decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
-    let broken = |error: png::DecodingError| format!("the PNG picture cannot be decoded: {error}");
+    let broken = |error: png::DecodingError| format!("the PNG image cannot be decoded: {error}");
     let mut reader = decoder.read_info().map_err(broken)?;
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
     check_size(width, height, pixels_left)?;
-    let size = reader.output_buffer_size().ok_or("the PNG picture is too large")?;
+    let size = reader.output_buffer_size().ok_or("the PNG image is too large")?;
     let mut pixels = vec![0; size];
     let frame = reader.next_frame(&mut pixels).map_err(broken)?;
     let rgb = match frame.color_type {
@@ -58,32 +58,32 @@ fn from_png(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<
         ColorType::Rgba => pixels.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
         ColorType::Grayscale => pixels.iter().flat_map(|&p| [p; 3]).collect(),
         ColorType::GrayscaleAlpha => pixels.chunks_exact(2).flat_map(|p| [p[0]; 3]).collect(),
-        ColorType::Indexed => return Err("the PNG picture has a palette that cannot be expanded".into()),
+        ColorType::Indexed => return Err("the PNG image has a palette that cannot be expanded".into()),
     };
     if rgb.len() < width * height * 3 {
-        return Err("the PNG picture ends before its last row".into());
+        return Err("the PNG image ends before its last row".into());
     }
     Ok((width, height, rgb[..width * height * 3].to_vec()))
 }
 
 fn from_jpeg(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<u8>), String> {
     let options = DecoderOptions::default()
-        .set_max_width(MOST_PIXELS_PER_SIDE)
-        .set_max_height(MOST_PIXELS_PER_SIDE)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let broken = |error: zune_jpeg::errors::DecodeErrors| format!("the JPEG picture cannot be decoded: {error}");
+    let broken = |error: zune_jpeg::errors::DecodeErrors| format!("the JPEG image cannot be decoded: {error}");
     decoder.decode_headers().map_err(broken)?;
-    let (width, height) = decoder.dimensions().ok_or("the JPEG picture does not say its size")?;
+    let (width, height) = decoder.dimensions().ok_or("the JPEG image does not declare its size")?;
     check_size(width, height, pixels_left)?;
     let rgb = decoder.decode().map_err(broken)?;
     if rgb.len() != width * height * 3 {
-        return Err("the JPEG picture has another number of pixels than it says".into());
+        return Err("the JPEG image has a different number of pixels than it declares".into());
     }
     Ok((width, height, rgb))
 }
 
-/// Mean of each block of `factor` x `factor` pixels.
+/// Box filter over blocks of `factor` x `factor` pixels.
 fn scaled_down(width: usize, height: usize, rgb: &[u8], factor: usize) -> ([usize; 2], Vec<u8>) {
     let small = [(width / factor).max(1), (height / factor).max(1)];
     let mut out = Vec::with_capacity(small[0] * small[1] * 3);
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     fn texture(bytes: &[u8]) -> Result<(Texture, Option<String>), String> {
-        super::texture(bytes, &mut { MOST_PIXELS })
+        super::texture(bytes, &mut { MAX_PIXELS })
     }
 
     fn png_of(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_read_and_scaled_down() {
+    fn images_are_decoded_and_downscaled() {
         let (small, note) = texture(&png_of(2, 1, &[1, 2, 3, 4, 5, 6])).unwrap();
         assert_eq!((small.width, small.height, small.rgb, note), (2, 1, vec![1, 2, 3, 4, 5, 6], None));
         let (large, note) = texture(&png_of(1024, 16, &[200; 1024 * 16 * 3])).unwrap();
@@ -130,11 +130,11 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_lie_are_refused() {
+    fn invalid_images_are_rejected() {
         let good = png_of(4, 4, &[9; 48]);
         assert!(texture(&good[..good.len() / 2]).is_err(), "cut off");
         let mut huge = good.clone();
-        // Width and height of the header with its own checksum: a bomb says that it is large.
+        // A decompression bomb: huge width and height in the header.
         huge[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
         assert!(texture(&huge).is_err(), "65536 pixels per side");
         assert!(texture(b"GIF89a").unwrap_err().contains("PNG or JPEG"));
@@ -142,10 +142,10 @@ mod tests {
     }
 
     #[test]
-    fn many_large_pictures_end() {
-        let picture = png_of(512, 512, &[9; 512 * 512 * 3]);
+    fn the_pixel_budget_is_enforced() {
+        let image = png_of(512, 512, &[9; 512 * 512 * 3]);
         let mut left = 2 * 512 * 512;
-        let read: Vec<bool> = (0..3).map(|_| super::texture(&picture, &mut left).is_ok()).collect();
+        let read: Vec<bool> = (0..3).map(|_| super::texture(&image, &mut left).is_ok()).collect();
         assert_eq!((read, left), (vec![true, true, false], 0));
     }
 }
