@@ -11,7 +11,8 @@ use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{
-    GraspTrials, LOST, TrialError, TryingSettings, ViewSettings, WANTED, sound_grasps, tried_grasps,
+    GraspTrials, MAX_FAILED_GRASPS, RobustnessSettings, TrialError, ViewSettings, WANTED_GRASPS, robust_grasps,
+    tried_grasps,
 };
 use genmanip_workspace::text_table;
 use serde::Serialize;
@@ -26,7 +27,7 @@ use genmanip_workspace::worlds;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
     /// The trials.
-    pub trying: TryingSettings,
+    pub trying: RobustnessSettings,
     /// Whether only a few grasps that always held are wanted of each object, as of one that somebody waits for.
     pub brief: bool,
     /// Where candidates come from.
@@ -130,7 +131,7 @@ pub fn bake(
         let seed = made_by.seed.fork(&model.card.uid);
         let grasps = match brief {
             false => tried_grasps(&trials, model, trying, seed),
-            true => sound_grasps(&trials, model, trying, WANTED, LOST, seed),
+            true => robust_grasps(&trials, model, trying, WANTED_GRASPS, MAX_FAILED_GRASPS, seed),
         };
         finished(model, grasps?);
         Ok(())
