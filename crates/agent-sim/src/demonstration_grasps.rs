@@ -6,7 +6,7 @@ use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
 use genmanip_core::{Grasp, PolicyError};
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::MESH;
-use genmanip_rollout::expert::{SeenGrasps, SeenObject};
+use genmanip_rollout::expert::{GraspProposer, ObservedObject};
 
 use crate::GraspChoice;
 use genmanip_workspace::RunError;
@@ -23,15 +23,15 @@ pub fn choice(name: &str) -> Result<Option<GraspChoice>, RunError> {
 }
 
 /// What is chosen, for the gripper of a planner.
-pub fn source(choice: &GraspChoice, planner: &Arc<Planner>) -> Arc<dyn SeenGrasps> {
+pub fn source(choice: &GraspChoice, planner: &Arc<Planner>) -> Arc<dyn GraspProposer> {
     Arc::new(OfCloud(choice.source(planner)))
 }
 
 struct OfCloud(Arc<dyn GraspSource>);
 
-impl SeenGrasps for OfCloud {
-    fn grasps(&self, seen: &SeenObject) -> Result<Vec<Grasp>, PolicyError> {
-        let SeenObject { points, scene, world_from_camera, eyes, table_height } = seen;
+impl GraspProposer for OfCloud {
+    fn grasps(&self, seen: &ObservedObject) -> Result<Vec<Grasp>, PolicyError> {
+        let ObservedObject { points, scene, world_from_camera, camera_positions: eyes, table_height } = seen;
         let question =
             GraspQuestion { points, scene, world_from_camera: *world_from_camera, eyes, table_height: *table_height };
         match self.0.grasps(&question) {

@@ -1,4 +1,4 @@
-//! Columns of any type as numbers.
+//! Numeric columns of Arrow tables, as `f64`.
 
 use std::collections::BTreeMap;
 
@@ -7,21 +7,21 @@ use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::DataType;
 
-/// The numbers of one episode by column.
+/// Numeric columns of one episode by name.
 pub(crate) type Rows = BTreeMap<String, Column>;
 
-/// A column of vectors, row after row.
+/// Column of vectors, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Column {
-    /// Name of the type of an entry, as `info.json` has it.
+    /// Element type, as in `info.json`.
     pub(crate) dtype: &'static str,
-    /// Entries per row.
+    /// Elements per row.
     pub(crate) width: usize,
     pub(crate) values: Vec<f64>,
 }
 
 impl Column {
-    /// `None` for what holds no numbers, or not the same number of them in every row.
+    /// `None` if the array is not numeric or its rows differ in length.
     pub(crate) fn of(array: &dyn Array) -> Option<Self> {
         let rows = array.len();
         if array.null_count() > 0 {
@@ -61,19 +61,19 @@ impl Column {
         }
     }
 
-    /// The vector of a row.
+    /// Vector of one row.
     pub(crate) fn row(&self, row: usize) -> &[f64] {
         self.values.get(row * self.width..(row + 1) * self.width).unwrap_or_default()
     }
 }
 
-/// The numbers of one cell, however deep its lists are; `None` for texts and empty cells.
+/// Numbers of one cell, nested lists flattened; `None` for text and null cells.
 pub(crate) fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() { None } else { Some(Column::of(&column.slice(row, 1))?.values) }
 }
 
-/// The text of a cell; of a list of texts the first, and how many there are.
+/// Text of a cell with the count 1; for a list of texts, the first one and the length of the list.
 pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() || column.is_null(row) {
@@ -91,7 +91,7 @@ pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(Strin
     }
 }
 
-/// All texts of a cell that holds a list of them.
+/// All texts of a list cell.
 pub(crate) fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>> {
     let lists = batch.column_by_name(name)?.as_list_opt::<i32>()?;
     if row >= lists.len() || lists.is_null(row) {
@@ -101,7 +101,7 @@ pub(crate) fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<S
     Some(texts.as_string_opt::<i32>()?.iter().map(|text| text.unwrap_or_default().to_owned()).collect())
 }
 
-/// A whole number of a cell.
+/// Integer of a cell.
 pub(crate) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
     let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;
     (row < column.len() && !column.is_null(row)).then(|| column.value(row))

@@ -1,41 +1,41 @@
-//! Why reading, writing or exporting recorded data fails.
+//! Errors of reading, writing and exporting recorded data.
 
 use std::path::{Path, PathBuf};
 
 use genmanip_core::DocumentError;
 use genmanip_core::limits::Limit;
 
-/// What went wrong, with the file it concerns.
+/// A failed read, write or export, with the file it concerns.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// The operating system refused.
+    /// An operating-system error.
     #[error("cannot {action}: {source}: {}", path.display())]
     Io {
-        /// What was tried, e.g. `write`.
+        /// The attempted action, e.g. `write`.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Something else than a file: reading it might never end, or lead somewhere else.
+    /// Not a regular file: reading it might never end, or follow a link elsewhere.
     #[error("expected a file, found {found}: {}", path.display())]
     NotAFile {
-        /// What should be a file.
+        /// The path.
         path: PathBuf,
-        /// What it is.
+        /// Its file type.
         found: &'static str,
     },
-    /// A file that is larger than anything of its kind.
-    #[error("larger than {} may be, {}: {}", limit.what, limit.human_readable(), path.display())]
+    /// A file larger than the limit of its kind.
+    #[error("file too large: {} may be {} at most: {}", limit.what, limit.human_readable(), path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
         /// Its kind and bound.
         limit: Limit,
     },
-    /// A data set that would be replaced, but that another made.
-    #[error("there is a data set already that this run did not make: {}", path.display())]
+    /// A data set that another run wrote; it is not replaced.
+    #[error("a data set that this run did not write is already there: {}", path.display())]
     NotOurs {
         /// The data set.
         path: PathBuf,
@@ -46,7 +46,7 @@ pub enum DataError {
         /// The folder.
         path: PathBuf,
     },
-    /// A name that cannot be a folder's name.
+    /// An invalid file name.
     #[error(
         "\"{name}\" cannot be a file name: expected 1 to 200 letters, digits or any of `-_.+=@`, not starting with a dot"
     )]
@@ -54,29 +54,29 @@ pub enum DataError {
         /// The name.
         name: String,
     },
-    /// Something that would be overwritten.
+    /// A path that exists and is not overwritten.
     #[error("already exists: {}", path.display())]
     Exists {
-        /// What exists.
+        /// The existing path.
         path: PathBuf,
     },
-    /// An episode that is not in the store.
+    /// An episode that the store does not contain.
     #[error("no episode \"{id}\"{}: {}", near_misses(near), root.display())]
     UnknownEpisode {
-        /// The id asked for.
+        /// The requested id.
         id: String,
         /// The store.
         root: PathBuf,
-        /// Ids that look alike.
+        /// Similar ids.
         near: Vec<String>,
     },
-    /// An episode of which only the result was kept.
-    #[error("only the result of this attempt was kept, it has no frames: {}", path.display())]
+    /// An episode stored without frames.
+    #[error("only the result of this attempt was stored, not its frames: {}", path.display())]
     NotRecorded {
         /// The episode's folder.
         path: PathBuf,
     },
-    /// An attachment nobody made.
+    /// A missing attachment of an episode.
     #[error("the episode has no {name}: {}", path.display())]
     NoAttachment {
         /// Name, e.g. `images_15hz/static.h264`.
@@ -84,30 +84,30 @@ pub enum DataError {
         /// The episode's folder.
         path: PathBuf,
     },
-    /// A file whose contents are not those that were written.
+    /// A file whose size or hash differs from the manifest.
     #[error("damaged file: expected {expected}, got {got}: {}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Size and sha256 when it was written.
+        /// Recorded size and SHA-256.
         expected: String,
-        /// Size and sha256 now.
+        /// Actual size and SHA-256.
         got: String,
     },
-    /// A JSON file that cannot be understood.
+    /// An invalid JSON file.
     #[error("{source}: {}", path.display())]
     Document {
         /// The file.
         path: PathBuf,
-        /// What is wrong and where.
+        /// The error and its position.
         source: DocumentError,
     },
-    /// A value that would not survive being written and read, e.g. a NaN in a verdict.
-    #[error("{what} would not be read back as it is: {why}")]
+    /// A value that does not survive a round trip through JSON, e.g. a NaN in a verdict.
+    #[error("{what} cannot be stored without loss: {why}")]
     NotWritable {
         /// The value.
         what: String,
-        /// Why.
+        /// The reason.
         why: String,
     },
     /// A table that cannot be read or written.
@@ -115,34 +115,34 @@ pub enum DataError {
     Table {
         /// The file.
         path: PathBuf,
-        /// What the parquet library says, or what is missing.
+        /// Message of the Parquet library, or what is missing.
         message: String,
     },
-    /// Two things that should agree do not.
+    /// A value that contradicts another one.
     #[error("{what}: expected {expected}, got {got}")]
     Mismatch {
-        /// What was compared, e.g. `objects in frame 3 of episode 017`.
+        /// The compared quantity, e.g. `objects in frame 3 of episode 017`.
         what: String,
-        /// What fits.
+        /// The expected value.
         expected: String,
-        /// What was found.
+        /// The actual value.
         got: String,
     },
-    /// The video encoder or the muxer failed.
+    /// An error of the video encoder or muxer.
     #[error("video: {0}")]
     Video(String),
-    /// A PNG image could not be written or read.
+    /// An error of the PNG encoder or decoder.
     #[error("png: {0}")]
     Png(String),
 }
 
 impl DataError {
-    /// What a person can do about it.
+    /// Advice on how to fix the error.
     pub fn hint(&self) -> Option<String> {
         Some(match self {
             Self::Io { source, .. } => match source.kind() {
                 std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-                    "free some space and start again; finished episodes are kept".into()
+                    "free disk space and run the command again; finished episodes are kept".into()
                 }
                 std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
                     "choose a folder you may write to".into()
@@ -150,27 +150,29 @@ impl DataError {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 _ => return None,
             },
-            Self::NotAFile { .. } => "links, pipes and devices are not read; name a file, or put one there".into(),
+            Self::NotAFile { .. } => "links, pipes and devices are not read; give a regular file".into(),
             Self::TooLarge { limit, .. } => format!("expected {}; is this the right file?", limit.what),
-            Self::NotOurs { .. } => "move it away; the run makes its own there".into(),
-            Self::NotAStore { .. } => "give the folder that `genmanip collect` wrote its episodes to".into(),
+            Self::NotOurs { .. } => "move it elsewhere; the run writes its own data set to this path".into(),
+            Self::NotAStore { .. } => "give the episode folder of a `genmanip collect` run".into(),
             Self::Exists { .. } => "choose another name, or remove it first".into(),
             Self::NotRecorded { .. } => "collect again and keep failed episodes".into(),
-            Self::NoAttachment { .. } => "draw the images of these episodes first, at the rate of the dataset".into(),
+            Self::NoAttachment { .. } => {
+                "render the images of these episodes first, at the rate of the data set".into()
+            }
             Self::Damaged { path, .. } => {
                 let episode = path.parent().unwrap_or(path);
-                format!("collect again with --repair: {} is set aside and made anew", episode.display())
+                format!("collect again with --repair: {} is set aside and collected again", episode.display())
             }
             _ => return None,
         })
     }
 
-    /// Whether what was to be read is not there.
+    /// True if the file or folder does not exist.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
     }
 
-    /// Whether an episode is damaged, so that others may still be sound.
+    /// True if the error concerns one damaged episode, so that others may still be readable.
     pub fn is_damage(&self) -> bool {
         self.is_missing()
             || matches!(
@@ -186,12 +188,12 @@ impl DataError {
             )
     }
 
-    /// The same, of what was read from a place that the error does not name; a table that is written names only itself.
-    pub(crate) fn placed(self, place: &Path) -> Self {
-        let shown = place.display();
+    /// Adds the path to errors that lack it; a table error gets this path instead of the temporary one.
+    pub(crate) fn with_path(self, path: &Path) -> Self {
+        let shown = path.display();
         match self {
             Self::Mismatch { what, expected, got } => Self::mismatch(format!("{what} in {shown}"), expected, got),
-            Self::Table { message, .. } => Self::table(place, message),
+            Self::Table { message, .. } => Self::table(path, message),
             Self::Video(why) => Self::Video(format!("{why}: {shown}")),
             Self::Png(why) => Self::Png(format!("{why}: {shown}")),
             other => other,

@@ -1,7 +1,7 @@
-//! Files of users and runs: read within bounds, written whole or not at all.
+//! Bounded reads and atomic writes of files of users and runs.
 //!
-//! Readers never block: what is no file (a pipe, a device, a folder) is refused before it is opened, and no more is read
-//! than a [`Limit`] allows, whatever a file says about its size.
+//! Readers never block: anything but a regular file (a pipe, a device, a folder) is rejected before it is opened, and
+//! no more is read than a [`Limit`] allows, regardless of the size the file reports.
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
@@ -13,7 +13,7 @@ use genmanip_core::limits::Limit;
 use crate::DataError;
 use crate::partial::{self, beside, is_abandoned};
 
-/// A file that a person named; it may be reached through links.
+/// Reads a file given by the user; symbolic links are followed.
 ///
 /// # Errors
 /// [`DataError::Io`], [`DataError::NotAFile`] and [`DataError::TooLarge`].
@@ -22,7 +22,7 @@ pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
     read_checked(path, &about, limit)
 }
 
-/// A file that a run or a store wrote: a link there leads somewhere else and is refused.
+/// Reads a file written by a run or a store; symbolic links are rejected.
 ///
 /// # Errors
 /// As [`read`].
@@ -31,36 +31,36 @@ pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
     read_checked(path, &about, limit)
 }
 
-/// Opens a file that a run wrote, to be read piece by piece; no more is read than the limit allows.
+/// Opens a file written by a run for streaming; the reader ends at the limit.
 ///
 /// # Errors
 /// As [`read_own`].
 pub fn open_own(path: &Path, limit: Limit) -> Result<impl Read + use<>, DataError> {
     let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
-    Ok(BufReader::with_capacity(PIECE, open_checked(path, &about, limit)?.take(limit.bytes)))
+    Ok(BufReader::with_capacity(BUFFER_BYTES, open_checked(path, &about, limit)?.take(limit.bytes)))
 }
 
-/// Opens a list that a person named, to be read line by line; it may be reached through links.
+/// Opens a file given by the user for reading line by line; symbolic links are followed.
 ///
 /// # Errors
 /// [`DataError::Io`] and [`DataError::NotAFile`].
 pub fn open_list(path: &Path) -> Result<impl BufRead + use<>, DataError> {
-    Ok(BufReader::with_capacity(PIECE, open(path)?))
+    Ok(BufReader::with_capacity(BUFFER_BYTES, open(path)?))
 }
 
-/// Bytes that are read at once of a long file; chosen.
-const PIECE: usize = 256 << 10;
+/// Buffer size for streaming, bytes; chosen.
+const BUFFER_BYTES: usize = 256 << 10;
 
-/// Opens a file that is read piece by piece; it may be reached through links.
+/// Opens a regular file for streaming; symbolic links are followed.
 pub(crate) fn open(path: &Path) -> Result<File, DataError> {
     check_is_file(path, &fs::metadata(path).map_err(DataError::io("read", path))?)?;
     let file = File::open(path).map_err(DataError::io("read", path))?;
-    // It may have become another between the two calls.
+    // The file may have been replaced between the two calls.
     check_is_file(path, &file.metadata().map_err(DataError::io("read", path))?)?;
     Ok(file)
 }
 
-/// Opens what is a file and no larger than the limit.
+/// Opens a regular file no larger than the limit.
 fn open_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<File, DataError> {
     check_is_file(path, about)?;
     if about.len() > limit.bytes {
@@ -73,7 +73,7 @@ fn read_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<Vec<u8>, 
     let file = open_checked(path, about, limit)?;
     let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
     file.take(limit.bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(DataError::io("read", path))?;
-    // It may have grown meanwhile.
+    // The file may have grown meanwhile.
     if bytes.len() as u64 > limit.bytes {
         return Err(DataError::TooLarge { path: path.to_owned(), limit });
     }
@@ -95,21 +95,21 @@ fn check_is_file(path: &Path, about: &Metadata) -> Result<(), DataError> {
     Err(DataError::NotAFile { path: path.to_owned(), found })
 }
 
-/// Whether something of a run is there as what it should be: a file, no link to one.
+/// True for a regular file; false for a link to one.
 pub fn is_own_file(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|about| about.is_file())
 }
 
-/// Whether a folder of a run is there: a folder, no link to one.
+/// True for a folder; false for a link to one.
 pub fn is_own_folder(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|about| about.is_dir())
 }
 
-/// Writes a file aside, flushes it and renames it into place, so that it is whole or not there; missing folders on the
-/// way are made. What is there is replaced; a device, or a pipe that somebody reads, is written to as it is.
+/// Writes a file atomically: to a temporary file, synced, then renamed over `path`; creates missing parent folders.
+/// Devices and pipes with a reader are written to directly.
 ///
 /// # Errors
-/// [`DataError::Io`], with the action that failed; [`DataError::NotAFile`] for a folder and a pipe that nobody reads.
+/// [`DataError::Io`], with the action that failed; [`DataError::NotAFile`] for a folder or a pipe without a reader.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => Err(DataError::NotAFile { path: path.to_owned(), found: "a folder" }),
@@ -121,39 +121,39 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     }
 }
 
-/// A device or pipe, opened for writing. Whoever opens a pipe that nobody reads would wait for ever.
+/// Opens a device or pipe for writing. A blocking open of a pipe without a reader would wait for ever, hence the probe.
 fn open_device(path: &Path) -> Result<File, DataError> {
     let open = |flags| {
         use std::os::unix::fs::OpenOptionsExt;
         OpenOptions::new().write(true).custom_flags(flags).open(path)
     };
-    // Kept until the pipe is open for good, so that its reader sees no end of it in between.
-    let without_waiting = open(libc::O_NONBLOCK).map_err(|error| match error.raw_os_error() {
+    // Stays open until the pipe is opened again, so that its reader sees no end of file in between.
+    let non_blocking = open(libc::O_NONBLOCK).map_err(|error| match error.raw_os_error() {
         Some(libc::ENXIO) => DataError::NotAFile { path: path.to_owned(), found: "a pipe that nobody reads" },
         _ => DataError::io("write", path)(error),
     })?;
     let device = open(0).map_err(DataError::io("write", path));
-    drop(without_waiting);
+    drop(non_blocking);
     device
 }
 
-/// Writes a file as [`write()`] does; it says that it was written at `time`, if there is one.
+/// As [`write()`], with the modification time set to `time` if given.
 ///
 /// # Errors
 /// As [`write()`].
 pub fn write_as_of(path: &Path, bytes: &[u8], time: Option<SystemTime>) -> Result<(), DataError> {
-    let aside = written_aside(path, &mut |out| out.write_all(bytes))?;
-    let dated = time.map_or(Ok(()), |time| File::options().write(true).open(&aside)?.set_modified(time));
-    dated.and_then(|()| fs::rename(&aside, path)).map_err(|error| {
-        let _ = fs::remove_file(&aside);
+    let temporary = write_temporary(path, &mut |out| out.write_all(bytes))?;
+    let dated = time.map_or(Ok(()), |time| File::options().write(true).open(&temporary)?.set_modified(time));
+    dated.and_then(|()| fs::rename(&temporary, path)).map_err(|error| {
+        let _ = fs::remove_file(&temporary);
         DataError::io("write", path)(error)
     })
 }
 
-/// The time by the clock that dates the files of a folder, which may be another machine's.
+/// Current time according to the file system of a folder, whose server may have a different clock.
 ///
 /// # Errors
-/// When nothing can be written there.
+/// If no file can be written there.
 pub fn now_in(folder: &Path) -> Result<SystemTime, DataError> {
     let probe = beside(&folder.join("clock"));
     let dated = write_new(&probe, b"").and_then(|()| fs::metadata(&probe)?.modified());
@@ -161,9 +161,9 @@ pub fn now_in(folder: &Path) -> Result<SystemTime, DataError> {
     dated.map_err(DataError::io("write", &probe))
 }
 
-/// Writes a file as [`write()`] does, but only if there is none; `false` when there is one.
+/// As [`write()`], but only if the file does not exist; returns `false` if it does.
 ///
-/// Of several programs that create one file at the same time, exactly one does, and all others find it whole.
+/// If several programs create the same file at the same time, exactly one succeeds and the others find a complete file.
 ///
 /// # Errors
 /// As [`write()`].
@@ -171,22 +171,22 @@ pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
     create_with(path, &mut |out| out.write_all(bytes))
 }
 
-/// As [`create`], of what `write` writes piece by piece.
+/// As [`create`], with the contents streamed by `write`.
 ///
 /// # Errors
 /// As [`write()`], and those of `write`.
 pub fn create_with(path: &Path, write: &mut WritePieces) -> Result<bool, DataError> {
-    let aside = written_aside(path, write)?;
-    // Unlike a rename, a link never replaces.
-    let linked = fs::hard_link(&aside, path);
+    let temporary = write_temporary(path, write)?;
+    // Unlike a rename, a hard link never replaces an existing file.
+    let linked = fs::hard_link(&temporary, path);
     let created = match linked {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
-        // Some file systems know no links; there the last step is not atomic.
+        // Some file systems do not support hard links; there the last step is not atomic.
         Err(error) if matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied) => {
             match OpenOptions::new().write(true).create_new(true).open(path) {
-                Ok(mut file) => File::open(&aside)
-                    .and_then(|mut aside| std::io::copy(&mut aside, &mut file))
+                Ok(mut file) => File::open(&temporary)
+                    .and_then(|mut temporary| std::io::copy(&mut temporary, &mut file))
                     .and_then(|_| file.sync_all())
                     .map(|()| true),
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
@@ -195,41 +195,41 @@ pub fn create_with(path: &Path, write: &mut WritePieces) -> Result<bool, DataErr
         }
         Err(error) => Err(error),
     };
-    let _ = fs::remove_file(&aside);
+    let _ = fs::remove_file(&temporary);
     created.map_err(DataError::io("write", path))
 }
 
-/// Writes to what it is given.
+/// Callback that streams the contents of a file to a writer.
 pub type WritePieces<'a> = dyn FnMut(&mut dyn Write) -> std::io::Result<()> + 'a;
 
-fn written_aside(path: &Path, write: &mut WritePieces) -> Result<PathBuf, DataError> {
+fn write_temporary(path: &Path, write: &mut WritePieces) -> Result<PathBuf, DataError> {
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
     }
-    let aside = beside(path);
-    let written = write_new_with(&aside, write);
-    written.map(|()| aside.clone()).map_err(|error| {
-        let _ = fs::remove_file(&aside);
+    let temporary = beside(path);
+    let written = write_new_with(&temporary, write);
+    written.map(|()| temporary.clone()).map_err(|error| {
+        let _ = fs::remove_file(&temporary);
         DataError::io("write", path)(error)
     })
 }
 
-/// Whether a name marks a file or folder that is still being written, or that a program left so.
+/// True if the name marks an unfinished file or folder: still being written, or left by a program that died.
 pub fn is_unfinished(name: &str) -> bool {
     partial::is_unfinished(name)
 }
 
-/// A file that is written piece by piece and replaces what is there when it is whole; dropped before, nothing is left.
+/// Atomic streaming writer: replaces the target when finished; dropped before, it leaves nothing behind.
 #[derive(Debug)]
 pub struct Writing {
     target: PathBuf,
-    aside: PathBuf,
+    temporary: PathBuf,
     file: File,
     is_finished: bool,
 }
 
 impl Writing {
-    /// Begins a file that shall appear at `target`; missing folders on the way are made.
+    /// Starts a file to be published at `target`; creates missing parent folders.
     ///
     /// # Errors
     /// [`DataError::Io`].
@@ -237,18 +237,18 @@ impl Writing {
         if let Some(parent) = target.parent().filter(|parent| !parent.as_os_str().is_empty()) {
             fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
         }
-        let aside = beside(target);
-        let file = OpenOptions::new().write(true).create_new(true).open(&aside);
-        let file = file.map_err(DataError::io("write", &aside))?;
-        Ok(Self { target: target.to_owned(), aside, file, is_finished: false })
+        let temporary = beside(target);
+        let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
+        let file = file.map_err(DataError::io("write", &temporary))?;
+        Ok(Self { target: target.to_owned(), temporary, file, is_finished: false })
     }
 
-    /// Flushes it to the disk and puts it into its place.
+    /// Syncs the file and renames it to its target.
     ///
     /// # Errors
     /// [`DataError::Io`].
     pub fn finish(mut self) -> Result<(), DataError> {
-        let finished = self.file.sync_all().and_then(|()| fs::rename(&self.aside, &self.target));
+        let finished = self.file.sync_all().and_then(|()| fs::rename(&self.temporary, &self.target));
         self.is_finished = finished.is_ok();
         finished.map_err(DataError::io("write", &self.target))
     }
@@ -267,12 +267,12 @@ impl Write for Writing {
 impl Drop for Writing {
     fn drop(&mut self) {
         if !self.is_finished {
-            let _ = fs::remove_file(&self.aside);
+            let _ = fs::remove_file(&self.temporary);
         }
     }
 }
 
-/// Writes a file that must not be there yet, so that it is on the disk when this returns; a link is never followed.
+/// Writes and syncs a new file; the path must not exist, and links are not followed.
 pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     write_new_with(path, &mut |out| out.write_all(bytes))
 }
@@ -283,7 +283,7 @@ fn write_new_with(path: &Path, write: &mut WritePieces) -> std::io::Result<()> {
     out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
 }
 
-/// Gives a file a second name, or copies it where the disk refuses that; there must be none of that name.
+/// Hard-links a file, or copies it if the file system does not support that; `to` must not exist.
 pub(crate) fn link_or_copy(from: &Path, to: &Path) -> Result<(), DataError> {
     if fs::hard_link(from, to).is_ok() {
         return Ok(());
@@ -296,11 +296,11 @@ pub(crate) fn link_or_copy(from: &Path, to: &Path) -> Result<(), DataError> {
     copied.map_err(DataError::io("write", to))
 }
 
-/// Removes unfinished files and folders in a folder whose writers certainly died on this host; returns their names,
-/// sorted.
+/// Removes the unfinished files and folders in a folder whose writers are known to be dead on this host; returns their
+/// names, sorted.
 ///
 /// # Errors
-/// When the folder cannot be listed, or a leftover cannot be removed.
+/// If the folder cannot be listed or an entry cannot be removed.
 pub fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
     let mut removed = Vec::new();
     for name in names(folder)? {
@@ -312,7 +312,7 @@ pub fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
     Ok(removed)
 }
 
-/// Sorted names of the entries of a folder; those that are no UTF-8 are nobody's and left out.
+/// Sorted names of the entries of a folder; names that are not UTF-8 are skipped.
 pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
     let entries = fs::read_dir(folder).map_err(DataError::io("list", folder))?;
     let mut names = Vec::new();
@@ -326,7 +326,7 @@ pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
     Ok(names)
 }
 
-/// Removes a file, a link or a folder with all it holds; nothing behind a link is touched.
+/// Removes a file, a link or a folder tree; links are not followed.
 pub(crate) fn remove(path: &Path) -> Result<(), DataError> {
     let removed = if is_own_folder(path) { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     match removed {
@@ -342,7 +342,7 @@ mod tests {
     const SMALL: Limit = Limit { what: "a test", bytes: 8 };
 
     #[test]
-    fn only_files_within_their_bound_are_read() {
+    fn only_regular_files_within_the_limit_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::write(at("file"), b"12345678").unwrap();
@@ -353,7 +353,7 @@ mod tests {
         assert_eq!(read(&at("file"), SMALL).unwrap(), b"12345678");
         assert_eq!(read(&at("link"), SMALL).unwrap(), b"12345678");
         for (path, expected) in [
-            (at("large"), "larger than"),
+            (at("large"), "too large"),
             (at("folder"), "found a folder"),
             (at("fifo"), "found a pipe or device"),
             ("/dev/zero".into(), "found a pipe or device"),
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_many_creates() {
+    fn exactly_one_of_concurrent_writers_creates_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("inside/run.json");
         let created: Vec<bool> = std::thread::scope(|scope| {
@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(created.iter().filter(|created| **created).count(), 1);
         let bytes = fs::read(&path).unwrap();
         assert!(bytes.len() == 4096 && bytes.iter().all(|byte| *byte == bytes[0]));
-        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "nothing else is left");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "no temporary file remains");
     }
 
     #[test]
@@ -400,7 +400,7 @@ mod tests {
         let error = write(&pipe, b"gone").unwrap_err().to_string();
         assert!(error.contains("a pipe that nobody reads"), "{error}");
         let reader = std::process::Command::new("cat").arg(&pipe).stdout(std::process::Stdio::piped()).spawn().unwrap();
-        // The reader needs a moment to open it.
+        // The reader needs a moment to open the pipe.
         while write(&pipe, b"told").is_err() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }

@@ -1,4 +1,4 @@
-//! Frames as a table, every bit kept.
+//! Frames as a table, lossless.
 //!
 //! One row per control step. Columns of `frames.parquet`, in order:
 //!
@@ -26,7 +26,7 @@ use genmanip_core::{Frame, ObjectState, Pose};
 use crate::DataError;
 use crate::table::{self, Columns, Purpose};
 
-/// The bytes of `frames.parquet`; every frame must hold `objects` objects.
+/// Encodes `frames.parquet`; every frame must hold `objects` objects.
 pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, DataError> {
     for (index, frame) in frames.iter().enumerate() {
         if frame.objects.len() != objects {
@@ -59,7 +59,7 @@ pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, Data
     table::to_parquet(Path::new("frames.parquet"), columns, Purpose::Record, None)
 }
 
-/// The frames in `frames.parquet`.
+/// Decodes `frames.parquet`.
 pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usize) -> Result<Vec<Frame>, DataError> {
     let batch = table::from_parquet(path, bytes, rows)?;
     let numbers = |name: &str| -> Result<Vec<f64>, DataError> {
@@ -112,12 +112,12 @@ pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usiz
     Ok(frames)
 }
 
-/// Doubles as little-endian bytes.
+/// Encodes `f64` values as little-endian bytes.
 pub(crate) fn state_to_bytes(state: &[f64]) -> Vec<u8> {
     state.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Little-endian bytes as doubles.
+/// Decodes little-endian bytes as `f64` values.
 pub(crate) fn state_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<f64>, DataError> {
     let (values, rest) = bytes.as_chunks::<8>();
     if !rest.is_empty() {
@@ -127,7 +127,7 @@ pub(crate) fn state_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<f64>, Da
     Ok(values.iter().map(|value| f64::from_le_bytes(*value)).collect())
 }
 
-/// Position, then quaternion in `[w, x, y, z]` order.
+/// Position x, y, z, then quaternion w, x, y, z.
 pub(crate) fn pose_to_row(pose: &Pose) -> [f64; 7] {
     let [x, y, z] = pose.position.to_array();
     let [qw, qx, qy, qz] = pose.to_wxyz_array();

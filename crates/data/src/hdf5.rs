@@ -1,4 +1,4 @@
-//! HDF5 as robomimic reads it: a file per episode, with one demonstration in each.
+//! HDF5 in robomimic's layout: one file per episode, each with one demonstration.
 //!
 //! ```text
 //! EPISODE.hdf5
@@ -13,7 +13,7 @@
 //!   data/demo_0/{subtasks,paraphrases,scenario_json}
 //! ```
 //!
-//! Pictures are decoded from the store's video, a chunk each, compressed by zlib. Depth is left out.
+//! Images are decoded from the store's video, one chunk per image, compressed with zlib. Depth is omitted.
 
 use std::path::Path;
 
@@ -24,21 +24,21 @@ use hdf5_writer::{
 };
 use serde_json::json;
 
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::export::features::{Feature, Values};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
 use crate::{CameraTrack, DataError, EpisodeStore, files, video};
 
 const DEMO: &str = "data/demo_0";
-/// Of zlib: higher levels take several times as long for a few percent.
+/// zlib level; higher ones take several times as long for a few percent.
 const LEVEL: u32 = 1;
-/// Most bytes of an episode's decoded pictures: they are in memory all at once.
-const MOST_PICTURE_BYTES: usize = 600 << 20;
+/// Maximum size of the decoded images of a camera and episode, bytes; they are held in memory all at once.
+const MAX_IMAGE_BYTES: usize = 600 << 20;
 
-/// Writes the selected episodes into a folder at `target`, which must not exist.
+/// Exports the selected episodes to a folder at `target`, which must not exist.
 ///
 /// # Errors
-/// When nothing is selected, pictures are missing or too many, the target exists, or the disk refuses.
+/// If no episode is selected, images are missing or exceed the memory limit, the target exists, or writing fails.
 pub fn export(
     store: &EpisodeStore,
     selection: &Selection,
@@ -47,9 +47,9 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let exporter = Exporter::new(store, selection, robot, settings)?;
-    aside::make_parent(target)?;
-    files::sweep(aside::parent(target))?;
-    let aside = Aside::new(target)?;
+    atomic_write::make_parent(target)?;
+    files::sweep(atomic_write::parent(target))?;
+    let staging = AtomicFolder::new(target)?;
     let about = json!({
         "env_name": "genmanip",
         "env_kwargs": {},
@@ -59,14 +59,14 @@ pub fn export(
     });
     let (mut episodes, mut frames) = (0, 0);
     let left_out = exporter.each(|source, rows| {
-        let name = format!("{}.hdf5", rows.facts.result.id);
+        let name = format!("{}.hdf5", rows.metadata.result.id);
         let file = File { name: &name, builder: Hdf5Builder::new() };
-        aside.write(&name, &file.episode(source, &rows, settings, &about.to_string())?)?;
+        staging.write(&name, &file.episode(source, &rows, settings, &about.to_string())?)?;
         episodes += 1;
         frames += rows.frames;
         Ok(())
     })?;
-    aside.publish()?;
+    staging.publish()?;
     Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out })
 }
 
@@ -84,14 +84,14 @@ impl File<'_> {
         settings: &ExportSettings,
         about: &str,
     ) -> Result<Vec<u8>, DataError> {
-        let (facts, count) = (&rows.facts, rows.frames as u64);
-        let result = &facts.result;
+        let (metadata, count) = (&rows.metadata, rows.frames as u64);
+        let result = &metadata.result;
         self.attribute("data", self.number("total", count)?);
         self.attribute("data", AttributeBuilder::fixed_string("env_args", about));
         self.attribute(DEMO, self.number("num_samples", count)?);
         self.attribute(DEMO, self.number("seed", result.seed.value())?);
         self.attribute(DEMO, self.number("success", u64::from(result.success))?);
-        self.attribute(DEMO, AttributeBuilder::fixed_string("instruction", &facts.instruction));
+        self.attribute(DEMO, AttributeBuilder::fixed_string("instruction", &metadata.instruction));
         self.attribute(DEMO, AttributeBuilder::fixed_string("store_id", &result.id));
         let last = |row: usize| row + 1 == rows.frames;
         let rewards = (0..rows.frames).map(|row| f64::from(u8::from(last(row) && result.success))).collect::<Vec<_>>();
@@ -104,22 +104,22 @@ impl File<'_> {
         }
         self.observations(source, settings)?;
         for track in &source.tracks {
-            self.pictures(track)?;
+            self.images(track)?;
         }
-        self.texts("subtasks", &facts.steps.texts)?;
-        self.texts("paraphrases", &facts.paraphrases)?;
+        self.texts("subtasks", &metadata.steps.texts)?;
+        self.texts("paraphrases", &metadata.paraphrases)?;
         self.texts("scenario_json", &[source.episode.scenario.to_value().to_string()])?;
         let plan = self.builder.into_plan().map_err(|error| refused(self.name, &error))?;
         plan.encode(WriteOptions::default()).map_err(|error| refused(self.name, &error))
     }
 
-    /// The robot's own state under robomimic's names.
+    /// The robot's state under robomimic's names.
     fn observations(&mut self, source: &Source, settings: &ExportSettings) -> Result<(), DataError> {
         let episode = &source.episode;
         let (_, stride) = sampling(episode.frames.len(), episode.result.control_rate_hz, settings.fps)?;
         let nows: Vec<_> = episode.frames.iter().step_by(stride).collect();
         let dof = nows.first().map_or(0, |now| now.joint_position.len());
-        // The sign of a quaternion is that nearest to the one before, first w.
+        // Choose the sign of each quaternion nearest to its predecessor; the first has w >= 0.
         let mut quaternions: Vec<f64> = Vec::with_capacity(4 * nows.len());
         let mut before = DQuat::from_xyzw(0.0, 0.0, 0.0, 1.0);
         for now in &nows {
@@ -138,12 +138,12 @@ impl File<'_> {
         self.array("obs/robot0_gripper_qpos", &[2], &fingers)
     }
 
-    fn pictures(&mut self, track: &CameraTrack) -> Result<(), DataError> {
+    fn images(&mut self, track: &CameraTrack) -> Result<(), DataError> {
         let (width, height) = (track.video.width as usize, track.video.height as usize);
         let bytes = track.video.frames.len().saturating_mul(width * height * 3);
-        if bytes > MOST_PICTURE_BYTES {
-            let what = format!("pictures of camera {} in {}", track.camera.name, self.name);
-            let expected = format!("at most {} MiB decoded; choose a lower rate", MOST_PICTURE_BYTES >> 20);
+        if bytes > MAX_IMAGE_BYTES {
+            let what = format!("images of camera {} in {}", track.camera.name, self.name);
+            let expected = format!("at most {} MiB decoded; choose a lower rate", MAX_IMAGE_BYTES >> 20);
             return Err(DataError::mismatch(what, expected, format!("{} MiB", bytes >> 20)));
         }
         let mut pixels = Vec::with_capacity(bytes);
@@ -169,7 +169,7 @@ impl File<'_> {
         }
     }
 
-    /// An array with a row per picture.
+    /// Array with one row per image.
     fn array<T: H5WriteElement>(&mut self, name: &str, inner: &[usize], values: &[T]) -> Result<(), DataError> {
         let row: usize = inner.iter().product();
         let shape: Vec<u64> = [values.len() / row.max(1)].iter().chain(inner).map(|size| *size as u64).collect();

@@ -1,8 +1,8 @@
-//! What a camera saw during an episode, drawn afterwards from the recorded states.
+//! Camera tracks: the images of one camera during an episode, rendered afterwards from the recorded states.
 //!
-//! In the store each track is three files of the group `images_<fps>hz`: `<camera>.json` (camera with K, pose per frame,
-//! lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (PNG files one after the other, empty without
-//! depth).
+//! In the store, a track consists of three files in the group `images_<fps>hz`: `<camera>.json` (camera with
+//! intrinsics, pose per frame, byte lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (concatenated
+//! PNG files, empty without depth).
 
 use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose, RgbdImage, Seed};
 use serde::{Deserialize, Serialize};
@@ -11,42 +11,42 @@ use crate::depth::encode_depth_png;
 use crate::video::{self, EncodedVideo, VideoEncoder, VideoSettings};
 use crate::{Attachment, DataError, EpisodeStore};
 
-/// The seed of the look in which the pictures of an episode are drawn, where each episode has one of its own.
+/// Appearance-randomisation seed of an episode, used by `collect`.
 pub fn variation_seed(episode: Seed) -> Seed {
     episode.fork("variation")
 }
 
-/// The seed of one of the looks in which the pictures of an episode can be drawn again; that of `collect` is number 0.
+/// Appearance-randomisation seed of an episode by index; 0 is that of `collect`.
 pub fn look_seed(episode: Seed, look: u64) -> Seed {
     let usual = variation_seed(episode);
     if look == 0 { usual } else { usual.fork_index(look) }
 }
 
-/// One camera's pictures of one episode.
+/// Images of one camera during one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraTrack {
     /// The camera, with its intrinsics K.
     pub camera: Camera,
-    /// Where it was: one pose per frame, or a single one for a camera fixed in the world.
+    /// Camera poses: one per frame, or a single one for a camera fixed in the world.
     pub world_from_camera: Vec<Pose>,
     /// Colour.
     pub video: EncodedVideo,
-    /// 16-bit PNG files in millimetres, one per frame; empty when depth was not wanted.
+    /// 16-bit PNG files in millimetres, one per frame; empty without depth.
     pub depth_png: Vec<Vec<u8>>,
-    /// How often each colour value occurs.
+    /// Colour statistics.
     pub colors: ColorHistogram,
 }
 
-/// How often each 8-bit value occurs in each channel, on every fourth pixel of every fourth row.
+/// Histogram of 8-bit colour values per channel, sampled at every fourth pixel of every fourth row.
 ///
-/// Every statistic a data set needs follows from it exactly, and histograms of episodes add up.
+/// All colour statistics of a data set follow exactly from it, and histograms of episodes add up.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ColorHistogram {
     /// Red, green, blue; 256 counts each.
     pub counts: [Vec<u64>; 3],
 }
 
-/// Encodes a camera's pictures as they are drawn, so that none has to be kept.
+/// Encodes a camera's images as they are rendered, so that they need not be kept.
 pub struct TrackRecorder {
     camera: Camera,
     world_from_camera: Vec<Pose>,
@@ -71,7 +71,7 @@ impl Document for TrackFile {
 }
 
 impl TrackRecorder {
-    /// Starts a track at `fps` pictures per second.
+    /// Starts a track at `fps` images per second.
     ///
     /// # Errors
     /// See [`VideoEncoder::new`].
@@ -85,10 +85,10 @@ impl TrackRecorder {
         })
     }
 
-    /// Appends an image with colour; depth is given for every image of a track or for none.
+    /// Appends an image; depth must be given for every image of a track or for none.
     ///
     /// # Errors
-    /// When a size does not fit or an encoder fails.
+    /// If a size does not match or an encoder fails.
     pub fn push(&mut self, image: &RgbdImage) -> Result<(), DataError> {
         let (width, height) = (self.camera.intrinsics.width, self.camera.intrinsics.height);
         self.video.push(&image.rgb)?;
@@ -102,10 +102,10 @@ impl TrackRecorder {
         Ok(())
     }
 
-    /// The track.
+    /// Completes the track.
     ///
     /// # Errors
-    /// When depth was given for some pictures only.
+    /// If depth was given for only some of the images.
     pub fn finish(self) -> Result<CameraTrack, DataError> {
         let video = self.video.finish();
         let depth = self.depth_png.len();
@@ -118,7 +118,7 @@ impl TrackRecorder {
 }
 
 impl CameraTrack {
-    /// `world_from_camera` of a frame.
+    /// Camera pose `world_from_camera` of a frame.
     pub fn pose_at(&self, frame: usize) -> Option<&Pose> {
         self.world_from_camera.get(frame).or(match self.camera.mount {
             CameraMount::World => self.world_from_camera.first(),
@@ -126,7 +126,7 @@ impl CameraTrack {
         })
     }
 
-    /// The files of the track.
+    /// Files of the track.
     fn attachments(&self) -> [Attachment; 3] {
         let file = TrackFile {
             camera: self.camera.clone(),
@@ -147,10 +147,10 @@ impl CameraTrack {
 }
 
 impl EpisodeStore {
-    /// Keeps the pictures of an episode; all tracks have one rate, and replace those of that rate.
+    /// Stores the images of an episode; all tracks must have the same rate, and replace existing ones of that rate.
     ///
     /// # Errors
-    /// When the rates differ, there is no track, or the store refuses.
+    /// If the rates differ, there is no track, or writing fails.
     pub fn attach_tracks(&self, id: &str, tracks: &[CameraTrack]) -> Result<(), DataError> {
         let Some(fps) = tracks.first().map(|track| track.video.fps) else {
             return Err(DataError::mismatch("tracks to attach", "at least one", 0));
@@ -162,17 +162,17 @@ impl EpisodeStore {
         self.attach(id, &image_group(fps), &attachments)
     }
 
-    /// Whether pictures of an episode at a rate are kept for all the cameras named.
+    /// True if the store has images of an episode at a rate for all given cameras.
     pub fn has_tracks(&self, id: &str, fps: u32, cameras: &[String]) -> bool {
         let group = image_group(fps);
         let folder = self.root().join(id).join(&group);
         self.has_group(id, &group) && cameras.iter().all(|camera| folder.join(format!("{camera}.json")).is_file())
     }
 
-    /// The pictures of one camera at a rate.
+    /// Reads the images of one camera at a rate.
     ///
     /// # Errors
-    /// When they are not there or damaged.
+    /// If they are missing or damaged.
     pub fn read_track(&self, id: &str, fps: u32, camera: &str) -> Result<CameraTrack, DataError> {
         let name = |ending: &str| format!("{}/{camera}.{ending}", image_group(fps));
         let text = self.read_attachment(id, &name("json"))?;
@@ -199,7 +199,7 @@ impl Default for ColorHistogram {
 }
 
 impl ColorHistogram {
-    /// Pixels and rows between samples.
+    /// Sampling stride along rows and columns, pixels.
     const STRIDE: usize = 4;
 
     pub(crate) fn add_image(&mut self, rgb: &[u8], width: usize) {

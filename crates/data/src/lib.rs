@@ -1,6 +1,6 @@
-//! Recorded data: the native episode store, camera tracks, and export to LeRobotDataset v3.0.
+//! Recorded data: native episode store, camera tracks, and exporters.
 //!
-//! The store is the truth; every other format is a pure function of it.
+//! The store is the source of truth; every other format is a pure function of it.
 //!
 //! ```no_run
 //! use genmanip_data::export::Selection;
@@ -15,7 +15,7 @@
 //! # }
 //! ```
 
-mod aside;
+mod atomic_write;
 pub mod check;
 mod columns;
 pub mod depth;
@@ -23,18 +23,18 @@ mod error;
 pub mod export;
 pub mod files;
 mod frames;
-mod guard;
+pub mod genmanip_layout;
 pub mod hdf5;
 pub mod images;
 pub mod import;
+mod inventory;
 pub mod lerobot;
 mod manifest;
 pub mod masks;
 pub mod mcap;
 mod mp4;
-pub mod paper;
+mod panics;
 mod partial;
-mod parts;
 pub mod ply;
 pub mod store;
 mod table;
@@ -45,7 +45,7 @@ pub mod zarr;
 pub use error::DataError;
 pub use export::{ExportReport, ExportSettings, Selection};
 pub use images::{CameraTrack, ColorHistogram, TrackRecorder};
+pub use inventory::{FileInventory, Inspected};
 pub use lerobot::LerobotSettings;
-pub use parts::{Inspected, Parts};
 pub use store::{Attachment, EpisodeStore, Listing};
 pub use video::{EncodedVideo, VideoEncoder, VideoSettings};

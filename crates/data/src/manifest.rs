@@ -1,4 +1,4 @@
-//! Sizes and hashes of files, checked whenever a file is read.
+//! File manifests: sizes and hashes, checked on every read.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use crate::DataError;
 
-/// Size and hash of one file.
+/// Size and SHA-256 of one file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct FileHash {
     pub(crate) name: String,
@@ -33,7 +33,7 @@ impl FileHash {
     }
 }
 
-/// Hands the bytes on when they are those that were written.
+/// Returns the bytes if they match the recorded size and hash.
 pub(crate) fn check_bytes(path: &Path, expected: &FileHash, bytes: Vec<u8>) -> Result<Vec<u8>, DataError> {
     let got = FileHash::of(&expected.name, &bytes);
     if got == *expected {

@@ -1,8 +1,8 @@
-//! Which thing each pixel of a camera's pictures sees, drawn on request from the recorded states.
+//! Instance masks of a camera's images, rendered on request from the recorded states.
 //!
-//! In the store a group `masks_<fps>hz` holds two files per camera: `<camera>.json` with the lengths, and
-//! `<camera>.masks`, 16-bit grey PNG files one after the other. 0 is nothing, 1 the table, 2 the robot,
-//! [`FIRST_OBJECT`]` + i` object `i` of the scenario.
+//! In the store, a group `masks_<fps>hz` holds two files per camera: `<camera>.json` with the byte lengths, and
+//! `<camera>.masks`, concatenated 16-bit grey PNG files. Pixel values: 0 nothing, 1 table, 2 robot, [`FIRST_OBJECT`]` +
+//! i` object `i` of the scenario.
 
 use genmanip_core::{Document, DocumentError, perception};
 use serde::{Deserialize, Serialize};
@@ -12,14 +12,14 @@ use crate::{Attachment, DataError, EpisodeStore, video};
 
 pub use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion};
 
-/// One camera's masks of one episode.
+/// Instance masks of one camera during one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskTrack {
     /// Name of the camera.
     pub camera: String,
-    /// Pictures per second.
+    /// Masks per second.
     pub fps: u32,
-    /// 16-bit PNG files, one per picture.
+    /// 16-bit PNG files, one per frame.
     pub png: Vec<Vec<u8>>,
 }
 
@@ -33,10 +33,10 @@ impl Document for MaskFile {
     const SCHEMA: &'static str = "genmanip.mask_track/1";
 }
 
-/// A PNG file of ids, row by row.
+/// Encodes instance ids (row-major) as PNG.
 ///
 /// # Errors
-/// When the number of ids is not `width · height`.
+/// If the number of ids is not `width · height`.
 pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
     let expected = width as usize * height as usize;
     if ids.len() != expected {
@@ -45,20 +45,20 @@ pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError
     encode_mm_png(ids, width, height)
 }
 
-/// What a mask shows of the first objects of the scenario.
+/// Bounding box and visible pixels of the first `objects` objects of the scenario in a mask.
 ///
 /// # Errors
-/// When the file is not a 16-bit grey PNG.
+/// If the file is not a 16-bit grey PNG.
 pub fn seen(png: &[u8], objects: usize) -> Result<Vec<VisibleRegion>, DataError> {
     let (width, _, ids) = decode_depth_png(png)?;
     Ok(perception::visible_regions(&ids, width, objects))
 }
 
 impl EpisodeStore {
-    /// Keeps the masks of an episode; all have one rate, and replace those of that rate.
+    /// Stores the masks of an episode; all tracks must have the same rate, and replace existing ones of that rate.
     ///
     /// # Errors
-    /// When the rates differ, there is none, or the store refuses.
+    /// If the rates differ, there is no track, or writing fails.
     pub fn attach_masks(&self, id: &str, masks: &[MaskTrack]) -> Result<(), DataError> {
         let Some(fps) = masks.first().map(|track| track.fps) else {
             return Err(DataError::mismatch("masks to attach", "at least one camera", 0));
@@ -76,17 +76,17 @@ impl EpisodeStore {
         self.attach(id, &group(fps), &files.collect::<Vec<_>>())
     }
 
-    /// Whether masks of an episode at a rate are kept for all the cameras named.
+    /// True if the store has masks of an episode at a rate for all given cameras.
     pub fn has_masks(&self, id: &str, fps: u32, cameras: &[String]) -> bool {
         let group = group(fps);
         let folder = self.root().join(id).join(&group);
         self.has_group(id, &group) && cameras.iter().all(|camera| folder.join(format!("{camera}.json")).is_file())
     }
 
-    /// The masks of one camera at a rate.
+    /// Reads the masks of one camera at a rate.
     ///
     /// # Errors
-    /// When they are not there or damaged.
+    /// If they are missing or damaged.
     pub fn read_masks(&self, id: &str, fps: u32, camera: &str) -> Result<MaskTrack, DataError> {
         let name = |ending: &str| format!("{}/{camera}.{ending}", group(fps));
         let text = self.read_attachment(id, &name("json"))?;
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_hold_all_pixels_of_a_thing_and_no_more() {
+    fn bounding_boxes_are_tight() {
         let mut ids = vec![0; 6 * 4];
         for (x, y, id) in [(1, 1, 3), (4, 2, 3), (0, 3, 5), (5, 0, 2), (3, 0, 1), (2, 2, 9)] {
             ids[y * 6 + x] = id;
@@ -116,6 +116,6 @@ mod tests {
         assert_eq!(found[0], VisibleRegion { bounds_px: [1, 1, 5, 3], pixels: 2 });
         assert_eq!(found[1], VisibleRegion::default());
         assert_eq!(found[2], VisibleRegion { bounds_px: [0, 3, 1, 4], pixels: 1 });
-        assert!(encode(&ids, 5, 4).is_err() && seen(b"no picture", 1).is_err());
+        assert!(encode(&ids, 5, 4).is_err() && seen(b"not a png", 1).is_err());
     }
 }

@@ -1,6 +1,6 @@
-//! The index of an MP4 file: how large its pictures are, when each is shown and where its bytes lie.
+//! Index of an MP4 file: image size, frame durations and byte ranges.
 //!
-//! Only what a file with one H.264 track has; nothing is read but the index, and within bounds.
+//! Supports files with a single H.264 track; only the index is read, with bounds.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -8,24 +8,24 @@ use std::path::Path;
 
 use crate::{DataError, files};
 
-/// Largest index that is read: some millions of frames.
+/// Maximum size of the index, bytes: some millions of frames.
 const INDEX_BYTES: u64 = 64 << 20;
-/// Most frames of a file: a day at 60 Hz.
-const MOST_FRAMES: usize = 6_000_000;
+/// Maximum frames of a file: a day at 60 Hz.
+const MAX_FRAMES: usize = 6_000_000;
 
-/// The one video track of a file.
+/// The only video track of a file.
 #[derive(Debug)]
 pub(crate) struct Video {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) timescale: u32,
-    /// How long each frame lasts, in ticks.
+    /// Duration of each frame, ticks.
     pub(crate) durations: Vec<u32>,
-    /// Where each frame lies in the file, and how many bytes it has.
+    /// Offset and size of each frame in the file, bytes.
     pub(crate) frames: Vec<(u64, u32)>,
-    /// Whether pictures are shown in another order than they lie in.
+    /// True if the frames' presentation order differs from the file order.
     pub(crate) is_reordered: bool,
-    /// Parameter sets.
+    /// Parameter sets (SPS and PPS).
     parameters: Vec<Vec<u8>>,
     file: File,
 }
@@ -37,7 +37,7 @@ impl Video {
         let length = file.metadata().map_err(DataError::io("read", path))?.len();
         let broken = |why: String| DataError::Video(format!("{why}: {}", path.display()));
         let index = movie(&mut file, length).map_err(|why| broken(why.to_owned()))?;
-        Self::of(&index, file, length).ok_or_else(|| broken("the index is not that of one H.264 track".into()))
+        Self::of(&index, file, length).ok_or_else(|| broken("not a file with exactly one H.264 track".into()))
     }
 
     fn of(movie: &[u8], file: File, length: u64) -> Option<Self> {
@@ -53,7 +53,7 @@ impl Video {
         let parameters = parameter_sets(find(avc.get(78..)?, b"avcC")?)?;
         let sizes = find(table, b"stsz")?;
         let (same, count) = (u32_at(sizes, 4)?, usize::try_from(u32_at(sizes, 8)?).ok()?);
-        if count > MOST_FRAMES {
+        if count > MAX_FRAMES {
             return None;
         }
         let sizes: Vec<u32> = (0..count)
@@ -63,17 +63,17 @@ impl Video {
         let mut durations = Vec::new();
         for entry in 0..usize::try_from(u32_at(times, 4)?).ok()? {
             let (frames, ticks) = (u32_at(times, 8 + 8 * entry)?, u32_at(times, 12 + 8 * entry)?);
-            let frames = usize::try_from(frames).ok().filter(|frames| durations.len() + frames <= MOST_FRAMES)?;
+            let frames = usize::try_from(frames).ok().filter(|frames| durations.len() + frames <= MAX_FRAMES)?;
             durations.resize(durations.len() + frames, ticks);
         }
-        let frames = places(table, &sizes)?;
+        let frames = frame_ranges(table, &sizes)?;
         let is_within =
             frames.iter().all(|(at, size)| at.checked_add(u64::from(*size)).is_some_and(|end| end <= length));
         let is_reordered = find(table, b"ctts").is_some();
         is_within.then_some(Self { width, height, timescale, durations, frames, is_reordered, parameters, file })
     }
 
-    /// A frame as a decoder takes it: start codes, and the parameter sets before it where they are wanted.
+    /// A frame in Annex B format for the decoder, optionally preceded by the parameter sets.
     pub(crate) fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
         let (at, size) = *self.frames.get(index)?;
         let mut bytes = vec![0; usize::try_from(size).ok()?];
@@ -91,7 +91,7 @@ impl Video {
         while !rest.is_empty() {
             let length = usize::try_from(u32_at(rest, 0)?).ok()?;
             let unit = rest.get(4..4_usize.checked_add(length)?)?;
-            // A forbidden bit, or a unit of no type, is no H.264.
+            // Not H.264 if the forbidden bit is set or the unit type is 0.
             let kind = unit.first()?;
             if kind & 0x80 != 0 || kind & 0x1f == 0 {
                 return None;
@@ -103,7 +103,7 @@ impl Video {
     }
 }
 
-/// The bytes of the box `moov`.
+/// Contents of the box `moov`.
 fn movie(file: &mut File, length: u64) -> Result<Vec<u8>, &'static str> {
     let mut at = 0;
     while at + 8 <= length {
@@ -117,11 +117,11 @@ fn movie(file: &mut File, length: u64) -> Result<Vec<u8>, &'static str> {
             (None, _) => (0, 8),
         };
         if size < head || at.checked_add(size).is_none_or(|end| end > length) {
-            return Err("a box reaches beyond the file, as if its end were missing");
+            return Err("truncated: a box extends beyond the end of the file");
         }
         if &header[4..8] == b"moov" {
             if size > INDEX_BYTES {
-                return Err("the index is larger than any of use");
+                return Err("the index exceeds 64 MiB");
             }
             let mut index = vec![0; usize::try_from(size - head).map_err(|_| "the index is too large")?];
             file.seek(SeekFrom::Start(at + head)).map_err(|_| "cannot be read")?;
@@ -130,10 +130,10 @@ fn movie(file: &mut File, length: u64) -> Result<Vec<u8>, &'static str> {
         }
         at += size;
     }
-    Err("no index in it")
+    Err("no index (`moov` box)")
 }
 
-/// The contents of the first box of a kind.
+/// Contents of the first box of a type.
 fn find<'a>(mut boxes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     loop {
         let size = usize::try_from(u32_at(boxes, 0)?).ok().filter(|size| *size >= 8)?;
@@ -145,8 +145,8 @@ fn find<'a>(mut boxes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     }
 }
 
-/// Where the frames lie: chunks of frames, one behind the other.
-fn places(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
+/// Offset and size of each frame; a chunk holds consecutive frames.
+fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     let chunks: Vec<u64> = match (find(table, b"stco"), find(table, b"co64")) {
         (Some(narrow), _) => (0..usize::try_from(u32_at(narrow, 4)?).ok()?)
             .map(|index| u32_at(narrow, 8 + 4 * index).map(u64::from))
@@ -173,7 +173,7 @@ fn places(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     (places.len() == sizes.len()).then_some(places)
 }
 
-/// Sequence and picture parameter sets; units with lengths of four bytes alone.
+/// Sequence and picture parameter sets; only 4-byte NAL unit lengths are supported.
 fn parameter_sets(avcc: &[u8]) -> Option<Vec<Vec<u8>>> {
     if avcc.get(4)? & 3 != 3 {
         return None;

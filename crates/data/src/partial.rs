@@ -1,7 +1,7 @@
-//! Names of unfinished files and folders, and whether who made them certainly died.
+//! Temporary file names, and whether the process that created them is dead.
 //!
-//! `.NAME.partial-HOST-BOOT-PID-START-NUMBER`: several programs, threads and machines may write into one folder, also on
-//! a shared disk. Only what a program of *this* host left that is certainly dead is ever removed.
+//! Format: `.NAME.partial-HOST-BOOT-PID-START-NUMBER`. Several processes, threads and hosts may write into one folder,
+//! also on a shared disk. Only files of processes on *this* host that are known to be dead are ever removed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,40 +10,40 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use sha2::{Digest, Sha256};
 
-/// Marks what is not finished.
+/// Separates the target's name from the writer's id.
 const MARK: &str = ".partial-";
 
-/// A name beside `target` that no other writer has, on this host or another.
+/// A temporary name beside `target`, unique among all writers on all hosts.
 pub(crate) fn beside(target: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    // A name of a file has at most 255 bytes, and the mark needs some of them.
+    // File names are limited to 255 bytes, some of which the suffix needs.
     let name: String = name.chars().take(200).collect();
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     target.with_file_name(format!(".{name}{MARK}{}-{number}", Writer::of_this_program().in_words()))
 }
 
-/// Whether a name marks unfinished work, whoever's.
+/// True for a temporary name of any writer.
 pub(crate) fn is_unfinished(name: &str) -> bool {
     name.starts_with('.') && name.rsplit_once(MARK).is_some_and(|(_, writer)| Writer::parse(writer).is_some())
 }
 
-/// Whether a name marks unfinished work of a program that certainly died.
+/// True for a temporary name whose writer is known to be dead.
 pub(crate) fn is_abandoned(name: &str) -> bool {
     let Some((_, writer)) = name.rsplit_once(MARK).filter(|_| name.starts_with('.')) else { return false };
     let Some(writer) = Writer::parse(writer) else { return false };
     writer.has_died(Writer::of_this_program(), &|pid| start_of(&pid.to_string()))
 }
 
-/// Which program made something, so far as another program can tell.
+/// Identity of a process, as visible to other processes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Writer {
-    /// Of host name, machine and process namespace; empty where they are unknown.
+    /// Hash of host name, machine id and PID namespace.
     host: String,
-    /// Of the boot.
+    /// Hash of the boot id.
     boot: String,
     pid: u32,
-    /// Clock ticks from the boot to its start: a later program may have the same number.
+    /// Start time in clock ticks since boot; distinguishes processes that reuse a PID.
     start: u64,
 }
 
@@ -69,7 +69,7 @@ impl Writer {
         format!("{}-{}-{}-{}", self.host, self.boot, self.pid, self.start)
     }
 
-    /// From a name, the number behind it left out.
+    /// Parses a writer id followed by a counter.
     fn parse(text: &str) -> Option<Self> {
         let mut parts = text.split('-');
         let (host, boot) = (parts.next()?.to_owned(), parts.next()?.to_owned());
@@ -78,22 +78,23 @@ impl Writer {
         parts.next().is_none().then_some(Self { host, boot, pid, start })
     }
 
-    /// Whether it certainly runs no more, as `here` can tell; `start_of` gives the start of a process that runs.
+    /// True if the process is known to be dead, judged from the process `here`; `start_of` returns the start time of a
+    /// running process.
     fn has_died(&self, here: &Self, start_of: &dyn Fn(u32) -> Option<u64>) -> bool {
-        // Without /proc nothing is certain.
+        // Without /proc, nothing is known.
         let knows = here.start > 0 && self.start > 0;
         knows && self.host == here.host && (self.boot != here.boot || start_of(self.pid) != Some(self.start))
     }
 }
 
-/// When a process was started, in clock ticks after the boot; `None` when there is none.
+/// Start time of a process, clock ticks since boot; `None` if it does not exist.
 fn start_of(pid: &str) -> Option<u64> {
     let stat = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).ok()?;
-    // The second field is the program's name in brackets and may hold anything; the start is the 22nd.
+    // Field 2 is the program's name in brackets and may contain anything; the start time is field 22.
     stat.rsplit_once(')')?.1.split_whitespace().nth(19)?.parse().ok()
 }
 
-/// Eight digits that stand for a text.
+/// First eight hex digits of the SHA-256 of a text.
 fn digits(text: &str) -> String {
     Sha256::digest(text.as_bytes()).iter().take(4).map(|byte| format!("{byte:02x}")).collect()
 }
@@ -103,18 +104,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_certainly_died_here_is_abandoned() {
+    fn only_files_of_dead_processes_on_this_host_are_abandoned() {
         let here = Writer { host: "aa".into(), boot: "b1".into(), pid: 7, start: 70 };
         let running = |pid: u32| [(7, 70), (8, 80)].iter().find(|(known, _)| *known == pid).map(|(_, start)| *start);
         for (name, expected) in [
-            ("aa-b1-7-70-0", false), // this program
-            ("aa-b1-8-80-3", false), // another that runs
-            ("aa-b1-8-20-3", true),  // its number was another's before
+            ("aa-b1-7-70-0", false), // this process
+            ("aa-b1-8-80-3", false), // another running process
+            ("aa-b1-8-20-3", true),  // its PID has been reused
             ("aa-b1-9-90-3", true),  // ended
             ("aa-b0-8-80-3", true),  // before the last boot
             ("cc-b1-9-90-3", false), // another host, container or cluster node
-            ("aa-b1-9-0-3", false),  // nobody knows when it was started
-            ("4194999", false),      // of an older version
+            ("aa-b1-9-0-3", false),  // unknown start time
+            ("4194999", false),      // format of an older version
             ("aa-b1-9-90", false),
             ("aa-b1-9-90-3-1", false),
         ] {
@@ -131,7 +132,7 @@ mod tests {
         for path in [a, b] {
             let name = path.file_name().unwrap().to_str().unwrap();
             assert!(name.starts_with('.') && name.len() <= 255 + 80, "{name}");
-            assert!(is_unfinished(name) && !is_abandoned(name), "this program runs");
+            assert!(is_unfinished(name) && !is_abandoned(name), "this process is running");
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Point clouds as binary PLY files, which Open3D, CloudCompare, MeshLab and Blender read.
+//! Point clouds as binary PLY files, readable by Open3D, CloudCompare, MeshLab and Blender.
 
 use genmanip_core::perception::PointCloud;
 
-/// A PLY file, little-endian: `x y z` as 32-bit floats in metres, then `red green blue` as bytes where points have
-/// colours.
+/// Encodes a point cloud as little-endian PLY: `x y z` as 32-bit floats in metres, then `red green blue` as bytes if
+/// the points have colours.
 pub fn encode(cloud: &PointCloud) -> Vec<u8> {
     let PointCloud { points_m, colors } = cloud;
     let is_colored = !colors.is_empty();
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_point_is_twelve_bytes_and_three_of_colour() {
+    fn a_point_takes_twelve_bytes_plus_three_for_colour() {
         for (colors, bytes) in [(vec![], 12), (vec![[1, 2, 3], [4, 5, 6]], 15)] {
             let cloud = PointCloud { points_m: vec![[0.5, -1.0, 2.0], [3.0, 0.0, 0.25]], colors };
             let file = encode(&cloud);

@@ -1,4 +1,4 @@
-//! Arrow columns and parquet files, so that the rest of the crate names a column and gives its numbers.
+//! Arrow columns and Parquet files.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -17,10 +17,10 @@ use parquet::basic::Compression;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
-use crate::guard::guarded;
+use crate::panics::catch_panics;
 use crate::{DataError, files};
 
-/// Columns under construction, in the order they are added; all have one entry per row.
+/// Columns under construction, in insertion order; all have one element per row.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
     fields: Vec<Field>,
@@ -45,7 +45,7 @@ impl Columns {
         self.push(name, Arc::new(BooleanArray::from(values)), false);
     }
 
-    /// Where it is known.
+    /// Nullable column.
     pub(crate) fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
         let values: Vec<Option<bool>> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), true);
@@ -55,19 +55,19 @@ impl Columns {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
 
-    /// Lists of any length.
+    /// Variable-length lists.
     pub(crate) fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
         let values = PrimitiveArray::<T>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
         self.nested(name, Arc::new(values), rows.iter().map(|row| row.len()));
     }
 
-    /// Lists of texts.
+    /// Variable-length lists of texts.
     pub(crate) fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
         let values = StringArray::from_iter_values(rows.iter().flatten());
         self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
     }
 
-    /// Lists of equal length; a length of one gives plain numbers.
+    /// Fixed-size lists; length 1 gives a scalar column.
     pub(crate) fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
         let values: ArrayRef = Arc::new(PrimitiveArray::<T>::from_iter_values(values));
         if length == 1 {
@@ -78,7 +78,7 @@ impl Columns {
         self.push(name, Arc::new(array), false);
     }
 
-    /// Images as the `datasets` library stores them: a struct of the file's bytes and an unused path.
+    /// Images in the `datasets` library's layout: a struct of the file's bytes and an unused path.
     pub(crate) fn images(&mut self, name: &str, files: &[Vec<u8>]) {
         let bytes: ArrayRef = Arc::new(BinaryArray::from_iter_values(files));
         let paths: ArrayRef = Arc::new(StringArray::new_null(files.len()));
@@ -89,7 +89,7 @@ impl Columns {
         self.push(name, Arc::new(array), true);
     }
 
-    /// `[C][1][1]`, the shape of an image statistic: every row holds one list of channels.
+    /// `[C][1][1]` per row, the shape of an image statistic.
     pub(crate) fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
         let ones = || std::iter::repeat_n(1, rows.iter().map(|row| row.len()).sum());
         let values = PrimitiveArray::<Float64Type>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
@@ -117,16 +117,16 @@ fn list_of(values: ArrayRef, lengths: impl IntoIterator<Item = usize>) -> ArrayR
     Arc::new(ListArray::new(item, OffsetBuffer::from_lengths(lengths), values, None))
 }
 
-/// What a table is written for.
+/// Intended use of a table, which determines its encoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// The native store: no dictionary, which keeps every bit, -0.0 included.
+    /// Native store: no dictionary encoding, to keep every bit, -0.0 included.
     Record,
-    /// Data sets: small, and with the range of each column per row group, by which readers find episodes.
+    /// Data sets: small, with column statistics per row group, by which readers find episodes.
     Dataset,
 }
 
-/// Writes parquet: snappy, one row group per batch. Equal batches give equal bytes.
+/// Parquet writer: Snappy, one row group per batch. Equal batches give equal bytes.
 #[derive(Debug)]
 pub(crate) struct TableWriter {
     writer: ArrowWriter<Vec<u8>>,
@@ -134,7 +134,7 @@ pub(crate) struct TableWriter {
 }
 
 impl TableWriter {
-    /// `path` is only for messages.
+    /// `path` is used in error messages only.
     pub(crate) fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
@@ -151,7 +151,7 @@ impl TableWriter {
         Ok(Self { writer, path: path.to_owned() })
     }
 
-    /// Appends rows to the row group that [`TableWriter::finish`] ends.
+    /// Appends rows to the row group that [`TableWriter::finish`] closes.
     pub(crate) fn add(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
         self.writer.write(batch).map_err(|error| DataError::table(&self.path, error))
     }
@@ -161,14 +161,14 @@ impl TableWriter {
         self.writer.write(batch).and_then(|()| self.writer.flush()).map_err(|error| DataError::table(&self.path, error))
     }
 
-    /// The bytes of the file.
+    /// Completes the file.
     pub(crate) fn finish(self) -> Result<Vec<u8>, DataError> {
         let path = self.path;
         self.writer.into_inner().map_err(|error| DataError::table(&path, error))
     }
 }
 
-/// The bytes of a parquet file with one row group; `metadata` goes into the schema.
+/// Encodes a Parquet file with one row group; `metadata` is added to the schema.
 pub(crate) fn to_parquet(
     path: &Path,
     columns: Columns,
@@ -176,7 +176,7 @@ pub(crate) fn to_parquet(
     metadata: Option<(&str, String)>,
 ) -> Result<Vec<u8>, DataError> {
     let batch = columns.batch().map_err(|error| DataError::table(path, error))?;
-    // At most one entry, so the map has only one order.
+    // At most one entry, so the iteration order is deterministic.
     let metadata: std::collections::HashMap<String, String> =
         metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
     let schema = Arc::new(batch.schema().as_ref().clone().with_metadata(metadata));
@@ -186,27 +186,27 @@ pub(crate) fn to_parquet(
     writer.finish()
 }
 
-/// Bytes that the columns of a table may take in memory.
+/// Maximum size of decoded columns, bytes.
 const MAX_TABLE_BYTES: i64 = 512 << 20;
 
-/// Rows of a data set that are in memory at once.
-const ROWS_AT_ONCE: usize = 4096;
+/// Batch size when streaming a data set, rows.
+const ROWS_PER_BATCH: usize = 4096;
 
 fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
     let (bytes, entries) = (column.uncompressed_size(), column.num_values());
-    // A negative size is nonsense and must not vanish in a sum.
+    // A negative size is invalid and must not cancel out in a sum.
     if bytes < 0 || entries < 0 { i64::MAX } else { bytes.max(entries.saturating_mul(8)) }
 }
 
-/// All rows of a parquet file, which must be as many as its record says.
+/// All rows of a Parquet file, whose number must match the record.
 pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
-    let opened = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
+    let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
     let builder = opened.map_err(|error| fail(&error))?;
     let about = builder.metadata();
     if usize::try_from(about.file_metadata().num_rows()).ok() != Some(rows) {
         let got = about.file_metadata().num_rows();
-        return Err(DataError::table(path, format!("expected {rows} rows as episode.json says, got {got}")));
+        return Err(DataError::table(path, format!("expected {rows} rows according to episode.json, got {got}")));
     }
     let columns = || about.row_groups().iter().flat_map(|group| group.columns());
     let total = columns().map(uncompressed_size).fold(0_i64, i64::saturating_add);
@@ -216,7 +216,7 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
     }
     let schema = Arc::clone(builder.schema());
     let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(|error| fail(&error))?;
-    let batch = match guarded(path, || reader.next())? {
+    let batch = match catch_panics(path, || reader.next())? {
         Some(batch) => batch.map_err(|error| fail(&error))?,
         None => RecordBatch::new_empty(schema),
     };
@@ -226,7 +226,7 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
     Err(DataError::table(path, format!("expected {rows} rows, got {}", batch.num_rows())))
 }
 
-/// A parquet file that is read some columns and row groups at a time.
+/// A Parquet file, read by columns in batches.
 pub(crate) struct Table {
     path: PathBuf,
     builder: ParquetRecordBatchReaderBuilder<File>,
@@ -235,46 +235,46 @@ pub(crate) struct Table {
 impl Table {
     pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
-        let opened = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
+        let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
         let builder = opened.map_err(|error| DataError::table(path, error))?;
         Ok(Self { path: path.into(), builder })
     }
 
-    /// All rows of the columns that are wanted, at once.
+    /// All rows of the selected columns in one batch.
     pub(crate) fn whole(self, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
         let rows = usize::try_from(self.builder.metadata().file_metadata().num_rows()).unwrap_or(0);
         let names = self.names();
         let wanted: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_wanted(name)).collect();
         let (path, schema) = (self.path.clone(), Arc::clone(self.builder.schema()));
-        // Columns are checked against the largest table before rows are reserved for.
+        // The column sizes are checked before memory for the rows is allocated.
         match self.batches(&wanted, rows.max(1))?.next() {
             Some(batch) if batch.as_ref().is_ok_and(|batch| batch.num_rows() != rows) => {
-                Err(DataError::table(&path, format!("expected {rows} rows at once")))
+                Err(DataError::table(&path, format!("expected {rows} rows in one batch")))
             }
             Some(batch) => batch,
             None => Ok(RecordBatch::new_empty(schema)),
         }
     }
 
-    /// Names of the columns.
+    /// Column names.
     pub(crate) fn names(&self) -> Vec<String> {
         let schema = self.builder.parquet_schema();
         schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
     }
 
-    /// The rows of some columns, batch by batch.
+    /// The given columns in batches.
     pub(crate) fn columns(
         self,
         names: &[&str],
     ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
-        self.batches(names, ROWS_AT_ONCE)
+        self.batches(names, ROWS_PER_BATCH)
     }
 
-    /// The rows of some columns, at most so many at once.
+    /// The given columns in batches of at most `rows_per_batch` rows.
     pub(crate) fn batches(
         self,
         names: &[&str],
-        rows_at_once: usize,
+        rows_per_batch: usize,
     ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
         let Self { path, builder } = self;
         let fail = |error: &dyn std::fmt::Display| DataError::table(&path, error);
@@ -294,34 +294,34 @@ impl Table {
             return Err(fail(&format!("expected columns of at most {expected} MiB, got {size} bytes")));
         }
         let mut reader =
-            builder.with_projection(mask).with_batch_size(rows_at_once).build().map_err(|error| fail(&error))?;
+            builder.with_projection(mask).with_batch_size(rows_per_batch).build().map_err(|error| fail(&error))?;
         let mut is_over = false;
         Ok(std::iter::from_fn(move || {
-            let batch = if is_over { None } else { Some(guarded(&path, || reader.next())) };
+            let batch = if is_over { None } else { Some(catch_panics(&path, || reader.next())) };
             let batch = match batch? {
                 Ok(batch) => batch?.map_err(|error| DataError::table(&path, error)),
                 Err(damaged) => Err(damaged),
             };
-            // Behind an error nothing is certain.
+            // Stop after an error, as the decoder's state is undefined.
             is_over = batch.is_err();
             Some(batch)
         }))
     }
 }
 
-/// A parquet file whose row groups are read one by one, in any order.
+/// A Parquet file with random access by row group.
 pub(crate) struct RowGroups {
     path: PathBuf,
     file: File,
     metadata: ArrowReaderMetadata,
-    /// First row of each group.
+    /// Index of the first row of each group.
     firsts: Vec<usize>,
 }
 
 impl RowGroups {
     pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
-        let metadata = guarded(path, || ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()))?;
+        let metadata = catch_panics(path, || ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()))?;
         let metadata = metadata.map_err(|error| DataError::table(path, error))?;
         let rows = |count: i64| usize::try_from(count).unwrap_or(usize::MAX);
         let mut next = 0_usize;
@@ -333,10 +333,10 @@ impl RowGroups {
         Ok(Self { path: path.into(), file, firsts: firsts.collect(), metadata })
     }
 
-    /// The row group that begins at a row, which must have so many.
+    /// Reads the row group that starts at row `first`, which must have `rows` rows.
     pub(crate) fn read(&self, first: usize, rows: usize) -> Result<RecordBatch, DataError> {
         let fail = |error: &dyn std::fmt::Display| DataError::table(&self.path, error);
-        let expected = || fail(&format!("expected {rows} rows in a row group of their own from row {first}"));
+        let expected = || fail(&format!("expected one row group of {rows} rows starting at row {first}"));
         let group = self.firsts.binary_search(&first).map_err(|_| expected())?;
         let about = self.metadata.metadata().row_group(group);
         let size = about.columns().iter().map(uncompressed_size).fold(0_i64, i64::saturating_add);
@@ -347,12 +347,12 @@ impl RowGroups {
         let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
         let reader = builder.with_row_groups(vec![group]).with_batch_size(rows.max(1)).build();
         let mut reader = reader.map_err(|error| fail(&error))?;
-        let batch = guarded(&self.path, || reader.next())?.ok_or_else(expected)?.map_err(|error| fail(&error))?;
+        let batch = catch_panics(&self.path, || reader.next())?.ok_or_else(expected)?.map_err(|error| fail(&error))?;
         if batch.num_rows() == rows { Ok(batch) } else { Err(expected()) }
     }
 }
 
-/// Paths `chunk-…/file-….parquet` of a folder of a data set, in order.
+/// Paths `chunk-…/file-….parquet` in a folder of a data set, sorted.
 pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let mut paths = Vec::new();
     for chunk in files::names(folder)?.iter().filter(|name| name.starts_with("chunk-")) {
@@ -363,7 +363,7 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(paths)
 }
 
-/// A column of a certain type, with an error that says what is there instead.
+/// Column of a given type.
 pub(crate) fn column<'a, T: Array + 'static>(
     path: &Path,
     batch: &'a RecordBatch,
@@ -371,11 +371,11 @@ pub(crate) fn column<'a, T: Array + 'static>(
 ) -> Result<&'a T, DataError> {
     let column = batch.column_by_name(name).ok_or_else(|| DataError::table(path, format!("no column `{name}`")))?;
     column.as_any().downcast_ref::<T>().ok_or_else(|| {
-        DataError::table(path, format!("column `{name}` is {}, which is not what it should be", column.data_type()))
+        DataError::table(path, format!("column `{name}` has the unexpected type {}", column.data_type()))
     })
 }
 
-/// The entries of a column of lists of equal length, all rows one after the other; a length of one is a plain number.
+/// Elements of a column of fixed-size lists, row-major; length 1 means a scalar column.
 pub(crate) fn vector_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,
@@ -397,7 +397,7 @@ pub(crate) fn vector_column<T: ArrowPrimitiveType>(
     }
 }
 
-/// The lists of a column, one per row.
+/// Lists of a column, one per row.
 pub(crate) fn list_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,
@@ -407,7 +407,7 @@ pub(crate) fn list_column<T: ArrowPrimitiveType>(
     lists
         .iter()
         .map(|row| {
-            let row = row.ok_or_else(|| DataError::table(path, format!("column `{name}` has an empty entry")))?;
+            let row = row.ok_or_else(|| DataError::table(path, format!("column `{name}` has a null entry")))?;
             let values = row
                 .as_any()
                 .downcast_ref::<PrimitiveArray<T>>()

@@ -1,7 +1,7 @@
-//! H.264 video: encoding by OpenH264, and joining encoded episodes into one MP4 without encoding again.
+//! H.264 video: encoding with OpenH264, and muxing encoded episodes into one MP4 without re-encoding.
 //!
-//! Every byte is a function of the images and the settings: one thread, no frame skipping, no scene-change detection,
-//! time stamps from the frame index, creation time 0.
+//! Output bytes depend only on images and settings: one thread, no frame skipping, no scene-change detection, time
+//! stamps from the frame index, creation time 0.
 
 #[cfg(test)]
 mod tests;
@@ -19,15 +19,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DataError, yuv};
 
-/// How images are encoded.
+/// Encoder settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoSettings {
-    /// Every how many frames one stands alone. Default 6 (chosen): training reads single frames at random places, and to
-    /// read one takes half a millisecond longer than with 2, as LeRobot encodes, for films of 60 % of the size.
+    /// Key frame interval, frames. Default 6 (chosen): training reads single frames at random, and reading one takes
+    /// half a millisecond longer than with LeRobot's 2, for videos of 60 % of the size.
     pub gop: u32,
-    /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes.
-    /// Quality is constant and the size follows from the pictures, there is no rate control.
+    /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes. Quality is constant
+    /// and the size varies; there is no rate control.
     pub qp: u8,
 }
 
@@ -43,8 +43,7 @@ impl Document for VideoSettings {
 
 /// An encoded video: H.264 Annex B, constant frame rate, BT.601 limited range, 4:2:0.
 ///
-/// The first frame stands alone and carries the parameter sets, so videos of equal size, rate and settings can be
-/// joined by appending their frames.
+/// The first frame is a key frame with parameter sets, so videos of equal size, rate and settings can be concatenated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EncodedVideo {
     /// Pixels per row.
@@ -57,17 +56,17 @@ pub struct EncodedVideo {
     pub frames: Vec<Vec<u8>>,
 }
 
-/// Encodes images one by one.
+/// Streaming encoder.
 pub struct VideoEncoder {
     encoder: Encoder,
     video: EncodedVideo,
 }
 
 impl VideoEncoder {
-    /// Starts a video.
+    /// Starts a video of `width` × `height` pixels at `fps` frames per second.
     ///
     /// # Errors
-    /// When the size is odd, zero or larger than 3840×2160, or a setting is out of range.
+    /// If the size is odd, zero or larger than 3840×2160, or a setting is out of range.
     pub fn new(width: u32, height: u32, fps: u32, settings: &VideoSettings) -> Result<Self, DataError> {
         let even = |size: u32, most: u32| size > 0 && size.is_multiple_of(2) && size <= most;
         if !even(width, 3840) || !even(height, 2160) {
@@ -82,12 +81,12 @@ impl VideoEncoder {
         }
         let config = EncoderConfig::new()
             .usage_type(UsageType::CameraVideoRealTime)
-            // With equal limits this mode means a constant quantiser; `Off` would ignore the limits.
+            // With equal limits, this mode means a constant quantiser; `Off` would ignore the limits.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(qp, qp))
-            // A 3 % larger film than with `Medium`, 0.15 dB coarser, in 60 % of the time.
+            // Compared to `Medium`: 3 % larger files, 0.15 dB lower quality, 60 % of the time.
             .complexity(Complexity::Low)
-            // Chooses the level in the parameter sets, nothing else.
+            // Determines only the level in the parameter sets.
             .bitrate(BitRate::from_bps(8_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(gop))
@@ -101,10 +100,10 @@ impl VideoEncoder {
         Ok(Self { encoder, video: EncodedVideo { width, height, fps, frames: Vec::new() } })
     }
 
-    /// Appends an image: 8-bit sRGB, row by row.
+    /// Appends an image: 8-bit sRGB, row-major.
     ///
     /// # Errors
-    /// When the image has another size or the encoder fails.
+    /// If the image has another size or the encoder fails.
     pub fn push(&mut self, rgb: &[u8]) -> Result<(), DataError> {
         let EncodedVideo { width, height, fps, ref frames } = self.video;
         let (width, height) = (width as usize, height as usize);
@@ -122,38 +121,38 @@ impl VideoEncoder {
         Ok(())
     }
 
-    /// The video.
+    /// Completes the video.
     pub fn finish(self) -> EncodedVideo {
         self.video
     }
 }
 
 impl EncodedVideo {
-    /// All frames one after the other: a `.h264` file that players open.
+    /// All frames concatenated: a playable `.h264` file.
     pub fn to_bytes(&self) -> Vec<u8> {
         self.frames.concat()
     }
 
-    /// Lengths of the frames, with which [`split`] finds them again.
+    /// Sizes of the frames in bytes, for [`split`].
     pub fn frame_bytes(&self) -> Vec<usize> {
         self.frames.iter().map(Vec::len).collect()
     }
 }
 
-/// Decodes a video and hands each picture on: 8-bit sRGB, row by row.
+/// Decodes a video and passes each image (8-bit sRGB, row-major) to `each`.
 ///
 /// # Errors
-/// When the decoder fails or returns another number of pictures, and those of `each`.
+/// If the decoder fails or returns another number of images, and those of `each`.
 pub fn decode(video: &EncodedVideo, each: &mut dyn FnMut(&[u8]) -> Result<(), DataError>) -> Result<(), DataError> {
     let (width, height) = (video.width as usize, video.height as usize);
     let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
     let mut decoder = Decoder::with_api_config(OpenH264API::from_source(), config).map_err(video_error)?;
     let mut decoded = 0;
-    let mut hand_on = |image: &dyn YUVSource| {
+    let mut on_image = |image: &dyn YUVSource| {
         decoded += 1;
         if image.dimensions() != (width, height) {
             return Err(DataError::mismatch(
-                "size of a picture",
+                "size of a decoded image",
                 format!("{:?}", (width, height)),
                 format!("{:?}", image.dimensions()),
             ));
@@ -162,23 +161,23 @@ pub fn decode(video: &EncodedVideo, each: &mut dyn FnMut(&[u8]) -> Result<(), Da
     };
     for frame in &video.frames {
         if let Some(image) = decoder.decode(frame).map_err(video_error)? {
-            hand_on(&image)?;
+            on_image(&image)?;
         }
     }
     for image in decoder.flush_remaining().map_err(video_error)? {
-        hand_on(&image)?;
+        on_image(&image)?;
     }
     if decoded == video.frames.len() {
         Ok(())
     } else {
-        Err(DataError::mismatch("pictures of a video", video.frames.len(), decoded))
+        Err(DataError::mismatch("images of a video", video.frames.len(), decoded))
     }
 }
 
-/// Cuts a file into pieces of the given lengths.
+/// Splits a file into pieces of the given lengths.
 ///
 /// # Errors
-/// When the lengths do not add up to the file.
+/// If the lengths do not add up to the file size.
 pub fn split(bytes: &[u8], lengths: &[usize]) -> Result<Vec<Vec<u8>>, DataError> {
     let total = lengths.iter().fold(0_usize, |sum, length| sum.saturating_add(*length));
     if total != bytes.len() {
@@ -195,10 +194,10 @@ pub fn split(bytes: &[u8], lengths: &[usize]) -> Result<Vec<Vec<u8>>, DataError>
         .collect())
 }
 
-/// Joins videos into one MP4 file (fast start, constant frame rate, time base 1/90000 s), in the given order.
+/// Muxes videos, in the given order, into one MP4 file (fast start, constant frame rate, time base 1/90000 s).
 ///
 /// # Errors
-/// When the videos differ in size or rate, when there is none, or when they pass 4 GB.
+/// If the videos differ in size or rate, there is none, or they exceed 4 GB.
 pub fn mux_mp4<'a>(videos: impl IntoIterator<Item = &'a EncodedVideo>) -> Result<Vec<u8>, DataError> {
     let mut videos = videos.into_iter().peekable();
     let Some((width, height, fps)) = videos.peek().map(|video| (video.width, video.height, video.fps)) else {
@@ -227,17 +226,17 @@ pub fn mux_mp4<'a>(videos: impl IntoIterator<Item = &'a EncodedVideo>) -> Result
     Ok(mp4)
 }
 
-/// Whether an access unit holds an IDR slice (NAL unit type 5).
+/// True if an access unit contains an IDR slice (NAL unit type 5).
 pub(crate) fn is_keyframe(frame: &[u8]) -> bool {
-    holds(frame, 5)
+    has_unit(frame, 5)
 }
 
-/// Whether an access unit carries its parameter sets (NAL unit type 7).
+/// True if an access unit contains parameter sets (NAL unit type 7).
 pub(crate) fn has_parameters(frame: &[u8]) -> bool {
-    holds(frame, 7)
+    has_unit(frame, 7)
 }
 
-fn holds(frame: &[u8], kind: u8) -> bool {
+fn has_unit(frame: &[u8], kind: u8) -> bool {
     frame.windows(4).any(|window| window[..3] == [0, 0, 1] && window[3] & 0x1f == kind)
 }
 

@@ -1,13 +1,13 @@
-//! Colour conversion for video: sRGB-coded RGB to Y'CbCr 4:2:0, BT.601 matrix, limited range.
+//! Colour conversion for video: sRGB-encoded RGB to Y'CbCr 4:2:0, BT.601 matrix, limited range.
 //!
-//! BT.601, although the pictures are not standard definition, because players and training libraries that ignore
-//! the tags in the stream assume it; those that read the tags find it there, so both show the same colours.
+//! BT.601 although the images are not standard definition: players and training libraries that ignore the colour tags
+//! in the stream assume it, and the tags say so too, so all show the same colours.
 //! Y = 16..235, Cb and Cr = 16..240; chroma is the mean of 2×2 pixels; integer arithmetic, so every machine agrees.
 
 use multiversion::multiversion;
 use openh264::formats::YUVSource;
 
-/// An image in three planes; width and height are even.
+/// Planar image; width and height are even.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Yuv420 {
     pub(crate) width: usize,
@@ -17,11 +17,11 @@ pub(crate) struct Yuv420 {
     pub(crate) v: Vec<u8>,
 }
 
-/// Converts 8-bit RGB, row by row. `rgb` must hold `width · height · 3` bytes, both even; the caller checks.
+/// Converts 8-bit RGB, row-major. `rgb` must hold `width · height · 3` bytes, both sides even; the caller checks.
 pub(crate) fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
     let plane = |size| vec![0; size];
     let (mut y, mut u, mut v) = (plane(width * height), plane(width * height / 4), plane(width * height / 4));
-    // Two rows at a time, channel by channel: vector instructions cannot read pixels of three bytes.
+    // Two rows at a time, in planar order: interleaved 3-byte pixels do not vectorise.
     let (mut upper, mut lower) = ([(); 3].map(|()| plane(width)), [(); 3].map(|()| plane(width)));
     let chroma_rows = u.chunks_exact_mut(width / 2).zip(v.chunks_exact_mut(width / 2));
     let rows = rgb.chunks_exact(6 * width).zip(y.chunks_exact_mut(2 * width)).zip(chroma_rows);
@@ -34,7 +34,7 @@ pub(crate) fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
     Yuv420 { width, height, y, u, v }
 }
 
-/// Luma of a row of pixels, and the row channel by channel.
+/// Luma of a row of pixels, and the row split into channels.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn luma_row(pixels: &[u8], [red, green, blue]: &mut [Vec<u8>; 3], y: &mut [u8]) {
     let (pixels, _) = pixels.as_chunks::<3>();
@@ -62,7 +62,7 @@ fn chroma_row(upper: &[Vec<u8>; 3], lower: &[Vec<u8>; 3], u: &mut [u8], v: &mut 
     }
 }
 
-/// Converts back to 8-bit RGB, row by row; each chroma value holds for its 2×2 pixels.
+/// Converts to 8-bit RGB, row-major, with nearest-neighbour chroma.
 pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
     let (width, height) = image.dimensions();
     let (y_stride, u_stride, v_stride) = image.strides();
@@ -72,7 +72,7 @@ pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
         let (u, v) = (&image.u()[row / 2 * u_stride..], &image.v()[row / 2 * v_stride..]);
         for (column, luma) in y.iter().enumerate() {
             let (cb, cr) = (i32::from(u[column / 2]) - 128, i32::from(v[column / 2]) - 128);
-            // Coefficients times 2^16: 255/219, and 255/224 · 2 (1 - k) of the inverse matrix.
+            // Coefficients scaled by 2^16: 255/219, and 255/224 · 2 (1 - k) of the inverse matrix.
             let luma = 76_309 * (i32::from(*luma) - 16) + (1 << 15);
             let channels = [luma + 104_597 * cr, luma - 25_675 * cb - 53_279 * cr, luma + 132_201 * cb];
             rgb.extend(channels.map(|channel| to_byte(channel >> 16)));
@@ -81,14 +81,14 @@ pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
     rgb
 }
 
-/// Coefficients times 2^16: 219/255 · (0.299, 0.587, 0.114).
+/// Coefficients scaled by 2^16: 219/255 · (0.299, 0.587, 0.114).
 #[inline(always)]
 fn luma([r, g, b]: [u8; 3]) -> u8 {
     let sum = 16_829 * i32::from(r) + 33_039 * i32::from(g) + 6_416 * i32::from(b);
     to_byte(16 + ((sum + (1 << 15)) >> 16))
 }
 
-/// From a sum over four pixels with coefficients times 2^16: 224/255 · 0.5/(1 - k) of the differences.
+/// Chroma of a sum over four pixels, with coefficients scaled by 2^16: 224/255 · 0.5/(1 - k) of the differences.
 #[inline(always)]
 fn chroma(sum: i32) -> u8 {
     to_byte(128 + ((sum + (1 << 17)) >> 18))

@@ -1,15 +1,15 @@
-//! zarr, version 2, as Diffusion Policy's `ReplayBuffer` reads it: all frames of all episodes one after the other.
+//! Zarr version 2 in the layout of Diffusion Policy's `ReplayBuffer`: the frames of all episodes concatenated.
 //!
 //! ```text
-//! .zattrs                                contract of the actions, rate, versions, and an entry per episode
+//! .zattrs                                action contract, rate, versions, and an entry per episode
 //! data/KEY/                              numbers, one row per frame; keys as in the LeRobot data set
-//! data/subtask/                          index of the step in the `subtasks` of its episode's entry
+//! data/subtask/                          step index into `subtasks` of the episode's entry
 //! data/observation.images.NAME/          colour as decoded from the store's video, uint8 [frames, height, width, 3]
-//! data/observation.images.NAME_depth/    uint16 [frames, height, width], millimetres, 0 = nothing hit
-//! meta/episode_ends                      int64: the index behind the last frame of each episode
+//! data/observation.images.NAME_depth/    uint16 [frames, height, width], millimetres, 0 = no return
+//! meta/episode_ends                      int64: exclusive end frame of each episode
 //! ```
 //!
-//! Chunks are compressed by zlib: a picture each, or 1,024 rows of numbers.
+//! Chunks are compressed with zlib and hold one image, or 1,024 rows of numbers.
 
 use std::io::Write;
 use std::path::Path;
@@ -19,20 +19,21 @@ use flate2::write::ZlibEncoder;
 use genmanip_core::RobotModel;
 use serde_json::{Value, json};
 
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::export::features::Values;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
 use crate::{DataError, EpisodeStore, depth, files, video};
 
-/// Rows of numbers in a chunk.
+/// Rows per chunk of numeric arrays.
 const ROWS_PER_CHUNK: usize = 1024;
-/// Of zlib: higher levels take several times as long for a few percent.
+/// zlib level; higher ones take several times as long for a few percent.
 const LEVEL: u32 = 1;
 
-/// Writes the selected episodes as a zarr group at `target`, which must not exist.
+/// Exports the selected episodes as a Zarr group at `target`, which must not exist.
 ///
 /// # Errors
-/// When nothing is selected, pictures are missing, episodes do not fit each other, the target exists, or the disk refuses.
+/// If no episode is selected, images are missing, episodes do not match each other, the target exists, or writing
+/// fails.
 pub fn export(
     store: &EpisodeStore,
     selection: &Selection,
@@ -41,10 +42,15 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let exporter = Exporter::new(store, selection, robot, settings)?;
-    aside::make_parent(target)?;
-    files::sweep(aside::parent(target))?;
-    let mut writer =
-        Writer { aside: Aside::new(target)?, arrays: Vec::new(), frames: 0, ends: Vec::new(), entries: Vec::new() };
+    atomic_write::make_parent(target)?;
+    files::sweep(atomic_write::parent(target))?;
+    let mut writer = Writer {
+        staging: AtomicFolder::new(target)?,
+        arrays: Vec::new(),
+        frames: 0,
+        ends: Vec::new(),
+        entries: Vec::new(),
+    };
     let left_out = exporter.each(|source, rows| writer.push(source, &rows, settings.depth))?;
     let (frames, episodes) = (writer.frames, writer.ends.len());
     writer.finish(&json!({
@@ -56,27 +62,27 @@ pub fn export(
 }
 
 struct Writer {
-    aside: Aside,
+    staging: AtomicFolder,
     arrays: Vec<Array>,
-    /// Of the episodes so far.
+    /// Number of frames written so far.
     frames: usize,
     ends: Vec<i64>,
     /// One per episode, for `.zattrs`.
     entries: Vec<Value>,
 }
 
-/// An array that grows along its first axis.
+/// An array under construction; grows along its first axis.
 struct Array {
     /// Path in the group, e.g. `data/action`.
     name: String,
-    /// Type in numpy's notation.
+    /// NumPy type string.
     dtype: &'static str,
     /// Sizes of the other axes.
     inner: Vec<usize>,
     rows_per_chunk: usize,
     row_bytes: usize,
     rows: usize,
-    /// What the present chunk holds so far.
+    /// Contents of the current chunk so far.
     pending: Vec<u8>,
 }
 
@@ -85,28 +91,28 @@ impl Writer {
         for feature in &rows.features {
             let inner = if feature.names.is_empty() { vec![] } else { vec![feature.names.len()] };
             let (dtype, bytes) = little_endian(&feature.values);
-            let (array, aside) = self.array(&feature.key, dtype, inner, ROWS_PER_CHUNK);
-            array.push(aside, &bytes)?;
+            let (array, staging) = self.array(&feature.key, dtype, inner, ROWS_PER_CHUNK);
+            array.push(staging, &bytes)?;
         }
         let steps: Vec<u8> = rows.steps.iter().flat_map(|step| (*step as u64).to_le_bytes()).collect();
-        let (array, aside) = self.array("subtask", "<i8", vec![], ROWS_PER_CHUNK);
-        array.push(aside, &steps)?;
+        let (array, staging) = self.array("subtask", "<i8", vec![], ROWS_PER_CHUNK);
+        array.push(staging, &steps)?;
         for track in &source.tracks {
             let (width, height) = (track.video.width as usize, track.video.height as usize);
             let key = format!("observation.images.{}", track.camera.name);
-            let (array, aside) = self.array(&key, "|u1", vec![height, width, 3], 1);
-            video::decode(&track.video, &mut |rgb| array.push(aside, rgb))?;
+            let (array, staging) = self.array(&key, "|u1", vec![height, width, 3], 1);
+            video::decode(&track.video, &mut |rgb| array.push(staging, rgb))?;
             if with_depth {
-                let (array, aside) = self.array(&format!("{key}_depth"), "<u2", vec![height, width], 1);
+                let (array, staging) = self.array(&format!("{key}_depth"), "<u2", vec![height, width], 1);
                 for png in &track.depth_png {
                     let (_, _, values) = depth::decode_depth_png(png)?;
-                    array.push(aside, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())?;
+                    array.push(staging, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())?;
                 }
             }
         }
         self.frames += rows.frames;
         self.ends.push(i64::try_from(self.frames).unwrap_or(i64::MAX));
-        let result = &rows.facts.result;
+        let result = &rows.metadata.result;
         if let Some(array) = self.arrays.iter().find(|array| array.rows != self.frames) {
             let what = format!("rows of {} after episode {}", array.name, result.id);
             return Err(DataError::mismatch(what, self.frames, array.rows));
@@ -114,30 +120,30 @@ impl Writer {
         self.entries.push(json!({
             "store_id": result.id,
             "scenario_id": result.scenario_id,
-            "instruction": rows.facts.instruction,
+            "instruction": rows.metadata.instruction,
             "success": result.success,
             "seed": result.seed,
             "failure": result.failure().map(|failure| failure.to_string()),
-            "subtasks": rows.facts.steps.texts,
-            "paraphrases": rows.facts.paraphrases,
+            "subtasks": rows.metadata.steps.texts,
+            "paraphrases": rows.metadata.paraphrases,
         }));
         Ok(())
     }
 
-    /// The array of a key, which the first episode begins.
+    /// Returns the array of a key; creates it with the first episode.
     fn array(
         &mut self,
         key: &str,
         dtype: &'static str,
         inner: Vec<usize>,
         rows_per_chunk: usize,
-    ) -> (&mut Array, &Aside) {
+    ) -> (&mut Array, &AtomicFolder) {
         let name = format!("data/{key}");
         let index = self.arrays.iter().position(|array| array.name == name).unwrap_or_else(|| {
             self.arrays.push(Array::new(name, dtype, inner, rows_per_chunk));
             self.arrays.len() - 1
         });
-        (&mut self.arrays[index], &self.aside)
+        (&mut self.arrays[index], &self.staging)
     }
 
     fn finish(mut self, about: &Value) -> Result<(), DataError> {
@@ -145,17 +151,17 @@ impl Writer {
         attributes["episodes"] = std::mem::take(&mut self.entries).into();
         let mut ends = Array::new("meta/episode_ends".into(), "<i8", vec![], self.ends.len().max(1));
         let bytes: Vec<u8> = self.ends.iter().flat_map(|end| end.to_le_bytes()).collect();
-        ends.push(&self.aside, &bytes)?;
+        ends.push(&self.staging, &bytes)?;
         self.arrays.push(ends);
         for array in std::mem::take(&mut self.arrays) {
-            array.finish(&self.aside)?;
+            array.finish(&self.staging)?;
         }
         let group = format!("{:#}\n", json!({"zarr_format": 2}));
         for folder in ["", "data/", "meta/"] {
-            self.aside.write(&format!("{folder}.zgroup"), group.as_bytes())?;
+            self.staging.write(&format!("{folder}.zgroup"), group.as_bytes())?;
         }
-        self.aside.write(".zattrs", format!("{attributes:#}\n").as_bytes())?;
-        self.aside.publish()
+        self.staging.write(".zattrs", format!("{attributes:#}\n").as_bytes())?;
+        self.staging.publish()
     }
 }
 
@@ -166,8 +172,8 @@ impl Array {
         Self { name, dtype, inner, rows_per_chunk, row_bytes, rows: 0, pending: Vec::new() }
     }
 
-    /// Appends rows, and writes the chunks that are full.
-    fn push(&mut self, aside: &Aside, bytes: &[u8]) -> Result<(), DataError> {
+    /// Appends rows and writes full chunks.
+    fn push(&mut self, staging: &AtomicFolder, bytes: &[u8]) -> Result<(), DataError> {
         self.rows += bytes.len() / self.row_bytes;
         self.pending.extend_from_slice(bytes);
         let chunk_bytes = self.rows_per_chunk * self.row_bytes;
@@ -175,17 +181,17 @@ impl Array {
             let rest = self.pending.split_off(chunk_bytes);
             let chunk = std::mem::replace(&mut self.pending, rest);
             let number = (self.rows - self.pending.len() / self.row_bytes) / self.rows_per_chunk - 1;
-            self.write_chunk(aside, number, &chunk)?;
+            self.write_chunk(staging, number, &chunk)?;
         }
         Ok(())
     }
 
-    /// Writes the last chunk, filled with zeros, and what describes the array.
-    fn finish(mut self, aside: &Aside) -> Result<(), DataError> {
+    /// Writes the last chunk, zero-padded, and the array metadata.
+    fn finish(mut self, staging: &AtomicFolder) -> Result<(), DataError> {
         if !self.pending.is_empty() {
             let mut chunk = std::mem::take(&mut self.pending);
             chunk.resize(self.rows_per_chunk * self.row_bytes, 0);
-            self.write_chunk(aside, self.rows / self.rows_per_chunk, &chunk)?;
+            self.write_chunk(staging, self.rows / self.rows_per_chunk, &chunk)?;
         }
         let with_rows = |rows: usize| [&[rows], &self.inner[..]].concat();
         let about = json!({
@@ -198,18 +204,18 @@ impl Array {
             "order": "C",
             "filters": null,
         });
-        aside.write(&format!("{}/.zarray", self.name), format!("{about:#}\n").as_bytes())
+        staging.write(&format!("{}/.zarray", self.name), format!("{about:#}\n").as_bytes())
     }
 
-    fn write_chunk(&self, aside: &Aside, number: usize, bytes: &[u8]) -> Result<(), DataError> {
+    fn write_chunk(&self, staging: &AtomicFolder, number: usize, bytes: &[u8]) -> Result<(), DataError> {
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::new(LEVEL));
         let name = format!("{}/{number}{}", self.name, ".0".repeat(self.inner.len()));
         let compressed = encoder.write_all(bytes).and_then(|()| encoder.finish());
-        aside.write(&name, &compressed.map_err(DataError::io("compress", Path::new(&name)))?)
+        staging.write(&name, &compressed.map_err(DataError::io("compress", Path::new(&name)))?)
     }
 }
 
-/// Numbers as bytes, and their type in numpy's notation.
+/// Values as little-endian bytes, and their NumPy type string.
 fn little_endian(values: &Values) -> (&'static str, Vec<u8>) {
     match values {
         Values::F32(values) => ("<f4", values.iter().flat_map(|value| value.to_le_bytes()).collect()),

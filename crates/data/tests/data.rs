@@ -1,4 +1,5 @@
-//! The crate from outside: stores that survive, exports that repeat, and a reader that is not ours.
+//! Integration tests: stores survive kills and corruption, exports are deterministic, and independent readers can read
+//! them.
 
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
@@ -20,20 +21,21 @@ use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, hdf5, paper, zarr,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, genmanip_layout,
+    hdf5, zarr,
 };
 use serde_json::{Value, json};
-use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
+use synthetic::{attach_images, episode, image, result, robot, scenario};
 
-/// Control steps of the three exported episodes; the last is not a multiple of four.
+/// Control steps of the three exported episodes; the last one is not a multiple of four.
 const STEPS: [usize; 3] = [48, 60, 37];
 
-/// Three verified episodes with pictures, one failed one, one attempt without frames.
+/// Three successful episodes with images, a failed one, and an attempt without frames.
 fn filled_store(root: &Path) -> EpisodeStore {
     let store = EpisodeStore::create(root).unwrap();
     for (number, steps) in STEPS.into_iter().enumerate() {
         store.write(&episode(number, steps, true), &[]).unwrap();
-        attach_pictures(&store, number, steps, 15);
+        attach_images(&store, number, steps, 15);
     }
     store.write(&episode(3, 20, false), &[]).unwrap();
     let mut failed = result(4, 0, false);
@@ -46,7 +48,7 @@ fn export(store: &EpisodeStore, target: &Path, settings: &LerobotSettings) -> Re
     lerobot::export(store, &Selection::Verified, &robot(), settings, target)
 }
 
-/// Every file below a folder with its bytes.
+/// Contents of all files below a folder.
 fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![root.to_owned()];
@@ -96,13 +98,13 @@ fn attachments_and_tracks_come_back() {
     let id = "scenario-0-a0";
     assert_eq!(store.read_attachment(id, "notes.txt").unwrap(), b"hello");
     assert!(!store.has_tracks(id, 15, &["static".into()]));
-    attach_pictures(&store, 0, 9, 15);
-    attach_pictures(&store, 0, 9, 15); // replaces
+    attach_images(&store, 0, 9, 15);
+    attach_images(&store, 0, 9, 15); // replaces the first
     assert!(store.has_tracks(id, 15, &["static".into(), "wrist".into()]));
     let track = store.read_track(id, 15, "wrist").unwrap();
     assert_eq!((track.video.frames.len(), track.depth_png.len(), track.world_from_camera.len()), (3, 3, 3));
     let (width, height, depth_mm) = genmanip_data::depth::decode_depth_png(&track.depth_png[2]).unwrap();
-    let (_, depth_m) = picture(0, 1, 2);
+    let (_, depth_m) = image(0, 1, 2);
     assert_eq!((width, height), (synthetic::WIDTH, synthetic::HEIGHT));
     let expected: Vec<u16> = depth_m.into_iter().map(genmanip_data::depth::depth_to_mm).collect();
     assert_eq!(depth_mm, expected);
@@ -110,12 +112,12 @@ fn attachments_and_tracks_come_back() {
 }
 
 #[test]
-fn half_written_is_never_read() {
+fn unfinished_files_are_never_read() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("store");
     let store = filled_store(&root);
     let before = store.ids().unwrap();
-    // What others may be writing right now stays: an older version does not say on which host.
+    // Unfinished files of other hosts stay; older versions did not record the host.
     for other in [".other.partial-1", ".other.partial-00000000-00000000-1-1-1"] {
         fs::create_dir(root.join(other)).unwrap();
         assert_eq!(store.ids().unwrap(), before);
@@ -124,9 +126,9 @@ fn half_written_is_never_read() {
     }
 }
 
-/// What a run folder may hold that no run wrote: refused within bounds, and nothing outside is read.
+/// Malicious run folders: rejected within bounds, and nothing outside is read.
 #[test]
-fn a_hostile_store_is_refused() {
+fn a_hostile_store_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let (root, id) = (folder.path().join("store"), "scenario-0-a0");
     let outside = folder.path().join("outside.txt");
@@ -153,9 +155,17 @@ fn a_hostile_store_is_refused() {
         ("a file listed twice", &|| record(&|r| r["files"][1] = r["files"][0].clone()), "files[1].name"),
         ("more frames than the table has", &|| record(&|r| r["result"]["frames"] = 2_000_000.into()), "2000000 rows"),
         ("a larger size", &|| record(&|r| r["files"][1]["bytes"] = 1.into()), "expected 1 bytes"),
-        ("a link", &|| replaced(&|at| std::os::unix::fs::symlink(&outside, at).unwrap()), "no file"),
-        ("an endless device", &|| replaced(&|at| std::os::unix::fs::symlink("/dev/zero", at).unwrap()), "no file"),
-        ("a pipe", &|| replaced(&|at| assert!(Command::new("mkfifo").arg(at).status().unwrap().success())), "no file"),
+        ("a link", &|| replaced(&|at| std::os::unix::fs::symlink(&outside, at).unwrap()), "not a regular file"),
+        (
+            "an endless device",
+            &|| replaced(&|at| std::os::unix::fs::symlink("/dev/zero", at).unwrap()),
+            "not a regular file",
+        ),
+        (
+            "a pipe",
+            &|| replaced(&|at| assert!(Command::new("mkfifo").arg(at).status().unwrap().success())),
+            "not a regular file",
+        ),
         ("a truncated record", &|| fs::write(root.join(id).join("episode.json"), "{\"schema\": ").unwrap(), "not JSON"),
     ];
     for (what, attack, expected) in attacks {
@@ -164,7 +174,7 @@ fn a_hostile_store_is_refused() {
         attack();
         let error = store.read(id).unwrap_err();
         assert!(error.is_damage() && error.to_string().contains(expected), "{what}: {error}");
-        // The others are still of use.
+        // The other episodes are still usable.
         assert!(store.read("scenario-1-a0").is_ok());
         let target = folder.path().join("dataset");
         let report = export(&store, &target, &LerobotSettings::default()).unwrap();
@@ -174,16 +184,16 @@ fn a_hostile_store_is_refused() {
         fs::remove_dir_all(&target).unwrap();
         fs::remove_dir_all(folder.path().join("dataset-depth")).unwrap();
     }
-    // An episode's folder that is a link is none.
+    // A link to an episode's folder is not an episode.
     let store = EpisodeStore::open(&root).unwrap();
     std::os::unix::fs::symlink(root.join("scenario-1-a0"), root.join("linked")).unwrap();
     fs::create_dir(root.join("notes")).unwrap();
-    assert_eq!(store.list().unwrap().strangers, ["linked", "notes"]);
+    assert_eq!(store.list().unwrap().foreign, ["linked", "notes"]);
     assert!(!store.contains("linked"));
 }
 
 #[test]
-fn killed_writer_leaves_only_whole_episodes() {
+fn a_killed_writer_leaves_only_complete_episodes() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("store");
     let mut writer = Command::new(std::env::current_exe().unwrap())
@@ -212,7 +222,7 @@ fn killed_writer_leaves_only_whole_episodes() {
             store.read_track(id, 15, "wrist").unwrap();
         }
     }
-    // Going on where it ended gives what an uninterrupted run gives.
+    // Continuing gives the same store as an uninterrupted run.
     let whole = EpisodeStore::create(folder.path().join("whole")).unwrap();
     for (number, store) in (0..kept.len() + 1).flat_map(|number| [(number, &store), (number, &whole)]) {
         let id = format!("scenario-{number}-a0");
@@ -220,25 +230,25 @@ fn killed_writer_leaves_only_whole_episodes() {
             store.write(&episode(number, 40, true), &[]).unwrap();
         }
         if !store.has_tracks(&id, 15, &cameras) {
-            attach_pictures(store, number, 40, 15);
+            attach_images(store, number, 40, 15);
         }
     }
     assert_eq!(tree(store.root()), tree(whole.root()));
 }
 
 #[test]
-#[ignore = "the process that killed_writer_leaves_only_whole_episodes kills"]
+#[ignore = "the process that a_killed_writer_leaves_only_complete_episodes kills"]
 fn write_until_killed() {
     let Some(root) = std::env::var_os("GENMANIP_TEST_STORE") else { return };
     let store = EpisodeStore::create(root).unwrap();
     for number in 0..10_000 {
         store.write(&episode(number, 40, true), &[]).unwrap();
-        attach_pictures(&store, number, 40, 15);
+        attach_images(&store, number, 40, 15);
     }
 }
 
 #[test]
-fn mistakes_are_named_and_change_nothing() {
+fn errors_name_the_cause_and_change_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("store");
     let store = filled_store(&root);
@@ -261,10 +271,10 @@ fn mistakes_are_named_and_change_nothing() {
     check(store.write(&other, &[]), "objects in frame 2: expected 2, got 0");
     let mut other = episode(7, 5, true);
     other.result.tcp_path_m = f64::NAN;
-    check(store.write(&other, &[]), "would not be read back");
+    check(store.write(&other, &[]), "cannot be stored without loss");
     let mut other = episode(7, 5, true);
     other.scenario.objects[0].pose.position.x = f64::NAN;
-    check(store.write(&other, &[]), "would not be read back");
+    check(store.write(&other, &[]), "cannot be stored without loss");
     check(EpisodeStore::open(folder.path()).map(drop), "not an episode store");
     check(EpisodeStore::create("/proc/nowhere").map(drop), "cannot create the folder");
 
@@ -280,7 +290,7 @@ fn mistakes_are_named_and_change_nothing() {
     check(all(&LerobotSettings::default()), "no images_15hz/static.json");
     check(all(&settings(|settings| settings.export.fps = 25)), "a divisor of 60 Hz");
     check(all(&settings(|settings| settings.export.cameras = vec!["left".into()])), "no images_15hz/left.json");
-    assert!(!target.exists() && fs::read_dir(folder.path()).unwrap().count() == 1, "no leftovers");
+    assert!(!target.exists() && fs::read_dir(folder.path()).unwrap().count() == 1, "no temporary files");
 
     let frames = root.join("scenario-2-a0/frames.parquet");
     let mut bytes = fs::read(&frames).unwrap();
@@ -292,7 +302,7 @@ fn mistakes_are_named_and_change_nothing() {
 }
 
 #[test]
-fn export_repeats_itself_and_replaces_only_when_asked() {
+fn exports_are_deterministic_and_replace_only_the_runs_own() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let settings = LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 1, ..Default::default() };
@@ -309,7 +319,7 @@ fn export_repeats_itself_and_replaces_only_when_asked() {
 
     let error = export(&store, &folder.path().join("a"), &settings).unwrap_err();
     assert!(matches!(error, DataError::Exists { .. }), "{error}");
-    // Only a data set of the same run is ever replaced.
+    // Only a data set of the same run is replaced.
     let of_run = |run: &str| LerobotSettings { run: Some(run.into()), ..settings.clone() };
     for (name, run) in [("a", "mine"), ("store", "mine")] {
         let error = export(&store, &folder.path().join(name), &of_run(run)).unwrap_err();
@@ -324,15 +334,15 @@ fn export_repeats_itself_and_replaces_only_when_asked() {
     let error = export(&store, &folder.path().join("b"), &of_run("another")).unwrap_err();
     assert!(matches!(error, DataError::NotOurs { .. }), "{error}");
 
-    // The record carried along is a store again.
+    // The included record is a valid store.
     let record = EpisodeStore::open(folder.path().join("a/extras/record")).unwrap();
     assert_eq!(record.read("scenario-1-a0").unwrap(), store.read("scenario-1-a0").unwrap());
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "no leftovers");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "no temporary files");
 }
 
-/// Rows of every contract lead, one after the other, to the commands that were recorded at the ends of their intervals.
+/// With every action specification, executing the rows of an episode in order reaches the recorded command at each row's end.
 #[test]
-fn actions_of_every_contract_lead_to_the_recorded_commands() {
+fn every_action_specification_reproduces_the_recorded_commands() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let robot = robot();
@@ -394,19 +404,19 @@ fn actions_of_every_contract_lead_to_the_recorded_commands() {
     }
 }
 
-/// A data set that does not say what its actions mean, or not truly, is refused.
+/// Data sets without a valid action contract are rejected.
 #[test]
-fn a_data_set_without_a_sound_contract_is_refused() {
+fn a_data_set_without_a_valid_contract_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let target = folder.path().join("set");
     let rows = ExportSettings { cameras: vec![], depth: false, ..Default::default() };
     export(&store, &target, &LerobotSettings { export: rows, record: false, ..Default::default() }).unwrap();
     let contract = target.join("meta/action_contract.json");
-    let sound = fs::read_to_string(&contract).unwrap();
+    let valid = fs::read_to_string(&contract).unwrap();
     let change = |from: &str, to: &str| {
-        assert!(sound.contains(from), "{sound}");
-        fs::write(&contract, sound.replacen(from, to, 1)).unwrap();
+        assert!(valid.contains(from), "{valid}");
+        fs::write(&contract, valid.replacen(from, to, 1)).unwrap();
     };
     change("joint_position", "joint_torque");
     assert!(LerobotDataset::open(&target).unwrap_err().to_string().contains("joint_torque"));
@@ -420,7 +430,7 @@ fn a_data_set_without_a_sound_contract_is_refused() {
 }
 
 #[test]
-fn independent_reader_finds_what_was_written() {
+fn an_independent_reader_agrees() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
@@ -432,7 +442,7 @@ fn independent_reader_finds_what_was_written() {
     };
     export(&store, &folder.path().join("set"), &settings).unwrap();
     fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
-    // Merged of two, it is the same to a reader.
+    // A merge of two parts looks the same to a reader.
     let parts = [&["scenario-0-a0"][..], &["scenario-1-a0", "scenario-2-a0"]].map(|ids| {
         let part = folder.path().join(format!("part-{}", ids.len()));
         let selection = Selection::Ids(ids.iter().map(|&id| id.into()).collect());
@@ -463,7 +473,7 @@ fn assert_reader_agrees(python: &Path, folder: &Path, dataset: &str) {
     assert!(color_error < 3.0, "of 255, chroma subsampling of hard edges included: {summary}");
 }
 
-/// What the reader must find, said without any code of the exporter: numbers of chosen frames, and raw pictures.
+/// Expected values computed without the exporter's code: numbers of selected frames, and raw images.
 fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
     let mut frames = Vec::new();
     let mut first = 0;
@@ -476,7 +486,7 @@ fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
             let state: Vec<f64> = now.joint_position.iter().copied().chain([now.gripper_width]).collect();
             let mut images = serde_json::Map::new();
             for (camera, name) in ["static", "wrist"].into_iter().enumerate() {
-                let (rgb, depth_m) = picture(number, camera, row);
+                let (rgb, depth_m) = image(number, camera, row);
                 let file = |ending: &str| folder.join(format!("{number}-{row}-{name}.{ending}"));
                 fs::write(file("rgb"), rgb).unwrap();
                 let depth_mm = depth_m.iter().flat_map(|depth| ((depth * 1000.0).round() as u16).to_le_bytes());
@@ -498,9 +508,9 @@ fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
     json!({"frames": frames, "width": synthetic::WIDTH, "height": synthetic::HEIGHT})
 }
 
-/// One run in three formats, each read back by its own description: the same numbers, pictures, times and sentences.
+/// v3.0, v2.1 and Zarr exports of one store hold the same numbers, images, times and sentences.
 #[test]
-fn all_formats_hold_the_same() {
+fn all_formats_hold_the_same_data() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
@@ -537,29 +547,29 @@ fn all_formats_hold_the_same() {
 }
 
 #[test]
-fn the_layout_of_the_paper_holds_the_same() {
+fn the_original_genmanip_layout_holds_the_same_data() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let [v30, paper] = ["v30", "paper"].map(|name| folder.path().join(name));
     let settings = LerobotSettings::default();
     export(&store, &v30, &settings).unwrap();
-    let report = paper::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap();
+    let report = genmanip_layout::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap();
     assert_eq!((report.episodes, report.frames), (3, 12 + 15 + 10));
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_paper.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_genmanip_layout.py");
     let output = Command::new(python).arg(script).args([&v30, &paper]).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
     let compared: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&compared["episodes"], &compared["pictures"]), (&3.into(), &74.into()), "{compared}");
     assert!(compared["worst_color"].as_f64().unwrap() < 3.0, "of 255, hard edges included: {compared}");
-    let again = paper::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap_err();
+    let again = genmanip_layout::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap_err();
     assert!(matches!(again, DataError::Exists { .. }), "{again}");
 }
 
-/// The C library, through h5py, reads what was written without it.
+/// The HDF5 C library, through h5py, reads files written without it.
 #[test]
-fn hdf5_holds_the_same() {
+fn hdf5_holds_the_same_data() {
     let Some(python) = python_with("pyarrow, av, numpy, h5py") else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
@@ -584,9 +594,9 @@ fn hdf5_holds_the_same() {
     assert_eq!(tree(&demos), first, "the same bytes again");
 }
 
-/// Columns on request: objects by their places, and zeros where there is none.
+/// Columns of simulator ground truth: objects by slot, zeros in empty slots.
 #[test]
-fn simulator_truth_is_told_on_request() {
+fn simulator_ground_truth_is_exported_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let rows =
@@ -625,7 +635,7 @@ fn simulator_truth_is_told_on_request() {
     assert!(error.to_string().contains("expected at most 16, got 22"), "{error}");
 }
 
-/// The interpreter with pyarrow and av; CI must have one.
+/// A Python interpreter with pyarrow and av; required in CI.
 fn python() -> Option<PathBuf> {
     python_with("pyarrow, av, numpy")
 }
@@ -643,7 +653,7 @@ fn python_with(modules: &str) -> Option<PathBuf> {
     None
 }
 
-#[allow(clippy::print_stderr)] // A test says why it is skipped.
+#[allow(clippy::print_stderr)] // Tests report why they are skipped.
 fn writeln_skip(message: &str) {
     eprintln!("skipped: {message}");
 }

@@ -11,7 +11,8 @@ use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{
-    GraspTrials, LOST, TrialError, TryingSettings, ViewSettings, WANTED, sound_grasps, tried_grasps,
+    GraspTrials, MAX_FAILED_GRASPS, RobustnessSettings, TrialError, ViewSettings, WANTED_GRASPS, robust_grasps,
+    tried_grasps,
 };
 use genmanip_workspace::text_table;
 use serde::Serialize;
@@ -25,9 +26,9 @@ use genmanip_workspace::worlds;
 /// Settings of grasp baking.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
-    /// Trial settings.
-    pub trying: TryingSettings,
-    /// True to keep only a few grasps per object that held in every trial.
+    /// The trials.
+    pub trying: RobustnessSettings,
+    /// Whether only a few grasps that always held are wanted of each object, as of one that somebody waits for.
     pub brief: bool,
     /// Settings of the candidate generator.
     pub generator: GraspSettings,
@@ -131,7 +132,7 @@ pub fn bake(
         let seed = made_by.seed.fork(&model.card.uid);
         let grasps = match brief {
             false => tried_grasps(&trials, model, trying, seed),
-            true => sound_grasps(&trials, model, trying, WANTED, LOST, seed),
+            true => robust_grasps(&trials, model, trying, WANTED_GRASPS, MAX_FAILED_GRASPS, seed),
         };
         finished(model, grasps?);
         Ok(())

@@ -19,7 +19,7 @@ use genmanip_core::{
 use genmanip_import::packs::{Packs, at_rest};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasps};
+use genmanip_rollout::grasp_trial::{GraspTrials, RobustnessSettings, ViewSettings, robust_grasps};
 use genmanip_sim::{Scene, SceneObject, Sim, SimError};
 use genmanip_workspace::Progress;
 use serde::Serialize;
@@ -275,7 +275,7 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
         }
     }
     if model.card.can_grasp && !model.card.is_articulated {
-        let found = sound_grasps(trials, model, &TryingSettings::brief(), 1, GRASPS, seed.fork("grasp"));
+        let found = robust_grasps(trials, model, &RobustnessSettings::fast(), 1, GRASPS, seed.fork("grasp"));
         tried.grasp = Some(found.as_ref().is_ok_and(|found| !found.is_empty()));
         match found {
             Ok(found) if found.is_empty() => tried.problems.push("no grasp held in every trial".into()),

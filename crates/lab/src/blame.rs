@@ -14,7 +14,7 @@ use genmanip_agent_sim::{AgentChoice, Dials, FailureClass, ModelChoice, classify
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{CollectSettings, Resources};
-use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_watched};
+use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_episode_with};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 use serde::Serialize;
@@ -280,7 +280,7 @@ fn play(
     };
     let id = attempt.id();
     let policy = made.policy.as_mut();
-    let episode = run_watched(&stage, policy, &id, attempt.seed, &settings.rollout, &mut watch);
+    let episode = run_episode_with(&stage, policy, &id, attempt.seed, &settings.rollout, &mut watch);
     let episode = match episode {
         Err(RolloutError::NotRun { reason, .. }) => {
             progress.note(&format!("{id} was not run: {reason}"));

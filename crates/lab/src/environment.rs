@@ -139,7 +139,7 @@ fn run_through(mut environment: Environment, episode: &Episode, from: usize) -> 
         policy: &episode.result.policy,
         oracle: episode.result.oracle,
         ending: Ending::Finished,
-        word: None,
+        gave_up: None,
     })?;
     ended.frames.truncate(episode.frames.len());
     ended.final_state = state.state().to_vec();

@@ -21,7 +21,7 @@ use genmanip_core::{
 use genmanip_data::EpisodeStore;
 use genmanip_render::FIRST_OBJECT;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Exposure, Painter};
+use genmanip_rollout::images::{Exposure, StageRenderer};
 use genmanip_viz::replay;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
@@ -405,7 +405,13 @@ fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<Picture, LabErro
     let request = CameraRequest { name: camera.into(), size: Some(SIZE_PX), channels };
     let painted = stage.camera(&request).and_then(|camera| {
         let poses = objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        Painter::new(stage)?.paint_state(arm, *width, poses, &[(&camera, channels)], Exposure::still(Seed::new(0)))
+        StageRenderer::new(stage)?.render_state(
+            arm,
+            *width,
+            poses,
+            &[(&camera, channels)],
+            Exposure::still(Seed::new(0)),
+        )
     });
     let image = painted.map_err(|error| LabError::broken("cannot draw a card", error))?.swap_remove(0);
     let masks: Vec<Mask> = (0..stage.scenario.objects.len())

@@ -108,10 +108,10 @@ pub fn collect(
     let store = folder.store()?;
     let Run { tasks, settings, seed, episodes_per_task, .. } = run;
     let planner = worlds::planner(&settings.world, &settings.planner)?;
-    let seeing = grasps.map(|choice| demonstration_grasps::source(&choice, &planner));
+    let proposer = grasps.map(|choice| demonstration_grasps::source(&choice, &planner));
     let make_corrected = corrected.as_ref().map(|policy| maker(policy, &planner, &settings));
     let resources = Resources {
-        seeing: seeing.as_ref(),
+        grasp_proposer: proposer.as_ref(),
         corrected: make_corrected.as_ref().map(|make| make as &MakeCorrected),
         ..Resources::builtin(&planner)
     };
@@ -363,11 +363,11 @@ fn damaged(
     let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
     let mut damaged = Vec::new();
     for Planned { id, .. } in attempts.iter().filter(|known| repair || !looks_sound.contains(known.id.as_str())) {
-        if !store.is_taken(id) {
+        if !store.has_folder(id) {
             continue;
         }
         // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
-        let looked_at = if repair { store.verify(id) } else { store.look_at(id).map(drop) };
+        let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {
             progress.note(&format!("episode {id} is damaged and left out: {error}"));

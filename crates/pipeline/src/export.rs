@@ -10,7 +10,9 @@ use genmanip_core::{Episode, RobotModel};
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
-use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, hdf5, mcap, paper, zarr};
+use genmanip_data::{
+    DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_layout, hdf5, mcap, zarr,
+};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
 
@@ -66,7 +68,7 @@ impl Format {
             Self::Zarr => zarr::export(store, selection, robot, rows, target),
             Self::Hdf5 => hdf5::export(store, selection, robot, rows, target),
             Self::Mcap => mcap::export(store, selection, robot, rows, target),
-            Self::Paper => paper::export(store, selection, robot, rows, target),
+            Self::Paper => genmanip_layout::export(store, selection, robot, rows, target),
         }
     }
 }
@@ -223,7 +225,7 @@ pub(crate) fn draw_missing(
 
 fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
     let id = &episode.result.id;
-    let masks = images::draw_masks(&replay::stage(episode)?, episode, pictures)
+    let masks = images::render_masks(&replay::stage(episode)?, episode, pictures)
         .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
     let failed = |error: DataError| RunError::broken(format!("cannot keep the masks of {id}"), error);
     store.attach_masks(id, &masks).map_err(failed)
@@ -238,7 +240,8 @@ fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Re
     let known = episode.scenario.world.cameras.iter().map(|camera| &camera.name);
     let cameras = known.filter(|name| is_wanted(name)).cloned().collect();
     let failed = |error: DataError| RunError::broken(format!("cannot keep the pictures of {id}"), error);
-    let tracks = images::draw(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
-        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+    let tracks =
+        images::render_tracks(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
+            .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
     store.attach_tracks(id, &tracks).map_err(failed)
 }

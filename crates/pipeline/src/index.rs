@@ -11,7 +11,7 @@ use std::time::SystemTime;
 
 use genmanip_benchmark::Outcome;
 use genmanip_core::limits;
-use genmanip_data::{EpisodeStore, Inspected, Parts, files};
+use genmanip_data::{EpisodeStore, FileInventory, Inspected, files};
 use genmanip_rollout::collect::in_parallel;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -36,12 +36,12 @@ pub struct Known {
     /// How it went.
     pub outcome: Outcome,
     /// What it consists of; `None` while something unfinished lies among it.
-    parts: Option<Parts>,
+    parts: Option<FileInventory>,
 }
 
 impl Known {
     fn of(inspected: Inspected) -> Self {
-        let Inspected { result, recorded, has_scenario, parts } = inspected;
+        let Inspected { result, recorded, has_scenario, inventory: parts } = inspected;
         let outcome = Outcome::of(&result);
         Self { id: result.id, task_id: result.task_id, recorded, has_scenario, outcome, parts }
     }
@@ -88,9 +88,9 @@ impl Survey {
             if parts.is_some_and(|parts| store.is_unchanged(id, parts, made)) {
                 return Ok::<_, RunError>(None);
             }
-            Ok(Some(store.look_at(id).map(Known::of).map_err(|error| error.to_string())))
+            Ok(Some(store.inspect(id).map(Known::of).map_err(|error| error.to_string())))
         })?;
-        let mut survey = Self { strangers: listing.strangers, ..Self::default() };
+        let mut survey = Self { strangers: listing.foreign, ..Self::default() };
         let mut is_current = true;
         for (id, look) in listing.ids.into_iter().zip(looks) {
             let before = known.remove(&id);

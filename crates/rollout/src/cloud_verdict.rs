@@ -1,31 +1,31 @@
-//! The goal judged as the paper judges it: on point clouds of the final scene, as the fixed cameras see it.
+//! Goal verdict by the original GenManip's method: on point clouds of the final scene, seen by the fixed cameras.
 
 use genmanip_core::{Atom, Camera, CameraMount, CloudVerdict, Episode, ImageChannels};
 use genmanip_relations::observed::clouds_of_views;
 use genmanip_relations::{CloudScene, Rest};
 use genmanip_render::FIRST_OBJECT;
 
-use crate::images::{Exposure, Painter};
+use crate::images::{Exposure, StageRenderer};
 use crate::{RolloutError, Stage};
 
-/// What the clouds say at the end of an episode; `None` for goals about states of joints, which clouds do not show, for
-/// scenarios without a fixed camera, and for episodes without a frame.
+/// Verdict on the point clouds at the end of an episode; `None` for goals about joint states, which clouds do not show,
+/// for scenarios without a fixed camera, and for episodes without frames.
 ///
 /// # Errors
-/// When the scene cannot be drawn.
+/// If the scene cannot be rendered.
 pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVerdict>, RolloutError> {
     let asks_for_states = stage.goal.alternatives.iter().flatten().any(|atom| matches!(atom, Atom::State { .. }));
     let is_fixed = |camera: &&Camera| camera.mount == CameraMount::World;
-    // The paper's clouds come from the simulator, not from a sensor.
+    // The original's clouds are simulated without sensor effects.
     let perfect = |camera: &Camera| Camera { sensor: None, distortion: None, ..camera.clone() };
     let cameras: Vec<Camera> = stage.scenario.world.cameras.iter().filter(is_fixed).map(perfect).collect();
     let Some(frame) = episode.frames.last().filter(|_| !asks_for_states && !cameras.is_empty()) else {
         return Ok(None);
     };
     let channels = ImageChannels { rgb: false, depth: true, ids: true, ..ImageChannels::RGB };
-    let mut painter = Painter::new(stage)?;
+    let mut renderer = StageRenderer::new(stage)?;
     let exposure = Exposure::still(episode.result.seed);
-    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels, exposure));
+    let views = cameras.iter().map(|camera| renderer.render_frame(frame, camera, channels, exposure));
     let views = views.collect::<Result<Vec<_>, _>>()?;
     let ids: Vec<&str> = stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
     let instances: Vec<u16> = (0..ids.len()).map(|index| FIRST_OBJECT + index as u16).collect();

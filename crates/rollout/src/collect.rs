@@ -1,7 +1,7 @@
-//! Collecting demonstrations: one attempt per (task, number), each on its own layout, by any number of workers.
+//! Collection of demonstrations: one attempt per task and number, each with its own layout, by any number of workers.
 //!
-//! Attempt k of a task is a pure function of (task, seed, k): neither order nor worker matters,
-//! an interrupted run continues where it stopped and ends with the same bytes.
+//! Attempt k of a task is a pure function of (task, seed, k). The result does not depend on the order or the workers,
+//! and an interrupted run can be resumed with the same bytes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,48 +16,48 @@ use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
 use serde::{Deserialize, Serialize};
 
-use crate::expert::{Expert, ExpertSettings, SeenGrasps};
+use crate::expert::{Expert, ExpertSettings, GraspProposer};
 use crate::images::{self, ImageSettings};
 use crate::physics_variation::vary_physics;
 use crate::{RolloutError, RolloutSettings, Stage, run_corrected, run_episode};
 
-/// What a run depends on besides its tasks.
+/// Settings of a run, apart from its tasks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CollectSettings {
-    /// Where layouts are made.
+    /// World of the layouts.
     pub world: World,
-    /// Placement.
+    /// Layout generation.
     #[serde(default)]
     pub layout: LayoutSettings,
-    /// Motion.
+    /// Motion planning.
     #[serde(default)]
     pub planner: PlannerSettings,
-    /// The loop.
+    /// Episode loop.
     #[serde(default)]
     pub rollout: RolloutSettings,
     /// The expert.
     #[serde(default)]
     pub expert: ExpertSettings,
-    /// Pictures of verified episodes; `None` for none.
+    /// Images of successful episodes; `None` for none.
     #[serde(default)]
     pub images: Option<ImageSettings>,
-    /// Pictures of failed episodes too.
+    /// Render images of failed episodes too.
     #[serde(default)]
     pub keep_failed: bool,
-    /// Where the expert's grasps come from: `mesh`, `rgbd`, or `http:URL`.
+    /// Source of the expert's grasps: `mesh`, `rgbd`, or `http:URL`.
     #[serde(default = "mesh", skip_serializing_if = "is_mesh")]
     pub grasps: String,
-    /// Whether each attempt has [its own physics](crate::physics_variation), by the seed of its look.
+    /// Randomise the [physics](crate::physics_variation) of each attempt, with its appearance seed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub vary_physics: bool,
-    /// The policy that acts first in each attempt and is corrected by the expert where it fails, `NAME:key=value,…`;
-    /// `None`: the expert alone.
+    /// Policy that acts first in each attempt and is corrected by the expert when it fails, `NAME:key=value,…`; `None`
+    /// for the expert alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrects: Option<String>,
 }
 
-/// Grasps from the geometry of objects.
+/// Grasp source: the objects' geometry.
 pub const MESH: &str = "mesh";
 
 fn mesh() -> String {
@@ -69,7 +69,7 @@ fn is_mesh(source: &String) -> bool {
 }
 
 impl CollectSettings {
-    /// Today's settings of every stage for a world, without pictures.
+    /// Default settings for a world, without images.
     pub fn in_world(world: World) -> Self {
         Self {
             world,
@@ -85,75 +85,75 @@ impl CollectSettings {
         }
     }
 
-    /// Whether something is drawn anew for each attempt by [`variation_seed`].
+    /// True if attempts are randomised by [`variation_seed`].
     pub fn is_varied(&self) -> bool {
         self.vary_physics || self.images.as_ref().is_some_and(|images| !images.vary.is_empty())
     }
 }
 
-/// What every attempt needs and none changes.
+/// Read-only resources shared by all attempts.
 #[derive(Clone, Copy)]
 pub struct Resources<'a> {
-    /// Objects.
+    /// Asset source.
     pub catalogue: &'a dyn AssetSource,
-    /// The robot and how it is planned for; costly to make, so made once.
+    /// Motion planner of the robot; expensive to create.
     pub planner: &'a Arc<Planner>,
-    /// Grasps that were tried beforehand.
+    /// Precomputed grasps.
     pub grasps: &'a GraspLibrary,
-    /// Who proposes the expert's grasps from images instead.
-    pub seeing: Option<&'a Arc<dyn SeenGrasps>>,
-    /// Makes the policy that acts first and is corrected.
+    /// Grasp proposals from images, instead of precomputed grasps.
+    pub grasp_proposer: Option<&'a Arc<dyn GraspProposer>>,
+    /// Creates the policy that acts first and is corrected.
     pub corrected: Option<&'a MakeCorrected<'a>>,
 }
 
-/// Makes the policy that is corrected, for the episodes of a stage.
+/// Creates the policy to correct, for the episodes of a stage.
 pub type MakeCorrected<'a> = dyn Fn(&Stage) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
 impl<'a> Resources<'a> {
-    /// The process's objects and grasps, with a planner.
+    /// The built-in objects and grasps, with a planner.
     pub fn builtin(planner: &'a Arc<Planner>) -> Self {
         Self {
             catalogue: Catalogue::builtin(),
             planner,
             grasps: GraspLibrary::builtin(),
-            seeing: None,
+            grasp_proposer: None,
             corrected: None,
         }
     }
 }
 
-/// One attempt to be made.
+/// One attempt of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attempt<'a> {
     /// The task.
     pub task: &'a Task,
-    /// Number among the task's attempts.
+    /// Index among the task's attempts.
     pub number: u64,
-    /// Stream of this attempt.
+    /// Random stream of the attempt.
     pub seed: Seed,
 }
 
 impl<'a> Attempt<'a> {
-    /// All attempts of a run, task by task.
+    /// All attempts of a run, in the order of the tasks.
     pub fn all(tasks: &'a [Task], per_task: usize, seed: Seed) -> Vec<Self> {
         let of_task = |task: &'a Task| (0..per_task as u64).map(move |number| Self::of(task, number, seed));
         tasks.iter().flat_map(of_task).collect()
     }
 
-    /// One attempt of a run with that seed.
+    /// Attempt of a run with the given seed.
     pub fn of(task: &'a Task, number: u64, seed: Seed) -> Self {
         Self { task, number, seed: seed.fork("attempt").fork(&task.id).fork_index(number) }
     }
 
-    /// Name of the attempt, of its scenario and of its episode folder.
+    /// Id of the attempt, its scenario and its episode.
     pub fn id(&self) -> String {
         attempt_id(&self.task.id, self.number)
     }
 
-    /// The frozen layout of this attempt.
+    /// Generates the scenario of the attempt.
     ///
     /// # Errors
-    /// When the task cannot be laid out.
+    /// If no layout of the task is found.
     pub fn scenario(
         &self,
         resources: Resources,
@@ -166,15 +166,15 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Name of an attempt, of its scenario and of its episode folder.
+/// Id of an attempt, its scenario and its episode.
 pub fn attempt_id(task: &str, number: u64) -> String {
     format!("{task}-{number:03}")
 }
 
-/// Makes an attempt with its pictures, or what the store lacks of it; says whether its result was there already.
+/// Completes an attempt in the store, with its images; also returns whether its result was already there.
 ///
 /// # Errors
-/// A defect. A task that cannot be solved is a result, not an error.
+/// On internal errors. A task that cannot be solved gives a failed result, not an error.
 pub fn complete(
     attempt: &Attempt,
     resources: Resources,
@@ -197,9 +197,9 @@ pub fn complete(
             Ok(episode) => {
                 let scenario = Arc::new(episode.scenario.clone());
                 let stage = Stage::open(scenario, resources.catalogue, resources.planner.robot())?;
-                store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
+                store.attach_tracks(&id, &images::render_tracks(&stage, &episode, images)?)?;
             }
-            // A damaged episode gets no pictures; whoever reads it finds it again.
+            // A damaged episode gets no images; it is reported when it is read.
             Err(error) if error.is_damage() => {}
             Err(error) => return Err(error.into()),
         }
@@ -207,7 +207,7 @@ pub fn complete(
     Ok((result, was_there))
 }
 
-/// One attempt from layout to store.
+/// Runs one attempt and stores it.
 fn make(
     attempt: &Attempt,
     resources: Resources,
@@ -226,7 +226,7 @@ fn make(
     }
 }
 
-/// Another program that shares the work may have been quicker; its attempt is the same.
+/// A concurrent process may have stored the same attempt.
 fn kept(written: Result<(), DataError>, id: &str, store: &EpisodeStore) -> Result<(), DataError> {
     match written {
         Err(DataError::Exists { .. }) if store.contains(id) => Ok(()),
@@ -234,10 +234,10 @@ fn kept(written: Result<(), DataError>, id: &str, store: &EpisodeStore) -> Resul
     }
 }
 
-/// Makes one attempt and keeps nothing but its result.
+/// Runs one attempt and returns its result without storing anything.
 ///
 /// # Errors
-/// A defect; a task that cannot be solved is a result.
+/// On internal errors; a task that cannot be solved gives a failed result.
 pub fn trial(
     attempt: &Attempt,
     resources: Resources,
@@ -246,7 +246,7 @@ pub fn trial(
     Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |episode| episode.result))
 }
 
-/// One attempt: layout, then the expert; only a result where no layout was found.
+/// Generates the layout and runs the expert; only a result if no layout was found.
 fn play(
     attempt: &Attempt,
     resources: Resources,
@@ -262,8 +262,8 @@ fn play(
     }
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot())?;
     let mut expert = Expert::new(&stage, resources.planner, resources.grasps, settings.expert.clone())?;
-    if let Some(source) = resources.seeing {
-        expert = expert.seeing(Arc::clone(source));
+    if let Some(source) = resources.grasp_proposer {
+        expert = expert.with_grasp_proposer(Arc::clone(source));
     }
     let (id, seed, rollout) = (attempt.id(), attempt.seed, &settings.rollout);
     Ok(Ok(match resources.corrected {
@@ -301,7 +301,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
     }
 }
 
-/// Maps jobs over worker threads; results come back in the order of the jobs, stopped jobs are left out.
+/// Maps jobs in worker threads; results are in the order of the jobs, without those stopped.
 ///
 /// # Errors
 /// As [`in_parallel_each`].
@@ -316,11 +316,11 @@ pub fn in_parallel<J: Sync, R: Send, E: Send>(
     Ok(results)
 }
 
-/// Maps jobs over worker threads and delivers each result, in the order of the jobs, as soon as it and those before it are
-/// there; stopped jobs are left out.
+/// Maps jobs in worker threads; passes each result to `deliver` in the order of the jobs as soon as possible, without
+/// those stopped.
 ///
 /// # Errors
-/// The first failure in the order of the jobs; no job begins after one has failed, and nothing behind it is delivered.
+/// The first error in the order of the jobs; no further job starts after it, and no later result is delivered.
 pub fn in_parallel_each<J: Sync, R: Send, E: Send>(
     jobs: &[J],
     workers: usize,
@@ -344,7 +344,7 @@ pub fn in_parallel_each<J: Sync, R: Send, E: Send>(
     };
     std::thread::scope(|scope| {
         let wanted = workers.clamp(1, jobs.len().max(1));
-        // Where the system gives no more threads, the work goes on with those there are, in the last place with this one.
+        // If the system refuses more threads, those running do all the work, in the worst case this one.
         let given = (0..wanted).take_while(|_| std::thread::Builder::new().spawn_scoped(scope, run).is_ok()).count();
         if given == 0 {
             run();
@@ -353,10 +353,10 @@ pub fn in_parallel_each<J: Sync, R: Send, E: Send>(
     delivery.into_inner().unwrap_or_else(PoisonError::into_inner).failed.map_or(Ok(()), Err)
 }
 
-/// Results on their way back into the order of their jobs.
+/// Restores the order of the jobs for delivery.
 struct Delivery<'a, R, E> {
     delivered: usize,
-    /// By index of the job, those that came before their turn.
+    /// Early results by job index.
     waiting: BTreeMap<usize, Result<R, E>>,
     failed: Option<E>,
     deliver: &'a mut (dyn FnMut(R) + Send),

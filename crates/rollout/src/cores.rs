@@ -1,7 +1,7 @@
-//! Processor cores that many episodes share.
+//! Processor cores shared by many episodes.
 //!
-//! An episode holds a core while it computes and lends it to the others while it waits for a service, so that more
-//! episodes can be under way than there are cores.
+//! An episode holds a core while it computes and lends it to others while it waits for a service, so that more episodes
+//! can run than there are cores.
 
 use std::cell::Cell;
 use std::cmp::Reverse;
@@ -9,15 +9,15 @@ use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 thread_local! {
-    /// Length of the episode for which this thread holds a core, of whichever [`Cores`]: a thread works on one episode
-    /// at a time.
+    /// Length of the episode for which this thread holds a core of any [`Cores`]: a thread works on one episode at a
+    /// time.
     static HOLDS: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
-/// A number of cores, given to the longest episode that waits; among equals, in the order in which they asked.
+/// Fixed number of cores, given to the longest waiting episode; among equals, first come, first served.
 ///
-/// A long episode waits for its service many times, one after the other. Were it to wait for cores as well, it would
-/// still be under way, alone, when all others have ended.
+/// A long episode waits for its service many times in sequence. If it also waited for cores, it would still be running,
+/// alone, after all others have ended.
 ///
 /// ```
 /// use genmanip_rollout::Cores;
@@ -25,7 +25,7 @@ thread_local! {
 /// let steps = 3;
 /// let core = cores.hold(steps);
 /// // While this thread waits for a service, another one may compute.
-/// assert_eq!(cores.lend(|| "what the service said"), "what the service said");
+/// assert_eq!(cores.lend(|| "response"), "response");
 /// ```
 #[derive(Debug)]
 pub struct Cores {
@@ -36,39 +36,38 @@ pub struct Cores {
 #[derive(Debug)]
 struct State {
     free: usize,
-    /// The threads that wait, the next one first: length of the episode, and ticket.
+    /// Waiting threads in order: episode length and ticket.
     waiting: BTreeSet<(Reverse<usize>, u64)>,
     next_ticket: u64,
 }
 
-/// Says that this thread holds a core; dropping it gives the core back.
+/// Guard of a held core; dropping it returns the core.
 #[derive(Debug)]
 #[must_use]
 pub struct HeldCore<'a>(&'a Cores);
 
 impl Cores {
-    /// `count` cores, at least one.
+    /// Creates `count` cores, at least one.
     pub fn new(count: usize) -> Self {
         let state = State { free: count.max(1), waiting: BTreeSet::new(), next_ticket: 0 };
         Self { state: Mutex::new(state), freed: Condvar::new() }
     }
 
-    /// Waits for a core for an episode of so many steps, or whatever else says which one is longer; a thread holds at
-    /// most one.
+    /// Waits for a core for an episode of `length` steps (any measure of length); a thread holds at most one.
     pub fn hold(&self, length: usize) -> HeldCore<'_> {
         self.take(length);
         HeldCore(self)
     }
 
-    /// Gives this thread's core to others while `wait` runs, then waits for one again; a thread without a core just
-    /// runs `wait`.
+    /// Lends this thread's core to others while `wait` runs, then waits for one again; without a core, just runs
+    /// `wait`.
     pub fn lend<T>(&self, wait: impl FnOnce() -> T) -> T {
         let Some(length) = HOLDS.get() else {
             return wait();
         };
         self.give_back();
-        // Taken again also when `wait` panics, since the held core is given back when it is dropped.
-        let _again = TakeAgain(self, length);
+        // Reacquired even if `wait` panics, because the guard of the held core returns it when dropped.
+        let _reacquire = Reacquire(self, length);
         wait()
     }
 
@@ -105,9 +104,9 @@ impl Drop for HeldCore<'_> {
     }
 }
 
-struct TakeAgain<'a>(&'a Cores, usize);
+struct Reacquire<'a>(&'a Cores, usize);
 
-impl Drop for TakeAgain<'_> {
+impl Drop for Reacquire<'_> {
     fn drop(&mut self) {
         self.0.take(self.1);
     }
@@ -121,10 +120,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_more_compute_than_there_are_cores_and_waiting_takes_none() {
+    fn computing_is_limited_to_the_cores_and_waiting_needs_none() {
         let (cores, threads) = (Cores::new(2), 8);
         let (computing, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        // It opens only when all wait at the same time: with cores held while waiting, this would not end.
+        // Opens only when all threads wait at the same time; with cores held while waiting, the test would not end.
         let all_wait = Barrier::new(threads);
         let compute = || {
             let now = computing.fetch_add(1, Ordering::SeqCst) + 1;
@@ -147,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_goes_first_and_equals_in_turn() {
+    fn the_longest_episode_goes_first() {
         let cores = Cores::new(1);
         let order = Mutex::new(Vec::new());
         std::thread::scope(|scope| {

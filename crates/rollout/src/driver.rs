@@ -1,4 +1,4 @@
-//! Actions of a contract drive the environment: what the episode loop and programs that step by themselves share.
+//! Execution of actions in the environment, shared by the episode loop and programs that step on their own.
 
 use genmanip_core::{GoalVerdict, Observation, PolicySpec};
 
@@ -6,38 +6,38 @@ use crate::adapter::{Adapter, ArmReference, NativeAction, Pending};
 use crate::environment::{Environment, Event};
 use crate::{RolloutError, RolloutSettings, Stage};
 
-/// Turns actions of one contract into control steps of an environment.
+/// Executes actions of one specification as control steps of an environment.
 #[derive(Clone, Debug)]
 pub struct Driver {
     adapter: Adapter,
-    /// Arm joint positions when the chunk was asked for, rad.
+    /// Arm joint positions when the chunk was requested, rad.
     chunk_start: Vec<f64>,
-    /// What the actions before asked for and was not done yet.
+    /// Part of the path that earlier actions left unexecuted.
     pending: Pending,
 }
 
-/// What one action led to.
+/// Outcome of one action.
 #[derive(Clone, Debug, Default)]
 pub struct Turn {
-    /// Control steps that were made.
+    /// Number of control steps executed.
     pub steps: usize,
-    /// The goal's last verdict on the way, where the environment judged it.
+    /// Last goal verdict during the action, if any.
     pub verdict: Option<GoalVerdict>,
-    /// What happened.
+    /// Events during the action.
     pub events: Vec<Event>,
-    /// The goal has held for the settling time, and the settings say to stop then.
+    /// The goal has held for the settling time and the settings say to stop then.
     pub terminated: bool,
-    /// The longest allowed time is over.
+    /// The time limit is reached.
     pub truncated: bool,
-    /// The episode ended before the action did.
+    /// The episode ended before the action was completed.
     pub cut_off: bool,
 }
 
 impl Driver {
-    /// For the actions of a policy on a stage.
+    /// Driver for the actions of a policy on a stage.
     ///
     /// # Errors
-    /// A contract, rate, camera or state that the environment does not serve.
+    /// If the environment does not support the specification, rate, cameras or state keys.
     pub fn new(spec: &PolicySpec, stage: &Stage, settings: &RolloutSettings) -> Result<Self, RolloutError> {
         let repeat = check_spec(spec, stage)?;
         let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
@@ -45,20 +45,20 @@ impl Driver {
         Ok(Self { adapter, chunk_start: stage.scenario.world.robot.home.clone(), pending: Pending::default() })
     }
 
-    /// Says that a chunk of actions was asked for now.
+    /// Records the reference of a new chunk of actions.
     ///
     /// # Errors
-    /// Before the environment's first reset.
+    /// If the environment was not reset.
     pub fn begin_chunk(&mut self, environment: &Environment) -> Result<(), RolloutError> {
         self.chunk_start = environment.joint_positions()?;
         Ok(())
     }
 
-    /// Carries out an action, as far as time is left.
+    /// Executes an action, within the time limit.
     ///
     /// # Errors
-    /// [`RolloutError::Action`] for what is no action, or asks for a pose out of reach: nothing has changed then.
-    /// What [`Environment::step`] refuses.
+    /// [`RolloutError::Action`] for an invalid or unreachable action, with the environment unchanged; errors of
+    /// [`Environment::step`].
     pub fn act(&mut self, environment: &mut Environment, action: &[f32]) -> Result<Turn, RolloutError> {
         if environment.steps_left() == 0 {
             return Ok(Turn { truncated: true, cut_off: true, ..Turn::default() });
@@ -70,21 +70,21 @@ impl Driver {
         let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start, pending };
         let NativeAction { commands, pending } = self.adapter.to_native(action, from)?;
         self.pending = pending;
-        carry_out(environment, &commands)
+        execute(environment, &commands)
     }
 
-    /// Holds the command in force for as long as an action lasts.
+    /// Holds the command in force for the duration of an action.
     ///
     /// # Errors
-    /// What [`Environment::step`] refuses.
+    /// Errors of [`Environment::step`].
     pub fn hold(&mut self, environment: &mut Environment) -> Result<Turn, RolloutError> {
         let commands = vec![environment.command()?; self.adapter.repeat()];
-        carry_out(environment, &commands)
+        execute(environment, &commands)
     }
 }
 
-/// Makes one control step per command, as far as time is left and the goal has not held long enough.
-fn carry_out(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Turn, RolloutError> {
+/// Executes one control step per command, until the time limit or the goal's settling time is reached.
+fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Turn, RolloutError> {
     let left = environment.steps_left();
     let mut turn = Turn { truncated: left == 0, ..Turn::default() };
     for command in commands.iter().take(left) {
@@ -101,7 +101,7 @@ fn carry_out(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Tur
     Ok(turn)
 }
 
-/// How many control steps one action lasts; refuses what the environment cannot serve.
+/// Control steps per action; fails if the environment does not support the specification.
 fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     let refuse = |reason: String| Err(RolloutError::Spec { policy: spec.name.clone(), reason });
     let control_rate_hz = stage.control_rate_hz();
@@ -110,18 +110,18 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
         return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
     }
     if let Some(key) = spec.state_keys.iter().find(|key| *key != Observation::STATE) {
-        return refuse(format!("unknown state key `{key}`, there is `{}`", Observation::STATE));
+        return refuse(format!("unknown state key `{key}`, expected `{}`", Observation::STATE));
     }
     for (index, request) in spec.cameras.iter().enumerate() {
         if let Err(error) = stage.camera(request) {
             return refuse(error.to_string());
         }
         if spec.cameras[..index].iter().any(|other| other.name == request.name) {
-            return refuse(format!("camera `{}` is asked for twice", request.name));
+            return refuse(format!("camera `{}` is requested twice", request.name));
         }
         if request.channels.ids && !spec.privileged {
             return refuse(format!(
-                "camera `{}` is asked for instance ids, which are simulator truth: expected a privileged policy",
+                "camera `{}` requests instance ids, which are simulator ground truth: expected a privileged policy",
                 request.name
             ));
         }

@@ -1,10 +1,10 @@
-//! The environment: a scenario that anyone can step, observe, judge, save and restore.
+//! The environment: a scenario to step, observe, judge, save and restore.
 //!
-//! The episode loop, and whatever else drives the robot, drives this one.
-//! Two places step a simulation themselves and say why: grasp trials, and the bit-exact replay.
+//! The episode loop and all other drivers of the robot use it. Two exceptions step a simulation themselves and state
+//! why: grasp trials, and bit-exact replay.
 //!
 //! ```text
-//! reset(stage, seed) ─► step(command)… ─► settle() ─► finish(how it ended) ─► Episode
+//! reset(stage, seed) ─► step(command)… ─► settle() ─► finish(conclusion) ─► Episode
 //!                        │ observe() · truth() · verdict() · save() / restore() at any time
 //! ```
 
@@ -17,78 +17,80 @@ use genmanip_core::{
 use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
-use crate::images::{Exposure, Painter, sensor_seed};
+use crate::images::{Exposure, StageRenderer, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
-/// So long after the hand last held something it is still letting go of it, s.
-const LETTING_GO_S: f64 = 1.0;
+/// Time after the last grip during which contact with the object counts as part of the release, s.
+const RELEASE_S: f64 = 1.0;
 
-/// An episode under way, or none before the first [`Environment::reset`].
+/// Environment with an episode in progress, or none before the first [`Environment::reset`].
 ///
-/// Everything that happens is a function of the stage and of the commands; the seed only names the episode's stream.
+/// The course of the episode is a function of the stage and the commands; the seed only identifies the episode's random
+/// stream.
 #[derive(Debug)]
 pub struct Environment {
     settings: RolloutSettings,
     session: Option<Session>,
-    /// Kept from episode to episode of the same stage.
-    painter: Option<Painter>,
+    /// Reused by all episodes of the same stage.
+    renderer: Option<StageRenderer>,
 }
 
-/// What one control step led to.
+/// Result of one control step.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// After the step, without images and simulator truth; see [`Environment::observe`] and [`Environment::truth`].
+    /// State after the step, without images and simulator ground truth; see [`Environment::observe`] and
+    /// [`Environment::truth`].
     pub observation: Observation,
-    /// The goal's verdict, at those steps where the loop judges: every `judge_every`, and after settling.
+    /// Goal verdict, if this step was judged: every `judge_every` steps, and after settling.
     pub verdict: Option<GoalVerdict>,
     /// The goal has held for the settling time and the settings say to stop then, or the episode has settled.
     pub terminated: bool,
-    /// The longest allowed time is over.
+    /// The time limit is reached.
     pub truncated: bool,
-    /// What happened during the step.
+    /// Events during the step.
     pub events: Vec<Event>,
 }
 
-/// Something that happened.
+/// An event of an episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// Start of the control interval in which it happened; for the goal, the time it was judged.
+    /// Start of the control interval of the event; for goal events, the time of the verdict.
     pub time_s: f64,
-    /// What happened.
+    /// Kind of event.
     pub kind: EventKind,
 }
 
-/// What can happen.
+/// Kinds of events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
-    /// Both fingers began to press on an object, by its index.
+    /// Both fingers started to press on the object with this index.
     Grasped(usize),
-    /// They no longer do.
+    /// The grip on the object with this index ended.
     Released(usize),
-    /// A link of the robot began to touch what it should not, or what it touches changed.
+    /// A link of the robot started to touch something it should not, or the touched body changed.
     StrayContact([BodyId; 2]),
-    /// The goal holds, and did not when it was judged before.
+    /// The goal holds, and did not at the previous verdict.
     GoalReached,
-    /// The goal does not hold any more.
+    /// The goal no longer holds.
     GoalLost,
 }
 
-/// Who acted in an episode and how it ended, as only the driver knows.
+/// Facts about the end of an episode that only the driver knows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conclusion<'a> {
-    /// Name of the episode, usable as a file name.
+    /// Id of the episode, usable as a file name.
     pub id: &'a str,
     /// Name of the policy.
     pub policy: &'a str,
-    /// Whether it read simulator truth.
+    /// True if the policy read simulator ground truth.
     pub oracle: bool,
-    /// How it ended.
+    /// Ending of the episode.
     pub ending: Ending,
-    /// Why the policy gave up, in its own words.
-    pub word: Option<Failure>,
+    /// The policy's reason for giving up, if it did.
+    pub gave_up: Option<Failure>,
 }
 
-/// Everything an episode's continuation depends on, at one moment: simulation, judge's memory, recording and events.
+/// Complete state of an episode at one moment: simulation, judge's memory, recording and events.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
     stage: Stage,
@@ -98,7 +100,7 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// The simulation's complete state.
+    /// Complete state of the simulation.
     pub fn state(&self) -> &[f64] {
         &self.state
     }
@@ -110,43 +112,43 @@ struct Session {
     seed: Seed,
     sim: Sim,
     record: Record,
-    /// The scene as relations see it, of which a look moves only what the goal depends on.
-    seen: PosedScene,
+    /// Geometry for relations; during the episode, only the objects that the goal depends on are updated.
+    scene: PosedScene,
 }
 
-/// What has become of the episode so far, the simulation's own state apart.
+/// Recording of the episode so far, without the simulation state.
 #[derive(Clone, Debug)]
 struct Record {
     initial_state: Vec<f64>,
     frames: Vec<Frame>,
     events: Vec<Event>,
     success_once: bool,
-    /// Number of control steps after which the goal was first seen to hold without having been lost since.
+    /// Number of control steps when the goal was first seen to hold, if it has held since.
     held_since: Option<usize>,
     worst_stray_n: f64,
     stray_contact: Option<StrayContact>,
     /// Bodies of the stray contact in the last interval.
-    touching: Option<[BodyId; 2]>,
-    /// The object that was in the hand last, and when.
-    last_held: Option<(usize, f64)>,
-    /// State each object was in when it was last judged: a state lasts until it is clearly left.
+    stray_bodies: Option<[BodyId; 2]>,
+    /// Object gripped last, and time of the last grip.
+    last_gripped: Option<(usize, f64)>,
+    /// State of each object at the last verdict, for hysteresis: a state lasts until it is clearly left.
     joint_states: Vec<Option<String>>,
     /// Number of control steps before settling, and the verdict after it.
     settled: Option<(usize, GoalVerdict)>,
 }
 
 impl Environment {
-    /// An environment without an episode.
+    /// Environment without an episode.
     pub fn new(settings: RolloutSettings) -> Self {
-        Self { settings, session: None, painter: None }
+        Self { settings, session: None, renderer: None }
     }
 
-    /// How long episodes last and when things count as being at rest.
+    /// Settings of the episodes.
     pub fn settings(&self) -> &RolloutSettings {
         &self.settings
     }
 
-    /// Begins an episode at the stage's start; whatever was under way is dropped.
+    /// Starts an episode in the stage's initial state; any episode in progress is dropped.
     pub fn reset(&mut self, stage: &Stage, seed: Seed) -> Observation {
         let sim = Sim::new(Arc::clone(&stage.scene));
         let record = Record {
@@ -157,20 +159,20 @@ impl Environment {
             held_since: None,
             worst_stray_n: 0.0,
             stray_contact: None,
-            touching: None,
-            last_held: None,
+            stray_bodies: None,
+            last_gripped: None,
             joint_states: joint_states(stage.start(), &stage.relations),
             settled: None,
         };
-        let seen = stage.start().clone();
-        self.session.insert(Session { stage: stage.clone(), seed, sim, record, seen }).observation()
+        let scene = stage.start().clone();
+        self.session.insert(Session { stage: stage.clone(), seed, sim, record, scene }).observation()
     }
 
-    /// Runs one control interval with a native command: arm joint targets and the gripper's opening width.
+    /// Runs one control interval with a native command: arm joint targets [rad], then gripper opening [m].
     ///
     /// # Errors
-    /// Before the first reset, after the episode is over, for a command of the wrong length or not finite (nothing has
-    /// changed then), and when the simulation becomes unstable.
+    /// If the environment was not reset, the episode is over, the command has the wrong length or is not finite
+    /// (nothing changes in these cases), or the simulation becomes unstable.
     pub fn step(&mut self, command: &[f32]) -> Result<Step, RolloutError> {
         let session = self.session.as_mut().ok_or(RolloutError::NotReset)?;
         if session.is_terminated(&self.settings) || session.is_truncated(&self.settings) {
@@ -179,11 +181,11 @@ impl Environment {
         session.step(command, &self.settings)
     }
 
-    /// Holds the last command for the settling time and judges the goal: the terminal observation with the final
-    /// verdict. The robot's home is held when there was no command. Settling again changes nothing.
+    /// Holds the last command (the robot's home if there was none) for the settling time and judges the goal: the
+    /// terminal observation with the final verdict. Idempotent.
     ///
     /// # Errors
-    /// Before the first reset, and when the simulation becomes unstable.
+    /// If the environment was not reset, or the simulation becomes unstable.
     pub fn settle(&mut self) -> Result<Step, RolloutError> {
         let session = self.session.as_mut().ok_or(RolloutError::NotReset)?;
         let known = session.record.events.len();
@@ -204,27 +206,27 @@ impl Environment {
         })
     }
 
-    /// Lets go of what pictures keep for the next ones, some 30 MB per camera; the next ones are the same, and take longer.
-    pub fn forget_pictures(&mut self) {
-        self.painter = None;
+    /// Drops the per-camera render caches, about 30 MB per camera; the next images are the same but take longer.
+    pub fn drop_render_caches(&mut self) {
+        self.renderer = None;
     }
 
-    /// What is seen now: the robot's own state, and an image per request, drawn from the present state.
+    /// Observation now: the robot's state, and one image per request, rendered from the current state.
     ///
-    /// It may be asked at any time, also before the first step and after settling; simulator truth is apart, see
-    /// [`Environment::truth`].
+    /// May be called at any time, also before the first step and after settling. Simulator ground truth is separate,
+    /// see [`Environment::truth`].
     ///
     /// # Errors
-    /// Before the first reset, and for a camera that is not there or cannot be drawn.
+    /// If the environment was not reset, a camera does not exist, or rendering fails.
     pub fn observe(&mut self, cameras: &[CameraRequest]) -> Result<Observation, RolloutError> {
         let session = self.session.as_ref().ok_or(RolloutError::NotReset)?;
         let mut observation = session.observation();
         if cameras.is_empty() {
             return Ok(observation);
         }
-        let painter = match self.painter.take().filter(|painter| painter.is_of(&session.stage)) {
-            Some(painter) => self.painter.insert(painter),
-            None => self.painter.insert(Painter::new(&session.stage)?),
+        let renderer = match self.renderer.take().filter(|renderer| renderer.is_of(&session.stage)) {
+            Some(renderer) => self.renderer.insert(renderer),
+            None => self.renderer.insert(StageRenderer::new(&session.stage)?),
         };
         let seen = cameras.iter().map(|request| session.stage.camera(request)).collect::<Result<Vec<_>, _>>()?;
         let views: Vec<_> = seen.iter().zip(cameras).map(|(camera, request)| (camera, request.channels)).collect();
@@ -233,63 +235,64 @@ impl Environment {
         let before = &session.record.frames[..];
         let noise = sensor_seed(session.seed, before.len());
         let exposure = Exposure { noise, before, step_s: 1.0 / session.stage.control_rate_hz() };
-        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views, exposure)?;
+        let images = renderer.render_state(&arm, session.sim.gripper_width(), objects, &views, exposure)?;
         observation.images =
             cameras.iter().map(|request| request.name.clone()).zip(images.into_iter().map(Arc::new)).collect();
         Ok(observation)
     }
 
-    /// Simulator truth, for privileged policies only.
+    /// Simulator ground truth, for privileged policies only.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn truth(&mut self) -> Result<PrivilegedState, RolloutError> {
         let sim = &mut self.session.as_mut().ok_or(RolloutError::NotReset)?.sim;
         Ok(PrivilegedState { objects: sim.object_states(), grasped: sim.grasped() })
     }
 
-    /// Where the objects are: the part of the truth that costs next to nothing.
+    /// States of the objects, the cheap part of the ground truth.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn objects(&self) -> Result<Vec<ObjectState>, RolloutError> {
         self.session.as_ref().map(|session| session.sim.object_states()).ok_or(RolloutError::NotReset)
     }
 
-    /// The goal as it is now, nothing held and nothing moving; the judge's memory of joint states is left alone.
+    /// Verdict of the current state, with rest and release required; does not update the judge's memory of joint
+    /// states.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn verdict(&mut self) -> Result<GoalVerdict, RolloutError> {
         let session = self.session.as_mut().ok_or(RolloutError::NotReset)?;
         Ok(session.judge(&self.settings).0)
     }
 
-    /// Why the episode would fail if it ended now, judged as at its end but without any further settling; a policy that
-    /// gave up has its word. Empty where the goal holds.
+    /// Failures of the episode if it ended now, judged without further settling; includes the policy's reason `gave_up`
+    /// for giving up. Empty if the goal holds.
     ///
     /// # Errors
-    /// Before the first reset.
-    pub fn failures(&mut self, word: Option<Failure>) -> Result<Vec<Failure>, RolloutError> {
+    /// If the environment was not reset.
+    pub fn failures(&mut self, gave_up: Option<Failure>) -> Result<Vec<Failure>, RolloutError> {
         let verdict = self.verdict()?;
         let Session { stage, record, .. } = self.session.as_ref().ok_or(RolloutError::NotReset)?;
         if verdict.success {
             return Ok(Vec::new());
         }
-        Ok(evidence::explain(stage, &record.frames, &verdict, word, &self.settings))
+        Ok(evidence::explain(stage, &record.frames, &verdict, gave_up, &self.settings))
     }
 
-    /// Control steps that are left before the longest allowed time is over; 0 without an episode.
+    /// Control steps left before the time limit; 0 without an episode.
     pub fn steps_left(&self) -> usize {
         self.session.as_ref().map_or(0, |session| {
             steps_in(self.settings.horizon_s, &session.stage).saturating_sub(session.record.frames.len())
         })
     }
 
-    /// The command in force, native: the last one as applied; the robot's home before the first step.
+    /// Native command in force: the last one as applied; the robot's home before the first step.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn command(&self) -> Result<Vec<f32>, RolloutError> {
         self.session.as_ref().map(Session::last_command).ok_or(RolloutError::NotReset)
     }
@@ -297,50 +300,50 @@ impl Environment {
     /// Arm joint positions, rad.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn joint_positions(&self) -> Result<Vec<f64>, RolloutError> {
         self.session.as_ref().map(|session| session.sim.joint_positions()).ok_or(RolloutError::NotReset)
     }
 
-    /// Control steps so far.
+    /// Frames recorded so far, one per control step.
     pub fn frames(&self) -> &[Frame] {
         self.session.as_ref().map_or(&[], |session| &session.record.frames)
     }
 
-    /// What has happened so far.
+    /// Events so far.
     pub fn events(&self) -> &[Event] {
         self.session.as_ref().map_or(&[], |session| &session.record.events)
     }
 
-    /// Ends the episode, settling it if that has not been done: the recording with its judged result.
+    /// Ends the episode, after settling if not yet settled: the recording with its result.
     ///
     /// # Errors
-    /// Before the first reset, and when the simulation becomes unstable.
+    /// If the environment was not reset, or the simulation becomes unstable.
     pub fn finish(&mut self, conclusion: Conclusion) -> Result<Episode, RolloutError> {
         self.settle()?;
         let session = self.session.take().ok_or(RolloutError::NotReset)?;
         session.finish(conclusion, &self.settings)
     }
 
-    /// Everything the continuation depends on.
+    /// Saves the complete state of the episode.
     ///
     /// # Errors
-    /// Before the first reset.
+    /// If the environment was not reset.
     pub fn save(&self) -> Result<Snapshot, RolloutError> {
         let Session { stage, seed, sim, record, .. } = self.session.as_ref().ok_or(RolloutError::NotReset)?;
         Ok(Snapshot { stage: stage.clone(), seed: *seed, state: sim.state(), record: record.clone() })
     }
 
-    /// Goes back to a saved moment, of this or another episode: the same commands then lead to the same bytes.
+    /// Restores a snapshot of this or another episode: the same commands then give the same bytes.
     ///
     /// # Errors
-    /// When the physics engine refuses the state.
+    /// If the physics engine rejects the state.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), RolloutError> {
         let Snapshot { stage, seed, state, record } = snapshot.clone();
         let mut sim = Sim::new(Arc::clone(&stage.scene));
         sim.set_state(&state)?;
-        let seen = stage.start().clone();
-        self.session = Some(Session { stage, seed, sim, record, seen });
+        let scene = stage.start().clone();
+        self.session = Some(Session { stage, seed, sim, record, scene });
         Ok(())
     }
 }
@@ -359,11 +362,11 @@ impl Session {
     fn step(&mut self, command: &[f32], settings: &RolloutSettings) -> Result<Step, RolloutError> {
         let frame = self.sim.control_step(command)?;
         let mut events = self.events_of(&frame);
-        self.note_stray(&frame);
+        self.record_stray_contact(&frame);
         self.record.frames.push(frame);
         let frames = self.record.frames.len();
         let verdict = frames.is_multiple_of(settings.judge_every.max(1)).then(|| {
-            let (verdict, states) = self.look(settings);
+            let (verdict, states) = self.judge_incrementally(settings);
             self.record.joint_states = states;
             verdict
         });
@@ -398,7 +401,7 @@ impl Session {
         frames >= steps_in(settings.horizon_s, &self.stage)
     }
 
-    /// What a frame shows that the one before did not.
+    /// Events of a frame, relative to the previous one.
     fn events_of(&mut self, frame: &Frame) -> Vec<Event> {
         let event = |kind| Event { time_s: frame.time_s, kind };
         let before = self.record.frames.last().and_then(|last| last.grasped);
@@ -407,18 +410,18 @@ impl Session {
             events.extend(before.map(|object| event(EventKind::Released(object))));
             events.extend(frame.grasped.map(|object| event(EventKind::Grasped(object))));
         }
-        let touching = self.sim.stray_bodies();
-        if touching != self.record.touching {
-            events.extend(touching.map(|bodies| event(EventKind::StrayContact(bodies))));
-            self.record.touching = touching;
+        let stray_bodies = self.sim.stray_bodies();
+        if stray_bodies != self.record.stray_bodies {
+            events.extend(stray_bodies.map(|bodies| event(EventKind::StrayContact(bodies))));
+            self.record.stray_bodies = stray_bodies;
         }
         events
     }
 
-    /// Keeps who touched what in the hardest stray contact so far.
-    fn note_stray(&mut self, frame: &Frame) {
+    /// Records the bodies of the strongest stray contact so far.
+    fn record_stray_contact(&mut self, frame: &Frame) {
         let record = &mut self.record;
-        record.last_held = frame.grasped.map(|object| (object, frame.time_s)).or(record.last_held);
+        record.last_gripped = frame.grasped.map(|object| (object, frame.time_s)).or(record.last_gripped);
         let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > record.worst_stray_n)
         else {
             return;
@@ -430,9 +433,8 @@ impl Session {
             link: self.stage.scene.body_name(link),
             other: self.stage.scene.body_name(other),
             hand: GripperPhase::of(frame, before),
-            let_go: record.last_held.is_some_and(|(held, last_s)| {
-                matches!(other, BodyId::Object { object, .. } if object == held)
-                    && frame.time_s - last_s <= LETTING_GO_S
+            let_go: record.last_gripped.is_some_and(|(held, last_s)| {
+                matches!(other, BodyId::Object { object, .. } if object == held) && frame.time_s - last_s <= RELEASE_S
             }),
         });
     }
@@ -445,31 +447,31 @@ impl Session {
         self.record.frames.last().map_or_else(start, |frame| frame.command.clone())
     }
 
-    /// A look at the goal on the way: the verdict, and the state each object is in, as [`Session::judge`] but cheaper.
+    /// Verdict and object states, equal to [`Session::judge`] but cheaper.
     ///
-    /// Contacts are computed again only while something is held, or to confirm that the goal holds; until then what the
-    /// last control step began with counts as held. What is held satisfies nothing, so no success is missed or made up.
-    fn look(&mut self, settings: &RolloutSettings) -> (GoalVerdict, Vec<Option<String>>) {
+    /// Contacts are recomputed only while an object is gripped, or to confirm that the goal holds; otherwise the grip at the
+    /// start of the last control step is used. A gripped object satisfies no condition, so the success is still exact.
+    fn judge_incrementally(&mut self, settings: &RolloutSettings) -> (GoalVerdict, Vec<Option<String>>) {
         let objects = self.sim.object_states();
         for &index in self.stage.judged.iter() {
             let object = &objects[index];
-            self.seen.set_pose(index, object.pose, &object.joint_positions);
+            self.scene.set_pose(index, object.pose, &object.joint_positions);
         }
-        self.seen.set_previous_states(self.record.joint_states.iter().cloned());
-        let states = joint_states(&self.seen, &self.stage.relations);
+        self.scene.set_previous_states(self.record.joint_states.iter().cloned());
+        let states = joint_states(&self.scene, &self.stage.relations);
         let was_held = self.record.frames.last().is_some_and(|frame| frame.grasped.is_some());
         let mut rest = Stage::rest(&objects, if was_held { self.sim.grasped() } else { None }, settings);
-        let mut verdict = judge_goal(&self.seen, &self.stage.goal, &rest, &self.stage.relations);
+        let mut verdict = judge_goal(&self.scene, &self.stage.goal, &rest, &self.stage.relations);
         if verdict.success && !was_held {
             rest.held = self.sim.grasped();
             if rest.held.is_some() {
-                verdict = judge_goal(&self.seen, &self.stage.goal, &rest, &self.stage.relations);
+                verdict = judge_goal(&self.scene, &self.stage.goal, &rest, &self.stage.relations);
             }
         }
         (verdict, states)
     }
 
-    /// The verdict, and the state each object is in.
+    /// Verdict and object states.
     fn judge(&mut self, settings: &RolloutSettings) -> (GoalVerdict, Vec<Option<String>>) {
         let objects = self.sim.object_states();
         let rest = Stage::rest(&objects, self.sim.grasped(), settings);
@@ -489,12 +491,12 @@ impl Session {
             let rest = Stage::rest(&objects, self.sim.grasped(), settings);
             judge_goal(&self.stage.posed(&objects), &request.goal, &rest, &self.stage.relations).success
         });
-        let Conclusion { id, policy, oracle, ending, word } = conclusion;
+        let Conclusion { id, policy, oracle, ending, gave_up } = conclusion;
         let Self { stage, seed, sim, record, .. } = self;
-        let word = word.or_else(|| timeout(ending, settings.horizon_s));
+        let gave_up = gave_up.or_else(|| timeout(ending, settings.horizon_s));
         let success = verdict.success;
         let failures =
-            if success { Vec::new() } else { evidence::explain(&stage, &record.frames, &verdict, word, settings) };
+            if success { Vec::new() } else { evidence::explain(&stage, &record.frames, &verdict, gave_up, settings) };
         let path = record.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),
@@ -532,18 +534,18 @@ impl Session {
     }
 }
 
-/// What is said of an episode whose time was over.
+/// Failure of an episode that reached its time limit.
 pub(crate) fn timeout(ending: Ending, after_s: f64) -> Option<Failure> {
     let evidence = || format!("not finished after {after_s} s");
     (ending == Ending::Horizon).then(|| Failure { cause: FailureCause::Timeout, evidence: evidence() })
 }
 
-/// Control steps in a time.
+/// Number of control steps in a time span.
 pub(crate) fn steps_in(time_s: f64, stage: &Stage) -> usize {
     (time_s * stage.control_rate_hz()).round() as usize
 }
 
-/// The state each object is in.
+/// State of each object.
 fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
     (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
 }

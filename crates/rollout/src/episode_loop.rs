@@ -1,4 +1,4 @@
-//! The one loop: a policy drives the environment, episode after episode.
+//! The episode loop: a policy drives the environment.
 
 use std::sync::Arc;
 
@@ -12,13 +12,12 @@ use genmanip_core::{
 
 /// Runs one episode and judges it.
 ///
-/// The policy acts until it says it is finished, gives up or the horizon ends; then the last command is held for
-/// `settle_s` and the goal is judged on posed geometry, nothing held and nothing moving.
+/// The policy acts until it finishes, gives up or reaches the time limit; then the last command is held for `settle_s`
+/// and the goal is judged on posed geometry, with nothing gripped and nothing moving.
 ///
 /// # Errors
-/// A defect: a spec that cannot be served, or a simulation that becomes unstable.
-/// [`RolloutError::NotRun`] when the policy cannot be reached: the episode may be tried again.
-/// A policy that fails is a result, not an error.
+/// On internal errors: an unsupported policy specification, or an unstable simulation. [`RolloutError::NotRun`] if the
+/// policy is unreachable: the episode may be retried. A policy that fails gives a failed result, not an error.
 pub fn run_episode(
     stage: &Stage,
     policy: &mut dyn Policy,
@@ -26,42 +25,40 @@ pub fn run_episode(
     seed: Seed,
     settings: &RolloutSettings,
 ) -> Result<Episode, RolloutError> {
-    run_watched(stage, policy, id, seed, settings, &mut |_| Ok(()))
+    run_episode_with(stage, policy, id, seed, settings, &mut |_| Ok(()))
 }
 
-/// What is told of the environment before each turn of a policy.
-pub type Watch<'a> = dyn FnMut(&Environment) -> Result<(), RolloutError> + 'a;
+/// Callback before each turn of a policy.
+pub type BeforeTurn<'a> = dyn FnMut(&Environment) -> Result<(), RolloutError> + 'a;
 
-/// [`run_episode`], where `watch` sees the environment before each turn of the policy, for example to save it.
+/// As [`run_episode`], calling `before_turn` before each turn of the policy, for example to save the environment.
 ///
 /// # Errors
-/// As [`run_episode`], and those of `watch`.
-pub fn run_watched(
+/// As [`run_episode`], and those of `before_turn`.
+pub fn run_episode_with(
     stage: &Stage,
     policy: &mut dyn Policy,
     id: &str,
     seed: Seed,
     settings: &RolloutSettings,
-    watch: &mut Watch,
+    before_turn: &mut BeforeTurn,
 ) -> Result<Episode, RolloutError> {
     let mut environment = Environment::new(settings.clone());
     environment.reset(stage, seed);
     let spec = policy.spec();
-    let (ending, word) = act(&mut environment, stage, policy, &spec, seed.fork("policy"), usize::MAX, watch)?;
-    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
+    let (ending, gave_up) = act(&mut environment, stage, policy, &spec, seed.fork("policy"), usize::MAX, before_turn)?;
+    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
 }
 
-/// Share of the longest allowed time after which whoever acts first is taken over from; chosen: the expert needs less
-/// than the other half.
+/// Share of the time limit after which the expert takes over; chosen: the expert needs less than the other half.
 const FIRST_SHARE: f64 = 0.5;
 
-/// Runs an episode in which `first` acts and, where it fails, `expert` takes over from what it left.
+/// Runs an episode in which `first` acts and `expert` takes over if it fails.
 ///
-/// `first` acts until it says it is finished, gives up or half of the longest allowed time is over. Its last command is
-/// held for `settle_s` and the goal is judged, as at the end of any episode. Where the goal does not hold, the expert
-/// goes on from there: arm, hand and things are left as they are. The result is the expert's then and says in
-/// [`EpisodeResult::correction`](genmanip_core::EpisodeResult::correction) where the correction begins and what was
-/// wrong.
+/// `first` acts until it finishes, gives up or half of the time limit has passed. Its last command is held for
+/// `settle_s` and the goal is judged, as at the end of any episode. If the goal does not hold, the expert continues
+/// from there, with arm, gripper and objects as they are. The result is then the expert's, with the start of the
+/// correction and the failures of `first` in [`EpisodeResult::correction`](genmanip_core::EpisodeResult::correction).
 ///
 /// # Errors
 /// As [`run_episode`].
@@ -77,8 +74,8 @@ pub fn run_corrected(
     environment.reset(stage, seed);
     let spec = first.spec();
     let until = (FIRST_SHARE * environment.steps_left() as f64) as usize;
-    let (ending, word) = act(&mut environment, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
-    let word = word.or_else(|| timeout(ending, FIRST_SHARE * settings.horizon_s));
+    let (ending, gave_up) = act(&mut environment, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
+    let gave_up = gave_up.or_else(|| timeout(ending, FIRST_SHARE * settings.horizon_s));
     let mut is_over = ending == Ending::Success;
     for _ in 0..steps_in(settings.settle_s, stage) {
         if is_over || environment.steps_left() == 0 {
@@ -87,22 +84,21 @@ pub fn run_corrected(
         let command = environment.command()?;
         is_over = environment.step(&command)?.terminated;
     }
-    let failures = environment.failures(word.clone())?;
+    let failures = environment.failures(gave_up.clone())?;
     if is_over || failures.is_empty() {
-        return environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word });
+        return environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up });
     }
     let correction = Correction { policy: spec.name, from_step: environment.frames().len(), failures };
     let spec = expert.spec();
     let seed = seed.fork("correction");
-    let (ending, word) = act(&mut environment, stage, expert, &spec, seed, usize::MAX, &mut |_| Ok(()))?;
+    let (ending, gave_up) = act(&mut environment, stage, expert, &spec, seed, usize::MAX, &mut |_| Ok(()))?;
     let mut episode =
-        environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })?;
+        environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })?;
     episode.result.correction = Some(correction);
     Ok(episode)
 }
 
-/// Tells a policy that an episode begins for it, whatever has become of the environment, and lets it act until so many
-/// control steps are made in all.
+/// Resets a policy and lets it act until `until` control steps have been executed in total.
 fn act(
     environment: &mut Environment,
     stage: &Stage,
@@ -110,7 +106,7 @@ fn act(
     spec: &PolicySpec,
     seed: Seed,
     until: usize,
-    watch: &mut Watch,
+    before_turn: &mut BeforeTurn,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
     let mut driver = Driver::new(spec, stage, environment.settings())?;
     let start = EpisodeStart {
@@ -120,7 +116,7 @@ fn act(
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     match policy.reset(&start) {
-        Ok(()) => drive(environment, policy, spec, &mut driver, until, watch),
+        Ok(()) => drive(environment, policy, spec, &mut driver, until, before_turn),
         Err(error) => gave_up(error, spec),
     }
 }
@@ -137,34 +133,35 @@ pub fn resume_episode(
 ) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
     let mut driver = Driver::new(&spec, stage, environment.settings())?;
-    let (ending, word) = drive(environment, policy, &spec, &mut driver, usize::MAX, &mut |_| Ok(()))?;
-    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
+    let (ending, gave_up) = drive(environment, policy, &spec, &mut driver, usize::MAX, &mut |_| Ok(()))?;
+    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
 }
 
-/// Looks farther apart than this have little in common, s: the arm crosses a tenth of the picture.
-const SELDOM_S: f64 = 0.25;
+/// Minimum interval between observations at which render caches are not worth keeping, s: in that time the arm crosses a
+/// tenth of the image.
+const UNCACHED_INTERVAL_S: f64 = 0.25;
 
-/// Observes, asks and steps until the episode ends or `until` control steps are made; how it ended, and the policy's word
-/// if it gave up.
+/// Observes, queries the policy and steps until the episode ends or `until` control steps have been executed; returns
+/// the ending, and the policy's reason if it gave up.
 fn drive(
     environment: &mut Environment,
     policy: &mut dyn Policy,
     spec: &PolicySpec,
     driver: &mut Driver,
     until: usize,
-    watch: &mut Watch,
+    before_turn: &mut BeforeTurn,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
-    let mut looked_at = None;
+    let mut last_observed_s = None;
     loop {
         if environment.steps_left() == 0 || environment.frames().len() >= until {
             return Ok((Ending::Horizon, None));
         }
-        watch(environment)?;
+        before_turn(environment)?;
         let mut observation = environment.observe(&spec.cameras)?;
-        // A policy that looks seldom often thinks long, beside many others.
-        let since = looked_at.replace(observation.time_s).map(|before| observation.time_s - before);
-        if since.is_none_or(|since_s| since_s > SELDOM_S) {
-            environment.forget_pictures();
+        // A policy that observes rarely often computes long, with many episodes in parallel: save memory.
+        let since = last_observed_s.replace(observation.time_s).map(|before| observation.time_s - before);
+        if since.is_none_or(|since_s| since_s > UNCACHED_INTERVAL_S) {
+            environment.drop_render_caches();
         }
         if spec.privileged {
             observation.privileged = Some(environment.truth()?);
@@ -174,7 +171,7 @@ fn drive(
             Err(error) => return gave_up(error, spec),
         };
         if chunk.actions.is_empty() && !chunk.finished {
-            return Ok(broke("returned no action".into()));
+            return Ok(failed_policy("returned no action".into()));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
         driver.begin_chunk(environment)?;
@@ -186,11 +183,11 @@ fn drive(
             match driver.act(environment, action) {
                 Ok(turn) if turn.terminated => return Ok((Ending::Success, None)),
                 Ok(turn) => cut_off |= turn.cut_off,
-                Err(RolloutError::Action(error)) => return Ok(no_action(error, environment)),
+                Err(RolloutError::Action(error)) => return Ok(invalid_action(error, environment)),
                 Err(error) => return Err(error),
             }
         }
-        // What was cut off, by the horizon or by `execute_steps`, was not finished.
+        // A chunk cut off by the time limit or by `execute_steps` is not finished.
         if chunk.finished && !cut_off {
             return Ok((Ending::Finished, None));
         }
@@ -200,13 +197,13 @@ fn drive(
 fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Failure>), RolloutError> {
     match error {
         PolicyError::GaveUp(failure) => Ok((Ending::GaveUp, Some(failure))),
-        PolicyError::Unsuited(reason) => Ok(broke(reason)),
+        PolicyError::Unsuited(reason) => Ok(failed_policy(reason)),
         PolicyError::Unreachable(reason) => Err(RolloutError::NotRun { policy: spec.name.clone(), reason }),
     }
 }
 
-/// What the policy returned is no action: its failure, and no configuration is one of its causes.
-fn no_action(error: AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
+/// Failure of a policy that returned an invalid or unreachable action.
+fn invalid_action(error: AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
     let cause = match error {
         AdapterError::OutOfReach { .. } => FailureCause::NoIk,
         _ => FailureCause::Policy,
@@ -215,6 +212,6 @@ fn no_action(error: AdapterError, environment: &Environment) -> (Ending, Option<
     (Ending::GaveUp, Some(Failure { cause, evidence }))
 }
 
-fn broke(evidence: String) -> (Ending, Option<Failure>) {
+fn failed_policy(evidence: String) -> (Ending, Option<Failure>) {
     (Ending::GaveUp, Some(Failure { cause: FailureCause::Policy, evidence }))
 }

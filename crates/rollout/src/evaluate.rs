@@ -1,4 +1,4 @@
-//! Evaluating a policy on scenarios: the same loop, the same judge.
+//! Evaluation of a policy on scenarios, with the same episode loop and judge as collection.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,43 +10,43 @@ use crate::cloud_verdict::cloud_verdict;
 use crate::collect::{CollectSettings, Resources, in_parallel};
 use crate::{Cores, RolloutError, Stage, run_episode};
 
-/// One episode to be run.
+/// One episode to run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Name of the episode.
+    /// Id of the episode.
     pub id: String,
-    /// What it starts from.
+    /// Its scenario.
     pub scenario: Arc<Scenario>,
-    /// Stream of the episode.
+    /// Random stream of the episode.
     pub seed: Seed,
-    /// Time that the policy has, s; `None` for that of the settings.
+    /// Time limit, s; `None` for that of the settings.
     pub horizon_s: Option<f64>,
 }
 
-/// Makes the policy for one case, whose scenario was made ready.
+/// Creates the policy for one case and its stage.
 ///
-/// [`RolloutError::NotRun`] says that the policy cannot be reached.
+/// [`RolloutError::NotRun`] means that the policy is unreachable.
 pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
-/// What an evaluation came to.
+/// Result of an evaluation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluated {
-    /// Judged episodes, in the order of the cases.
+    /// Results of the judged episodes, in the order of the cases.
     pub results: Vec<EpisodeResult>,
-    /// Episodes whose policy could not be reached, in the order of the cases.
+    /// Episodes whose policy was unreachable, in the order of the cases.
     pub not_run: Vec<NotRun>,
 }
 
-/// What became of a case: its judged result, or why its policy could not be reached.
+/// Outcome of a case: its result, or the reason why its policy was unreachable.
 pub type Outcome = Result<EpisodeResult, NotRun>;
 
-/// Runs a policy on every case; with a store, episodes are kept in it.
+/// Runs a policy on every case; stores the episodes if a store is given.
 ///
-/// `at_once` episodes are under way; each holds one of `cores` but while its policy lends it to others. Results do not
-/// depend on either. `finished` hears of each case as it ends, from the thread that ran it.
+/// `at_once` episodes run in parallel; each holds one of the `cores` except while its policy lends it. The results
+/// depend on neither. `finished` is called for each case as it ends, in the thread that ran it.
 ///
 /// # Errors
-/// The first defect of any episode, and what `finished` could not do.
+/// The first internal error of any episode, and errors of `finished`.
 pub fn evaluate<E: From<RolloutError> + Send>(
     cases: &[Case],
     make_policy: &MakePolicy,
@@ -58,7 +58,7 @@ pub fn evaluate<E: From<RolloutError> + Send>(
 ) -> Result<Evaluated, E> {
     let outcomes = in_parallel(cases, at_once, stop, &|case| {
         let _core = cores.hold(steps(&case.scenario));
-        // Stopped while it waited for a core.
+        // Stopped while waiting for a core.
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
@@ -77,7 +77,7 @@ pub fn evaluate<E: From<RolloutError> + Send>(
     Ok(evaluated)
 }
 
-/// Things that must be where they are to be: about the number of picks, hence of asks.
+/// Number of conditions of the shortest alternative: a proxy for the number of picks, hence of policy queries.
 fn steps(scenario: &Scenario) -> usize {
     scenario.task.goal.alternatives.iter().map(Vec::len).min().unwrap_or(0)
 }
@@ -89,7 +89,7 @@ fn run(
     settings: &CollectSettings,
     keep: Option<&EpisodeStore>,
 ) -> Result<Result<EpisodeResult, NotRun>, RolloutError> {
-    // Kept by a run that was interrupted before it could tell.
+    // Stored by a run that was interrupted before reporting it.
     if let Some(store) = keep.filter(|store| store.contains(&case.id)) {
         return Ok(Ok(store.read_result(&case.id)?));
     }

@@ -1,39 +1,39 @@
-//! What a failed episode tells about itself: what slipped and when, what was knocked over, by how much a goal was missed.
+//! Failure causes of an episode: slips, knocked-over objects, and the margin of missed conditions.
 //!
-//! It is read from the recorded frames and the final verdict, so it is the same for every policy.
+//! Derived from the recorded frames and the final verdict, hence the same for every policy.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose, Unit};
 
 use crate::{RolloutSettings, Stage};
 
-/// A grip that ended without the hand being opened.
+/// A grip that ended without an opening command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slip {
     /// Index of the object.
     pub object: usize,
-    /// When the fingers no longer both pressed on it.
+    /// Time at which the grip ended.
     pub time_s: f64,
-    /// How long it had been held.
+    /// Duration of the grip.
     pub held_s: f64,
-    /// How far above the place where it was gripped, metres.
+    /// Height above the place where it was gripped, metres.
     pub height_m: f64,
-    /// Whether the hand never held it again.
+    /// True if the object was never gripped again.
     pub for_good: bool,
 }
 
-/// A grip that is interrupted for fewer frames than this has not ended, and a shorter one never began.
+/// Minimum duration of a grip, and of its interruption, in frames.
 const STEADY_FRAMES: usize = 6;
 
-/// Why an episode that did not succeed failed: every cause that was seen, the most decisive first.
+/// Failure causes of an unsuccessful episode, the most decisive first.
 ///
-/// A policy's word comes before what the frames show, and what slipped for good and is missing from the goal, or what
-/// was knocked over, before the conditions that do not hold because of it.
+/// The policy's own reason comes first, then a final slip of an object missing from the goal, then disturbed objects,
+/// then the conditions that do not hold.
 pub fn explain(
     stage: &Stage,
     frames: &[Frame],
     verdict: &GoalVerdict,
-    word: Option<Failure>,
+    gave_up: Option<Failure>,
     settings: &RolloutSettings,
 ) -> Vec<Failure> {
     let missing: Vec<&AtomVerdict> = verdict.best().into_iter().flatten().filter(|atom| !atom.holds).collect();
@@ -53,7 +53,7 @@ pub fn explain(
     let worst = missing.iter().min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
     let missed = worst.map_or_else(|| "the goal does not hold".into(), |atom| missed(atom));
     let seen = [
-        word,
+        gave_up,
         decisive.map(slipped),
         disturbed.map(|evidence| Failure { cause: FailureCause::Disturbed, evidence }),
         Some(Failure { cause: FailureCause::GoalMissed, evidence: missed }),
@@ -69,7 +69,7 @@ pub fn explain(
     causes
 }
 
-/// Every grip in the frames that ended without the hand being opened, in order.
+/// All grips that ended without an opening command, in order.
 pub fn slips(frames: &[Frame]) -> Vec<Slip> {
     let mut found = Vec::new();
     let mut grip: Option<(usize, usize)> = None;
@@ -83,7 +83,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
             continue;
         }
         grip = frame.grasped.map(|object| (object, index));
-        // The hand was sent open when its command grew since a moment before.
+        // The command opened the gripper if it grew within the last frames.
         let width = |frame: &Frame| frame.command.last().copied().unwrap_or_default();
         let before = &frames[index.saturating_sub(STEADY_FRAMES)];
         if index - begin >= STEADY_FRAMES && width(frame) <= width(before) {
@@ -100,7 +100,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
     found
 }
 
-/// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
+/// Evidence of a displaced or toppled object that the goal does not ask to move.
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
     let goal = &stage.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {
@@ -117,7 +117,7 @@ fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<
     })
 }
 
-/// A condition that does not hold, and by how much.
+/// Evidence of a condition that does not hold, with its margin.
 fn missed(atom: &AtomVerdict) -> String {
     let by = atom.measurements.first().and_then(|measured| match measured.unit {
         Unit::Metre => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),

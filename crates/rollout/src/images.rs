@@ -1,4 +1,4 @@
-//! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
+//! Images of a stage: of recorded frames after the simulation, and of the current state for policies with cameras.
 
 use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion, visible_region};
 use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageChannels, Pose, RgbdImage, Seed};
@@ -16,20 +16,20 @@ use std::sync::Arc;
 
 use crate::{RolloutError, Stage};
 
-/// Which pictures a data set holds.
+/// Images of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageSettings {
     /// Names of the cameras.
     pub cameras: Vec<String>,
-    /// Pictures per second; divides the 60 Hz of the recording.
+    /// Images per second; must divide the 60 Hz of the recording.
     pub fps: u32,
-    /// Colour compression.
+    /// Video compression.
     pub video: VideoSettings,
-    /// What is drawn differently in each episode, by its own seed ([`look_seed`]); nothing when it is empty.
+    /// Randomised aspects of the appearance, by the episode's seed ([`look_seed`]); none if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vary: Vec<Vary>,
-    /// Which look it is of those that the episode's seed leads to.
+    /// Index of the appearance randomisation.
     #[serde(skip_serializing_if = "is_first")]
     pub look: u64,
 }
@@ -50,74 +50,73 @@ impl Default for ImageSettings {
     }
 }
 
-/// What sensors make of a moment, besides what is there: chance, and what moved while a shutter was open.
+/// Inputs of the sensor simulation besides the scene: random noise, and motion during the exposure.
 #[derive(Clone, Copy, Debug)]
 pub struct Exposure<'a> {
-    /// Of the noise, see [`sensor_seed`]; each camera has its own of it.
+    /// Noise seed, see [`sensor_seed`]; each camera derives its own.
     pub noise: Seed,
-    /// The moments before this one as they were recorded; nothing moved before the first.
+    /// Recorded frames before this one; nothing moved before the first.
     pub before: &'a [Frame],
-    /// Time between them, and from the last of them to this moment, s.
+    /// Time between frames, and from the last of them to this one, s.
     pub step_s: f64,
 }
 
 impl<'a> Exposure<'a> {
-    /// Of something that stands still.
+    /// Exposure of a static scene.
     pub fn still(noise: Seed) -> Self {
         Self { noise, before: &[], step_s: 1.0 }
     }
 
-    /// Of a frame of an episode: in the loop, in a dataset and drawn again it is the same.
+    /// Exposure of an episode's frame; equal in the loop, in a data set and when rendered again.
     pub fn of(episode: &'a Episode, frame: usize) -> Self {
         let EpisodeResult { seed, control_rate_hz, .. } = episode.result;
         Self { noise: sensor_seed(seed, frame), before: &episode.frames[..frame], step_s: 1.0 / control_rate_hz }
     }
 }
 
-/// Draws frames of one stage; meshes are shared by all painters of the stage, views of a frame share its shadows.
+/// Renderer of the frames of one stage; shares the meshes of the stage, and shadows between views of a frame.
 #[derive(Debug)]
-pub struct Painter {
+pub struct StageRenderer {
     renderer: Renderer,
-    /// How colours are traced instead of rasterised, if they are.
+    /// Settings of the path tracer if it replaces the rasteriser for colours.
     reference: Option<ReferenceSettings>,
     scenario: String,
 }
 
-impl Painter {
-    /// A painter of a stage as its world says that it looks.
+impl StageRenderer {
+    /// Renderer with the appearance given by the world.
     ///
     /// # Errors
-    /// When a mesh is broken.
+    /// If a mesh is invalid.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        Self::in_variation(stage, usual_variation(stage))
+        Self::with_appearance(stage, usual_variation(stage))
     }
 
-    /// A painter of a stage that looks differently.
+    /// Renderer with another appearance.
     ///
     /// # Errors
-    /// As [`Painter::new`].
-    pub fn in_variation(stage: &Stage, variation: RenderVariation) -> Result<Self, RolloutError> {
+    /// As [`StageRenderer::new`].
+    pub fn with_appearance(stage: &Stage, variation: RenderVariation) -> Result<Self, RolloutError> {
         let renderer = Renderer::new(stage.render_assets()?, variation);
         Ok(Self { renderer, reference: None, scenario: stage.scenario.id.clone() })
     }
 
-    /// The same painter with colours from traced light paths, thousands of times slower; depth, ids and normals stay
-    /// what they are.
+    /// Uses path tracing for colours, thousands of times slower; depth, ids and normals are rasterised as before.
     #[must_use]
     pub fn tracing(self, reference: Option<ReferenceSettings>) -> Self {
         Self { reference, ..self }
     }
 
-    /// Whether this painter draws that stage.
+    /// True if this is a renderer of the given stage.
     pub fn is_of(&self, stage: &Stage) -> bool {
         stage.render_assets().is_ok_and(|assets| Arc::ptr_eq(&assets, self.renderer.assets()))
     }
 
-    /// One recorded frame, seen by one camera.
+    /// Renders one recorded frame with one camera.
     ///
     /// # Errors
-    /// When the frame does not belong to the stage.
-    pub fn paint(
+    /// If the frame does not belong to the stage.
+    pub fn render_frame(
         &mut self,
         frame: &Frame,
         camera: &Camera,
@@ -126,15 +125,15 @@ impl Painter {
     ) -> Result<RgbdImage, RolloutError> {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(camera, channels)];
-        let images = self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
+        let images = self.render_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
         images.map(|mut images| images.remove(0))
     }
 
-    /// One moment, seen by several cameras: arm joint positions, opening width, poses and joints of the objects.
+    /// Renders one state with several cameras: arm joint positions, gripper opening, poses and joints of the objects.
     ///
     /// # Errors
-    /// When the objects are not those of the stage, or a camera cannot be drawn.
-    pub fn paint_state<'a>(
+    /// If the objects do not match the stage, or a camera cannot be rendered.
+    pub fn render_state<'a>(
         &mut self,
         arm: &[f64],
         gripper_width: f64,
@@ -159,7 +158,7 @@ impl Painter {
         let past = Past { moments: &moments, step_s: exposure.step_s };
         for ((job, buffers), (camera, _)) in jobs.iter().zip(&mut buffers).zip(views) {
             if job.channels.rgb {
-                self.expose(job, buffers, past, sensor::shutter_s(camera)).map_err(failed)?;
+                self.apply_exposure(job, buffers, past, sensor::shutter_s(camera)).map_err(failed)?;
             }
         }
         let world_from_hand = assets.world_from_hand(&state);
@@ -171,9 +170,8 @@ impl Painter {
         views.iter().zip(buffers).map(image).collect::<Result<_, _>>().map_err(failed)
     }
 
-    /// Makes the colours of a job those of a shutter that was open for a while, and of traced paths if they are asked
-    /// for.
-    fn expose(
+    /// Replaces the colours by those of an open shutter (motion blur), path traced if requested.
+    fn apply_exposure(
         &mut self,
         job: &ViewJob<'_>,
         buffers: &mut FrameBuffers,
@@ -182,28 +180,28 @@ impl Painter {
     ) -> Result<(), RenderError> {
         let assets = Arc::clone(self.renderer.assets());
         let earlier = shutter::moments(&assets, job.camera, buffers, past, shutter_s);
-        let mut pictures = vec![std::mem::take(&mut buffers.rgb)];
+        let mut images = vec![std::mem::take(&mut buffers.rgb)];
         if let Some(settings) = &self.reference {
             let paths = settings.paths.div_ceil(1 + earlier.len() as u32);
-            pictures.clear();
+            images.clear();
             for (index, frame) in std::iter::once(job.frame).chain(&earlier).enumerate() {
                 let seed = if index == 0 { settings.seed } else { settings.seed.fork_index(index as u64) };
                 let (job, settings) = (ViewJob { frame, ..*job }, ReferenceSettings { paths, seed, ..*settings });
-                pictures.push(trace(&assets, self.renderer.variation(), &job, &settings)?.develop(1.0));
+                images.push(trace(&assets, self.renderer.variation(), &job, &settings)?.develop(1.0));
             }
         } else {
             let mut out = [FrameBuffers::default()];
             for frame in &earlier {
                 self.renderer.render(&[ViewJob { frame, channels: Channels::RGB, ..*job }], &mut out)?;
-                pictures.push(std::mem::take(&mut out[0].rgb));
+                images.push(std::mem::take(&mut out[0].rgb));
             }
         }
-        buffers.rgb = if pictures.len() > 1 { shutter::mean(&pictures) } else { pictures.remove(0) };
+        buffers.rgb = if images.len() > 1 { shutter::mean(&images) } else { images.remove(0) };
         Ok(())
     }
 }
 
-/// A moment and those before it, one after the other, as far as a shutter needs them.
+/// The current state and the earlier ones within the exposure time, newest first.
 fn moments_before(
     assets: &RenderAssets,
     now: &FrameState,
@@ -215,13 +213,13 @@ fn moments_before(
     std::iter::once(Ok(now.clone())).chain(before).collect()
 }
 
-impl Painter {
-    /// What each camera would see of each object with nothing before it, in the pictures of [`Painter::paint_state`] of
-    /// the same moment: a list per camera, with the objects in their order.
+impl StageRenderer {
+    /// Unoccluded visibility: bounding box and pixels of each object as if it were alone, per camera, in the images of
+    /// [`StageRenderer::render_state`] of the same state; objects in their order.
     ///
     /// # Errors
-    /// As [`Painter::paint_state`].
-    pub fn whole<'a>(
+    /// As [`StageRenderer::render_state`].
+    pub fn unoccluded<'a>(
         &mut self,
         arm: &[f64],
         gripper_width: f64,
@@ -230,18 +228,18 @@ impl Painter {
     ) -> Result<Vec<Vec<VisibleRegion>>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
         let state = assets.frame_state(arm, gripper_width, objects).map_err(|error| failed(&self.scenario, &error))?;
-        let whole = cameras.iter().map(|camera| self.whole_in(&state, camera)).collect::<Result<_, _>>();
+        let whole = cameras.iter().map(|camera| self.unoccluded_in(&state, camera)).collect::<Result<_, _>>();
         whole.map_err(|error: RenderError| failed(&self.scenario, &error))
     }
 
-    fn whole_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<VisibleRegion>, RenderError> {
+    fn unoccluded_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<VisibleRegion>, RenderError> {
         const IDS: Channels = Channels { rgb: false, depth: false, instance: true, normal: false, parts: false };
         let pinhole = sensor::pinhole(camera)?;
         let mut whole = Vec::new();
         self.renderer.alone(&ViewJob::new(state, &pinhole, IDS), &mut |instance, drawn| {
             let object = usize::from(instance - FIRST_OBJECT);
             let drawn = sensor::through_lens(camera, drawn)?;
-            // Objects that nothing is drawn of are left out by the renderer.
+            // The renderer skips objects without any pixel.
             whole.resize(object, VisibleRegion::default());
             whole.push(visible_region(&drawn.instance, drawn.width, instance));
             Ok(())
@@ -250,23 +248,27 @@ impl Painter {
     }
 }
 
-/// How a stage is drawn when nothing else is said: as its world says.
+/// Appearance of a stage according to its world.
 pub fn usual_variation(stage: &Stage) -> RenderVariation {
     let usual = RenderVariation::default();
     stage.scenario.world.look.as_ref().map_or_else(|| usual.clone(), |look| sampling::varied(&usual, look))
 }
 
-/// The seed of the noise of sensors at a frame of an episode, counted in control steps: in the loop, in a dataset and
-/// drawn again it is the same.
+/// Seed of the sensor noise at a frame (control step) of an episode; equal in the loop, in a data set and when rendered
+/// again.
 pub fn sensor_seed(episode: Seed, frame: usize) -> Seed {
     episode.fork("sensor noise").fork_index(frame as u64)
 }
 
-/// Colour video and depth of an episode for every camera of the settings.
+/// Renders colour video and depth of an episode for every camera of the settings.
 ///
 /// # Errors
-/// When a camera is not in the scenario, or drawing or encoding fails.
-pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<CameraTrack>, RolloutError> {
+/// If a camera is not in the scenario, or rendering or encoding fails.
+pub fn render_tracks(
+    stage: &Stage,
+    episode: &Episode,
+    settings: &ImageSettings,
+) -> Result<Vec<CameraTrack>, RolloutError> {
     let (seed, vary) = (look_seed(episode.result.seed, settings.look), &settings.vary);
     let requests = settings.cameras.iter().map(|name| CameraRequest::new(name, ImageChannels::RGBD));
     let camera = |request| stage.camera(&request).map(|camera| sampling::moved(&camera, seed, vary));
@@ -276,18 +278,21 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
     let look = Look::new(seed, vary.clone());
-    let mut painter = Painter::in_variation(stage, sampling::varied(&usual_variation(stage), &look))?;
+    let mut renderer = StageRenderer::with_appearance(stage, sampling::varied(&usual_variation(stage), &look))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
-    paint_frames(&mut painter, episode, settings.fps, &views, &mut |view, image| Ok(tracks[view].push(image)?))?;
+    render_frames(&mut renderer, episode, settings.fps, &views, &mut |view, image| Ok(tracks[view].push(image)?))?;
     Ok(tracks.into_iter().map(TrackRecorder::finish).collect::<Result<Vec<_>, _>>()?)
 }
 
-/// Which thing each pixel shows, for every camera of the settings, in the pictures that [`draw`] draws; ids as
-/// [`masks`] tells them.
+/// Renders instance masks for the images of [`render_tracks`]; ids as in [`masks`].
 ///
 /// # Errors
-/// As [`draw`].
-pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<MaskTrack>, RolloutError> {
+/// As [`render_tracks`].
+pub fn render_masks(
+    stage: &Stage,
+    episode: &Episode,
+    settings: &ImageSettings,
+) -> Result<Vec<MaskTrack>, RolloutError> {
     const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
     let seed = look_seed(episode.result.seed, settings.look);
     let camera = |name: &String| {
@@ -297,8 +302,8 @@ pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) ->
     let views: Vec<_> = cameras.iter().map(|camera| (camera, IDS)).collect();
     let track = |camera: &Camera| MaskTrack { camera: camera.name.clone(), fps: settings.fps, png: Vec::new() };
     let mut tracks: Vec<MaskTrack> = cameras.iter().map(track).collect();
-    let mut painter = Painter::new(stage)?;
-    paint_frames(&mut painter, episode, settings.fps, &views, &mut |view, image| {
+    let mut renderer = StageRenderer::new(stage)?;
+    render_frames(&mut renderer, episode, settings.fps, &views, &mut |view, image| {
         let size = &image.intrinsics;
         tracks[view].png.push(masks::encode(&image.ids, size.width, size.height)?);
         Ok(())
@@ -306,9 +311,9 @@ pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) ->
     Ok(tracks)
 }
 
-/// Paints the frames of an episode at a rate; each view's pictures come in order, with the place of the view.
-fn paint_frames(
-    painter: &mut Painter,
+/// Renders the frames of an episode at a rate; `take` receives the images of each view in order, with the view's index.
+fn render_frames(
+    renderer: &mut StageRenderer,
     episode: &Episode,
     fps: u32,
     views: &[(&Camera, ImageChannels)],
@@ -318,7 +323,7 @@ fn paint_frames(
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let exposure = Exposure::of(episode, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, views, exposure)?;
+        let images = renderer.render_state(&frame.joint_position, frame.gripper_width, objects, views, exposure)?;
         images.iter().enumerate().try_for_each(|(view, image)| take(view, image))?;
     }
     Ok(())

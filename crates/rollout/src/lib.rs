@@ -1,12 +1,12 @@
-//! Episodes: one environment and one loop for every policy, the expert that needs no human, and what is made of what was recorded.
+//! Episodes: one environment and one loop for all policies, the scripted expert, and processing of recorded episodes.
 //!
-//! Collecting demonstrations *is* evaluating the [`expert`] with the recorder on; there is no second loop.
-//! Physics runs once; pictures are jobs over recorded states, done afterwards.
+//! Collecting demonstrations *is* evaluating the [`expert`] with recording enabled; there is no second loop. Physics
+//! runs once; images are rendered afterwards from the recorded states.
 
 pub mod adapter;
+pub mod baselines;
 pub mod cloud_verdict;
 pub mod collect;
-pub mod controls;
 mod cores;
 pub mod driver;
 pub mod environment;
@@ -25,6 +25,6 @@ mod stage;
 pub use cores::{Cores, HeldCore};
 pub use driver::{Driver, Turn};
 pub use environment::Environment;
-pub use episode_loop::{resume_episode, run_corrected, run_episode, run_watched};
+pub use episode_loop::{resume_episode, run_corrected, run_episode, run_episode_with};
 pub use settings::RolloutSettings;
 pub use stage::{RolloutError, Stage};

@@ -1,19 +1,19 @@
-//! Physics drawn by chance: how a scenario's things weigh, slide and bounce differently from their assets.
+//! Physics randomisation of a scenario.
 //!
-//! Ranges at strength 1 are chosen: as large as what a laboratory sees from one day to the next, and still solvable.
+//! The ranges at strength 1 are chosen: as large as the day-to-day variation in a laboratory, and still solvable.
 //! Smaller strengths shrink them in proportion.
 
 use genmanip_core::{Scenario, Seed};
 use rand::{Rng, RngExt};
 
-/// Largest factors of friction and mass; their inverses are the least.
+/// Maximum factors of friction and mass; the minimum is the inverse.
 const FRICTION: f64 = 1.5;
 const MASS: f64 = 1.5;
-/// Least factor of the damping of contacts.
+/// Minimum factor of contact damping.
 const CONTACT_DAMPING: f64 = 0.5;
 
-/// Multiplies the friction of the pads, and friction, mass, damping of contacts and joint friction of each object, by
-/// factors drawn independently; the same seed gives the same ones. Strength is from 0, for nothing, to 1.
+/// Multiplies pad friction, and the friction, mass, contact damping and joint friction of each object, by independent
+/// random factors; deterministic for a seed. `strength` ranges from 0 (no change) to 1.
 pub fn vary_physics(scenario: &mut Scenario, seed: Seed, strength: f64) {
     let rng = &mut seed.rng();
     scenario.world.physics.pad_friction *= factor(FRICTION, strength, rng);
@@ -25,7 +25,7 @@ pub fn vary_physics(scenario: &mut Scenario, seed: Seed, strength: f64) {
     }
 }
 
-/// Between a factor and its inverse, on a scale of ratios.
+/// Log-uniform factor between `1 / most` and `most`, at strength 1.
 fn factor(most: f64, strength: f64, rng: &mut impl Rng) -> f64 {
     (strength * most.ln() * (2.0 * rng.random::<f64>() - 1.0)).exp()
 }

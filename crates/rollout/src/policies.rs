@@ -1,15 +1,15 @@
-//! Policies that need no learning: the control arm, the replay and the playback.
+//! Policies without learning: standing still, and open-loop playback.
 
 use genmanip_core::{ActionChunk, ActionContract, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 
-/// Stands still: the control that shows that no scenario solves itself.
+/// Stands still: a baseline that shows that no scenario solves itself.
 #[derive(Clone, Debug, Default)]
 pub struct DoNothing {
-    /// Seconds it stands still before it says it is finished.
+    /// Duration until the policy finishes, s.
     pub duration_s: f64,
 }
 
-/// Applies recorded actions without looking.
+/// Applies recorded actions open loop.
 #[derive(Clone, Debug)]
 pub struct OpenLoop {
     spec: PolicySpec,
@@ -17,13 +17,13 @@ pub struct OpenLoop {
 }
 
 impl OpenLoop {
-    /// From the commands of a recorded episode, as they were applied.
+    /// Replays the commands of a recorded episode as they were applied.
     pub fn replay(episode: &Episode) -> Self {
         let actions = episode.frames.iter().map(|frame| frame.command.clone()).collect();
         Self { spec: PolicySpec::native("replay", episode.result.control_rate_hz), actions }
     }
 
-    /// From the rows of a data set, at its rate.
+    /// Plays back the rows of a data set at its rate.
     pub fn playback(contract: &ActionContract, actions: Vec<Vec<f32>>) -> Self {
         let spec = PolicySpec { action: contract.action, ..PolicySpec::native("playback", contract.rate_hz) };
         Self { spec, actions }

@@ -1,4 +1,4 @@
-//! Recorded commands applied open loop in a fresh simulation.
+//! Replay: recorded commands applied open loop in a new simulation.
 
 use std::sync::Arc;
 
@@ -7,25 +7,25 @@ use genmanip_sim::{ContactReport, Sim};
 
 use crate::{RolloutError, Stage};
 
-/// What a replay shows.
+/// Result of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayCheck {
-    /// The final state is the recorded one, bit for bit.
+    /// True if the final state equals the recorded one bit for bit.
     pub identical: bool,
-    /// Largest difference between the final states, mixed units; 0 when identical.
+    /// Maximum difference between the final states, mixed units; 0 if identical.
     pub largest_difference: f64,
     /// Number of control steps replayed.
     pub frames: usize,
 }
 
-/// Restores the recorded initial state, applies every recorded command and compares the final state by its bits.
+/// Restores the recorded initial state, applies every recorded command and compares the final state bit for bit.
 ///
-/// It steps the simulation itself, since it starts from the recorded state instead of the stage's start, neither judges
-/// nor records, and must show that commands and state alone decide the end.
+/// Steps the simulation itself: it starts from the recorded state instead of the stage's initial state, neither judges
+/// nor records, and must show that commands and state alone determine the result.
 ///
 /// # Errors
-/// When the episode was recorded in a world of other physics or other judging, naming the field that differs;
-/// when the simulation becomes unstable or the recorded state does not fit the scene.
+/// If the physics or judging settings differ from those of the recording (names the field), the simulation becomes
+/// unstable, or the recorded state does not match the scene.
 pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutError> {
     check_world(&stage.scenario.world, episode)?;
     let mut sim = Sim::new(Arc::clone(&stage.scene));
@@ -42,16 +42,16 @@ pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutErr
     })
 }
 
-/// Who touches whom during an episode, which it does not record: found by replaying it.
+/// Contacts during an episode, which are not recorded: recomputed by replay.
 pub struct ContactReplay<'a> {
     episode: &'a Episode,
     sim: Sim,
-    /// Control steps that were replayed.
+    /// Number of control steps replayed.
     done: usize,
 }
 
 impl<'a> ContactReplay<'a> {
-    /// Before the first command of an episode.
+    /// Starts before the first command of an episode.
     ///
     /// # Errors
     /// As [`check`].
@@ -62,10 +62,10 @@ impl<'a> ContactReplay<'a> {
         Ok(Self { episode, sim, done: 0 })
     }
 
-    /// Contacts at the start of a control step, in the world; steps are asked for in their order.
+    /// Contacts at the start of a control step, in the world frame; steps must be requested in increasing order.
     ///
     /// # Errors
-    /// When the simulation becomes unstable.
+    /// If the simulation becomes unstable.
     pub fn at(&mut self, control_step: usize) -> Result<Vec<ContactReport>, RolloutError> {
         for frame in self.episode.frames.get(self.done..control_step).unwrap_or_default() {
             self.sim.control_step(&frame.command)?;
@@ -75,7 +75,7 @@ impl<'a> ContactReplay<'a> {
     }
 }
 
-/// Refuses a world that differs in more than looks from the one the episode was recorded in.
+/// Fails if the world differs from the recording in more than appearance.
 fn check_world(world: &World, episode: &Episode) -> Result<(), RolloutError> {
     let refuse = |field: String, expected: &str, got: &str| {
         let (expected, got) = (expected.to_owned(), got.to_owned());

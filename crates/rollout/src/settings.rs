@@ -1,29 +1,29 @@
-//! Every default of the episode loop on one screen.
+//! Defaults of the episode loop.
 
 use genmanip_motion::IkSettings;
 use serde::{Deserialize, Serialize};
 
-/// How long an episode lasts and when the world counts as being at rest.
+/// Duration of an episode, and criteria for rest and disturbance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutSettings {
-    /// Longest simulated length before the settling, seconds.
+    /// Time limit before settling, simulated seconds.
     pub horizon_s: f64,
-    /// Time the last command is held before the goal is judged, seconds.
+    /// Time for which the last command is held before the goal is judged, seconds.
     pub settle_s: f64,
-    /// Control steps between two looks at the goal for `success_once`.
+    /// Control steps between goal verdicts for `success_once`.
     pub judge_every: usize,
-    /// Stop once the goal has held for `settle_s` at every look, instead of when the policy is finished.
+    /// Stop once the goal has held for `settle_s` at every verdict, instead of when the policy is finished.
     pub stop_on_success: bool,
-    /// How poses in the actions of end-effector policies become joint targets.
+    /// Inverse kinematics of end-effector actions.
     pub ik: IkSettings,
-    /// Above this speed an object is moving, m/s.
+    /// Maximum speed of an object at rest, m/s.
     pub rest_speed: f64,
-    /// Above this angular speed an object is moving, rad/s.
+    /// Maximum angular speed of an object at rest, rad/s.
     pub rest_angular_speed: f64,
-    /// An object the goal does not move was disturbed when it ends farther than this from where it was, metres.
+    /// Minimum displacement of a disturbed object, which the goal does not ask to move, metres.
     pub disturbed_m: f64,
-    /// The same for its tilt, radians.
+    /// Minimum tilt of a disturbed object, radians.
     pub disturbed_rad: f64,
 }
 

@@ -1,4 +1,4 @@
-//! A scenario made ready: models built, physics compiled.
+//! A scenario ready to simulate: models built, physics compiled.
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,122 +13,122 @@ use genmanip_sim::{Scene, SceneObject, SimError};
 use crate::RolloutSettings;
 use crate::adapter::AdapterError;
 
-/// Everything immutable that episodes of one scenario share.
+/// Immutable data shared by all episodes of a scenario.
 #[derive(Clone, Debug)]
 pub struct Stage {
     /// The scenario.
     pub scenario: Arc<Scenario>,
-    /// Its goal as it is judged, see [`genmanip_core::Task::judged_goal`].
+    /// Goal as judged, see [`genmanip_core::Task::judged_goal`].
     pub goal: Arc<Goal>,
-    /// Objects whose place or state a look at the goal depends on: those it names, and those with named states.
+    /// Objects whose pose or state the verdict depends on: those named by the goal, and those with named states.
     pub judged: Arc<[usize]>,
-    /// Models of its objects, in its order.
+    /// Models of the objects, in the scenario's order.
     pub models: Vec<Arc<ObjectModel>>,
     /// The robot.
     pub robot: Arc<RobotModel>,
     /// Compiled physics.
     pub scene: Arc<Scene>,
-    /// How relations are judged, as the scenario's world says.
+    /// Thresholds of the relations, from the scenario's world.
     pub relations: RelationSettings,
-    /// What people call its objects.
+    /// Names of the objects for messages.
     names: Vec<String>,
-    /// The scene at the start as relations see it; its shapes are shared by all later ones.
+    /// Initial scene for relations; later scenes share its shapes.
     posed: PosedScene,
-    /// Meshes to draw, collected when the first image is asked for and shared by all images of the stage.
-    drawn: Arc<OnceLock<Arc<RenderAssets>>>,
+    /// Render meshes, collected on first use and shared by all images of the stage.
+    render_assets: Arc<OnceLock<Arc<RenderAssets>>>,
 }
 
-/// Why an episode could not be run or replayed.
+/// Reason why an episode could not be run or replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
-    /// An object is unknown or its physics have changed.
+    /// An object is unknown, or its physics have changed.
     #[error(transparent)]
     Asset(#[from] AssetError),
-    /// The task's groups of interchangeable copies make no sense.
+    /// The task's groups of interchangeable objects are invalid.
     #[error(transparent)]
     Interchangeable(#[from] InterchangeError),
-    /// The simulation refused or blew up.
+    /// The physics engine rejected the input, or the simulation became unstable.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// A layout failed for a reason that is not the task's.
+    /// Layout generation failed for a reason other than the task.
     #[error(transparent)]
     Layout(#[from] genmanip_layout::LayoutError),
-    /// The scenario, or what was recorded in it, belongs to another world.
+    /// The scenario or recording belongs to another world.
     #[error("scenario {scenario}: world field {field}: expected {expected}, got {got}")]
     OtherWorld {
         /// Id of the scenario.
         scenario: String,
-        /// The field of the world that differs.
+        /// Name of the differing field.
         field: String,
-        /// What the scenario says.
+        /// Value in the scenario.
         expected: String,
-        /// What there is.
+        /// Actual value.
         got: String,
     },
-    /// The policy asks for what this loop does not serve.
-    #[error("policy `{policy}` cannot be served: {reason}")]
+    /// The policy's specification is not supported.
+    #[error("policy `{policy}` is not supported: {reason}")]
     Spec {
         /// Name of the policy.
         policy: String,
-        /// What does not fit.
+        /// The unsupported part.
         reason: String,
     },
-    /// The policy cannot be reached, so the episode was not run; it may be tried again.
-    #[error("policy `{policy}` cannot be reached: {reason}")]
+    /// The policy is unreachable, so the episode was not run; it may be retried.
+    #[error("policy `{policy}` is unreachable: {reason}")]
     NotRun {
         /// Name of the policy.
         policy: String,
-        /// What its end said.
+        /// Error of the connection.
         reason: String,
     },
-    /// What was given is no action, or asks for what the arm cannot do; nothing has changed.
+    /// An invalid or unreachable action; the environment is unchanged.
     #[error(transparent)]
     Action(#[from] AdapterError),
-    /// An environment without an episode.
+    /// The environment was not reset.
     #[error("the environment has no episode: reset it first")]
     NotReset,
-    /// An environment whose episode is over.
+    /// The environment's episode is over.
     #[error("the episode is over after {frames} control steps: reset the environment, or restore an earlier state")]
     EpisodeOver {
-        /// Control steps of the episode.
+        /// Number of control steps of the episode.
         frames: usize,
     },
-    /// The scenario has no such camera.
-    #[error("scenario {scenario} has no camera `{camera}`, its cameras are {known}")]
+    /// The scenario has no camera of that name.
+    #[error("scenario {scenario} has no camera `{camera}`; its cameras are {known}")]
     UnknownCamera {
         /// Id of the scenario.
         scenario: String,
-        /// What was asked for.
+        /// The requested name.
         camera: String,
         /// Names of its cameras.
         known: String,
     },
-    /// An image could not be made or encoded.
+    /// Rendering or encoding failed.
     #[error("images of scenario {scenario}: {reason}")]
     Images {
         /// Id of the scenario.
         scenario: String,
-        /// What went wrong.
+        /// The cause.
         reason: String,
     },
     /// The episode store failed.
     #[error(transparent)]
     Store(#[from] genmanip_data::DataError),
-    /// An episode of several could not be run.
+    /// One of several episodes could not be run.
     #[error("episode {id}")]
     Episode {
         /// Id of the episode.
         id: String,
-        /// Why.
+        /// The cause.
         source: Box<RolloutError>,
     },
 }
 
 impl Stage {
-    /// Builds the models, checks that their physics are those the scenario was made with, and compiles the scene.
+    /// Builds the models, checks that robot and object physics match the scenario, and compiles the simulation.
     ///
     /// # Errors
-    /// When an object is unknown or changed, or the physics engine refuses the scene.
+    /// If an object is unknown or changed, or the physics engine rejects the scene.
     pub fn open(
         scenario: Arc<Scenario>,
         assets: &dyn AssetSource,
@@ -177,16 +177,17 @@ impl Stage {
             named || !model.joint_states.is_empty()
         });
         let judged = judged.map(|(index, _)| index).collect();
-        let drawn = Arc::default();
-        Ok(Self { goal, judged, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
+        let render_assets = Arc::default();
+        let robot = Arc::clone(robot);
+        Ok(Self { goal, judged, names, scenario, models, robot, scene, relations, posed, render_assets })
     }
 
-    /// The scene at the start, as relations see it.
+    /// Initial scene for relations.
     pub fn start(&self) -> &PosedScene {
         &self.posed
     }
 
-    /// The scene as relations see it, from simulator truth.
+    /// Scene for relations with the given object states.
     pub fn posed(&self, states: &[ObjectState]) -> PosedScene {
         let mut scene = self.posed.clone();
         for (index, state) in states.iter().enumerate() {
@@ -195,7 +196,7 @@ impl Stage {
         scene
     }
 
-    /// What is held or moving, so that it satisfies nothing.
+    /// Gripped and moving objects, which satisfy no condition.
     pub fn rest(states: &[ObjectState], grasped: Option<usize>, settings: &RolloutSettings) -> Rest {
         Rest {
             held: grasped,
@@ -206,23 +207,23 @@ impl Stage {
         }
     }
 
-    /// What is drawn of this stage, collected once.
+    /// Render meshes of the stage, collected once.
     ///
     /// # Errors
-    /// When a mesh is broken.
+    /// If a mesh is invalid.
     pub fn render_assets(&self) -> Result<Arc<RenderAssets>, RolloutError> {
-        if let Some(assets) = self.drawn.get() {
+        if let Some(assets) = self.render_assets.get() {
             return Ok(Arc::clone(assets));
         }
         let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, Some(&self.scenario.world))
             .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() })?;
-        Ok(Arc::clone(self.drawn.get_or_init(|| assets)))
+        Ok(Arc::clone(self.render_assets.get_or_init(|| assets)))
     }
 
-    /// The camera that is asked for, at the size that is asked for.
+    /// The requested camera, resized if requested.
     ///
     /// # Errors
-    /// When the scenario has no camera of that name, or the size is zero.
+    /// If the scenario has no camera of that name, or the size is zero.
     pub fn camera(&self, request: &CameraRequest) -> Result<Camera, RolloutError> {
         let cameras = &self.scenario.world.cameras;
         let Some(camera) = cameras.iter().find(|camera| camera.name == request.name) else {
@@ -234,18 +235,18 @@ impl Stage {
         };
         let Some([width, height]) = request.size else { return Ok(camera.clone()) };
         if width == 0 || height == 0 {
-            let reason = format!("camera `{}` was asked for {width} x {height} pixels", request.name);
+            let reason = format!("camera `{}` was requested with {width} x {height} pixels", request.name);
             return Err(RolloutError::Images { scenario: self.scenario.id.clone(), reason });
         }
         Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
     }
 
-    /// Control steps per second.
+    /// Control rate, Hz.
     pub fn control_rate_hz(&self) -> f64 {
         f64::from(self.scene.physics().control_rate_hz)
     }
 
-    /// Name of an object for people.
+    /// Name of an object for messages.
     pub fn name(&self, object: usize) -> &str {
         self.names.get(object).map_or("?", String::as_str)
     }

@@ -8,7 +8,7 @@ use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
 use genmanip_render::ROBOT;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Exposure, Painter};
+use genmanip_rollout::images::{Exposure, StageRenderer};
 
 use crate::scene_images;
 use genmanip_workspace::RunError;
@@ -50,15 +50,15 @@ pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u
     let mut view = View::new(drawn, camera)?;
     let last = drawn.configs.len().saturating_sub(1);
     let at = |index: usize| &drawn.configs[last * index / (POSTURES - 1)];
-    let mut canvas = view.paint(at(POSTURES - 1))?;
+    let mut canvas = view.render(at(POSTURES - 1))?;
     if last > 0 {
         for index in 0..POSTURES - 1 {
-            let ghost = view.paint(at(index))?;
+            let ghost = view.render(at(index))?;
             blend(&mut canvas, &ghost, None);
         }
     }
     if let Some(blocked) = drawn.blocked {
-        let ghost = view.paint(blocked)?;
+        let ghost = view.render(blocked)?;
         blend(&mut canvas, &ghost, Some(BLOCKED));
     }
     view.draw_way(&mut canvas, &drawn.tcp);
@@ -84,7 +84,7 @@ pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec
     // The last posture stays a while.
     let shown = (0..=last).step_by(stride).chain(std::iter::repeat_n(last, FPS as usize / 2));
     for index in shown {
-        let mut canvas = view.paint(&drawn.configs[index])?;
+        let mut canvas = view.render(&drawn.configs[index])?;
         view.draw_way(&mut canvas, &drawn.tcp[..=index]);
         encoder.push(&canvas.rgb).map_err(failed)?;
     }
@@ -98,7 +98,7 @@ fn ending(path: &Path, expected: &str) -> RunError {
 /// What is shown, by one camera.
 struct View<'a> {
     drawn: &'a Drawn<'a>,
-    painter: Painter,
+    painter: StageRenderer,
     camera: Camera,
 }
 
@@ -122,16 +122,16 @@ impl<'a> View<'a> {
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
-        let painter = Painter::new(stage).map_err(|error| scene_images::not_drawn(&stage.scenario.id, error))?;
+        let painter = StageRenderer::new(stage).map_err(|error| scene_images::not_drawn(&stage.scenario.id, error))?;
         Ok(Self { drawn, painter, camera })
     }
 
-    fn paint(&mut self, config: &[f64]) -> Result<RgbdImage, RunError> {
+    fn render(&mut self, config: &[f64]) -> Result<RgbdImage, RunError> {
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
         let still = Exposure::still(self.drawn.stage.scenario.seed);
-        let images = self.painter.paint_state(config, self.drawn.gripper_width, objects, &views, still);
+        let images = self.painter.render_state(config, self.drawn.gripper_width, objects, &views, still);
         let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
         Ok(images.swap_remove(0))
     }

@@ -265,7 +265,7 @@ pub fn locate(path: &Path) -> Result<Located, RunError> {
         return Ok(Located { store, ids: vec![id], strangers: vec![] });
     }
     let store = EpisodeStore::open(&root).map_err(unusable)?;
-    let Listing { mut ids, strangers } = store.list().map_err(unusable)?;
+    let Listing { mut ids, foreign: strangers } = store.list().map_err(unusable)?;
     ids.retain(|id| store.is_recorded(id).unwrap_or(true));
     Ok(Located { store, ids, strangers })
 }

@@ -9,7 +9,7 @@ use genmanip_layout::LayoutError;
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache, Window};
 use genmanip_render::encode;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Exposure, Painter};
+use genmanip_rollout::images::{Exposure, StageRenderer};
 
 use genmanip_workspace::{Cause, RunError};
 
@@ -20,7 +20,12 @@ const SURFACE_COLOR: [u8; 3] = [226, 218, 205];
 ///
 /// # Errors
 /// When the scenario has no such camera, or a frame cannot be drawn.
-pub fn stills(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, RunError> {
+pub fn stills(
+    painter: &mut StageRenderer,
+    episode: &Episode,
+    count: usize,
+    width: u32,
+) -> Result<Vec<Vec<u8>>, RunError> {
     paint(painter, episode, count, width)?
         .iter()
         .map(|picture| jpeg(&episode.result.id, picture.width(), picture.height(), &picture.rgb))
@@ -48,8 +53,8 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
 ///
 /// # Errors
 /// When a mesh is broken.
-pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
-    Painter::new(stage).map_err(|error| not_drawn(&stage.scenario.id, error))
+pub fn painter(stage: &Stage) -> Result<StageRenderer, RunError> {
+    StageRenderer::new(stage).map_err(|error| not_drawn(&stage.scenario.id, error))
 }
 
 /// An episode or scenario that cannot be drawn.
@@ -59,7 +64,7 @@ pub fn not_drawn(id: &str, error: impl Into<Cause>) -> RunError {
     )
 }
 
-fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
+fn paint(painter: &mut StageRenderer, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
     let scenario = &episode.scenario;
     let camera = scenario
         .world
@@ -75,7 +80,7 @@ fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> 
         .filter_map(|index| episode.frames.get(index).map(|frame| (index, frame)))
         .map(|(index, frame)| {
             let exposure = Exposure::of(episode, index);
-            let drawn = painter.paint(frame, &camera, ImageChannels::RGB, exposure);
+            let drawn = painter.render_frame(frame, &camera, ImageChannels::RGB, exposure);
             drawn.map_err(|error| not_drawn(&episode.result.id, error))
         })
         .collect()

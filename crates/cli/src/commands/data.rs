@@ -176,7 +176,7 @@ fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<Exit
 /// Makes data sets of others and says what was made.
 fn edited(
     printer: &Printer,
-    make: impl FnOnce(edit::Heard) -> Result<Vec<ExportReport>, DataError>,
+    make: impl FnOnce(edit::Progress) -> Result<Vec<ExportReport>, DataError>,
 ) -> Result<ExitStatus, Failed> {
     let made = make(&mut counted("copying episodes", printer)).map_err(|error| {
         let hint =

@@ -5,7 +5,7 @@ use genmanip_core::grasp::GraspNetGrasp;
 use genmanip_core::{Grasp, Seed, TriedGrasp};
 use genmanip_import::grasps;
 use genmanip_motion::GraspSettings;
-use genmanip_rollout::grasp_trial::TryingSettings;
+use genmanip_rollout::grasp_trial::RobustnessSettings;
 use genmanip_workspace::{text_table, workers, worlds};
 use serde::Serialize;
 
@@ -19,8 +19,8 @@ const DEPTH_M: f64 = 0.02;
 pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let settings = grasps::BakeSettings {
         trying: match arguments.brief {
-            true => TryingSettings::brief(),
-            false => TryingSettings { trials: arguments.trials, ..TryingSettings::default() },
+            true => RobustnessSettings::fast(),
+            false => RobustnessSettings { trials: arguments.trials, ..RobustnessSettings::default() },
         },
         brief: arguments.brief,
         generator: GraspSettings { max_candidates: arguments.count, ..GraspSettings::default() },

@@ -1,4 +1,4 @@
-//! What a LeRobot data set says of itself, whatever its version.
+//! Metadata of a LeRobot data set, independent of its version.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,7 +29,7 @@ impl Version {
     }
 }
 
-/// A column as `info.json` describes it.
+/// Column according to `info.json`.
 #[derive(Clone, Debug)]
 pub(crate) struct Feature {
     pub(crate) key: String,
@@ -52,7 +52,7 @@ impl Feature {
     }
 }
 
-/// `info.json`.
+/// Contents of `info.json`.
 #[derive(Clone, Debug)]
 pub(crate) struct Info {
     pub(crate) version: Version,
@@ -64,13 +64,13 @@ pub(crate) struct Info {
 }
 
 impl Info {
-    /// Whether rows say which step they belong to, as those of this program do.
+    /// True if rows have a step index, as in this program's data sets.
     pub(crate) fn has_steps(&self) -> bool {
         self.features.iter().any(|feature| feature.key == "subtask_index")
     }
 }
 
-/// Pictures of one episode in a file.
+/// Time span of one episode in a video file.
 #[derive(Clone, Debug)]
 pub(crate) struct VideoSpan {
     pub(crate) key: String,
@@ -79,9 +79,9 @@ pub(crate) struct VideoSpan {
     pub(crate) to_s: f64,
 }
 
-/// An episode as the data set lists it.
+/// Episode according to the data set's metadata.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Listed {
+pub(crate) struct EpisodeEntry {
     pub(crate) index: i64,
     pub(crate) length: i64,
     pub(crate) from: i64,
@@ -91,20 +91,20 @@ pub(crate) struct Listed {
     pub(crate) store_id: Option<String>,
     pub(crate) scenario_id: Option<String>,
     pub(crate) seed: Option<i64>,
-    /// What its steps are called, where that is told.
+    /// Texts of its steps, if recorded.
     pub(crate) subtasks: Option<Vec<String>>,
     pub(crate) success: Option<bool>,
     pub(crate) failure: Option<String>,
     pub(crate) kind: Option<String>,
-    /// The robot's home, where the scenario tells it; rad.
+    /// Home joint positions of the robot according to the scenario, rad.
     pub(crate) home: Option<Vec<f64>>,
     pub(crate) data: String,
     pub(crate) videos: Vec<VideoSpan>,
-    /// Where its row stands: file and row, or line.
+    /// File and row (or line) of its entry.
     pub(crate) listed_in: (String, usize),
 }
 
-impl Listed {
+impl EpisodeEntry {
     pub(crate) fn place(&self) -> String {
         format!("episode {}", self.index)
     }
@@ -113,35 +113,35 @@ impl Listed {
 /// Statistics of one feature by name.
 pub(crate) type Statistics = BTreeMap<String, Vec<f64>>;
 
-/// Where the statistics of single episodes stand.
+/// Source of the per-episode statistics.
 pub(crate) enum EpisodeStats {
-    /// Columns `stats/KEY/NAME` of the episodes tables, of which one file is kept.
+    /// Columns `stats/KEY/NAME` of the episodes tables; caches one file.
     Tables(RefCell<Option<(String, RecordBatch)>>),
     /// Lines of `episodes_stats.jsonl`.
     Lines(Vec<Value>),
 }
 
-/// All that a data set says of itself.
+/// All metadata of a data set.
 pub(crate) struct Book {
     pub(crate) root: PathBuf,
     pub(crate) info: Info,
     pub(crate) tasks: Vec<(i64, String)>,
     pub(crate) tasks_file: &'static str,
-    /// What steps are called, in the order of their indices.
+    /// Texts of the steps, by index.
     pub(crate) subtasks: Vec<(i64, String)>,
     pub(crate) subtasks_file: &'static str,
-    pub(crate) episodes: Vec<Listed>,
-    /// The file or folder that lists them.
+    pub(crate) episodes: Vec<EpisodeEntry>,
+    /// File or folder with the list of episodes.
     pub(crate) episodes_file: &'static str,
     pub(crate) contract: Option<ActionContract>,
-    /// Whether this program made it.
+    /// True if this program exported it.
     pub(crate) is_own: bool,
     pub(crate) meta_files: Vec<String>,
     pub(crate) stats: Value,
     pub(crate) episode_stats: EpisodeStats,
 }
 
-/// Reads `info.json`; without it nothing can be said.
+/// Reads `info.json`, without which the data set cannot be checked.
 pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
     let path = root.join(INFO);
     let bytes = files::read(&path, limits::SETTINGS)?;
@@ -165,7 +165,7 @@ pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, Da
     });
     let total = |key: &str, findings: &mut Findings| {
         json[key].as_i64().unwrap_or_else(|| {
-            findings.add("info", INFO, key, "a whole number", &json[key]);
+            findings.add("info", INFO, key, "an integer", &json[key]);
             -1
         })
     };
@@ -188,36 +188,36 @@ fn feature(key: &str, about: &Value) -> Feature {
     }
 }
 
-/// A JSON file; what cannot be read is found.
+/// Reads a JSON file; errors become findings.
 pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
     match files::read(&root.join(name), limits::EVALUATION) {
         Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
             findings.add("info", name, "", "JSON", error);
             Value::Null
         }),
-        // That it is missing is found among the files.
+        // Missing files are reported by the check of paths.
         Err(error) if error.is_missing() => Value::Null,
         Err(error) => {
-            findings.add("files", name, "", "a file that can be read", error);
+            findings.add("files", name, "", "a readable file", error);
             Value::Null
         }
     }
 }
 
-/// The contract of the actions, if there is one.
+/// Reads the action contract, if there is one.
 pub(crate) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
     let bytes = match files::read(&root.join(CONTRACT), limits::SETTINGS) {
         Ok(bytes) => bytes,
         Err(error) if error.is_missing() => return None,
         Err(error) => {
-            findings.add("contract", CONTRACT, "", "a file that can be read", error);
+            findings.add("contract", CONTRACT, "", "a readable file", error);
             return None;
         }
     };
     ActionContract::from_bytes(&bytes).map_err(|error| findings.add("contract", CONTRACT, "", "a contract", error)).ok()
 }
 
-/// What a file path template of `info.json` means.
+/// Expands a path template of `info.json`.
 pub(crate) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> String {
     let mut path = template.replace("{video_key}", video_key);
     for (name, number) in numbers {
@@ -228,7 +228,7 @@ pub(crate) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> 
     path
 }
 
-/// Whether totals, tasks, episodes and contract fit each other.
+/// Checks that totals, tasks, episodes and contract are consistent.
 pub(crate) fn check(book: &Book, findings: &mut Findings) {
     let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
     let [episodes, frames, tasks] = book.info.totals;
@@ -281,17 +281,17 @@ pub(crate) fn check(book: &Book, findings: &mut Findings) {
                 "episodes",
                 file,
                 format!("{place}, store_id"),
-                "an episode only once",
+                "a unique id",
                 format!("{id}, as episode {first}"),
             );
         }
         if book.is_own && episode.success == Some(false) && episode.failure.as_deref() == Some("") {
-            findings.add("episodes", file, format!("{place}, failure"), "the cause of a failure", "nothing");
+            findings.add("episodes", file, format!("{place}, failure"), "the cause of the failure", "nothing");
         }
         if book.is_own && episode.success == Some(true) && episode.failure.as_deref().is_some_and(|why| !why.is_empty())
         {
             let why = episode.failure.clone().unwrap_or_default();
-            findings.add("episodes", file, format!("{place}, failure"), "nothing, as it succeeded", why);
+            findings.add("episodes", file, format!("{place}, failure"), "nothing, because it succeeded", why);
         }
     }
     contract(book, findings);
@@ -317,7 +317,7 @@ fn tasks_and_sentences(book: &Book, findings: &mut Findings) {
                 "tasks",
                 book.tasks_file,
                 place,
-                "a sentence only once",
+                "a unique sentence",
                 format!("that of row {first}: {sentence}"),
             );
         }
@@ -332,7 +332,7 @@ fn tasks_and_sentences(book: &Book, findings: &mut Findings) {
     let used: BTreeSet<&str> = book.episodes.iter().map(|episode| episode.sentence.as_str()).collect();
     for (sentence, row) in known {
         if !used.contains(sentence) {
-            findings.add("tasks", book.tasks_file, format!("row {row}"), "a sentence of some episode", sentence);
+            findings.add("tasks", book.tasks_file, format!("row {row}"), "a sentence used by an episode", sentence);
         }
     }
 }
@@ -341,7 +341,7 @@ fn contract(book: &Book, findings: &mut Findings) {
     let Some(contract) = &book.contract else {
         let has_actions = book.info.features.iter().any(|feature| feature.key == "action");
         if book.is_own && has_actions {
-            findings.add("contract", CONTRACT, "", "the contract of the actions", "none that can be read");
+            findings.add("contract", CONTRACT, "", "an action contract", "none that can be read");
         }
         return;
     };
@@ -361,7 +361,7 @@ fn contract(book: &Book, findings: &mut Findings) {
     let dof = state.map_or(0, |state| state.width().saturating_sub(1));
     let length = if spec.space.is_joint() { dof + 1 } else { spec.length(dof) };
     if dof > 0 && contract.names.len() != length {
-        let expected = format!("{length} numbers, as {spec} has");
+        let expected = format!("{length} numbers, the length of {spec}");
         findings.add("contract", CONTRACT, "names", expected, format!("{} names", contract.names.len()));
     }
     let joints: Vec<&str> = state.into_iter().flat_map(|state| &state.names).map(String::as_str).take(dof).collect();
@@ -370,7 +370,7 @@ fn contract(book: &Book, findings: &mut Findings) {
     }
 }
 
-/// The card holds a copy of `info.json`.
+/// Checks the copy of `info.json` in the card.
 fn card(book: &Book, findings: &mut Findings) {
     let Some(text) = book.is_own.then(|| files::read(&book.root.join("README.md"), limits::SETTINGS).ok()).flatten()
     else {

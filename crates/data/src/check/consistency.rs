@@ -1,46 +1,46 @@
-//! Whether states, actions and tool poses of an episode tell the same story.
+//! Consistency of an episode's states, actions and tool poses.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionSpace, Pose, RobotModel, RotationEncoding};
 
-use super::book::{Book, Listed};
+use super::book::{Book, EpisodeEntry};
 use super::findings::Findings;
 use crate::columns::{Column, Rows};
 
-/// Largest difference of two places of the tool, m, and of two turns, rad: single precision along the whole arm.
+/// Tolerances of the tool pose, m and rad: single-precision errors along the whole arm.
 const NEAR_M: f64 = 1e-4;
 const NEAR_RAD: f64 = 1e-3;
-/// Largest difference of two openings, m: both are the same number in single precision.
+/// Tolerance of the gripper opening, m: both are the same number in single precision.
 const NEAR_OPENING_M: f64 = 1e-6;
-/// How far a joint may be beyond its range, rad: the limits of the simulation are springs.
+/// Tolerance of joint limits, rad: the simulated limits are compliant.
 const BEYOND_RAD: f64 = 0.05;
 
-pub(super) fn check(book: &Book, robot: &RobotModel, episode: &Listed, rows: &Rows, findings: &mut Findings) {
-    let told = Told { episode, rows };
-    if let Some((row, key, expected, found)) = told.state(robot).or_else(|| told.tool()) {
+pub(super) fn check(book: &Book, robot: &RobotModel, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
+    let columns = EpisodeColumns { episode, rows };
+    if let Some((row, key, expected, found)) = columns.state(robot).or_else(|| columns.tool()) {
         findings.add("state", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
-    if let Some((row, key, expected, found)) = told.action(book, robot) {
+    if let Some((row, key, expected, found)) = columns.action(book, robot) {
         findings.add("action", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
 }
 
-/// Row, column, what fits, what is there.
-type Off = (usize, &'static str, String, String);
+/// Row, column, expected value, actual value.
+type Deviation = (usize, &'static str, String, String);
 
-struct Told<'a> {
-    episode: &'a Listed,
+struct EpisodeColumns<'a> {
+    episode: &'a EpisodeEntry,
     rows: &'a Rows,
 }
 
-impl Told<'_> {
+impl EpisodeColumns<'_> {
     fn column(&self, key: &str, width: usize) -> Option<&Column> {
         let values = usize::try_from(self.episode.length).ok()?.checked_mul(width)?;
         self.rows.get(key).filter(|column| column.width == width && column.values.len() == values)
     }
 
-    /// Joint positions against their ranges and the tool's pose.
-    fn state(&self, robot: &RobotModel) -> Option<Off> {
+    /// Checks joint positions against joint limits and the tool pose.
+    fn state(&self, robot: &RobotModel) -> Option<Deviation> {
         let dof = robot.arm_dof();
         let state = self.column("observation.state", dof + 1)?;
         let ee = self.column("ee.state", 7);
@@ -55,14 +55,19 @@ impl Told<'_> {
             if let Some(ee) = ee
                 && let Some((expected, found)) = differ(&robot.tcp_pose(arm), width[0], ee.row(row))
             {
-                return Some((row, "ee.state", format!("{expected}, where observation.state brings the tool"), found));
+                return Some((
+                    row,
+                    "ee.state",
+                    format!("{expected}, from observation.state by forward kinematics"),
+                    found,
+                ));
             }
         }
         None
     }
 
-    /// The tool's rotation in its three forms.
-    fn tool(&self) -> Option<Off> {
+    /// Checks the three encodings of the tool orientation against each other.
+    fn tool(&self) -> Option<Deviation> {
         let ee = self.column("ee.state", 7)?;
         for (key, encoding) in
             [("ee.quaternion", RotationEncoding::QuatWxyz), ("ee.rotation_6d", RotationEncoding::SixD)]
@@ -81,14 +86,14 @@ impl Told<'_> {
         None
     }
 
-    /// What the contract makes of the actions against the commanded tool pose.
-    fn action(&self, book: &Book, robot: &RobotModel) -> Option<Off> {
+    /// Checks the actions, decoded by the contract, against the commanded tool pose.
+    fn action(&self, book: &Book, robot: &RobotModel) -> Option<Deviation> {
         let (contract, ee) = (book.contract.as_ref()?, self.column("ee.action", 7)?);
         let (spec, dof) = (contract.action, robot.arm_dof());
         let action = self.column("action", spec.length(dof))?;
         let home = self.episode.home.as_ref().filter(|home| home.len() == dof);
         if home.is_none() && !matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose) {
-            // Changes lead nowhere from a place that nobody tells.
+            // Relative actions cannot be decoded without the home position.
             return None;
         }
         let home = home.unwrap_or(&robot.home);
@@ -103,23 +108,23 @@ impl Told<'_> {
                 ActionSpace::JointVelocity => joints = changed(1.0 / contract.rate_hz),
                 ActionSpace::EePose | ActionSpace::EeDelta => {}
             }
-            let told = || {
+            let decoded = || {
                 let (position, rotation) = motion.split_at(3);
                 Some(Pose::new(DVec3::from_slice(position), spec.rotation.decode(rotation)?))
             };
             let pose = match spec.space {
-                ActionSpace::EePose => told(),
-                ActionSpace::EeDelta => told().map(|change| spec.frame.apply(&change, &before)),
+                ActionSpace::EePose => decoded(),
+                ActionSpace::EeDelta => decoded().map(|change| spec.frame.apply(&change, &before)),
                 _ => Some(robot.tcp_pose(&joints)),
             };
             let Some(pose) = pose else {
-                let expected = format!("a rotation as {}", spec.rotation.description());
+                let expected = format!("a rotation encoded as {}", spec.rotation.description());
                 return Some((row, "action", expected, format!("{motion:?}")));
             };
             let width = f64::from(spec.gripper.width_m(grip[0] as f32, &robot.gripper));
             if let Some((expected, found)) = differ(&pose_of(ee.row(row)), ee.row(row)[6], &row_of(&pose, width)) {
-                let expected = format!("{expected}, as ee.action has it");
-                return Some((row, "action", expected, format!("{found}, as {spec}")));
+                let expected = format!("{expected}, according to ee.action");
+                return Some((row, "action", expected, format!("{found}, decoded as {spec}")));
             }
             before = pose_of(ee.row(row));
         }
@@ -127,7 +132,7 @@ impl Told<'_> {
     }
 }
 
-/// A row of `ee.state` or `ee.action` as a pose.
+/// Pose of a row of `ee.state` or `ee.action`.
 fn pose_of(row: &[f64]) -> Pose {
     let rotation = RotationEncoding::FixedXyzEuler.decode(&row[3..6]).unwrap_or_default();
     Pose::new(DVec3::from_slice(row), rotation)
@@ -137,7 +142,7 @@ fn row_of(pose: &Pose, width: f64) -> Vec<f64> {
     pose.position.to_array().into_iter().chain(pose.to_fixed_xyz_euler()).chain([width]).collect()
 }
 
-/// What fits and what is there, where they are not the same.
+/// Expected and actual values, if they differ by more than the tolerances.
 fn differ(expected: &Pose, width: f64, found: &[f64]) -> Option<(String, String)> {
     let pose = pose_of(found);
     let far = pose.position.distance(expected.position);

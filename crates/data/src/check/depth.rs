@@ -1,4 +1,4 @@
-//! The depth sibling of a data set.
+//! Check of the depth sibling of a data set.
 
 use std::sync::Arc;
 
@@ -12,15 +12,15 @@ use crate::export::ExtraColumns;
 use crate::lerobot::depth_path;
 
 pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Findings) -> Result<(), DataError> {
-    let has_pictures = book.info.features.iter().any(super::book::Feature::is_image);
-    if book.info.version != Version::V30 || has_pictures {
+    let has_images = book.info.features.iter().any(super::book::Feature::is_image);
+    if book.info.version != Version::V30 || has_images {
         return Ok(());
     }
     let Some(settings) = record::settings(book).filter(|settings| settings.export.has_sibling()) else { return Ok(()) };
     let sibling = depth_path(&book.root);
     let name = format!("../{}", sibling.file_name().unwrap_or_default().to_string_lossy());
     if !sibling.is_dir() {
-        findings.add("depth", &name, "", "the depth pictures, as its settings say", "nothing");
+        findings.add("depth", &name, "", "the depth data set named in the settings", "nothing");
         return Ok(());
     }
     match super::check(&sibling, robots) {
@@ -30,7 +30,7 @@ pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Find
             return Ok(());
         }
     }
-    // What is wrong with either was found; here only whether they are of the same episodes.
+    // Findings of either data set have been recorded; what remains is to check that both have the same episodes.
     let mut ignored = Findings::default();
     let info = book::read_info(&sibling, &mut ignored)?;
     let has_masks = settings.export.columns.contains(&ExtraColumns::Masks);

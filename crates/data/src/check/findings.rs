@@ -1,32 +1,32 @@
-//! What is wrong, gathered without a flood.
+//! Findings of a check, limited in number.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// One thing that is not as it should be.
+/// A deviation found by a check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// What was checked: `files`, `info`, `features`, `tasks`, `episodes`, `rows`, `timestamps`, `values`,
-    /// `statistics`, `state`, `action`, `contract`, `video`, `depth`, `record`, `card` or `leak`; `replay` where episodes
-    /// were simulated again, which this crate does not do.
+    /// Name of the check: `files`, `info`, `features`, `tasks`, `episodes`, `rows`, `timestamps`, `values`,
+    /// `statistics`, `state`, `action`, `contract`, `video`, `depth`, `record`, `card` or `leak`; `replay` for
+    /// re-simulated episodes, which is outside this crate.
     pub check: &'static str,
-    /// File in the data set.
+    /// Path relative to the data set.
     pub file: String,
-    /// Where in it.
+    /// Position in the file.
     pub place: String,
-    /// What fits.
+    /// The expected value.
     pub expected: String,
-    /// What is there.
+    /// The actual value.
     pub found: String,
 }
 
-/// Findings of one check in one file that are listed; of the others only the number is kept.
+/// Maximum findings listed per check and file; further ones are only counted.
 const LISTED_PER_FILE: usize = 8;
-/// Findings that are listed at all.
+/// Maximum findings listed in total.
 const LISTED: usize = 1000;
 
-/// Findings under way.
+/// Findings collected so far.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
     listed: Vec<Finding>,
@@ -53,7 +53,7 @@ impl Findings {
         self.listed.push(Finding { check, file: file.to_owned(), place: place.into(), expected, found });
     }
 
-    /// [`Findings::add`] where two things differ.
+    /// Adds a finding if two values differ.
     pub(crate) fn require<T: PartialEq + std::fmt::Debug>(
         &mut self,
         check: &'static str,
@@ -67,7 +67,7 @@ impl Findings {
         }
     }
 
-    /// Takes over what is wrong with a data set in another folder.
+    /// Adds the findings of a data set in another folder.
     pub(crate) fn adopt(&mut self, folder: &str, findings: Vec<Finding>, further: usize) {
         self.listed.extend(
             findings.into_iter().map(|finding| Finding { file: format!("{folder}/{}", finding.file), ..finding }),
@@ -75,7 +75,7 @@ impl Findings {
         self.further += further;
     }
 
-    /// Those listed, and the number of the others.
+    /// The listed findings, and the number of further ones.
     pub(crate) fn into_parts(self) -> (Vec<Finding>, usize) {
         (self.listed, self.further)
     }

@@ -1,12 +1,12 @@
-//! What two data sets share that one is to be trained on and the other tested with.
+//! Overlap between a training and a test data set.
 
 use std::collections::BTreeMap;
 
 use super::Checked;
-use super::book::Listed;
+use super::book::EpisodeEntry;
 use super::findings::Finding;
 
-/// What tells an episode from those of other data sets.
+/// Properties by which an episode is recognised in other data sets.
 #[derive(Clone, Debug)]
 pub struct Identity {
     pub(super) episode: i64,
@@ -17,7 +17,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    pub(super) fn of(episode: &Listed, content: u64) -> Self {
+    pub(super) fn of(episode: &EpisodeEntry, content: u64) -> Self {
         Self {
             episode: episode.index,
             scenario: episode.scenario_id.clone(),
@@ -28,7 +28,8 @@ impl Identity {
     }
 }
 
-/// Scenarios, sentences and episodes that the second data set shares with the first: what was trained on is no test.
+/// Finds scenarios, sentences and episodes of the second (test) data set that also occur in the first (training) data
+/// set.
 pub fn leaks(first: &Checked, second: &Checked) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut shared = |what: &str, key: &dyn Fn(&Identity) -> Option<String>| {
@@ -38,16 +39,16 @@ pub fn leaks(first: &Checked, second: &Checked) -> Vec<Finding> {
                 known.entry(key).or_insert(identity.episode);
             }
         }
-        let mut told: BTreeMap<String, ()> = BTreeMap::new();
+        let mut reported: BTreeMap<String, ()> = BTreeMap::new();
         for identity in &second.identities {
             let Some(key) = key(identity).filter(|key| known.contains_key(key)) else { continue };
-            if told.insert(key.clone(), ()).is_none() {
+            if reported.insert(key.clone(), ()).is_none() {
                 findings.push(Finding {
                     check: "leak",
                     file: format!("{}/{}", second.dataset, identity.file),
                     place: format!("episode {}", identity.episode),
-                    expected: format!("{what} that {} does not have", first.dataset),
-                    found: format!("that of episode {} there: {key}", known[&key]),
+                    expected: format!("{what} not in {}", first.dataset),
+                    found: format!("also in its episode {}: {key}", known[&key]),
                 });
             }
         }

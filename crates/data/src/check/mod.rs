@@ -1,7 +1,7 @@
-//! Whether a data set is what its format, its own description and its record promise.
+//! Checks a data set against its format, its own metadata and its native record.
 //!
-//! Nothing here trusts the data set: what is missing, too long or of another type is a [`Finding`], not an error.
-//! A data set of another program is held to the format alone; one of this program also to what it says of itself.
+//! Data sets are untrusted input: missing, oversized or mistyped contents give a [`Finding`], not an error. Data sets
+//! of other programs are checked against the format only, those of this program also against their own metadata.
 
 mod book;
 mod consistency;
@@ -30,42 +30,42 @@ use serde::Serialize;
 use crate::DataError;
 use findings::Findings;
 
-pub(crate) use book::{Book, Feature, Listed, Version};
+pub(crate) use book::{Book, EpisodeEntry, Feature, Version};
 
 pub use findings::Finding;
 pub use leaks::{Identity, leaks};
 pub use sheet::{Strip, contact_sheet};
 pub use show::{Bin, Group, Overview, Range};
 
-/// What was checked of a data set, and what is wrong with it.
+/// Result of the check of a data set.
 #[derive(Debug, Serialize)]
 pub struct Checked {
-    /// The folder as it was named.
+    /// Path of the data set as given.
     pub dataset: String,
     /// `lerobot-v3.0`, `lerobot-v2.1` or `zarr`.
     pub format: &'static str,
-    /// Number of episodes that it lists.
+    /// Number of episodes according to the metadata.
     pub episodes: usize,
-    /// Number of rows that were read.
+    /// Number of rows read.
     pub frames: usize,
-    /// What is wrong; empty when it is sound.
+    /// Findings; empty if the data set is valid.
     pub findings: Vec<Finding>,
-    /// Findings beyond those listed.
+    /// Number of findings beyond those listed.
     pub further: usize,
-    /// What another data set must not share with it.
+    /// Identities of the episodes, for [`leaks`].
     #[serde(skip)]
     pub identities: Vec<Identity>,
-    /// What is in it.
+    /// Summary of the contents.
     #[serde(skip)]
     pub overview: Overview,
 }
 
-/// Reads a data set to its last row and says what is wrong with it.
+/// Checks a data set completely, every row included.
 ///
-/// `robots` are those whose kinematics are known; without the data set's own among them, tool poses are not compared.
+/// `robots` supply the kinematics; tool poses are checked only if the data set's robot is among them.
 ///
 /// # Errors
-/// When the folder cannot be listed, or is no data set of a known format.
+/// If the folder cannot be listed or is not a data set of a known format.
 pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;
@@ -85,16 +85,16 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, Data
     Ok(finished(dataset, &book, totals.rows(), identities, &totals, findings))
 }
 
-/// What a LeRobot data set says of itself; what cannot be understood is found.
+/// Reads the metadata of a LeRobot data set, with findings for invalid parts.
 ///
 /// # Errors
-/// When the folder cannot be listed, or is no LeRobot data set of a known version.
+/// If the folder cannot be listed or is not a LeRobot data set of a known version.
 pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;
     let book = read(dataset, &listed, &mut findings)?;
-    // Names come from templates in `info.json`, which may lead anywhere.
-    let files = |episode: &Listed| {
+    // File names come from templates in `info.json` and may point outside the data set.
+    let files = |episode: &EpisodeEntry| {
         [episode.data.clone()]
             .into_iter()
             .chain(episode.videos.iter().map(|video| video.file.clone()))

@@ -1,4 +1,4 @@
-//! Which files a data set has, and which it should have.
+//! Check for missing and foreign files.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -7,17 +7,17 @@ use super::book::{Book, Version};
 use super::findings::Findings;
 use crate::{DataError, files};
 
-/// Deepest folder that is looked into: `extras/record/EPISODE/GROUP` and one more.
-const DEEPEST: usize = 6;
+/// Maximum folder depth: `extras/record/EPISODE/GROUP` and one more.
+const MAX_DEPTH: usize = 6;
 
-/// All files of a folder by their paths in it, with `/`; links are listed and not followed.
+/// Paths of all files relative to `root`, with `/`; links are listed but not followed.
 pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
     let mut listed = BTreeSet::new();
     let mut folders = vec![(String::new(), 0)];
     while let Some((folder, depth)) = folders.pop() {
         for name in files::names(&root.join(&folder))? {
             let path = if folder.is_empty() { name } else { format!("{folder}/{name}") };
-            if files::is_own_folder(&root.join(&path)) && depth < DEEPEST {
+            if files::is_own_folder(&root.join(&path)) && depth < MAX_DEPTH {
                 folders.push((path, depth + 1));
             } else {
                 listed.insert(path);
@@ -27,7 +27,7 @@ pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
     Ok(listed)
 }
 
-/// Missing and foreign files; what lies in `extras` is the record's affair.
+/// Reports missing and foreign files; `extras` is left to the check of the record.
 pub(super) fn check(book: &Book, listed: &BTreeSet<String>, findings: &mut Findings) {
     let mut expected: BTreeSet<String> = ["meta/info.json", "meta/stats.json"].map(String::from).into();
     expected.extend(book.meta_files.iter().cloned());
@@ -49,10 +49,10 @@ pub(super) fn check(book: &Book, listed: &BTreeSet<String>, findings: &mut Findi
         ["README.md", "croissant.json", "meta/action_contract.json", ".gitattributes", "LICENSE", "meta/stats.json"];
     let foreign = listed.difference(&expected).filter(|path| {
         let is_known = optional.contains(&path.as_str()) || path.starts_with("extras/");
-        // Of a data set of others we do not know what else it keeps beside its tables.
+        // Data sets of other programs may have further files beside their tables.
         !is_known && (book.is_own || path.starts_with("data/") || path.starts_with("videos/"))
     });
     for path in foreign {
-        findings.add("files", path, "", "nothing: no episode names it", "a file");
+        findings.add("files", path, "", "no such file, as no episode refers to it", "a file");
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures that are kept in tables: whole PNG files of the size that is told.
+//! Check of images stored in tables: complete PNG files of the declared size.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use crate::DataError;
 use crate::depth::decode_depth_png;
 use crate::table::Table;
 
-/// One depth picture in so many is decoded; of all, the check sums are compared.
+/// One depth image in so many is decoded; checksums are verified for all.
 const DECODED_EVERY: usize = 64;
 
 pub(super) fn check(book: &Book, findings: &mut Findings) {
@@ -24,7 +24,7 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
         if let Err(error) = check_file(book, &features, file, findings)
             && !error.is_missing()
         {
-            findings.add("depth", file, "", "a table that can be read", error);
+            findings.add("depth", file, "", "a readable table", error);
         }
     }
 }
@@ -37,24 +37,18 @@ fn check_file(book: &Book, features: &[&Feature], file: &str, findings: &mut Fin
         // A struct of bytes and path has two leaves under one name.
         for batch in Table::open(&path)?.columns(&[&feature.key])? {
             let batch = batch?;
-            let Some(pictures) = bytes(&batch, &feature.key) else {
-                findings.add(
-                    "features",
-                    file,
-                    format!("column {}", feature.key),
-                    "bytes of pictures",
-                    "something else",
-                );
+            let Some(images) = bytes(&batch, &feature.key) else {
+                findings.add("features", file, format!("column {}", feature.key), "image bytes", "another type");
                 break;
             };
-            for index in 0..pictures.len() {
-                let wrong = if pictures.is_null(index) {
+            for index in 0..images.len() {
+                let wrong = if images.is_null(index) {
                     Some("nothing".to_owned())
                 } else {
-                    flaw(pictures.value(index), &feature.shape, row % DECODED_EVERY == 0)
+                    flaw(images.value(index), &feature.shape, row % DECODED_EVERY == 0)
                 };
                 if let Some(found) = wrong {
-                    let expected = format!("a PNG file of {:?}", feature.shape);
+                    let expected = format!("a PNG image of shape {:?}", feature.shape);
                     findings.add("depth", file, format!("row {row}, {}", feature.key), expected, found);
                 }
                 row += 1;
@@ -68,21 +62,21 @@ fn bytes<'a>(batch: &'a RecordBatch, key: &str) -> Option<&'a BinaryArray> {
     batch.column_by_name(key)?.as_struct_opt()?.column_by_name("bytes")?.as_binary_opt::<i32>()
 }
 
-/// What is wrong with a PNG file.
+/// Description of the first flaw of a PNG file, if any.
 fn flaw(file: &[u8], shape: &[usize], is_decoded: bool) -> Option<String> {
-    let Some(mut rest) = file.strip_prefix(b"\x89PNG\r\n\x1a\n") else { return Some("no PNG file".into()) };
+    let Some(mut rest) = file.strip_prefix(b"\x89PNG\r\n\x1a\n") else { return Some("not a PNG file".into()) };
     let mut size = None;
     let mut is_ended = false;
     while let Some((head, tail)) = rest.split_at_checked(8) {
         let length = u32::from_be_bytes(head[..4].try_into().unwrap_or_default()) as usize;
         let (Some(body), Some(sum)) = (tail.get(..length), tail.get(length..).and_then(|tail| tail.get(..4))) else {
-            return Some("a file that ends too soon".into());
+            return Some("a truncated file".into());
         };
         let mut crc = flate2::Crc::new();
         crc.update(&head[4..]);
         crc.update(body);
         if crc.sum().to_be_bytes() != *sum {
-            return Some(format!("a check sum of {} that does not hold", String::from_utf8_lossy(&head[4..])));
+            return Some(format!("a wrong checksum of chunk {}", String::from_utf8_lossy(&head[4..])));
         }
         if &head[4..] == b"IHDR"
             && let Some((width, height)) = body.split_at_checked(4).and_then(|(w, h)| Some((w, h.get(..4)?)))
@@ -94,10 +88,10 @@ fn flaw(file: &[u8], shape: &[usize], is_decoded: bool) -> Option<String> {
         rest = &tail[length + 4..];
     }
     if !is_ended {
-        return Some("a file that ends too soon".into());
+        return Some("a truncated file".into());
     }
     if size.as_ref().map(<[usize; 2]>::as_slice) != shape.get(..2) {
-        return Some(format!("one of {size:?}"));
+        return Some(format!("size {size:?}"));
     }
     match is_decoded && shape.get(2) == Some(&1) {
         true => decode_depth_png(file).err().map(|error| error.to_string()),

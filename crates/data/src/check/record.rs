@@ -1,11 +1,11 @@
-//! How a data set says it was made, and the native record that it carries along, against its rows.
+//! Check of the export settings and the native record against the rows.
 
 use std::collections::BTreeSet;
 
 use arrow_array::Array;
 use genmanip_core::{Document, limits};
 
-use super::book::{Book, Listed};
+use super::book::{Book, EpisodeEntry};
 use super::findings::Findings;
 use crate::columns::Column;
 use crate::export::sampling;
@@ -13,10 +13,10 @@ use crate::lerobot::{RECORD, SETTINGS};
 use crate::table::Table;
 use crate::{DataError, EpisodeStore, LerobotSettings, files};
 
-/// Episodes whose rows are compared with their record, spread evenly; all records are compared with their hashes.
+/// Number of episodes, evenly spaced, whose rows are compared with the record; hashes are checked for all records.
 const SAMPLED: usize = 20;
 
-/// How the data set was made, where it says so.
+/// Export settings of the data set, if it has any.
 pub(super) fn settings(book: &Book) -> Option<LerobotSettings> {
     let bytes = files::read(&book.root.join(SETTINGS), limits::SETTINGS).ok()?;
     LerobotSettings::from_bytes(&bytes).ok()
@@ -25,7 +25,7 @@ pub(super) fn settings(book: &Book) -> Option<LerobotSettings> {
 pub(super) fn check(book: &Book, findings: &mut Findings) {
     let settings = settings(book);
     if book.is_own && settings.is_none() && book.root.join(SETTINGS).exists() {
-        findings.add("info", SETTINGS, "", "settings of an export", "something else");
+        findings.add("info", SETTINGS, "", "valid export settings", "something else");
     }
     if let Some(settings) = &settings {
         if (f64::from(settings.export.fps) - book.info.fps).abs() > 1e-9 {
@@ -48,7 +48,7 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
     match EpisodeStore::open(&root) {
         Err(error) => {
             if settings.is_some_and(|settings| settings.record) && has_actions {
-                findings.add("record", RECORD, "", "the record of its episodes, as its settings say", error);
+                findings.add("record", RECORD, "", "the native record named in the settings", error);
             }
         }
         Ok(store) => records(book, &store, findings),
@@ -62,7 +62,7 @@ fn records(book: &Book, store: &EpisodeStore, findings: &mut Findings) {
     };
     let named: BTreeSet<String> = book.episodes.iter().filter_map(|episode| episode.store_id.clone()).collect();
     for id in held.difference(&named) {
-        findings.add("record", &format!("{RECORD}/{id}"), "", "nothing: no episode has this store_id", "a record");
+        findings.add("record", &format!("{RECORD}/{id}"), "", "no record, as no episode has this store_id", "a record");
     }
     let stride = book.episodes.len().div_ceil(SAMPLED).max(1);
     for (number, episode) in book.episodes.iter().enumerate() {
@@ -77,13 +77,13 @@ fn records(book: &Book, store: &EpisodeStore, findings: &mut Findings) {
             if number.is_multiple_of(stride) { states(book, episode, store, id, findings) } else { Ok(()) }
         });
         if let Err(error) = compared {
-            findings.add("record", &file, episode.place(), "the record as it was written", error);
+            findings.add("record", &file, episode.place(), "an undamaged record", error);
         }
     }
 }
 
 fn outcome(
-    episode: &Listed,
+    episode: &EpisodeEntry,
     store: &EpisodeStore,
     id: &str,
     file: &str,
@@ -109,10 +109,10 @@ fn outcome(
     Ok(())
 }
 
-/// `observation.state` against the recorded joint positions and opening.
+/// Compares `observation.state` with the recorded joint positions and gripper opening.
 fn states(
     book: &Book,
-    episode: &Listed,
+    episode: &EpisodeEntry,
     store: &EpisodeStore,
     id: &str,
     findings: &mut Findings,
@@ -124,7 +124,7 @@ fn states(
             "record",
             &episode.data,
             format!("{}, length", episode.place()),
-            format!("{rows} rows, as recorded"),
+            format!("{rows} rows, according to the record"),
             episode.length,
         );
         return Ok(());
@@ -152,7 +152,7 @@ fn states(
                     "record",
                     &episode.data,
                     place,
-                    format!("{expected:.5?}, as recorded"),
+                    format!("{expected:.5?}, according to the record"),
                     format!("{:.5?}", state.row(row)),
                 );
                 return Ok(());

@@ -1,4 +1,4 @@
-//! Every row of every data file, episode by episode.
+//! Check of all rows, episode by episode.
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher};
@@ -6,7 +6,7 @@ use std::hash::{DefaultHasher, Hasher};
 use arrow_array::RecordBatch;
 use genmanip_core::RobotModel;
 
-use super::book::{Book, Listed};
+use super::book::{Book, EpisodeEntry};
 use super::consistency;
 use super::findings::Findings;
 use super::leaks::Identity;
@@ -17,23 +17,23 @@ use crate::lerobot::info::INFO;
 use crate::lerobot::stats::Stats;
 use crate::table::Table;
 
-/// Columns every data set has.
-const BOOKKEEPING: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
-/// Largest difference of a time from `frame_index / fps`, s, as LeRobot's own readers have it.
+/// Index columns of every data set.
+const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
+/// Tolerance of timestamps against `frame_index / fps`, s; that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-4;
 
-/// Reads all rows; the account of their numbers, and what tells the episodes from those of other data sets.
+/// Reads all rows; returns their statistics and the identities of the episodes.
 pub(super) fn check(book: &Book, robot: Option<&RobotModel>, findings: &mut Findings) -> (Totals, Vec<Identity>) {
     let mut totals = Totals::new(book);
     let mut seen: BTreeMap<u64, i64> = BTreeMap::new();
     let mut identities = Vec::new();
-    let mut files: BTreeMap<&str, Vec<&Listed>> = BTreeMap::new();
+    let mut files: BTreeMap<&str, Vec<&EpisodeEntry>> = BTreeMap::new();
     for episode in &book.episodes {
         files.entry(episode.data.as_str()).or_default().push(episode);
     }
     for (file, episodes) in &mut files {
         episodes.sort_by_key(|episode| episode.from);
-        let mut each = |episode: &Listed, rows: &Rows, findings: &mut Findings| {
+        let mut each = |episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings| {
             check_episode(book, episode, rows, findings);
             if let Some(robot) = robot {
                 consistency::check(book, robot, episode, rows, findings);
@@ -42,27 +42,27 @@ pub(super) fn check(book: &Book, robot: Option<&RobotModel>, findings: &mut Find
             let content = content(rows);
             if let Some(first) = seen.insert(content, episode.index) {
                 let found = format!("the rows of episode {first}");
-                findings.add("episodes", &episode.data, episode.place(), "an episode only once", found);
+                findings.add("episodes", &episode.data, episode.place(), "a unique episode", found);
             }
             identities.push(Identity::of(episode, content));
         };
         if let Err(error) = check_file(book, file, episodes, findings, &mut each)
             && !error.is_missing()
         {
-            findings.add("files", file, "", "a table that can be read", error);
+            findings.add("files", file, "", "a readable table", error);
         }
     }
     identities.sort_by_key(|identity| identity.episode);
     (totals, identities)
 }
 
-/// What happens with the rows of an episode.
-type Each<'a> = &'a mut dyn FnMut(&Listed, &Rows, &mut Findings);
+/// Callback for the rows of one episode.
+type Each<'a> = &'a mut dyn FnMut(&EpisodeEntry, &Rows, &mut Findings);
 
 fn check_file(
     book: &Book,
     file: &str,
-    episodes: &[&Listed],
+    episodes: &[&EpisodeEntry],
     findings: &mut Findings,
     each: Each,
 ) -> Result<(), crate::DataError> {
@@ -70,16 +70,16 @@ fn check_file(
     let known = table.names();
     let described = book.info.features.iter().filter(|feature| !feature.is_video());
     for feature in described.clone().filter(|feature| !known.contains(&feature.key)) {
-        findings.add("features", file, "", format!("a column `{}`, as info.json has it", feature.key), "none");
+        findings.add("features", file, "", format!("column `{}` of info.json", feature.key), "none");
     }
     for column in known.iter().filter(|column| !book.info.features.iter().any(|feature| feature.key == **column)) {
-        findings.add("features", file, format!("column {column}"), "only columns that info.json describes", "another");
+        findings.add("features", file, format!("column {column}"), "only columns of info.json", "another");
     }
     let wanted: Vec<&str> = described
         .filter(|feature| !feature.is_image() && known.contains(&feature.key))
         .map(|feature| feature.key.as_str())
         .collect();
-    if let Some(missing) = BOOKKEEPING.iter().find(|name| !wanted.contains(name)) {
+    if let Some(missing) = INDEX_COLUMNS.iter().find(|name| !wanted.contains(name)) {
         findings.add("features", INFO, "features", format!("`{missing}`"), "none");
     }
     let mut pending = Rows::new();
@@ -110,7 +110,7 @@ fn check_file(
             format!("{held} before the end of the file"),
         );
     } else if held > 0 {
-        findings.add("rows", file, "behind the last episode", "no row", format!("{held} rows"));
+        findings.add("rows", file, "after the last episode", "no further rows", format!("{held} rows"));
     }
     Ok(())
 }
@@ -120,12 +120,12 @@ fn append(book: &Book, file: &str, batch: &RecordBatch, wanted: &[&str], pending
         let Some(feature) = book.info.features.iter().find(|feature| feature.key == *key) else { continue };
         let Some(column) = batch.column_by_name(key) else { continue };
         let Some(column) = Column::of(column) else {
-            let expected = format!("{} of {:?}, as info.json has it", feature.dtype, feature.shape);
-            findings.add("features", file, format!("column {key}"), expected, "something else, or empty entries");
+            let expected = format!("{} of shape {:?}, according to info.json", feature.dtype, feature.shape);
+            findings.add("features", file, format!("column {key}"), expected, "another type, or null entries");
             continue;
         };
         if column.dtype != feature.dtype || column.width != feature.width() {
-            let expected = format!("{} with {} per row, as info.json has it", feature.dtype, feature.width());
+            let expected = format!("{} with {} per row, according to info.json", feature.dtype, feature.width());
             let found = format!("{} with {} per row", column.dtype, column.width);
             findings.add("features", file, format!("column {key}"), expected, found);
         }
@@ -136,7 +136,7 @@ fn append(book: &Book, file: &str, batch: &RecordBatch, wanted: &[&str], pending
     }
 }
 
-/// Takes the first rows away.
+/// Removes and returns the first `length` rows.
 fn split(pending: &mut Rows, length: usize) -> Rows {
     let take = |column: &mut Column| {
         let end = (length * column.width).min(column.values.len());
@@ -146,10 +146,10 @@ fn split(pending: &mut Rows, length: usize) -> Rows {
     pending.iter_mut().map(|(key, column)| (key.clone(), take(column))).collect()
 }
 
-/// What a column should have in a row, where that is known.
+/// Expected value of a column by row; `None` if unknown.
 type Expected<'a> = &'a dyn Fn(usize) -> Option<f64>;
 
-fn check_episode(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Findings) {
+fn check_episode(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     let file = episode.data.as_str();
     let task = book.tasks.iter().find(|(_, sentence)| *sentence == episode.sentence).map(|(index, _)| *index as f64);
     let expected: [(&str, Expected); 5] = [
@@ -182,7 +182,7 @@ fn check_episode(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Find
     steps(book, episode, rows, findings);
     for (key, column) in rows.iter().filter(|(_, column)| column.width > 0 && !column.values.is_empty()) {
         let names = ["min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99", "count"];
-        let Some(told) = v30::statistics(book, episode, key, &names) else {
+        let Some(recorded) = v30::statistics(book, episode, key, &names) else {
             if book.is_own {
                 let place = format!("{}, stats of {key}", episode.place());
                 findings.add("statistics", &episode.listed_in.0, place, "statistics", "none");
@@ -192,22 +192,22 @@ fn check_episode(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Find
         let stats = Stats::of_vectors(&column.values, column.width);
         let place = |name: &str| format!("{}, {name} of {key}", episode.place());
         for (name, expected) in stats.named.iter().filter(|(name, _)| book.is_own || !name.starts_with('q')) {
-            let Some(found) = told.get(*name) else { continue };
+            let Some(found) = recorded.get(*name) else { continue };
             if !totals::are_equal(expected, found, column) {
-                let [expected, found] = [expected, found].map(|numbers| totals::in_short(numbers));
+                let [expected, found] = [expected, found].map(|numbers| totals::abbreviated(numbers));
                 findings.add("statistics", &episode.listed_in.0, place(name), expected, found);
             }
         }
-        if let Some(count) = told.get("count")
+        if let Some(count) = recorded.get("count")
             && count.first() != Some(&(stats.count as f64))
         {
-            findings.add("statistics", &episode.listed_in.0, place("count"), stats.count, totals::in_short(count));
+            findings.add("statistics", &episode.listed_in.0, place("count"), stats.count, totals::abbreviated(count));
         }
     }
 }
 
-/// `next.done` in the last row alone, and `next.success` there when the episode succeeded.
-fn ends(episode: &Listed, rows: &Rows, findings: &mut Findings) {
+/// `next.done` must be true only in the last row; `next.success` only there and only if the episode succeeded.
+fn ends(episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     for key in ["next.done", "next.success"] {
         let Some(column) = rows.get(key) else { continue };
         let at_end = if key == "next.done" { Some(true) } else { episode.success };
@@ -223,21 +223,21 @@ fn ends(episode: &Listed, rows: &Rows, findings: &mut Findings) {
     }
 }
 
-/// Every row belongs to a step that its episode lists.
-fn steps(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Findings) {
+/// Every row must belong to a step listed by its episode.
+fn steps(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     let (Some(column), Some(listed)) = (rows.get("subtask_index"), &episode.subtasks) else { return };
     for (row, index) in column.values.iter().enumerate() {
         let text = book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
         if text.is_none_or(|text| !listed.contains(text)) {
             let place = format!("{}, row {row}, subtask_index", episode.place());
-            let found = format!("{index}, {}", text.map_or("which is none", String::as_str));
+            let found = format!("{index}, {}", text.map_or("which does not exist", String::as_str));
             findings.add("rows", &episode.data, place, format!("a step of {listed:?}"), found);
             break;
         }
     }
 }
 
-/// What is the same for two episodes only when they are the same: states and actions.
+/// Hash of states and actions, which identifies an episode.
 fn content(rows: &Rows) -> u64 {
     let mut hasher = DefaultHasher::new();
     for key in ["observation.state", "action", "frame_index"] {
@@ -246,7 +246,7 @@ fn content(rows: &Rows) -> u64 {
         values.iter().for_each(|value| hasher.write_u64(value.to_bits()));
     }
     if !rows.contains_key("action") {
-        // A data set of pictures alone has nothing else to tell its episodes by.
+        // A data set with images only has no other distinguishing columns.
         let index = rows.get("index").and_then(|column| column.values.first()).copied();
         hasher.write_u64(index.unwrap_or_default().to_bits());
     }

@@ -1,37 +1,37 @@
-//! A contact sheet: some moments of some episodes, for people who want to see what is in a data set.
+//! Contact sheets: images at several times of several episodes.
 
 use std::path::Path;
 
-use super::book::{Book, Listed, VideoSpan};
+use super::book::{Book, EpisodeEntry, VideoSpan};
 use crate::mp4::Video;
-use crate::{DataError, EncodedVideo, paper, video};
+use crate::{DataError, EncodedVideo, genmanip_layout, video};
 
-/// Episodes on a sheet, evenly chosen.
+/// Maximum episodes on a sheet, evenly spaced.
 const EPISODES: usize = 12;
-/// Moments of each, the first and the last among them.
+/// Images per episode, evenly spaced in time from first to last.
 const MOMENTS: usize = 4;
-/// Widest picture, pixels; wider ones are made smaller by a whole number.
+/// Maximum image width, pixels; wider images are downscaled by an integer factor.
 const WIDTH: usize = 256;
-/// Longest episode of which the end is shown; of longer ones the moments are of its first so many pictures.
-const MOST_PICTURES: usize = 4000;
+/// Maximum frames per episode; of longer episodes only the first ones are shown.
+const MAX_FRAMES: usize = 4000;
 
-/// One line of the sheet.
+/// Row of the contact sheet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strip {
     /// Index of the episode.
     pub episode: i64,
-    /// Its sentence.
+    /// Its instruction.
     pub sentence: String,
-    /// Whether it succeeded, where that is told.
+    /// True if it succeeded; `None` if unknown.
     pub success: Option<bool>,
-    /// JPEG files, in the order of time.
+    /// JPEG files in chronological order.
     pub pictures: Vec<Vec<u8>>,
 }
 
-/// Moments of episodes, as the first video feature shows them; empty without one.
+/// Images of evenly spaced episodes from the first video feature; empty if there is none.
 ///
 /// # Errors
-/// When the folder is no LeRobot data set, or a video cannot be decoded.
+/// If the folder is not a LeRobot data set, or a video cannot be decoded.
 pub fn contact_sheet(dataset: &Path) -> Result<Vec<Strip>, DataError> {
     let (book, _) = super::book(dataset)?;
     let Some(key) = book.info.features.iter().find(|feature| feature.is_video()).map(|feature| feature.key.clone())
@@ -54,24 +54,24 @@ pub fn contact_sheet(dataset: &Path) -> Result<Vec<Strip>, DataError> {
     Ok(strips)
 }
 
-fn moments(book: &Book, episode: &Listed, span: &VideoSpan) -> Result<Vec<Vec<u8>>, DataError> {
+fn moments(book: &Book, episode: &EpisodeEntry, span: &VideoSpan) -> Result<Vec<Vec<u8>>, DataError> {
     let path = book.root.join(&span.file);
     let mut video = Video::open(&path)?;
-    // A float becomes the nearest whole number that there is, whatever it was.
+    // The cast saturates, so that invalid times are safe.
     let first = (span.from_s * book.info.fps).round() as usize;
-    let length = usize::try_from(episode.length).unwrap_or(0).min(MOST_PICTURES);
+    let length = usize::try_from(episode.length).unwrap_or(0).min(MAX_FRAMES);
     let frames: Option<Vec<Vec<u8>>> =
         (0..length).map(|frame| video.frame(first.checked_add(frame)?, frame == 0)).collect();
     let frames = frames.ok_or_else(|| {
-        DataError::mismatch(format!("{} in {}", episode.place(), path.display()), format!("{length} pictures"), "fewer")
+        DataError::mismatch(format!("{} in {}", episode.place(), path.display()), format!("{length} frames"), "fewer")
     })?;
     let wanted: Vec<usize> = (0..MOMENTS).map(|moment| moment * length.saturating_sub(1) / (MOMENTS - 1)).collect();
     let encoded = EncodedVideo { width: video.width, height: video.height, fps: 1, frames };
     let (mut at, mut pictures) = (0, Vec::new());
     video::decode(&encoded, &mut |rgb| {
         if wanted.contains(&at) {
-            let (small, width, height) = smaller(rgb, encoded.width as usize, encoded.height as usize);
-            pictures.push(paper::jpeg(&small, width, height)?);
+            let (small, width, height) = downscale(rgb, encoded.width as usize, encoded.height as usize);
+            pictures.push(genmanip_layout::jpeg(&small, width, height)?);
         }
         at += 1;
         Ok(())
@@ -79,8 +79,8 @@ fn moments(book: &Book, episode: &Listed, span: &VideoSpan) -> Result<Vec<Vec<u8
     Ok(pictures)
 }
 
-/// A picture made smaller by a whole number, each pixel the mean of those that it stands for.
-fn smaller(rgb: &[u8], width: usize, height: usize) -> (Vec<u8>, u32, u32) {
+/// Downscales an image by an integer factor to at most [`WIDTH`], by box filtering.
+fn downscale(rgb: &[u8], width: usize, height: usize) -> (Vec<u8>, u32, u32) {
     let factor = width.div_ceil(WIDTH).clamp(1, height.max(1));
     let (columns, rows) = (width / factor, height / factor);
     let mut small = Vec::with_capacity(columns * rows * 3);
@@ -103,13 +103,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_smaller_picture_has_the_mean_of_its_pixels() {
+    fn downscaling_averages_pixels() {
         let width = 2 * WIDTH;
         let rgb: Vec<u8> =
             (0..width * 2).flat_map(|pixel| [(pixel % 2 * 100) as u8, 7, (pixel / width) as u8]).collect();
-        let (small, columns, rows) = smaller(&rgb, width, 2);
+        let (small, columns, rows) = downscale(&rgb, width, 2);
         assert_eq!((columns as usize, rows), (WIDTH, 1));
         assert_eq!(&small[..6], [50, 7, 0, 50, 7, 0]);
-        assert_eq!(smaller(&rgb[..12], 2, 2), (rgb[..12].to_vec(), 2, 2));
+        assert_eq!(downscale(&rgb[..12], 2, 2), (rgb[..12].to_vec(), 2, 2));
     }
 }

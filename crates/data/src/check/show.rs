@@ -1,58 +1,58 @@
-//! What is in a data set: kinds of tasks and tasks with lengths and success, and the range of states and actions.
+//! Overview of a data set: task kinds and instructions with lengths and success, and the ranges of states and actions.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::book::{Book, Listed};
+use super::book::{Book, EpisodeEntry};
 use super::totals::Totals;
 
-/// Episodes of a kind of task, or of a sentence where the data set tells no kinds.
+/// Episodes of one kind of task, or with one instruction if kinds are unknown.
 #[derive(Clone, Debug, Serialize)]
 pub struct Group {
-    /// The kind, or the sentence.
+    /// The kind, or the instruction.
     pub kind: String,
-    /// Number of different sentences.
+    /// Number of distinct instructions.
     pub sentences: usize,
     /// Number of episodes.
     pub episodes: usize,
-    /// Of these, verified ones; null where the data set does not tell.
+    /// Number of successful episodes; null if unknown.
     pub succeeded: Option<usize>,
-    /// Shortest, median and longest episode, s.
+    /// Minimum, median and maximum length of an episode, s.
     pub seconds: [f64; 3],
 }
 
-/// Smallest and largest number of an entry of a feature.
+/// Minimum and maximum of one element of a feature.
 #[derive(Clone, Debug, Serialize)]
 pub struct Range {
-    /// Feature and entry.
+    /// Feature and element.
     pub name: String,
-    /// Smallest.
+    /// Minimum.
     pub min: f64,
-    /// Largest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// Episodes of about one length.
+/// Bin of the histogram of episode lengths.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Bin {
-    /// Shortest that belongs to it, and the first that is too long for it, s.
+    /// Lower (inclusive) and upper (exclusive) bound, s.
     pub seconds: [f64; 2],
     /// Number of episodes.
     pub episodes: usize,
 }
 
-/// Bins of the histogram of lengths.
+/// Number of bins.
 const BINS: usize = 10;
 
-/// What is in a data set.
+/// Contents of a data set.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Overview {
     /// Rows per second.
     pub fps: f64,
     /// Robot.
     pub robot: String,
-    /// What the actions mean, in a few words.
+    /// Short description of the action space.
     pub action: Option<String>,
     /// Video features.
     pub videos: Vec<String>,
@@ -60,15 +60,15 @@ pub struct Overview {
     pub groups: Vec<Group>,
     /// By sentence.
     pub tasks: Vec<Group>,
-    /// How many episodes are how long.
+    /// Histogram of episode lengths.
     pub lengths: Vec<Bin>,
-    /// Of states and actions.
+    /// Ranges of states and actions.
     pub ranges: Vec<Range>,
 }
 
 pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
-    let grouped = |name: &dyn Fn(&'_ Listed) -> String| {
-        let mut groups: BTreeMap<String, Vec<&Listed>> = BTreeMap::new();
+    let grouped = |name: &dyn Fn(&'_ EpisodeEntry) -> String| {
+        let mut groups: BTreeMap<String, Vec<&EpisodeEntry>> = BTreeMap::new();
         for episode in &book.episodes {
             groups.entry(name(episode)).or_default().push(episode);
         }
@@ -76,7 +76,7 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
     };
     let groups = grouped(&|episode| episode.kind.clone().unwrap_or_else(|| episode.sentence.clone()));
     let tasks = grouped(&|episode| episode.sentence.clone());
-    let group = |(kind, episodes): (String, Vec<&Listed>)| {
+    let group = |(kind, episodes): (String, Vec<&EpisodeEntry>)| {
         let mut seconds: Vec<f64> = episodes.iter().map(|episode| episode.length as f64 / book.info.fps).collect();
         seconds.sort_by(f64::total_cmp);
         let at = |index: usize| seconds.get(index).copied().unwrap_or_default();
@@ -118,11 +118,11 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
     }
 }
 
-/// The histogram of lengths; its bins are whole tenths of a second wide.
+/// Histogram of lengths; the bin width is a multiple of 0.1 s.
 fn lengths(book: &Book) -> Vec<Bin> {
     let seconds: Vec<f64> = book.episodes.iter().map(|episode| episode.length as f64 / book.info.fps).collect();
-    let sound = || seconds.iter().copied().filter(|length| length.is_finite());
-    let (least, most) = sound().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+    let finite = || seconds.iter().copied().filter(|length| length.is_finite());
+    let (least, most) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
     if least > most {
         return Vec::new();
     }
@@ -131,7 +131,7 @@ fn lengths(book: &Book) -> Vec<Bin> {
     let bin = |number: usize| {
         let [from, to] = [number, number + 1].map(|edge| ((first + edge as f64 * width) * 10.0).round() / 10.0);
         let place = |length: f64| ((length - first) / width).clamp(0.0, (BINS - 1) as f64) as usize;
-        Bin { seconds: [from, to], episodes: sound().filter(|length| place(*length) == number).count() }
+        Bin { seconds: [from, to], episodes: finite().filter(|length| place(*length) == number).count() }
     };
     (0..BINS).map(bin).collect()
 }

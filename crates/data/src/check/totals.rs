@@ -1,4 +1,4 @@
-//! Statistics over all rows, one row at a time, against those that a data set tells.
+//! Streaming statistics over all rows, compared with those of the data set's metadata.
 
 use std::collections::BTreeMap;
 
@@ -10,25 +10,25 @@ use super::v30;
 use crate::columns::{Column, Rows};
 
 const STATS: &str = "meta/stats.json";
-/// Quantiles LeRobot keeps.
+/// LeRobot's quantiles.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
-/// Largest difference of two equal statistics as a share of their size: sums in another order.
+/// Relative tolerance of statistics: the order of summation differs.
 const TOLERANCE: f64 = 1e-6;
 
-/// The account of one entry of a vector.
+/// Running statistics of one vector element.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
     pub(super) min: f64,
     pub(super) max: f64,
     sum: f64,
-    /// Squares of distances from the mean that is told, which keeps them exact.
+    /// Squared distances from the recorded mean (`shift`), for numerical accuracy.
     squares: f64,
     shift: f64,
-    /// Numbers below each quantile that is told, and not above it.
+    /// Recorded quantile, number of values below it, and number of values not above it.
     around: [(f64, usize, usize); 5],
 }
 
-/// The account of a data set.
+/// Running statistics of a data set.
 #[derive(Debug)]
 pub(super) struct Totals {
     rows: usize,
@@ -39,8 +39,8 @@ impl Totals {
     pub(super) fn new(book: &Book) -> Self {
         let mut features = BTreeMap::new();
         for feature in book.info.features.iter().filter(|feature| !feature.is_video() && !feature.is_image()) {
-            let told = v30::named(&book.stats[&feature.key]);
-            let number = |name: &str, entry: usize| told.get(name).and_then(|values| values.get(entry)).copied();
+            let recorded = v30::named(&book.stats[&feature.key]);
+            let number = |name: &str, entry: usize| recorded.get(name).and_then(|values| values.get(entry)).copied();
             let entry = |index: usize| Entry {
                 min: f64::INFINITY,
                 max: f64::NEG_INFINITY,
@@ -50,7 +50,7 @@ impl Totals {
                 around: QUANTILES.map(|(name, _)| (number(name, index).unwrap_or(f64::NAN), 0, 0)),
             };
             let entries = (0..feature.width().min(4096)).map(entry).collect();
-            features.insert(feature.key.clone(), (entries, told));
+            features.insert(feature.key.clone(), (entries, recorded));
         }
         Self { rows: 0, features }
     }
@@ -60,7 +60,7 @@ impl Totals {
         self.rows
     }
 
-    /// Smallest and largest number of each entry of a feature.
+    /// Minimum and maximum of each element of a feature.
     pub(super) fn range(&self, key: &str) -> Vec<[f64; 2]> {
         let entries = self.features.get(key).map(|(entries, _)| entries.as_slice()).unwrap_or_default();
         entries.iter().map(|entry| [entry.min, entry.max]).collect()
@@ -95,24 +95,24 @@ impl Entry {
     }
 }
 
-/// `stats.json` against the rows.
+/// Compares `stats.json` with the rows.
 pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
     if book.stats == Value::Null || totals.rows == 0 {
         return;
     }
     let rows = totals.rows as f64;
-    for (key, (entries, told)) in &totals.features {
-        if told.is_empty() {
+    for (key, (entries, recorded)) in &totals.features {
+        if recorded.is_empty() {
             findings.add("statistics", STATS, key.as_str(), "statistics", "none");
             continue;
         }
-        if told.get("count").and_then(|count| count.first()) != Some(&rows) {
+        if recorded.get("count").and_then(|count| count.first()) != Some(&rows) {
             findings.add(
                 "statistics",
                 STATS,
                 format!("count of {key}"),
                 rows,
-                in_short(told.get("count").unwrap_or(&Vec::new())),
+                abbreviated(recorded.get("count").unwrap_or(&Vec::new())),
             );
         }
         for (index, entry) in entries.iter().enumerate() {
@@ -120,7 +120,7 @@ pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
             let variance = (entry.squares / rows - (mean - entry.shift).powi(2)).max(0.0);
             let size = entry.max.abs().max(entry.min.abs());
             for (name, expected) in [("min", entry.min), ("max", entry.max), ("mean", mean), ("std", variance.sqrt())] {
-                let found = told.get(name).and_then(|values| values.get(index)).copied().unwrap_or(f64::NAN);
+                let found = recorded.get(name).and_then(|values| values.get(index)).copied().unwrap_or(f64::NAN);
                 let off = (found - expected).abs();
                 if off.is_nan() || off > TOLERANCE * size.max(1e-9) {
                     findings.add("statistics", STATS, format!("{name} of {key}[{index}]"), expected, found);
@@ -133,14 +133,21 @@ pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
     }
 }
 
-/// A quantile lies between two neighbours in order, so at most so many numbers are below it and so many not above.
+/// Checks a quantile by counting: it lies between two consecutive values of the sorted column, which bounds the number
+/// of values below it and not above it.
 fn quantiles(entry: &Entry, rows: usize, what: &str, findings: &mut Findings) {
     for ((name, q), (value, below, not_above)) in QUANTILES.iter().zip(&entry.around) {
         let position = q * rows.saturating_sub(1) as f64;
         let is_right = *below <= position.ceil() as usize && *not_above > position.floor() as usize;
         if !is_right {
-            let expected = format!("the number at {position:.1} of {rows} in order");
-            findings.add("statistics", STATS, format!("{name} of {what}"), expected, format!("{value}, above {below}"));
+            let expected = format!("value number {position:.1} of {rows} in sorted order");
+            findings.add(
+                "statistics",
+                STATS,
+                format!("{name} of {what}"),
+                expected,
+                format!("{value}, with {below} below it"),
+            );
         }
     }
 }
@@ -149,14 +156,14 @@ fn tolerance(value: f64) -> f64 {
     TOLERANCE * value.abs().max(1e-9)
 }
 
-/// Whether statistics of a column are the same but for rounding.
+/// True if statistics are equal up to rounding, relative to the largest magnitude in the column.
 pub(super) fn are_equal(expected: &[f64], found: &[f64], column: &Column) -> bool {
     let size = column.values.iter().fold(1e-9_f64, |size, value| size.max(value.abs()));
     expected.len() == found.len() && expected.iter().zip(found).all(|(a, b)| (a - b).abs() <= TOLERANCE * size)
 }
 
-/// A few numbers, to be read.
-pub(super) fn in_short(numbers: &[f64]) -> String {
+/// The first eight numbers, for messages.
+pub(super) fn abbreviated(numbers: &[f64]) -> String {
     let shown: Vec<String> = numbers.iter().take(8).map(|number| format!("{number:.6}")).collect();
     let more = if numbers.len() > shown.len() { ", …" } else { "" };
     format!("[{}{more}]", shown.join(", "))

@@ -1,4 +1,4 @@
-//! Reading what a LeRobotDataset v2.1 says of itself.
+//! Reader of LeRobotDataset v2.1 metadata.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use genmanip_core::limits;
 use serde_json::Value;
 
-use super::book::{self, Book, EpisodeStats, Info, Listed, VideoSpan};
+use super::book::{self, Book, EpisodeEntry, EpisodeStats, Info, VideoSpan};
 use super::findings::Findings;
 use crate::lerobot::{RECORD, SETTINGS};
 use crate::{EpisodeStore, files};
@@ -26,7 +26,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
         (line["subtask_index"].as_i64().unwrap_or(-1), line["subtask"].as_str().unwrap_or_default().to_owned())
     };
     let subtasks = lines(root, SUBTASKS, findings).iter().map(step).collect();
-    // The only place where this version tells where an arm began.
+    // In this version, the robot's home position is available only from the native record.
     let record = EpisodeStore::open(root.join(RECORD)).ok();
     let mut from = 0;
     let mut episodes = Vec::new();
@@ -68,7 +68,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     }
 }
 
-fn episode(info: &Info, line: &Value, row: usize, from: i64) -> Listed {
+fn episode(info: &Info, line: &Value, row: usize, from: i64) -> EpisodeEntry {
     let index = line["episode_index"].as_i64().unwrap_or(-1);
     let length = line["length"].as_i64().unwrap_or(-1);
     let chunk = index / info.json["chunks_size"].as_i64().unwrap_or(1000).max(1);
@@ -81,7 +81,7 @@ fn episode(info: &Info, line: &Value, row: usize, from: i64) -> Listed {
         from_s: 0.0,
         to_s: length as f64 / info.fps,
     });
-    Listed {
+    EpisodeEntry {
         index,
         length,
         from,
@@ -95,7 +95,7 @@ fn episode(info: &Info, line: &Value, row: usize, from: i64) -> Listed {
             .as_array()
             .map(|texts| texts.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect()),
         success: line["success"].as_bool(),
-        // A line without a cause has null.
+        // `failure` is null without a cause.
         failure: line.get("failure").map(|why| why.as_str().unwrap_or_default().to_owned()),
         kind: None,
         home: None,
@@ -105,13 +105,13 @@ fn episode(info: &Info, line: &Value, row: usize, from: i64) -> Listed {
     }
 }
 
-/// The documents of a file, one per line; what is none is found.
+/// Parses a JSON Lines file; invalid lines become findings.
 fn lines(root: &Path, name: &str, findings: &mut Findings) -> Vec<Value> {
     let bytes = match files::read(&root.join(name), limits::INDEX) {
         Ok(bytes) => bytes,
         Err(error) => {
             if !error.is_missing() {
-                findings.add("files", name, "", "a file that can be read", error);
+                findings.add("files", name, "", "a readable file", error);
             }
             return Vec::new();
         }

@@ -1,4 +1,4 @@
-//! Reading what a LeRobotDataset v3.0 says of itself.
+//! Reader of LeRobotDataset v3.0 metadata.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use arrow_array::RecordBatch;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::book::{self, Book, EpisodeStats, Info, Listed, Statistics, VideoSpan};
+use super::book::{self, Book, EpisodeEntry, EpisodeStats, Info, Statistics, VideoSpan};
 use super::findings::Findings;
 use crate::DataError;
 use crate::columns::{cell, integer, text, texts};
@@ -38,7 +38,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
                 }
                 episodes.extend((0..batch.num_rows()).map(|row| episode(&info, &batch, (name, row), findings)));
             }
-            Err(error) => findings.add("files", name, "", "a table that can be read", error),
+            Err(error) => findings.add("files", name, "", "a readable table", error),
         }
     }
     let tasks = sentences(root, TASKS, "task", findings);
@@ -62,7 +62,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     }
 }
 
-/// Sentences with their indices; a table that is missing is found among the files.
+/// Sentences with their indices; a missing table is reported by the check of paths.
 fn sentences(root: &Path, file: &str, name: &str, findings: &mut Findings) -> Vec<(i64, String)> {
     let index = format!("{name}_index");
     let read = |batch: RecordBatch| {
@@ -73,13 +73,13 @@ fn sentences(root: &Path, file: &str, name: &str, findings: &mut Findings) -> Ve
     };
     whole(&root.join(file), |_| true).map(read).unwrap_or_else(|error| {
         if !error.is_missing() {
-            findings.add("tasks", file, "", "a table that can be read", error);
+            findings.add("tasks", file, "", "a readable table", error);
         }
         Vec::new()
     })
 }
 
-fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), findings: &mut Findings) -> Listed {
+fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), findings: &mut Findings) -> EpisodeEntry {
     let number = |name: &str| integer(batch, name, row).unwrap_or(-1);
     let word = |name: &str| text(batch, name, row).map(|(text, _)| text);
     let seconds = |name: &str| cell(batch, name, row).and_then(|cell| cell.first().copied()).unwrap_or(f64::NAN);
@@ -101,17 +101,23 @@ fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), finding
             to_s: seconds(&format!("videos/{key}/to_timestamp")),
         }
     });
-    let scenario = word("scenario_json").map(|text| serde_json::from_str::<Brief>(&text));
+    let scenario = word("scenario_json").map(|text| serde_json::from_str::<ScenarioSummary>(&text));
     let (scenario_id, place) = (word("scenario_id"), format!("episode {}, scenario_json", number("episode_index")));
     match &scenario {
         Some(Err(error)) => findings.add("episodes", file, place, "a scenario", error),
-        Some(Ok(brief)) if Some(&brief.id) != scenario_id.as_ref() || brief.task.instruction != sentence => {
-            let expected = format!("{scenario_id:?} and {sentence:?}, as in its row");
-            findings.add("episodes", file, place, expected, format!("{:?} and {:?}", brief.id, brief.task.instruction));
+        Some(Ok(summary)) if Some(&summary.id) != scenario_id.as_ref() || summary.task.instruction != sentence => {
+            let expected = format!("{scenario_id:?} and {sentence:?}, the values in its row");
+            findings.add(
+                "episodes",
+                file,
+                place,
+                expected,
+                format!("{:?} and {:?}", summary.id, summary.task.instruction),
+            );
         }
         _ => {}
     }
-    Listed {
+    EpisodeEntry {
         index: number("episode_index"),
         length: number("length"),
         from: number("dataset_from_index"),
@@ -125,38 +131,38 @@ fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), finding
         success: cell(batch, "success", row).and_then(|cell| cell.first().map(|value| *value > 0.0)),
         failure: word("failure"),
         kind: word("task_kind"),
-        home: scenario.and_then(Result::ok).map(|brief| brief.world.robot.home),
+        home: scenario.and_then(Result::ok).map(|summary| summary.world.robot.home),
         data: path("data_path", number("data/chunk_index"), number("data/file_index"), ""),
         videos: videos.collect(),
         listed_in: (file.into(), row),
     }
 }
 
-/// What is compared of a scenario; the rest is not built.
+/// Compared fields of a scenario.
 #[derive(Deserialize)]
-struct Brief {
+struct ScenarioSummary {
     id: String,
-    task: BriefTask,
-    world: BriefWorld,
+    task: TaskSummary,
+    world: WorldSummary,
 }
 
 #[derive(Deserialize)]
-struct BriefTask {
+struct TaskSummary {
     instruction: String,
 }
 
 #[derive(Deserialize)]
-struct BriefWorld {
-    robot: BriefRobot,
+struct WorldSummary {
+    robot: RobotSummary,
 }
 
 #[derive(Deserialize)]
-struct BriefRobot {
+struct RobotSummary {
     home: Vec<f64>,
 }
 
-/// The statistics of a feature in an episode; `None` where the episodes table has none.
-pub(super) fn statistics(book: &Book, episode: &Listed, key: &str, names: &[&str]) -> Option<Statistics> {
+/// Recorded statistics of a feature in an episode, if any.
+pub(super) fn statistics(book: &Book, episode: &EpisodeEntry, key: &str, names: &[&str]) -> Option<Statistics> {
     match &book.episode_stats {
         EpisodeStats::Lines(lines) => {
             let line = lines.get(usize::try_from(episode.index).ok()?)?;
@@ -177,7 +183,7 @@ pub(super) fn statistics(book: &Book, episode: &Listed, key: &str, names: &[&str
     }
 }
 
-/// Statistics of `stats.json` and the like, without the shapes of pictures.
+/// Statistics of an entry of `stats.json`, flattened.
 pub(super) fn named(entry: &Value) -> Statistics {
     let mut statistics = Statistics::new();
     for (name, value) in entry.as_object().into_iter().flatten() {
@@ -195,7 +201,7 @@ fn flatten(value: &Value, into: &mut Vec<f64>) {
     }
 }
 
-/// Some columns of a table, all rows.
+/// All rows of the selected columns.
 pub(super) fn whole(path: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
     Table::open(path)?.whole(is_wanted)
 }

@@ -1,22 +1,21 @@
-//! Video files: how many pictures of what size, when they are shown, and whether they are those that were recorded.
+//! Check of video files: number, size and timing of frames, and their colours against the statistics.
 
 use std::collections::BTreeMap;
 
-use super::book::{Book, Feature, Listed, VideoSpan};
+use super::book::{Book, EpisodeEntry, Feature, VideoSpan};
 use super::findings::Findings;
 use super::v30;
 use crate::mp4::Video;
 use crate::{DataError, EncodedVideo, video};
 
-/// Largest difference between the mean colour of an episode's pictures and the one that its statistics tell, of 1:
-/// what colours lose on the way through the video's format.
+/// Tolerance of an episode's mean colour against its statistics, 0-1: colour loss of the video encoding.
 const MEAN_COLOR: f64 = 0.02;
-/// Largest difference of a time, s.
+/// Tolerance of timestamps, s.
 const TIME_S: f64 = 1e-4;
 
 pub(super) fn check(book: &Book, findings: &mut Findings) {
     for feature in book.info.features.iter().filter(|feature| feature.is_video()) {
-        let mut files: BTreeMap<&str, Vec<(&Listed, &VideoSpan)>> = BTreeMap::new();
+        let mut files: BTreeMap<&str, Vec<(&EpisodeEntry, &VideoSpan)>> = BTreeMap::new();
         for episode in &book.episodes {
             let own = episode.videos.iter().filter(|span| span.key == feature.key);
             for span in own {
@@ -29,7 +28,7 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
             match Video::open(&path) {
                 Ok(video) => check_file(book, feature, file, &episodes, video, findings),
                 Err(error) if error.is_missing() => {}
-                Err(error) => findings.add("video", file, "", "a video that can be read", error),
+                Err(error) => findings.add("video", file, "", "a readable video", error),
             }
         }
     }
@@ -39,24 +38,30 @@ fn check_file(
     book: &Book,
     feature: &Feature,
     file: &str,
-    episodes: &[(&Listed, &VideoSpan)],
+    episodes: &[(&EpisodeEntry, &VideoSpan)],
     mut video: Video,
     findings: &mut Findings,
 ) {
     let size = [video.height as usize, video.width as usize, 3];
     if feature.shape != size {
-        findings.add("video", file, "size", format!("{:?}, as info.json has it", feature.shape), format!("{size:?}"));
+        findings.add(
+            "video",
+            file,
+            "size",
+            format!("{:?}, according to info.json", feature.shape),
+            format!("{size:?}"),
+        );
     }
     let count = episodes.iter().fold(0_i64, |sum, (episode, _)| sum.saturating_add(episode.length.max(0)));
     let held = video.frames.len();
     if i64::try_from(held).ok() != Some(count) {
-        findings.add("video", file, "", format!("{count} pictures, as many as rows"), held);
+        findings.add("video", file, "", format!("{count} frames, the number of rows"), held);
     }
     let ticks = f64::from(video.timescale) / book.info.fps;
     if let Some(frame) = video.durations.iter().position(|duration| (f64::from(*duration) - ticks).abs() > 1.0) {
         let found = format!("{} of {} s", video.durations[frame], video.timescale);
-        let expected = format!("{ticks} of {} s, as {} Hz has it", video.timescale, book.info.fps);
-        findings.add("video", file, format!("duration of picture {frame}"), expected, found);
+        let expected = format!("{ticks} of {} s, for {} Hz", video.timescale, book.info.fps);
+        findings.add("video", file, format!("duration of frame {frame}"), expected, found);
     }
     let mut first = 0;
     for (episode, span) in episodes {
@@ -72,18 +77,18 @@ fn check_file(
         first += length;
     }
     if let Some(frame) = (0..held).find(|frame| video.frame(*frame, false).is_none()) {
-        findings.add("video", file, format!("picture {frame}"), "units of H.264", "bytes that are none");
+        findings.add("video", file, format!("frame {frame}"), "H.264 NAL units", "other bytes");
         return;
     }
     sample(book, feature, file, episodes, &mut video, findings);
 }
 
-/// Decodes the pictures of the episode in the middle, and compares their mean colour with its statistics.
+/// Decodes the middle episode and compares its mean colour with its statistics.
 fn sample(
     book: &Book,
     feature: &Feature,
     file: &str,
-    episodes: &[(&Listed, &VideoSpan)],
+    episodes: &[(&EpisodeEntry, &VideoSpan)],
     video: &mut Video,
     findings: &mut Findings,
 ) {
@@ -94,19 +99,19 @@ fn sample(
     let range = before..before.saturating_add(usize::try_from(episode.length).unwrap_or(0));
     let frames: Option<Vec<Vec<u8>>> = range.clone().map(|frame| video.frame(frame, frame == range.start)).collect();
     let Some(frames) = frames else { return };
-    let place = format!("{}, pictures of {}", episode.place(), feature.key);
+    let place = format!("{}, frames of {}", episode.place(), feature.key);
     match mean_color(&EncodedVideo { width: video.width, height: video.height, fps: 1, frames }) {
-        Err(error) => findings.add("video", file, place, "pictures that can be decoded", error),
+        Err(error) => findings.add("video", file, place, "frames that can be decoded", error),
         Ok(found) => {
-            let told = v30::statistics(book, episode, &feature.key, &["mean"]);
-            let Some(told) = told.and_then(|told| told.get("mean").cloned()) else { return };
-            let is_near = told.len() == 3 && told.iter().zip(found).all(|(a, b)| (a - b).abs() <= MEAN_COLOR);
+            let recorded = v30::statistics(book, episode, &feature.key, &["mean"]);
+            let Some(mean) = recorded.and_then(|recorded| recorded.get("mean").cloned()) else { return };
+            let is_near = mean.len() == 3 && mean.iter().zip(found).all(|(a, b)| (a - b).abs() <= MEAN_COLOR);
             if book.is_own && !is_near {
                 findings.add(
                     "video",
                     file,
                     place,
-                    format!("mean colour {told:.3?}, as statistics tell"),
+                    format!("mean colour {mean:.3?}, according to the statistics"),
                     format!("{found:.3?}"),
                 );
             }
@@ -114,7 +119,7 @@ fn sample(
     }
 }
 
-/// Mean of each channel, 0 to 1, on the pixels that statistics are taken from.
+/// Mean of each colour channel, 0-1, over the pixels sampled for statistics.
 fn mean_color(encoded: &EncodedVideo) -> Result<[f64; 3], DataError> {
     let mut colors = crate::ColorHistogram::default();
     let width = encoded.width as usize;

@@ -1,4 +1,4 @@
-//! zarr groups: arrays, chunks and the list of episodes.
+//! Check of Zarr groups: arrays, chunks and the list of episodes.
 
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -15,7 +15,7 @@ use crate::files;
 const ATTRIBUTES: &str = ".zattrs";
 const ENDS: &str = "meta/episode_ends";
 
-/// An array as its description has it.
+/// Array metadata.
 struct Array {
     shape: Vec<usize>,
     chunks: Vec<usize>,
@@ -60,7 +60,7 @@ pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findin
         findings.add("files", missing, "", "a file", "nothing");
     }
     for foreign in listed.difference(&expected) {
-        findings.add("files", foreign, "", "nothing: no array names it", "a file");
+        findings.add("files", foreign, "", "no such file, as it belongs to no array", "a file");
     }
     let rows = rows.unwrap_or(0);
     findings.require("episodes", ATTRIBUTES, "episodes", &ends.len(), &entries);
@@ -100,13 +100,13 @@ fn array(about: &Value) -> Option<Array> {
     (array.shape.len() == array.chunks.len() && !array.shape.is_empty()).then_some(array)
 }
 
-/// The numbers of a chunk; of pictures none, but that they can be read.
+/// Decodes a chunk; returns no numbers for images, which are only decompressed.
 fn numbers(root: &Path, name: &str, array: &Array, findings: &mut Findings) -> Vec<f64> {
     let bytes = match files::read(&root.join(name), limits::CHUNK) {
         Ok(bytes) => bytes,
         Err(error) => {
             if !error.is_missing() {
-                findings.add("files", name, "", "a file that can be read", error);
+                findings.add("files", name, "", "a readable file", error);
             }
             return Vec::new();
         }
@@ -114,7 +114,7 @@ fn numbers(root: &Path, name: &str, array: &Array, findings: &mut Findings) -> V
     let item: usize = array.dtype.get(2..).and_then(|size| size.parse().ok()).unwrap_or(1);
     let size = array.chunks.iter().fold(item, |size, side| size.saturating_mul(*side));
     let mut chunk = Vec::new();
-    // One byte more than it may have, so that what is too long shows.
+    // One byte more than expected, to detect oversized chunks.
     let most = u64::try_from(size).unwrap_or(u64::MAX).saturating_add(1);
     let read = flate2::read::ZlibDecoder::new(bytes.as_slice()).take(most).read_to_end(&mut chunk);
     if let Err(error) = read {

@@ -1,4 +1,4 @@
-//! Boxes around the objects in each camera's pictures, on request.
+//! Columns on request: bounding boxes of the objects in each camera's images.
 
 use super::features::{Feature, Values};
 use super::privileged::OBJECTS;
@@ -7,7 +7,7 @@ use crate::masks::{self, MaskTrack};
 
 const BOUNDS: [&str; 4] = ["left", "top", "right", "bottom"];
 
-/// Box and visible pixels of each of the scenario's objects, in their order; zeros where it is not seen or there is none.
+/// Bounding box and visible pixels of each object of the scenario, in its order; zeros if it is not visible or missing.
 pub(super) fn features(track: &MaskTrack, objects: usize, id: &str) -> Result<[Feature; 2], DataError> {
     if objects > OBJECTS {
         let what = format!("objects of episode {id} for the columns `sim.box…`");

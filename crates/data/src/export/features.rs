@@ -1,17 +1,17 @@
-//! Features: named columns of a data set, with the numbers of one episode.
+//! Features: named columns of a data set, with the values of one episode.
 
 use crate::{ColorHistogram, EncodedVideo};
 
-/// One column of numbers, a vector per frame.
+/// Numeric column, one vector per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Feature {
     pub(crate) key: String,
-    /// Names of the vector's entries; empty for a single number.
+    /// Names of the vector's elements; empty for scalars.
     pub(crate) names: Vec<String>,
     pub(crate) values: Values,
 }
 
-/// Numbers, frame by frame.
+/// Column values, frame-major.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Values {
     F32(Vec<f32>),
@@ -20,7 +20,7 @@ pub(crate) enum Values {
     Bool(Vec<bool>),
 }
 
-/// One column of video.
+/// Video column.
 #[derive(Clone, Debug)]
 pub(crate) struct VideoFeature {
     pub(crate) key: String,
@@ -28,7 +28,7 @@ pub(crate) struct VideoFeature {
     pub(crate) colors: ColorHistogram,
 }
 
-/// One column of depth pictures, kept in the table.
+/// Depth image column, stored in the table.
 #[derive(Clone, Debug)]
 pub(crate) struct ImageFeature {
     pub(crate) key: String,
@@ -47,7 +47,7 @@ impl Feature {
         self.names.len().max(1)
     }
 
-    /// The numbers for statistics.
+    /// The values as `f64`, for statistics.
     pub(crate) fn numbers(&self) -> Vec<f64> {
         match &self.values {
             Values::F32(values) => values.iter().map(|value| f64::from(*value)).collect(),

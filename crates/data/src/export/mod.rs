@@ -1,11 +1,11 @@
-//! What is exported, whatever the format: which episodes, at which rate, with which actions, columns and pictures.
+//! Format-independent part of an export: episode selection, rate, actions, columns and images.
 //!
-//! The writer of a format takes each episode as rows and files it; it chooses nothing itself.
+//! A format's writer receives each episode as rows and only serialises them.
 
 mod boxes;
 pub mod choice;
-pub(crate) mod facts;
 pub(crate) mod features;
+pub(crate) mod metadata;
 pub(crate) mod privileged;
 pub(crate) mod rows;
 pub mod steps;
@@ -18,29 +18,29 @@ use serde::{Deserialize, Serialize};
 use crate::masks::MaskTrack;
 use crate::{CameraTrack, DataError, EpisodeStore};
 
-/// What the rows of a data set hold.
+/// Contents of the rows of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExportSettings {
     /// Rows per second; the control rate is a whole multiple. Default 15, every fourth 60 Hz step.
     pub fps: u32,
-    /// What the numbers of the `action` column mean. Default [`default_action`].
+    /// Encoding of the `action` column. Default [`default_action`].
     pub action: ActionSpec,
-    /// Cameras whose pictures are exported. Default `static` and `wrist`.
+    /// Cameras whose images are exported. Default `static` and `wrist`.
     pub cameras: Vec<String>,
-    /// Whether depth pictures are exported too. Default true.
+    /// Export depth images too. Default true.
     pub depth: bool,
-    /// Columns beside the usual ones. Default none.
+    /// Extra columns. Default none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<ExtraColumns>,
-    /// Whether each episode is drawn in a look of its own; its seed is then told, `variation_seed`. Default false.
+    /// Randomised appearance per episode; its seed is exported as `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
-    /// Whether another policy acted first in the episodes and was corrected; which rows are the correction is then told,
-    /// `is_correction`. Default false.
+    /// Corrected episodes: another policy acted first. The column `is_correction` marks the rows of the correction.
+    /// Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub has_corrections: bool,
-    /// Which of its looks that is. Default 0, that of `collect`.
+    /// Index of the appearance randomisation. Default 0, that of `collect`.
     #[serde(skip_serializing_if = "is_usual_look")]
     pub look: u64,
 }
@@ -64,28 +64,28 @@ impl Default for ExportSettings {
     }
 }
 
-/// Columns that are written on request.
+/// Optional columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExtraColumns {
-    /// Simulator truth of the objects, `sim.object_pose` and the like: for critics, teachers and analysis, not for
-    /// policies.
+    /// Simulator ground truth of the objects, `sim.object_pose` and the like: for critics, teachers and analysis, not
+    /// for policies.
     Sim,
-    /// Boxes around the objects in each camera's pictures, and how many pixels show them: `sim.box.<camera>` and
+    /// Bounding boxes of the objects in each camera's images, and their visible pixels: `sim.box.<camera>` and
     /// `sim.visible_pixels.<camera>`.
     Boxes,
-    /// Which thing each pixel sees, as pictures `observation.images.<camera>_mask` in the sibling data set.
+    /// Instance masks as images `observation.images.<camera>_mask` in the sibling data set.
     Masks,
 }
 
 impl ExportSettings {
-    /// Whether it must be known which thing each pixel sees.
+    /// True if instance masks are needed.
     pub fn needs_masks(&self) -> bool {
         let asks = |columns: &ExtraColumns| matches!(columns, ExtraColumns::Boxes | ExtraColumns::Masks);
         !self.cameras.is_empty() && self.columns.iter().any(asks)
     }
 
-    /// Whether there are pictures besides colour, which lie in a sibling data set.
+    /// True if there are depth or mask images, which are written to a sibling data set.
     pub(crate) fn has_sibling(&self) -> bool {
         self.depth || (self.columns.contains(&ExtraColumns::Masks) && !self.cameras.is_empty())
     }
@@ -102,13 +102,13 @@ impl ExportSettings {
     }
 }
 
-/// Absolute joint targets and the opening, between which the commands move evenly: so a row of any rate ends with the
-/// very command that was recorded.
+/// Absolute joint targets and gripper opening, linearly interpolated: at any rate, a row ends with exactly the recorded
+/// command.
 pub fn default_action() -> ActionSpec {
     ActionSpec { between: Interpolation::Linear, ..ActionSpec::native() }
 }
 
-/// What an `action` column means, for cards and descriptions.
+/// Description of an `action` column, for data set cards.
 pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
     let rotation = spec.rotation.description();
     let motion = match spec.space {
@@ -130,22 +130,22 @@ pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
     format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
 }
 
-/// Which episodes of a store are exported; attempts without frames never are.
+/// Selection of the episodes to export; attempts without frames are never exported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// Those that reached their goal.
+    /// Successful episodes.
     Verified,
-    /// Failed ones too; `success` tells them apart.
+    /// Failed episodes too; the column `success` distinguishes them.
     Recorded,
-    /// These, in this order.
+    /// The given episodes, in this order.
     Ids(Vec<String>),
 }
 
 impl Selection {
-    /// The ids of the selected episodes. Damaged ones are among them: what is wrong shows when they are read.
+    /// Ids of the selected episodes. Includes damaged ones; reading them reports the damage.
     ///
     /// # Errors
-    /// When the store cannot be listed.
+    /// If the store cannot be listed.
     pub fn ids(&self, store: &EpisodeStore) -> Result<Vec<String>, DataError> {
         let only_verified = match self {
             Self::Ids(ids) => return Ok(ids.clone()),
@@ -164,7 +164,7 @@ impl Selection {
     }
 }
 
-/// What was written.
+/// Summary of an export.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExportReport {
     /// The data set.
@@ -175,34 +175,34 @@ pub struct ExportReport {
     pub episodes: usize,
     /// Number of frames.
     pub frames: usize,
-    /// Damaged episodes, which are not in it, with what is wrong.
+    /// Omitted damaged episodes with their errors.
     pub left_out: Vec<(String, String)>,
 }
 
-/// One episode with what its cameras saw.
+/// Episode with its camera tracks.
 pub(crate) struct Source {
     pub(crate) episode: Episode,
     pub(crate) tracks: Vec<CameraTrack>,
-    /// As many as tracks where they are asked for.
+    /// One per track if masks are exported, else empty.
     pub(crate) masks: Vec<MaskTrack>,
 }
 
-/// One episode, ready to be written, with what is told of it as a whole.
-pub(crate) struct EpisodeRows<F = facts::EpisodeFacts> {
+/// One episode ready to be written, with its metadata.
+pub(crate) struct EpisodeRows<F = metadata::EpisodeMetadata> {
     pub(crate) frames: usize,
     pub(crate) features: Vec<features::Feature>,
     pub(crate) images: Vec<features::ImageFeature>,
     pub(crate) videos: Vec<features::VideoFeature>,
-    /// Which step of the episode each row belongs to; empty in a data set that does not tell.
+    /// Step index of each row; empty if the data set has no steps.
     pub(crate) steps: Vec<usize>,
-    pub(crate) facts: F,
+    pub(crate) metadata: F,
 }
 
-/// Reads the selected episodes one by one, so that none stays in memory.
+/// Reads the selected episodes one at a time, to bound memory.
 pub(crate) struct Exporter<'a> {
     store: &'a EpisodeStore,
     ids: Vec<String>,
-    /// Whether damaged episodes end the export: whoever names episodes wants these.
+    /// Fail on damaged episodes instead of omitting them: set if the episodes were named explicitly.
     is_strict: bool,
     robot: &'a RobotModel,
     settings: &'a ExportSettings,
@@ -235,7 +235,7 @@ impl<'a> Exporter<'a> {
         self.settings.contract(self.robot)
     }
 
-    /// Hands the rows of every sound episode to a writer; returns the damaged ones with what is wrong.
+    /// Passes the rows of every readable episode to `write`; returns the damaged ones with their errors.
     pub(crate) fn each(
         &self,
         mut write: impl FnMut(&Source, EpisodeRows) -> Result<(), DataError>,
@@ -253,7 +253,7 @@ impl<'a> Exporter<'a> {
         }
         match left_out.first() {
             Some((id, why)) if left_out.len() == self.ids.len() => {
-                Err(DataError::mismatch("episodes to export", "at least one sound", format!("{id}: {why}")))
+                Err(DataError::mismatch("episodes to export", "at least one undamaged", format!("{id}: {why}")))
             }
             _ => Ok(left_out),
         }
@@ -279,7 +279,7 @@ impl<'a> Exporter<'a> {
             }
             let track = self.store.read_track(id, fps, camera)?;
             if track.video.frames.len() != frames {
-                let what = format!("pictures of camera {camera} in episode {id}");
+                let what = format!("images of camera {camera} in episode {id}");
                 return Err(DataError::mismatch(what, frames, track.video.frames.len()));
             }
             tracks.push(track);
@@ -290,10 +290,11 @@ impl<'a> Exporter<'a> {
 
 /// Number of rows of an episode, and control steps per row.
 ///
-/// Row i shows control step `i · stride`; the last row may stand for fewer steps. Pictures are drawn at these steps.
+/// Row i corresponds to control step `i · stride`, at which its images are rendered; the last row may cover fewer
+/// steps.
 ///
 /// # Errors
-/// When the control rate is not a whole multiple of `fps`.
+/// If the control rate is not an integer multiple of `fps`.
 ///
 /// ```
 /// assert_eq!(genmanip_data::export::sampling(9, 60.0, 15).unwrap(), (3, 4));

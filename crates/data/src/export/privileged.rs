@@ -1,4 +1,4 @@
-//! Simulator truth of the objects, on request: what a critic or a teacher may know and a policy must not.
+//! Columns on request: simulator ground truth of the objects, for critics and teachers but not for policies.
 
 use genmanip_core::{Frame, ObjectState};
 
@@ -6,15 +6,15 @@ use super::features::{Feature, Values};
 use crate::DataError;
 use crate::frames::pose_to_row;
 
-/// Places for objects in every row, so that data sets of different scenes fit into one; chosen: designed scenes have at
-/// most ten.
+/// Object slots per row, fixed so that data sets of different scenes can be merged; chosen: designed scenes have at
+/// most ten objects.
 pub(super) const OBJECTS: usize = 16;
-/// Joints of an object that are told: drawer cabinets have two.
+/// Exported joints per object: drawer cabinets have two.
 const JOINTS: usize = 2;
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
-/// Pose, speed and joints of each object, in the order of the scenario, and which one is held; places without an object
-/// are zeros, which is no rotation.
+/// Pose, speed and joint positions of each object, in the order of the scenario, and the index of the grasped one;
+/// empty slots are zero, including the quaternion.
 pub(super) fn features(states: &[&Frame], id: &str) -> Result<Vec<Feature>, DataError> {
     let most = states.iter().map(|state| state.objects.len()).max().unwrap_or(0);
     if most > OBJECTS {

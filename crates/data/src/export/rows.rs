@@ -1,10 +1,10 @@
-//! From an episode to rows: state, action, end effector, simulator truth, camera poses and video.
+//! Rows of an episode: state, action, end effector, simulator state, camera poses and video.
 
 use genmanip_core::glam::DQuat;
 use genmanip_core::{ActionSpace, ActionSpec, Frame, Pose, RobotModel, RotationEncoding};
 
-use super::facts::EpisodeFacts;
 use super::features::{Feature, Values, VideoFeature};
+use super::metadata::EpisodeMetadata;
 use super::{EpisodeRows, ExportSettings, ExtraColumns, Source, sampling};
 use super::{boxes, privileged};
 use crate::frames::pose_to_row;
@@ -13,23 +13,23 @@ use crate::{CameraTrack, DataError};
 const END_EFFECTOR: [&str; 7] = ["x", "y", "z", "rotation_x", "rotation_y", "rotation_z", "gripper_width"];
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
-/// A joint that moves slower than this stands still, rad/s: the gravity-compensated arm creeps by less while it holds
-/// a command.
+/// Joint speed threshold of an idle row, rad/s: the gravity-compensated arm creeps more slowly while it holds a
+/// command.
 const IDLE_RAD_PER_S: f64 = 0.01;
 
-/// The control steps that one row stands for; never empty.
+/// Control steps covered by one row; never empty.
 struct Interval<'a> {
-    /// The command in force when it begins; `None` in the first row, before any command.
+    /// Last frame of the previous row, whose command is in force at the start; `None` in the first row.
     before: Option<&'a Frame>,
     /// The state at the row's time.
     now: &'a Frame,
-    /// Every step until the next row.
+    /// All steps until the next row.
     steps: &'a [Frame],
-    /// The last of them, whose command is the row's action.
+    /// Last step, whose command is the row's action.
     last: &'a Frame,
 }
 
-/// The rows of an episode and its videos.
+/// Rows and videos of an episode.
 pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> Result<EpisodeRows, DataError> {
     let result = &source.episode.result;
     let (_, stride) = sampling(source.episode.frames.len(), result.control_rate_hz, settings.fps)?;
@@ -62,7 +62,7 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
     ];
     if settings.has_corrections {
         let from = result.correction.as_ref().map(|correction| correction.from_step);
-        // A row within which the other policy was taken over from is still its own.
+        // A row that contains the takeover still counts as the other policy's.
         features.push(flags("is_correction", &intervals, |row, _| from.is_some_and(|from| row * stride >= from)));
     }
     if settings.columns.contains(&ExtraColumns::Sim) {
@@ -83,14 +83,14 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
         video: track.video.clone(),
         colors: track.colors.clone(),
     };
-    let facts = EpisodeFacts::of(source, settings);
+    let metadata = EpisodeMetadata::of(source, settings);
     Ok(EpisodeRows {
         frames: intervals.len(),
-        steps: (0..intervals.len()).map(|row| facts.steps.at(row * stride)).collect(),
+        steps: (0..intervals.len()).map(|row| metadata.steps.at(row * stride)).collect(),
         features,
         images: Vec::new(),
         videos: source.tracks.iter().map(video).collect(),
-        facts,
+        metadata,
     })
 }
 
@@ -108,13 +108,13 @@ fn intervals(frames: &[Frame], stride: usize) -> Vec<Interval<'_>> {
     intervals
 }
 
-/// The `action` column: each row leads from the command in force when it begins, the robot's home in the first, to the
-/// last command of its interval.
+/// The `action` column: each row leads from the command in force at its start (the robot's home in the first row) to
+/// the last command of its interval.
 fn actions(rows: &[Interval<'_>], robot: &RobotModel, home: &[f64], settings: &ExportSettings) -> Feature {
     let spec = settings.action;
     let joints: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
     let duration_s = 1.0 / f64::from(settings.fps);
-    // As the loop sees it: commands are single precision.
+    // Rounded to single precision, as commands are.
     let in_force = |row: &Interval<'_>| -> Vec<f64> {
         match row.before {
             Some(frame) => frame.command.iter().take(joints.len()).map(|&target| f64::from(target)).collect(),
@@ -125,32 +125,31 @@ fn actions(rows: &[Interval<'_>], robot: &RobotModel, home: &[f64], settings: &E
         rows.iter().map(|row| spec.encode(robot, &row.last.command, &in_force(row), duration_s)).collect();
     if has_free_sign(&spec) {
         let home = spec.rotation.encode(robot.tcp_pose(home).rotation);
-        without_jumps(&home, actions.iter_mut().map(|action| &mut action[3..7]));
+        make_sign_continuous(&home, actions.iter_mut().map(|action| &mut action[3..7]));
     }
     let names = spec.names(&joints);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     Feature::new("action", &names, Values::F32(actions.concat()))
 }
 
-/// Whether the rotation of an action is a quaternion that may lie in either half of the sphere; that of a change is
-/// always near 1.
+/// True if the rotation is a quaternion of arbitrary sign; those of changes are always near 1.
 fn has_free_sign(spec: &ActionSpec) -> bool {
     let is_quaternion = matches!(spec.rotation, RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw);
     spec.space == ActionSpace::EePose && is_quaternion
 }
 
-/// Rotation of the tool, w first.
+/// Tool orientation as quaternion, w first.
 fn quaternions(key: &str, rows: &[Interval<'_>], home: DQuat) -> Feature {
     let encode = |rotation| RotationEncoding::QuatWxyz.encode(rotation);
     let mut values: Vec<f32> =
         rows.iter().flat_map(|row| encode(row.now.tcp.rotation)).map(|value| value as f32).collect();
-    without_jumps(&encode(home), values.chunks_exact_mut(4));
+    make_sign_continuous(&encode(home), values.chunks_exact_mut(4));
     Feature::new(key, RotationEncoding::QuatWxyz.names(), Values::F32(values))
 }
 
-/// Gives each quaternion the sign that is nearest to the one before; the first is compared with the tool's at home, so
-/// that all episodes lie in the same half of the sphere.
-fn without_jumps<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a mut [f32]>) {
+/// Chooses the sign of each quaternion nearest to its predecessor; the first is compared with the tool orientation at
+/// home, so that all episodes lie in the same half of the sphere.
+fn make_sign_continuous<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a mut [f32]>) {
     let mut previous: Vec<f32> = home.iter().map(|&value| value as f32).collect();
     for quaternion in quaternions {
         let along: f32 = previous.iter().zip(quaternion.iter()).map(|(a, b)| a * b).sum();
@@ -161,7 +160,7 @@ fn without_jumps<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a mut [f3
     }
 }
 
-/// Whether the command stays what it was and no joint moves: nothing is to be learned from the row.
+/// True if the command does not change and no joint moves.
 fn is_idle(row: &Interval<'_>) -> bool {
     let command = row.before.map_or(&row.now.command, |before| &before.command);
     row.steps
@@ -206,14 +205,14 @@ fn flags(key: &str, rows: &[Interval<'_>], value: impl Fn(usize, &Interval<'_>) 
     Feature::new(key, &[], Values::Bool(rows.iter().enumerate().map(|(index, row)| value(index, row)).collect()))
 }
 
-/// Position, rotations about fixed x, y, z, opening width.
+/// Position, fixed-axis XYZ Euler angles, gripper opening.
 fn end_effector(world_from_tcp: &Pose, gripper_width: f64) -> Vec<f32> {
     let position = world_from_tcp.position.to_array();
     let rotation = world_from_tcp.to_fixed_xyz_euler();
     position.into_iter().chain(rotation).chain([gripper_width]).map(|value| value as f32).collect()
 }
 
-/// Where the commanded joint positions would bring the tool.
+/// Tool pose at the commanded joint positions.
 fn commanded_end_effector(robot: &RobotModel, command: &[f32]) -> Vec<f32> {
     let arm: Vec<f64> = command.iter().take(robot.arm_dof()).map(|value| f64::from(*value)).collect();
     let width = command.last().copied().map_or(0.0, f64::from);

@@ -1,30 +1,30 @@
-//! The steps of an episode: which thing the arm works on, from when to when, and what that is called.
+//! Segmentation of an episode into steps: manipulated object, interval and text of each.
 
 use genmanip_core::{Episode, Frame};
 use genmanip_tasks::wording;
 
-/// Fewest control steps for which a thing is worked on, 0.1 s at 60 Hz; chosen: the fingers may brush a neighbour.
-const SHORTEST: usize = 6;
-/// A joint of a thing that turns or slides faster is being moved, rad/s or m/s; chosen: lids at rest stay far below.
+/// Minimum control steps of contact that count as a step, 0.1 s at 60 Hz; chosen: the fingers may brush a neighbour.
+const MIN_STEPS: usize = 6;
+/// Joint speed of an object above which it counts as being moved, rad/s or m/s; chosen: lids at rest stay far below.
 const MOVING_PER_S: f64 = 0.05;
 
 /// The steps of an episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Steps {
-    /// A request for each, in their order; at least one.
+    /// Instruction of each step, in order; at least one.
     pub texts: Vec<String>,
-    /// Control step behind the last of each; the last one goes on to the end.
+    /// Exclusive end control step of each; the last step lasts to the end of the episode.
     ends: Vec<usize>,
 }
 
 impl Steps {
-    /// A step ends when the thing is let go of for another one; before its grasp, the arm is on its way to it.
+    /// A step ends when its object is released for another one; it includes the approach before the grasp.
     ///
-    /// An episode that touches nothing has one step, which is called as the instruction.
+    /// An episode that touches no object has one step, with the task instruction as its text.
     pub fn of(episode: &Episode) -> Self {
         let task = &episode.scenario.task;
-        let worked_on = in_turn(&episode.frames, episode.result.control_rate_hz);
-        if worked_on.is_empty() {
+        let segments = segments(&episode.frames, episode.result.control_rate_hz);
+        if segments.is_empty() {
             return Self { texts: vec![task.instruction.clone()], ends: vec![episode.frames.len()] };
         }
         let alternatives = &episode.result.verdict.alternatives;
@@ -37,43 +37,42 @@ impl Steps {
                 .map_or_else(|| task.instruction.clone(), |object| wording::step(task, &object.id, alternative))
         };
         Self {
-            texts: worked_on.iter().map(|(object, _)| text(*object)).collect(),
-            ends: worked_on.iter().map(|(_, end)| *end).collect(),
+            texts: segments.iter().map(|(object, _)| text(*object)).collect(),
+            ends: segments.iter().map(|(_, end)| *end).collect(),
         }
     }
 
-    /// The control step that each begins with, and what it is called.
+    /// First control step and text of each step.
     pub fn begins(&self) -> impl Iterator<Item = (usize, &str)> {
         std::iter::once(0).chain(self.ends.iter().copied()).zip(self.texts.iter().map(String::as_str))
     }
 
-    /// The step that a control step belongs to.
+    /// Index of the step that contains a control step.
     pub fn at(&self, control_step: usize) -> usize {
         let before = self.ends.iter().take_while(|end| **end <= control_step).count();
         before.min(self.texts.len().saturating_sub(1))
     }
 }
 
-/// The things that the arm works on, each with the control step behind the last one; the same one is never twice in a
-/// row.
-fn in_turn(frames: &[Frame], rate_hz: f64) -> Vec<(usize, usize)> {
-    let mut turns: Vec<(usize, usize)> = Vec::new();
+/// Manipulated objects with the exclusive end control step of each; consecutive entries differ.
+fn segments(frames: &[Frame], rate_hz: f64) -> Vec<(usize, usize)> {
+    let mut segments: Vec<(usize, usize)> = Vec::new();
     let (mut run, mut length) = (None, 0);
     for (step, frame) in frames.iter().enumerate() {
         let before = step.checked_sub(1).map(|before| &frames[before]);
         let now = frame.grasped.or_else(|| before.and_then(|before| moved_joint(before, frame, rate_hz)));
         length = if now == run { length + 1 } else { 1 };
         run = now;
-        let Some(object) = now.filter(|_| length >= SHORTEST) else { continue };
-        match turns.last_mut() {
+        let Some(object) = now.filter(|_| length >= MIN_STEPS) else { continue };
+        match segments.last_mut() {
             Some((last, end)) if *last == object => *end = step + 1,
-            _ => turns.push((object, step + 1)),
+            _ => segments.push((object, step + 1)),
         }
     }
-    turns
+    segments
 }
 
-/// The first object whose joints move from one frame to the next.
+/// First object whose joints move between two frames.
 fn moved_joint(before: &Frame, now: &Frame, rate_hz: f64) -> Option<usize> {
     let moves = |(a, b): (&f64, &f64)| (b - a).abs() * rate_hz > MOVING_PER_S;
     let pairs = before.objects.iter().zip(&now.objects);
@@ -86,7 +85,7 @@ mod tests {
 
     use super::*;
 
-    /// `.` nothing, a digit a grasped object, a letter an object whose joint moves.
+    /// One character per frame: `.` nothing, a digit the grasped object, a letter an object whose joint moves.
     fn frames(pattern: &str) -> Vec<Frame> {
         let mut joints = [0.0; 3];
         let frame = |letter: char| {
@@ -117,23 +116,23 @@ mod tests {
     }
 
     #[test]
-    fn things_are_worked_on_in_turn() {
+    fn objects_are_segmented_in_order() {
         let cases: [(&str, &[(usize, usize)]); 8] = [
             ("..........", &[]),
             ("..00000000..", &[(0, 10)]),
             // Brushed too briefly.
             ("..22222..00000000..", &[(0, 17)]),
-            // Taken again after it slipped.
+            // Grasped again after it slipped.
             ("..0000000....0000000..", &[(0, 20)]),
             ("..0000000...1111111..", &[(0, 9), (1, 19)]),
-            // A lid that is pushed, and falls on.
+            // A lid that is pushed and keeps falling.
             ("..aaaaaaaa....1111111..", &[(0, 10), (1, 21)]),
-            // What is held counts more than what moves.
+            // A grasped object takes precedence over a moving one.
             ("..1111111aaaaaaa..", &[(1, 9), (0, 16)]),
             ("0000000111111100000000", &[(0, 7), (1, 14), (0, 22)]),
         ];
         for (pattern, expected) in cases {
-            assert_eq!(in_turn(&frames(pattern), 60.0), expected, "{pattern}");
+            assert_eq!(segments(&frames(pattern), 60.0), expected, "{pattern}");
         }
     }
 

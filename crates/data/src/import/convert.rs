@@ -1,18 +1,18 @@
-//! LeRobot data sets as those of another version.
+//! Conversion of LeRobot data sets to v2.1.
 
 use std::path::Path;
 
 use super::lerobot::Lerobot;
-use super::{ImportReport, ImportSettings, Imported, Incoming};
+use super::{ImportReport, ImportSettings, Imported, Importer};
 use crate::DataError;
 use crate::export::{ExportReport, ExtraColumns};
 use crate::lerobot::LerobotSettings;
 use crate::lerobot::begin;
-use crate::lerobot::made::Made;
+use crate::lerobot::origin::Origin;
 use crate::lerobot::v21::Writer;
 
-/// Writes a LeRobot data set of any program, v3.0 or v2.1, as one of v2.1 at `out`, for readers of that version; depth has
-/// no place in it.
+/// Converts a LeRobot data set of any program, v3.0 or v2.1, to v2.1 at `out`; depth is omitted, as the format has
+/// none. `on_episode` is called after each episode with the total number of episodes.
 ///
 /// # Errors
 /// As [`super::import`].
@@ -20,40 +20,40 @@ pub fn to_v21(
     dataset: &Path,
     settings: &ImportSettings,
     out: &Path,
-    heard: &mut dyn FnMut(usize),
+    on_episode: &mut dyn FnMut(usize),
 ) -> Result<ImportReport, DataError> {
-    let mut incoming = Lerobot::open(dataset, settings)?;
-    let about = incoming.about();
-    let mut writer = Writer::new(begin(out, None)?, about.fps);
-    incoming.each(&mut |from, mut episode| {
+    let mut importer = Lerobot::open(dataset, settings)?;
+    let info = importer.info();
+    let mut writer = Writer::new(begin(out, None)?, info.fps);
+    importer.each(&mut |from, mut episode| {
         episode.images.clear();
-        if let Some(record) = &about.record {
-            crate::lerobot::record::copy(&writer.aside, record, &episode.facts.store_id)?;
+        if let Some(record) = &info.record {
+            crate::lerobot::record::copy(&writer.staging, record, &episode.metadata.store_id)?;
         }
-        writer.push(episode).map_err(|error| error.placed(from))?;
-        heard(about.episodes);
+        writer.push(episode).map_err(|error| error.with_path(from))?;
+        on_episode(info.episodes);
         Ok(())
     })?;
-    let (episodes, frames) = (writer.ledger.episodes, writer.ledger.frames);
+    let (episodes, frames) = (writer.metadata.episodes, writer.metadata.frames);
     let imported = Imported {
-        format: about.format.into(),
-        fps: about.fps,
+        format: info.format.into(),
+        fps: info.fps,
         depth: false,
-        record: about.record.is_some(),
+        record: info.record.is_some(),
         episodes_per_file: 1,
         episodes_per_depth_file: 1,
-        notes: incoming.notes(),
+        notes: importer.notes(),
     };
-    let made = match Made::read(dataset) {
-        Ok(Made::Exported(mut settings)) => {
+    let origin = match Origin::read(dataset) {
+        Ok(Origin::Exported(mut settings)) => {
             settings.export.depth = false;
-            // Ids of pixels lie beside the depth.
+            // Masks are stored with the depth images.
             settings.export.columns.retain(|column| *column != ExtraColumns::Masks);
-            Made::Exported(LerobotSettings { run: None, record: about.record.is_some(), ..settings })
+            Origin::Exported(LerobotSettings { run: None, record: info.record.is_some(), ..settings })
         }
-        _ => Made::Imported(imported.clone()),
+        _ => Origin::Imported(imported.clone()),
     };
-    writer.finish(out, &about.robot, &made, about.contract.as_ref())?;
+    writer.finish(out, &info.robot, &origin, info.contract.as_ref())?;
     let written = ExportReport { dataset: out.into(), depth_dataset: None, episodes, frames, left_out: Vec::new() };
     Ok(ImportReport { written, imported })
 }

@@ -1,36 +1,36 @@
-//! What is told of an imported episode as a whole.
+//! Metadata of an imported episode.
 
 use genmanip_core::names::is_file_name;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::export::EpisodeRows;
-use crate::export::facts::Told;
 use crate::export::features::Values;
-use crate::lerobot::episodes::Entries;
+use crate::export::metadata::LanguageLabels;
+use crate::lerobot::episodes::EpisodeColumns;
 use crate::lerobot::imported::SOURCE_HASH;
-use crate::lerobot::v21::Line;
+use crate::lerobot::v21::EpisodeFields;
 use crate::table::Columns;
 
-/// What a source tells of an episode; what it does not tell stays unknown.
+/// Metadata of an episode of another program; unknown fields are empty.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct ImportedFacts {
-    /// Its name in the source, or one made of its index there.
+pub(crate) struct ImportedMetadata {
+    /// Its name in the source, or one derived from its index.
     pub(super) store_id: String,
     pub(super) instruction: String,
     pub(super) steps: Vec<String>,
     pub(super) success: Option<bool>,
     pub(super) failure: String,
-    /// The seed of a data set of this program; -1 where there is none.
+    /// Seed, if the source is a data set of this program; exported as -1 otherwise.
     pub(super) seed: Option<i64>,
     pub(super) scenario_id: String,
-    /// Ids of the objects whose poses the rows hold, in their order there.
+    /// Ids of the objects in the pose columns, in column order.
     pub(super) objects: Vec<String>,
-    /// Of its rows and pictures: tells it from every other.
+    /// Hash of its rows and images, by which it is recognised.
     pub(super) source_sha256: String,
 }
 
-impl Told for ImportedFacts {
+impl LanguageLabels for ImportedMetadata {
     fn name(&self) -> &str {
         &self.store_id
     }
@@ -44,21 +44,21 @@ impl Told for ImportedFacts {
     }
 }
 
-impl Entries for ImportedFacts {
+impl EpisodeColumns for ImportedMetadata {
     fn add(columns: &mut Columns, all: &[&Self]) {
-        columns.text("store_id", all.iter().map(|facts| &facts.store_id));
-        columns.optional_bool("success", all.iter().map(|facts| facts.success));
-        columns.text("failure", all.iter().map(|facts| &facts.failure));
-        columns.text_lists("subtasks", &all.iter().map(|facts| facts.steps.clone()).collect::<Vec<_>>());
-        columns.text_lists("objects", &all.iter().map(|facts| facts.objects.clone()).collect::<Vec<_>>());
-        columns.i64("seed", all.iter().map(|facts| facts.seed.unwrap_or(-1)));
-        columns.text("scenario_id", all.iter().map(|facts| &facts.scenario_id));
-        columns.text(SOURCE_HASH, all.iter().map(|facts| &facts.source_sha256));
+        columns.text("store_id", all.iter().map(|metadata| &metadata.store_id));
+        columns.optional_bool("success", all.iter().map(|metadata| metadata.success));
+        columns.text("failure", all.iter().map(|metadata| &metadata.failure));
+        columns.text_lists("subtasks", &all.iter().map(|metadata| metadata.steps.clone()).collect::<Vec<_>>());
+        columns.text_lists("objects", &all.iter().map(|metadata| metadata.objects.clone()).collect::<Vec<_>>());
+        columns.i64("seed", all.iter().map(|metadata| metadata.seed.unwrap_or(-1)));
+        columns.text("scenario_id", all.iter().map(|metadata| &metadata.scenario_id));
+        columns.text(SOURCE_HASH, all.iter().map(|metadata| &metadata.source_sha256));
     }
 }
 
-impl Line for ImportedFacts {
-    fn line(&self) -> Value {
+impl EpisodeFields for ImportedMetadata {
+    fn fields(&self) -> Value {
         let Self { store_id, scenario_id, seed, success, failure, steps, .. } = self;
         let failure = (!failure.is_empty()).then_some(failure);
         json!({
@@ -72,12 +72,12 @@ impl Line for ImportedFacts {
     }
 }
 
-/// A name for an episode: that of the source where it can be a file's, or one made of its index.
+/// Name of an episode: its own if that is a valid file name, else derived from its index.
 pub(super) fn name(own: Option<&str>, index: usize) -> String {
     own.filter(|name| is_file_name(name)).map_or_else(|| format!("episode_{index:06}"), str::to_owned)
 }
 
-/// The hash of an episode's columns and pictures.
+/// Hash of an episode's columns and images.
 pub(super) fn hash<F>(rows: &EpisodeRows<F>) -> String {
     let mut hasher = Sha256::new();
     for feature in &rows.features {
@@ -89,7 +89,7 @@ pub(super) fn hash<F>(rows: &EpisodeRows<F>) -> String {
             Values::Bool(values) => values.iter().for_each(|value| hasher.update([u8::from(*value)])),
         }
     }
-    let pictures = rows.videos.iter().flat_map(|video| &video.video.frames);
-    pictures.chain(rows.images.iter().flat_map(|image| &image.png)).for_each(|picture| hasher.update(picture));
+    let images = rows.videos.iter().flat_map(|video| &video.video.frames);
+    images.chain(rows.images.iter().flat_map(|image| &image.png)).for_each(|image| hasher.update(image));
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }

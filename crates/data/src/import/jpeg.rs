@@ -1,4 +1,4 @@
-//! JPEG pictures, their size checked before they are decoded.
+//! JPEG decoding with a size limit.
 
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
@@ -7,24 +7,24 @@ use zune_jpeg::JpegDecoder;
 
 use crate::DataError;
 
-/// Most pixels along a side, as of video.
-const LARGEST: usize = 3840;
+/// Maximum image side, pixels; that of video.
+const MAX_SIDE_PX: usize = 3840;
 
-/// Width, height and 8-bit RGB, row by row.
+/// Decodes a JPEG file: width, height and 8-bit RGB, row-major.
 ///
 /// # Errors
-/// When the bytes are no JPEG, or a larger one than video may be.
+/// If the bytes are not a JPEG or exceed the maximum size.
 pub(super) fn decode(file: &[u8]) -> Result<(u32, u32, Vec<u8>), DataError> {
     let options = DecoderOptions::default()
         .jpeg_set_out_colorspace(ColorSpace::RGB)
-        .set_max_width(LARGEST)
-        .set_max_height(LARGEST);
+        .set_max_width(MAX_SIDE_PX)
+        .set_max_height(MAX_SIDE_PX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
-    let broken = |why: &dyn std::fmt::Debug| DataError::mismatch("picture", "a JPEG", format!("{why:?}"));
+    let broken = |why: &dyn std::fmt::Debug| DataError::mismatch("image", "a JPEG", format!("{why:?}"));
     let rgb = decoder.decode().map_err(|error| broken(&error))?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| broken(&"one without a size"))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| broken(&"no size"))?;
     if rgb.len() != width * height * 3 {
-        return Err(broken(&"one that ends before its last row"));
+        return Err(broken(&"a truncated image"));
     }
     Ok((width as u32, height as u32, rgb))
 }

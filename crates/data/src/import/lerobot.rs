@@ -1,4 +1,4 @@
-//! LeRobot data sets, v3.0 and v2.1, of any program.
+//! Reader of LeRobot data sets, v3.0 and v2.1, of any program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use arrow_array::cast::AsArray;
 use arrow_array::{Array, RecordBatch};
 
-use super::facts::{self, ImportedFacts};
-use super::pictures::{Pictures, Wanted};
-use super::{About, ImportSettings, Incoming, Take};
-use crate::check::{self, Book, Listed, Version};
+use super::facts::{self, ImportedMetadata};
+use super::pictures::{FrameRequest, VideoReader};
+use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
+use crate::check::{self, Book, EpisodeEntry, Version};
 use crate::columns::{Column, Rows};
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, ImageFeature, Values};
@@ -18,31 +18,31 @@ use crate::lerobot::info::INFO;
 use crate::table::Table;
 use crate::{DataError, EpisodeStore, depth};
 
-/// Columns that are made anew.
-const BOOKKEEPING: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
-/// Types of numbers that are kept as they are or, for `int32`, wider.
+/// Index columns, which the writer regenerates.
+const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
+/// Supported numeric types; `int32` is widened to `int64`.
 const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
-/// Rows in memory at once where the table holds pictures.
-const ROWS_AT_ONCE: usize = 256;
-/// Largest difference of a time from `frame_index / fps`, s; ten times what LeRobot's own readers have.
+/// Batch size for tables with images, rows.
+const ROWS_PER_BATCH: usize = 256;
+/// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
 const TIME_TOLERANCE_S: f64 = 1e-3;
-/// Whole numbers up to here are exact as doubles, which columns are read through.
-const EXACT: f64 = 9_007_199_254_740_992.0;
+/// 2^53: smaller integers are exact as `f64`, the type columns are read as.
+const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// A LeRobot data set.
 pub(super) struct Lerobot {
     book: Book,
     fps: u32,
-    pictures: Pictures,
+    pictures: VideoReader,
     notes: BTreeSet<String>,
-    /// The native record of its episodes, if it carries one.
+    /// Native record of the episodes, if included.
     record: Option<EpisodeStore>,
 }
 
 impl Lerobot {
     pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
         let (book, findings) = check::book(root)?;
-        // Statistics are made anew.
+        // Statistics are recomputed.
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
             return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
@@ -58,9 +58,9 @@ impl Lerobot {
         let fps = book.info.fps;
         if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
             let what = format!("fps of {}", root.join(INFO).display());
-            return Err(DataError::mismatch(what, "a whole number from 1 to 240", fps));
+            return Err(DataError::mismatch(what, "an integer from 1 to 240", fps));
         }
-        let pictures = Pictures::new(settings.ffmpeg.clone());
+        let pictures = VideoReader::new(settings.ffmpeg.clone());
         let mut notes = BTreeSet::new();
         let record = root.join(RECORD);
         let record = match std::fs::symlink_metadata(&record) {
@@ -69,23 +69,23 @@ impl Lerobot {
                 notes.insert("extras/record is left out, since there is no meta/action_contract.json".into());
                 None
             }
-            // Damaged, it is no record that may go missing.
+            // A damaged record is an error, so that none is lost silently.
             Ok(_) => Some(EpisodeStore::open(record)?),
         };
         Ok(Self { book, fps: fps as u32, pictures, notes, record })
     }
 
-    /// Refuses what needs no import.
+    /// Fails if the data set needs no import.
     pub(super) fn check_foreign(&self) -> Result<(), DataError> {
         if !self.book.is_own || self.book.info.version != Version::V30 {
             return Ok(());
         }
         let expected = "a data set of another program or version";
-        let got = "one that the tools of this program read as it is";
+        let got = "one of this program, which needs no import";
         Err(DataError::mismatch(self.book.root.display().to_string(), expected, got))
     }
 
-    /// The columns of a table that are kept: numbers, and depth pictures.
+    /// Columns to import: numbers, and depth images.
     fn wanted(&mut self, path: &Path, known: &[String]) -> Result<(Vec<String>, Vec<String>), DataError> {
         let has_steps = !self.book.subtasks.is_empty();
         let (mut numbers, mut depths) = (Vec::new(), Vec::new());
@@ -97,8 +97,8 @@ impl Lerobot {
                 let what = format!("columns of {}", path.display());
                 return Err(DataError::mismatch(
                     what,
-                    format!("`{}`, as info.json says", feature.key),
-                    "none of that name",
+                    format!("`{}`, according to info.json", feature.key),
+                    "no such column",
                 ));
             }
             let key = &feature.key;
@@ -117,15 +117,15 @@ impl Lerobot {
 
     fn episode(
         &mut self,
-        listed: &Listed,
+        listed: &EpisodeEntry,
         rows: &Rows,
         images: Vec<ImageFeature>,
-    ) -> Result<EpisodeRows<ImportedFacts>, DataError> {
+    ) -> Result<EpisodeRows<ImportedMetadata>, DataError> {
         let place = || format!("{} of {}", listed.place(), self.book.root.join(&listed.data).display());
         let frames = usize::try_from(listed.length).unwrap_or(0);
         let column = |name: &str| {
             let found = rows.get(name).filter(|column| column.width == 1);
-            found.ok_or_else(|| DataError::mismatch(place(), format!("numbers in a column `{name}`"), "none"))
+            found.ok_or_else(|| DataError::mismatch(place(), format!("a numeric column `{name}`"), "none"))
         };
         let steady = |(row, time): (usize, &f64)| (time - row as f64 / f64::from(self.fps)).abs() <= TIME_TOLERANCE_S;
         let times = column("timestamp")?;
@@ -142,16 +142,16 @@ impl Lerobot {
         let mut features = Vec::new();
         for feature in &self.book.info.features {
             let Some(column) = rows.get(&feature.key) else { continue };
-            if BOOKKEEPING.contains(&feature.key.as_str()) || feature.key == "subtask_index" {
+            if INDEX_COLUMNS.contains(&feature.key.as_str()) || feature.key == "subtask_index" {
                 continue;
             }
-            if column.dtype == "int64" && column.values.iter().any(|value| value.abs() >= EXACT) {
+            if column.dtype == "int64" && column.values.iter().any(|value| value.abs() >= MAX_EXACT) {
                 let what = format!("column {} of {}", feature.key, place());
-                return Err(DataError::mismatch(what, "whole numbers below 2^53", "larger ones"));
+                return Err(DataError::mismatch(what, "integers below 2^53", "larger ones"));
             }
             if column.width == 0 || (column.dtype == "bool" && column.width > 1) {
                 let what = format!("column {} of {}", feature.key, place());
-                return Err(DataError::mismatch(what, "numbers in every row, of a bool one", column.width));
+                return Err(DataError::mismatch(what, "numbers in every row, a single one if bool", column.width));
             }
             features.push(Feature {
                 key: feature.key.clone(),
@@ -178,10 +178,10 @@ impl Lerobot {
             if !(0.0..1e9).contains(&first) {
                 let listed_in = self.book.root.join(&listed.listed_in.0);
                 let what = format!("from_timestamp of {} in {}", listed.place(), listed_in.display());
-                return Err(DataError::mismatch(what, "a time", span.from_s));
+                return Err(DataError::mismatch(what, "a time from 0 s on", span.from_s));
             }
             let path = self.book.root.join(&span.file);
-            self.pictures.take(&Wanted {
+            self.pictures.take(&FrameRequest {
                 key: &span.key,
                 path,
                 size: [height, width],
@@ -191,71 +191,71 @@ impl Lerobot {
             })
         });
         let videos = videos.collect::<Result<Vec<_>, _>>()?;
-        let told = rows.get("next.success").and_then(|column| column.values.last().copied());
+        let succeeded = rows.get("next.success").and_then(|column| column.values.last().copied());
         let index = usize::try_from(listed.index).unwrap_or(0);
-        let facts = ImportedFacts {
+        let metadata = ImportedMetadata {
             store_id: facts::name(listed.store_id.as_deref(), index),
             instruction: listed.sentence.clone(),
             steps: texts,
-            success: listed.success.or_else(|| told.map(|value| value > 0.0)),
+            success: listed.success.or_else(|| succeeded.map(|value| value > 0.0)),
             failure: listed.failure.clone().unwrap_or_default(),
             seed: listed.seed,
             scenario_id: listed.scenario_id.clone().unwrap_or_default(),
-            ..ImportedFacts::default()
+            ..ImportedMetadata::default()
         };
-        let mut rows = EpisodeRows { frames, features, images, videos, steps, facts };
-        rows.facts.source_sha256 = facts::hash(&rows);
+        let mut rows = EpisodeRows { frames, features, images, videos, steps, metadata };
+        rows.metadata.source_sha256 = facts::hash(&rows);
         Ok(rows)
     }
 
-    /// The step of each row, by its place among those of the episode.
-    fn steps(&self, listed: &Listed, column: &Column) -> Result<Vec<usize>, DataError> {
+    /// Step index of each row, within the steps of the episode.
+    fn steps(&self, listed: &EpisodeEntry, column: &Column) -> Result<Vec<usize>, DataError> {
         let texts = self.texts(listed);
         let place = |index: &f64| {
             let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
             text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
                 let what =
                     format!("subtask_index of {} in {}", listed.place(), self.book.root.join(&listed.data).display());
-                let expected = format!("a step that {} lists for the episode", self.book.subtasks_file);
+                let expected = format!("a step of the episode in {}", self.book.subtasks_file);
                 DataError::mismatch(what, expected, index)
             })
         };
         column.values.iter().map(place).collect()
     }
 
-    /// What the steps of an episode are called: as it lists them, or all of the data set.
-    fn texts(&self, listed: &Listed) -> Vec<String> {
+    /// Texts of the steps: those of the episode if listed, else all of the data set.
+    fn texts(&self, listed: &EpisodeEntry) -> Vec<String> {
         match &listed.subtasks {
             Some(texts) if !texts.is_empty() => texts.clone(),
             _ => self.book.subtasks.iter().map(|(_, text)| text.clone()).collect(),
         }
     }
 
-    /// The episodes of a file of rows.
-    fn file(&mut self, file: &str, episodes: &[Listed], take: Take) -> Result<(), DataError> {
+    /// Reads the episodes of one data file.
+    fn file(&mut self, file: &str, episodes: &[EpisodeEntry], take: OnEpisode) -> Result<(), DataError> {
         let path = self.book.root.join(file);
         let table = Table::open(&path)?;
         let (numbers, depths) = self.wanted(&path, &table.names())?;
         let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
         let mut left = episodes.iter().peekable();
-        let (mut rows, mut pictures, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
-        for batch in table.batches(&wanted, ROWS_AT_ONCE)? {
+        let (mut rows, mut depth_png, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
+        for batch in table.batches(&wanted, ROWS_PER_BATCH)? {
             let batch = batch?;
             let mut at = 0;
             while at < batch.num_rows() {
                 let Some(listed) = left.peek() else {
-                    return Err(DataError::table(&path, "rows behind those of the last episode"));
+                    return Err(DataError::table(&path, "rows after the last episode"));
                 };
                 let length = usize::try_from(listed.length).unwrap_or(0).max(1);
                 let part = batch.slice(at, (length - held).min(batch.num_rows() - at));
                 append(&path, &part, &numbers, &mut rows)?;
                 for key in &depths {
-                    pictures.entry(key.clone()).or_default().extend(bytes(&path, &part, key)?);
+                    depth_png.entry(key.clone()).or_default().extend(bytes(&path, &part, key)?);
                 }
                 at += part.num_rows();
                 held += part.num_rows();
                 if held == length {
-                    let images = images(std::mem::take(&mut pictures)).map_err(|error| error.placed(&path))?;
+                    let images = images(std::mem::take(&mut depth_png)).map_err(|error| error.with_path(&path))?;
                     let episode = self.episode(listed, &std::mem::take(&mut rows), images)?;
                     take(&path, episode)?;
                     held = 0;
@@ -273,9 +273,9 @@ impl Lerobot {
     }
 }
 
-impl Incoming for Lerobot {
-    fn about(&self) -> About {
-        About {
+impl Importer for Lerobot {
+    fn info(&self) -> SourceInfo {
+        SourceInfo {
             format: self.book.info.version.name(),
             robot: self.book.info.robot.clone(),
             fps: self.fps,
@@ -285,7 +285,7 @@ impl Incoming for Lerobot {
         }
     }
 
-    fn each(&mut self, take: Take) -> Result<(), DataError> {
+    fn each(&mut self, take: OnEpisode) -> Result<(), DataError> {
         let episodes = self.book.episodes.clone();
         let mut first = 0;
         while first < episodes.len() {
@@ -303,7 +303,7 @@ impl Incoming for Lerobot {
     }
 }
 
-/// Names of a column's entries; LeRobot may have none, or nest them.
+/// Element names of a column; LeRobot may omit or nest them.
 fn names(feature: &check::Feature, width: usize) -> Vec<String> {
     match width {
         1 => feature.names.iter().take(1).filter(|name| **name != feature.key).cloned().collect(),
@@ -324,8 +324,8 @@ fn values(column: &Column) -> Values {
 fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) -> Result<(), DataError> {
     for key in keys {
         let column = batch.column_by_name(key).and_then(|column| Column::of(column));
-        let column = column
-            .ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold numbers in every row")))?;
+        let column =
+            column.ok_or_else(|| DataError::table(path, format!("column `{key}` is not numeric in every row")))?;
         let known = rows.entry(key.clone()).or_insert_with(|| Column { values: Vec::new(), ..column.clone() });
         if known.width != column.width {
             let what =
@@ -337,20 +337,20 @@ fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) ->
     Ok(())
 }
 
-/// The files of a column of pictures.
+/// Image files of a column.
 fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
     let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
     let files =
         structs.and_then(|structs| structs.column_by_name("bytes")).and_then(|files| files.as_binary_opt::<i32>());
     let files = files.filter(|files| files.null_count() == 0);
-    let files = files.ok_or_else(|| DataError::table(path, format!("column `{key}` holds no files of pictures")))?;
+    let files = files.ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold image files")))?;
     Ok(files.iter().flatten().map(<[u8]>::to_vec).collect())
 }
 
-fn images(pictures: BTreeMap<String, Vec<Vec<u8>>>) -> Result<Vec<ImageFeature>, DataError> {
+fn images(files: BTreeMap<String, Vec<Vec<u8>>>) -> Result<Vec<ImageFeature>, DataError> {
     let image = |(key, png): (String, Vec<Vec<u8>>)| {
         let (width, height, _) = depth::decode_depth_png(png.first().map(Vec::as_slice).unwrap_or_default())?;
         Ok(ImageFeature { key, width, height, png })
     };
-    pictures.into_iter().map(image).collect()
+    files.into_iter().map(image).collect()
 }

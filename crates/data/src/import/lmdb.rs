@@ -1,6 +1,6 @@
-//! LMDB files, read only: where the value of each key lies.
+//! Read-only LMDB reader: index of the keys and access to their values.
 //!
-//! Pages are read one by one, each once; nothing is mapped, and what points outside the file or back is refused.
+//! Reads each page once, without mmap; pointers outside the file and cycles are rejected.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -10,29 +10,29 @@ use std::path::{Path, PathBuf};
 use crate::{DataError, files};
 
 const MAGIC: u32 = 0xBEEF_C0DE;
-/// Bytes before a page's contents.
+/// Page header size, bytes.
 const HEADER: usize = 16;
-/// Kinds of pages.
+/// Page types.
 const BRANCH: u16 = 1;
 const LEAF: u16 = 2;
 const OVERFLOW: u16 = 4;
-/// Marks a value that lies on pages of its own.
+/// Node flag: the value is on overflow pages.
 const BIG: u16 = 1;
-/// Where there is no page.
-const NOWHERE: u64 = u64::MAX;
-/// Most keys: an episode of an hour with ten cameras has a tenth.
-const MOST_KEYS: usize = 20_000_000;
-/// Longest key that LMDB itself writes, bytes.
-const LONGEST_KEY: usize = 511;
-/// Largest value, bytes.
-const LARGEST: u64 = 1 << 30;
+/// Invalid page number (an empty tree).
+const NO_PAGE: u64 = u64::MAX;
+/// Maximum number of keys: ten times as many as an episode of an hour with ten cameras has.
+const MAX_KEYS: usize = 20_000_000;
+/// Maximum key length written by LMDB, bytes.
+const MAX_KEY_BYTES: usize = 511;
+/// Maximum size of a value, bytes.
+const MAX_VALUE_BYTES: u64 = 1 << 30;
 
-/// An open file.
+/// An open LMDB file.
 pub(super) struct Lmdb {
     path: PathBuf,
     file: File,
     page_size: usize,
-    /// Where each value lies, and its bytes.
+    /// Offset and length of each value, bytes.
     values: BTreeMap<Vec<u8>, (u64, u64)>,
 }
 
@@ -43,7 +43,7 @@ impl Lmdb {
         let mut lmdb = Self { path: path.into(), file, page_size: 0, values: BTreeMap::new() };
         let (page_size, root) = lmdb.newest()?;
         lmdb.page_size = page_size;
-        if root != NOWHERE {
+        if root != NO_PAGE {
             lmdb.walk(root)?;
         }
         Ok(lmdb)
@@ -55,7 +55,7 @@ impl Lmdb {
         self.bytes(*at, usize::try_from(*length).unwrap_or(usize::MAX)).map(Some)
     }
 
-    /// All keys that are text, in order.
+    /// All UTF-8 keys, sorted.
     pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
         self.values.keys().filter_map(|key| std::str::from_utf8(key).ok())
     }
@@ -66,11 +66,11 @@ impl Lmdb {
 
     fn bytes(&self, at: u64, length: usize) -> Result<Vec<u8>, DataError> {
         let mut bytes = vec![0; length];
-        self.file.read_exact_at(&mut bytes, at).map_err(|_| self.broken("a page beyond its end"))?;
+        self.file.read_exact_at(&mut bytes, at).map_err(|_| self.broken("a page beyond the end of the file"))?;
         Ok(bytes)
     }
 
-    /// Page size and root page of the newer of the two states that a file keeps.
+    /// Page size and root page of the newer of the two meta pages.
     fn newest(&self) -> Result<(usize, u64), DataError> {
         let state = |at: u64| -> Option<(u64, usize, u64)> {
             let page = self.bytes(at, HEADER + 136).ok()?;
@@ -78,28 +78,28 @@ impl Lmdb {
             if number(meta, 0, 4)? != u64::from(MAGIC) || number(meta, 4, 4)? != 1 {
                 return None;
             }
-            // Behind the address and size of the map: the list of free pages, whose padding is the page size, then
-            // the entries, of which the root comes last; then the last page and the number of the transaction.
+            // After the address and size of the map follow the free-list database, whose padding field holds the page
+            // size, the main database, whose last field is the root, the last page, and the transaction id.
             let page_size = usize::try_from(number(meta, 24, 4)?).ok()?;
             Some((number(meta, 128, 8)?, page_size, number(meta, 112, 8)?))
         };
-        let first = state(0).ok_or_else(|| self.broken("another kind of file"))?;
+        let first = state(0).ok_or_else(|| self.broken("another file format"))?;
         let page_size = first.1;
         if !(512..=65536).contains(&page_size) || !page_size.is_power_of_two() {
-            return Err(self.broken("pages of no size"));
+            return Err(self.broken("an invalid page size"));
         }
         let newest = state(page_size as u64).filter(|second| second.0 > first.0 && second.1 == page_size);
         Ok((page_size, newest.unwrap_or(first).2))
     }
 
-    /// Notes the keys below a page.
+    /// Indexes all keys below a page.
     fn walk(&mut self, root: u64) -> Result<(), DataError> {
-        let file_length = self.file.metadata().map_err(DataError::io("look at", &self.path))?.len();
+        let file_length = self.file.metadata().map_err(DataError::io("read", &self.path))?.len();
         let (mut seen, mut all) = (BTreeSet::new(), 0);
         let mut pages = vec![root];
         while let Some(number_of_page) = pages.pop() {
             if !seen.insert(number_of_page) {
-                return Err(self.broken("a page that leads back to itself"));
+                return Err(self.broken("a cycle of pages"));
             }
             let at = self.place(number_of_page)?;
             let page = self.bytes(at, self.page_size)?;
@@ -119,16 +119,16 @@ impl Lmdb {
                 if kind & LEAF == 0 {
                     return Err(broken());
                 }
-                // Nodes that overlap would make much of little.
+                // Overlapping nodes could inflate a small file.
                 within += 8 + key;
-                if key > LONGEST_KEY || within > self.page_size {
+                if key > MAX_KEY_BYTES || within > self.page_size {
                     return Err(broken());
                 }
                 let name = page.get(offset + 8..offset + 8 + key).ok_or_else(broken)?.to_vec();
                 let length = low | high << 16;
                 all += length;
-                if length > LARGEST || all > file_length {
-                    return Err(self.broken("values that are larger than the file"));
+                if length > MAX_VALUE_BYTES || all > file_length {
+                    return Err(self.broken("values larger than the file"));
                 }
                 let data = offset + 8 + key;
                 let place = if flags as u16 & BIG == 0 {
@@ -140,14 +140,14 @@ impl Lmdb {
                 found.push((name, (place, length)));
             }
             self.values.extend(found);
-            if self.values.len() > MOST_KEYS {
-                return Err(self.broken("more keys than any episode has"));
+            if self.values.len() > MAX_KEYS {
+                return Err(self.broken("too many keys"));
             }
         }
         Ok(())
     }
 
-    /// Where a value begins that lies on pages of its own.
+    /// Offset of a value on overflow pages.
     fn overflow(&self, page: u64) -> Result<u64, DataError> {
         let at = self.place(page)?;
         let kind = number(&self.bytes(at, HEADER)?, 10, 2).unwrap_or(0) as u16;
@@ -155,11 +155,11 @@ impl Lmdb {
     }
 
     fn place(&self, page: u64) -> Result<u64, DataError> {
-        page.checked_mul(self.page_size as u64).ok_or_else(|| self.broken("a page beyond its end"))
+        page.checked_mul(self.page_size as u64).ok_or_else(|| self.broken("a page beyond the end of the file"))
     }
 }
 
-/// A number of so many bytes, the least first.
+/// Little-endian integer of `length` bytes.
 fn number(bytes: &[u8], at: usize, length: usize) -> Option<u64> {
     let mut wide = [0; 8];
     wide[..length].copy_from_slice(bytes.get(at..at.checked_add(length)?)?);

@@ -1,4 +1,4 @@
-//! Episode folders of the original GenManip, version 0.9: `meta_info.pkl`, and `lmdb/` with a pickle per key.
+//! Reader of the original GenManip's episode folders, version 0.9: `meta_info.pkl`, and `lmdb/` with a pickle per key.
 //!
 //! ```text
 //! EPISODE/meta_info.pkl                            language_instruction, num_steps, episode_name
@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::{ENTRIES, Limit};
 
-use super::facts::{self, ImportedFacts};
+use super::facts::{self, ImportedMetadata};
 use super::jpeg;
 use super::lmdb::Lmdb;
 use super::pickle::{Pickle, Value};
-use super::{About, Incoming, Take};
+use super::{Importer, OnEpisode, SourceInfo};
 use crate::depth::{decode_depth_png, encode_mm_png};
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, ImageFeature, Values, VideoFeature};
@@ -30,18 +30,18 @@ use crate::video::{VideoEncoder, VideoSettings};
 use crate::{ColorHistogram, DataError, files};
 
 const META: &str = "meta_info.pkl";
-const META_LIMIT: Limit = Limit { what: "what an episode tells of itself", bytes: 64 << 20 };
-/// Deepest folder that is searched for episodes: TASK/DATE/EPISODE.
-const DEEPEST: usize = 3;
+const META_LIMIT: Limit = Limit { what: "episode metadata", bytes: 64 << 20 };
+/// Maximum folder depth searched for episodes: TASK/DATE/EPISODE.
+const MAX_DEPTH: usize = 3;
 /// Frames per second of the original's recordings.
 const FPS: u32 = 30;
-/// Places for objects in every row, as in our own `sim.object_pose`.
+/// Object slots per row, as in our own `sim.object_pose`.
 const OBJECTS: usize = 16;
-/// Of the original's depth: a tenth of a millimetre.
+/// Scale of the original's depth, 0.1 mm.
 const UNITS_PER_MM: u16 = 10;
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
-/// Columns of numbers: ours, theirs (one after the other), and what the entries are called.
+/// Numeric columns: our name, the original's keys (concatenated), and the prefix of the element names.
 const COLUMNS: [(&str, &[&str], &str); 7] = [
     ("observation.state", &["observation/robot/qpos"], "q"),
     ("observation.velocity", &["observation/robot/qvel"], "v"),
@@ -52,14 +52,14 @@ const COLUMNS: [(&str, &[&str], &str); 7] = [
     ("robot.robot2env_pose", &["observation/robot/robot2env_pose"], "matrix"),
 ];
 
-/// Episode folders.
+/// A set of episode folders.
 pub(super) struct Original {
     folders: Vec<PathBuf>,
     taken: BTreeSet<String>,
     notes: BTreeSet<String>,
 }
 
-/// Whether there is at least one episode in a folder, or it is one.
+/// True if the folder is an episode or contains one.
 pub(super) fn is_there(root: &Path) -> Result<bool, DataError> {
     Ok(!folders(root)?.is_empty())
 }
@@ -76,7 +76,7 @@ fn folders(root: &Path) -> Result<Vec<PathBuf>, DataError> {
             found.push(folder);
             continue;
         }
-        if depth < DEEPEST && files::is_own_folder(&folder) {
+        if depth < MAX_DEPTH && files::is_own_folder(&folder) {
             let names = files::names(&folder)?.into_iter().map(|name| folder.join(name));
             open.extend(names.filter(|path| files::is_own_folder(path)).map(|path| (path, depth + 1)));
         }
@@ -97,7 +97,7 @@ impl Original {
         Ok(Self { folders: folders(root)?, taken: BTreeSet::new(), notes })
     }
 
-    fn episode(&mut self, index: usize, folder: &Path) -> Result<Option<EpisodeRows<ImportedFacts>>, DataError> {
+    fn episode(&mut self, index: usize, folder: &Path) -> Result<Option<EpisodeRows<ImportedMetadata>>, DataError> {
         let path = folder.join(META);
         let meta = Pickle::read(&files::read(&path, META_LIMIT)?).map_err(|why| damaged(&path, &why))?;
         let meta = meta.root();
@@ -109,8 +109,8 @@ impl Original {
         if frames == 0 {
             return Ok(None);
         }
-        if frames > MOST_FRAMES {
-            return Err(damaged(&path, &format!("expected at most {MOST_FRAMES} under `num_steps`, got {frames}")));
+        if frames > MAX_FRAMES {
+            return Err(damaged(&path, &format!("expected at most {MAX_FRAMES} under `num_steps`, got {frames}")));
         }
         let record = Record { lmdb: Lmdb::open(&folder.join("lmdb/data.mdb"))?, folder, frames };
         let own = word("episode_name").or_else(|| folder.file_name().map(|name| name.to_string_lossy().into_owned()));
@@ -121,17 +121,18 @@ impl Original {
         }
         let (steps, texts) = record.steps()?;
         let objects = record.objects().into_iter().collect();
-        let facts = ImportedFacts { store_id: name, instruction, steps: texts, objects, ..ImportedFacts::default() };
+        let metadata =
+            ImportedMetadata { store_id: name, instruction, steps: texts, objects, ..ImportedMetadata::default() };
         let (videos, images) = (record.videos()?, record.depths()?);
-        let mut rows = EpisodeRows { frames, features: record.features()?, images, videos, steps, facts };
-        rows.facts.source_sha256 = facts::hash(&rows);
+        let mut rows = EpisodeRows { frames, features: record.features()?, images, videos, steps, metadata };
+        rows.metadata.source_sha256 = facts::hash(&rows);
         Ok(Some(rows))
     }
 }
 
-impl Incoming for Original {
-    fn about(&self) -> About {
-        About {
+impl Importer for Original {
+    fn info(&self) -> SourceInfo {
+        SourceInfo {
             format: "genmanip-0.9",
             robot: "franka".into(),
             fps: FPS,
@@ -141,7 +142,7 @@ impl Incoming for Original {
         }
     }
 
-    fn each(&mut self, take: Take) -> Result<(), DataError> {
+    fn each(&mut self, take: OnEpisode) -> Result<(), DataError> {
         let mut empty = 0;
         for (index, folder) in self.folders.clone().iter().enumerate() {
             match self.episode(index, folder)? {
@@ -165,13 +166,13 @@ fn damaged(path: &Path, why: &str) -> DataError {
     DataError::mismatch(path.display().to_string(), expected.trim_start_matches("expected "), got)
 }
 
-/// Most frames of an episode: more than an hour at 30 Hz.
-const MOST_FRAMES: usize = 1 << 17;
+/// Maximum frames of an episode: more than an hour at 30 Hz.
+const MAX_FRAMES: usize = 1 << 17;
 
-/// The numbers of each frame, and whether they are single precision.
+/// Numbers of each frame, and whether they are single precision.
 type Frames = Vec<(Vec<f64>, bool)>;
 
-/// The frames of an episode.
+/// Recorded frames of an episode.
 struct Record<'a> {
     lmdb: Lmdb,
     folder: &'a Path,
@@ -188,12 +189,12 @@ impl Record<'_> {
         damaged(&self.folder.join("lmdb").join(key), why)
     }
 
-    /// What cannot be decoded, and where it lies.
-    fn no_picture(&self, key: &str, error: &DataError) -> DataError {
-        self.damaged(key, &format!("expected a picture like the others, got {error}"))
+    /// Error for an image that cannot be decoded.
+    fn bad_image(&self, key: &str, error: &DataError) -> DataError {
+        self.damaged(key, &format!("expected an image like the others, got {error}"))
     }
 
-    /// The entries of a list with one per frame, each as numbers.
+    /// Numbers of a list with one entry per frame.
     fn numbers(&self, key: &str) -> Result<Option<Frames>, DataError> {
         let Some(pickle) = self.pickle(key)? else { return Ok(None) };
         let entries = pickle.root().entries().unwrap_or_default();
@@ -254,13 +255,13 @@ impl Record<'_> {
         Ok(Feature { key: key.into(), names, values })
     }
 
-    /// Ids of the objects, in order.
+    /// Ids of the objects, sorted.
     fn objects(&self) -> BTreeSet<String> {
         let of = |key: &str| Some(key.strip_prefix("observation/obj_pose/")?.strip_suffix("/position")?.to_owned());
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// Poses of the objects in the order of their ids, zeros where there is none.
+    /// Poses of the objects in the order of their ids; zeros in empty slots.
     fn object_poses(&self) -> Result<Feature, DataError> {
         let objects = self.objects();
         if objects.len() > OBJECTS {
@@ -285,7 +286,7 @@ impl Record<'_> {
         Ok(Feature { key: "sim.object_pose".into(), names, values: Values::F64(values) })
     }
 
-    /// The stage of the plan that each frame belongs to, and what the stages are called.
+    /// Plan stage of each frame, and the names of the stages.
     fn steps(&self) -> Result<(Vec<usize>, Vec<String>), DataError> {
         let Some(pickle) = self.pickle("name")? else { return Ok(Default::default()) };
         let entries = pickle.root().entries().unwrap_or_default();
@@ -309,8 +310,8 @@ impl Record<'_> {
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// The files of a camera's pictures with their keys, one after the other; none where it has none.
-    fn pictures(
+    /// Image files of a camera with their keys; none if it has none.
+    fn image_files(
         &self,
         camera: &str,
         kind: &str,
@@ -318,7 +319,7 @@ impl Record<'_> {
         let key = move |frame: usize| format!("observation/{camera}/{kind}/{frame:04}");
         let frames = if self.lmdb.get(&key(0))?.is_some() { self.frames } else { 0 };
         Ok((0..frames).map(move |frame| {
-            let missing = || self.damaged(&key(frame), "expected the bytes of a picture, got none");
+            let missing = || self.damaged(&key(frame), "expected an image file, got none");
             let pickle = self.pickle(&key(frame))?.ok_or_else(missing)?;
             let bytes = pickle.root().bytes().ok_or_else(missing)?;
             Ok((key(frame), bytes.to_vec()))
@@ -329,20 +330,20 @@ impl Record<'_> {
         let video = |camera: String| {
             let mut encoder: Option<VideoEncoder> = None;
             let mut colors = ColorHistogram::default();
-            for file in self.pictures(&camera, "color_image")? {
+            for file in self.image_files(&camera, "color_image")? {
                 let (key, file) = file?;
-                let (width, height, rgb) = jpeg::decode(&file).map_err(|error| self.no_picture(&key, &error))?;
+                let (width, height, rgb) = jpeg::decode(&file).map_err(|error| self.bad_image(&key, &error))?;
                 let encoder = match &mut encoder {
                     Some(encoder) => encoder,
                     none => {
                         let begun = VideoEncoder::new(width, height, FPS, &VideoSettings::default());
-                        none.insert(begun.map_err(|error| self.no_picture(&key, &error))?)
+                        none.insert(begun.map_err(|error| self.bad_image(&key, &error))?)
                     }
                 };
-                encoder.push(&rgb).map_err(|error| self.no_picture(&key, &error))?;
+                encoder.push(&rgb).map_err(|error| self.bad_image(&key, &error))?;
                 colors.add_image(&rgb, width as usize);
             }
-            let encoder = encoder.ok_or_else(|| self.damaged(&camera, "expected pictures, got none"))?;
+            let encoder = encoder.ok_or_else(|| self.damaged(&camera, "expected images, got none"))?;
             Ok(VideoFeature { key: format!("observation.images.{camera}"), video: encoder.finish(), colors })
         };
         self.cameras().into_iter().map(video).collect()
@@ -357,12 +358,12 @@ impl Record<'_> {
                 height: 0,
                 png: Vec::new(),
             };
-            for file in self.pictures(&camera, "depth_image")? {
+            for file in self.image_files(&camera, "depth_image")? {
                 let (key, file) = file?;
-                let decoded = decode_depth_png(&file).map_err(|error| self.no_picture(&key, &error))?;
+                let decoded = decode_depth_png(&file).map_err(|error| self.bad_image(&key, &error))?;
                 let (width, height, tenths) = decoded;
                 if !image.png.is_empty() && (width, height) != (image.width, image.height) {
-                    return Err(self.damaged(&camera, "expected depth pictures of one size, got several"));
+                    return Err(self.damaged(&camera, "expected depth images of one size, got several"));
                 }
                 (image.width, image.height) = (width, height);
                 let mm: Vec<u16> = tenths.iter().map(|tenth| millimetres(*tenth)).collect();
@@ -376,7 +377,7 @@ impl Record<'_> {
     }
 }
 
-/// Rounded; what was hit stays hit.
+/// Tenths of millimetres to millimetres, rounded; a nonzero depth stays nonzero.
 fn millimetres(tenths: u16) -> u16 {
     let rounded = tenths / UNITS_PER_MM + u16::from(tenths % UNITS_PER_MM >= UNITS_PER_MM / 2);
     rounded.max(u16::from(tenths > 0))

@@ -1,26 +1,26 @@
-//! Pickles of plain values and numpy arrays, read without executing anything.
+//! Restricted unpickler: plain values and NumPy arrays, read without executing anything.
 //!
-//! A pickle is a program for a small machine whose instructions can call any function of Python. This machine knows the
-//! instructions that build values; of functions it knows the few that make numpy's arrays, by name, and builds these
-//! itself. Anything else is refused.
+//! A pickle is a program for a stack machine that can call any Python function. This unpickler supports the opcodes
+//! that build values, and replaces the few NumPy functions it knows by name with its own code. Everything else is
+//! rejected.
 //!
-//! Values lie in one list and name each other by their places there: what is shared stays shared, so that no pickle
-//! becomes larger than its bytes, and what contains itself does no harm.
+//! Values are stored in one arena and refer to each other by index. Shared values stay shared, so that memory is
+//! bounded by the size of the pickle, and cycles are harmless.
 
 mod machine;
 #[cfg(test)]
 mod tests;
 
-use machine::Machine;
+use machine::Unpickler;
 
-/// A value's place in its pickle.
-type Place = usize;
+/// Index of a value in the arena.
+type ValueId = usize;
 
-/// A pickle that was read.
+/// A parsed pickle.
 #[derive(Debug)]
 pub(super) struct Pickle {
     values: Vec<Node>,
-    root: Place,
+    root: ValueId,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -31,27 +31,27 @@ enum Node {
     Float(f64),
     Text(String),
     Bytes(Vec<u8>),
-    List(Vec<Place>),
-    Tuple(Vec<Place>),
-    Dict(Vec<(Place, Place)>),
+    List(Vec<ValueId>),
+    Tuple(Vec<ValueId>),
+    Dict(Vec<(ValueId, ValueId)>),
     Function(Function),
-    /// `numpy.dtype`, and whether its bytes come with the largest first.
+    /// `numpy.dtype`; `is_big` means big-endian.
     Type {
         name: String,
         is_big: bool,
     },
-    /// What an array is before its contents come.
+    /// An array before its state is set.
     EmptyArray,
     Array {
         kind: Kind,
         shape: Vec<usize>,
-        bytes: Place,
+        bytes: ValueId,
     },
-    /// An array of records or objects: known to be there.
+    /// An array of records or objects, whose contents are not read.
     Opaque,
 }
 
-/// The functions that are known by name.
+/// Known Python functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Function {
     Reconstruct,
@@ -80,11 +80,11 @@ impl Function {
     }
 }
 
-/// What an array holds; least byte first.
+/// Element type of an array, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool,
-    /// Signed, with this many bytes.
+    /// Signed integer of this many bytes.
     Int(usize),
     Unsigned(usize),
     Float(usize),
@@ -111,11 +111,11 @@ impl Kind {
     }
 }
 
-/// A value of a pickle.
+/// Reference to a value of a pickle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value<'a> {
     pickle: &'a Pickle,
-    place: Place,
+    place: ValueId,
 }
 
 impl<'a> Value<'a> {
@@ -123,7 +123,7 @@ impl<'a> Value<'a> {
         &self.pickle.values[self.place]
     }
 
-    fn at(self, place: Place) -> Self {
+    fn at(self, place: ValueId) -> Self {
         Self { place, ..self }
     }
 
@@ -134,7 +134,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The entries of a list or tuple.
+    /// Elements of a list or tuple.
     pub(super) fn entries(self) -> Option<Vec<Value<'a>>> {
         match self.node() {
             Node::List(places) | Node::Tuple(places) => Some(places.iter().map(|place| self.at(*place)).collect()),
@@ -142,15 +142,15 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// What a dictionary holds under a text.
+    /// Value of a string key in a dictionary.
     pub(super) fn get(self, key: &str) -> Option<Value<'a>> {
         let Node::Dict(entries) = self.node() else { return None };
-        // Of two entries with the same key the later one holds.
+        // Of two entries with the same key, the later one is valid.
         let found = entries.iter().rev().find(|(name, _)| self.at(*name).text() == Some(key));
         found.map(|(_, value)| self.at(*value))
     }
 
-    /// A whole number.
+    /// Integer value.
     pub(super) fn integer(self) -> Option<i64> {
         match self.node() {
             Node::Int(value) => Some(*value),
@@ -158,7 +158,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The bytes of an array of bytes, such as a picture file.
+    /// Contents of a byte string or byte array, such as an image file.
     pub(super) fn bytes(self) -> Option<&'a [u8]> {
         match self.node() {
             Node::Bytes(bytes) => Some(bytes),
@@ -167,7 +167,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// All numbers of an array, a number, or lists of them, one after the other; whether all are single precision.
+    /// All numbers of a scalar, array or nested list, flattened; the flag is true if all are single precision.
     pub(super) fn numbers(self) -> Option<(Vec<f64>, bool)> {
         let (mut numbers, mut is_single, mut visited) = (Vec::new(), true, 0);
         self.gather(&mut visited, 0, &mut numbers, &mut is_single)?;
@@ -175,8 +175,8 @@ impl<'a> Value<'a> {
     }
 
     fn gather(self, visited: &mut usize, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
-        /// Entries of a frame's value, and lists around them: a pose has 16; lists that share parts must not grow
-        /// beyond use.
+        /// Maximum numbers, and nested lists, per value: a pose has 16. Bounds the expansion of lists that share
+        /// elements.
         const MOST: usize = 256;
         *visited += 1;
         if *visited > 2 * MOST {
@@ -219,12 +219,12 @@ fn number(kind: Kind, bytes: &[u8]) -> f64 {
 }
 
 impl Pickle {
-    /// Reads a pickle of protocols 0 to 5.
+    /// Parses a pickle of protocols 0 to 5.
     ///
     /// # Errors
-    /// What was expected, what came, and at which byte.
+    /// Expected and actual contents, and the byte offset.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
-        let mut machine = Machine::new(bytes);
+        let mut machine = Unpickler::new(bytes);
         let root = machine.run().map_err(|why| format!("{why}, byte {}", machine.at))?;
         Ok(Self { values: machine.values, root })
     }

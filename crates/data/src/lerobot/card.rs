@@ -1,10 +1,10 @@
-//! `README.md` of a data set, with the front matter that dataset hubs read.
+//! `README.md` of a data set, with the front matter that data set hubs read.
 
 use super::LerobotSettings;
 use super::imported::Imported;
 use crate::export::{ExtraColumns, action_in_words};
 
-/// The card of the main data set.
+/// Card of the main data set.
 pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
     let asks = |columns| settings.export.columns.contains(&columns);
     let mut depth = String::new();
@@ -35,9 +35,9 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> St
     };
     format!(
         "{}# {name}\n\n\
-         Tabletop manipulation demonstrations, made in simulation by GenManip in Rust, in the LeRobotDataset {version} \
+         Tabletop manipulation demonstrations, origin in simulation by GenManip in Rust, in the LeRobotDataset {version} \
          format.\n\
-         Each episode was made by an expert that reads the simulator's state, and was verified after settling; \
+         Each episode was origin by an expert that reads the simulator's state, and was verified after settling; \
          `success` in the episodes table says so.\n\n\
          - `observation.state`: arm joint positions (rad) and gripper opening (m).\n\
          - `action`: {}.\n\
@@ -55,7 +55,7 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> St
     )
 }
 
-/// The card of the depth data set.
+/// Card of the depth data set.
 pub(crate) fn depth(name: &str) -> String {
     format!(
         "{}# {name}-depth\n\n\
@@ -66,7 +66,7 @@ pub(crate) fn depth(name: &str) -> String {
     )
 }
 
-/// The card of an imported data set, which has the licence of its source.
+/// Card of an imported data set, which keeps the licence of its source.
 pub(crate) fn imported(name: &str, imported: &Imported) -> String {
     let notes: String = imported.notes.iter().map(|note| format!("- {note}.\n")).collect();
     let notes = if notes.is_empty() { notes } else { format!("\nIt differs from its source:\n\n{notes}") };

@@ -1,4 +1,4 @@
-//! What a data set holds, for people in its card and for catalogues as Croissant 1.0 (JSON-LD).
+//! Contents of a data set: a section of its card, and a Croissant 1.0 description (JSON-LD) for catalogues.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,68 +12,68 @@ use crate::columns::{cell, integer, text};
 use crate::table::{self, Table};
 use crate::{DataError, files};
 
-/// File of the description in the data set.
+/// Name of the Croissant file in the data set.
 pub(crate) const CROISSANT: &str = "croissant.json";
 
-/// What was written, and what is told.
+/// Written files and contents of a data set.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Card {
-    /// The files.
+    /// The written files.
     pub written: Vec<PathBuf>,
-    /// Episodes and verified ones by kind of task.
+    /// Number of episodes and of verified ones by kind of task.
     pub kinds: BTreeMap<String, [usize; 2]>,
-    /// Different sentences.
+    /// Number of distinct instructions.
     pub sentences: usize,
-    /// Smallest and largest seed of an episode.
+    /// Minimum and maximum seed of the episodes.
     pub seeds: Option<[i64; 2]>,
-    /// Who acted, on which engine, by which version of the program.
+    /// Policy, engine and program version of the episodes.
     pub origins: BTreeSet<String>,
-    /// Objects of the catalogue or of families that are seen, by uid or family.
+    /// Catalogue objects by uid, generated objects by family.
     pub objects: BTreeSet<String>,
-    /// Imported objects that are seen: hashes of their files, whose licences their packs tell.
+    /// Hashes of imported objects, whose packs state their licences.
     pub imported: BTreeSet<String>,
 }
 
-/// What is read of a scenario.
+/// Objects of a scenario.
 #[derive(Deserialize)]
-struct Brief {
-    objects: Vec<BriefObject>,
+struct ScenarioObjects {
+    objects: Vec<ScenarioObject>,
 }
 
 #[derive(Deserialize)]
-struct BriefObject {
+struct ScenarioObject {
     asset: AssetRef,
 }
 
-/// Writes `README.md` anew, with what is in the data set, and `croissant.json`.
+/// Rewrites `README.md` with the contents of the data set, and writes `croissant.json`.
 ///
 /// # Errors
-/// When it is no LeRobotDataset v3.0 of this program, or a file cannot be read or written.
+/// If it is not a LeRobotDataset v3.0 of this program, or a file cannot be read or written.
 pub fn write_card(dataset: &Path) -> Result<Card, DataError> {
     let settings = LerobotSettings::of(dataset)?;
     let info = info::read(dataset)?;
     let tables = table::files_below(&dataset.join("meta/episodes"))?;
-    let mut told = Card::default();
+    let mut contents = Card::default();
     let mut sentences = BTreeSet::new();
     let mut columns = BTreeMap::new();
     for path in &tables {
-        told.read(path, &mut sentences, &mut columns)?;
+        contents.read(path, &mut sentences, &mut columns)?;
     }
-    told.sentences = sentences.len();
+    contents.sentences = sentences.len();
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let is_depth = info["video_path"].is_null();
     let general =
         if is_depth { card::depth(name.trim_end_matches("-depth")) } else { card::color(&name, &settings, "v3.0") };
-    let text = info::card_with_info(&format!("{general}\n{}", told.in_words()), &info);
-    let described = croissant(&name, &info, &told, &columns);
+    let text = info::card_with_info(&format!("{general}\n{}", contents.in_words()), &info);
+    let described = croissant(&name, &info, &contents, &columns);
     let described = serde_json::to_string_pretty(&described)
         .map_err(|error| DataError::NotWritable { what: CROISSANT.into(), why: error.to_string() })?;
     for (file, text) in [("README.md", text), (CROISSANT, described + "\n")] {
         let path = dataset.join(file);
         files::write(&path, text.as_bytes())?;
-        told.written.push(path);
+        contents.written.push(path);
     }
-    Ok(told)
+    Ok(contents)
 }
 
 impl Card {
@@ -111,7 +111,7 @@ impl Card {
                 word("engine"),
                 word("genmanip_version")
             ));
-            let scenario: Brief = serde_json::from_str(&word("scenario_json"))
+            let scenario: ScenarioObjects = serde_json::from_str(&word("scenario_json"))
                 .map_err(|error| DataError::table(path, format!("scenario_json in row {row}: {error}")))?;
             for object in scenario.objects {
                 match object.asset {
@@ -124,7 +124,7 @@ impl Card {
         Ok(())
     }
 
-    /// A section of the card.
+    /// Section of the data set card.
     fn in_words(&self) -> String {
         let mut text = "## Contents\n\n| kind of task | episodes | verified |\n|---|---|---|\n".to_owned();
         for (kind, [episodes, verified]) in &self.kinds {
@@ -137,7 +137,7 @@ impl Card {
                 &format!("Seeds of the episodes lie between {low} and {high}; each stands in the episodes table.\n");
         }
         for origin in &self.origins {
-            text += &format!("Made by {origin}.\n");
+            text += &format!("Origin by {origin}.\n");
         }
         text += &format!("\nObjects of the program, CC0-1.0: {}.\n", joined(&self.objects));
         if !self.imported.is_empty() {
@@ -151,8 +151,8 @@ impl Card {
     }
 }
 
-/// The description in Croissant's vocabulary.
-fn croissant(name: &str, info: &Value, told: &Card, columns: &BTreeMap<String, &'static str>) -> Value {
+/// Croissant description.
+fn croissant(name: &str, info: &Value, contents: &Card, columns: &BTreeMap<String, &'static str>) -> Value {
     let set = |id: &str, kind: &str, includes: &str| json!({"@type": "cr:FileSet", "@id": id, "name": id, "encodingFormat": kind, "includes": includes});
     let mut distribution = vec![
         set("row-files", "application/x-parquet", "data/*/*.parquet"),
@@ -185,8 +185,8 @@ fn croissant(name: &str, info: &Value, told: &Card, columns: &BTreeMap<String, &
     let episodes: Vec<Value> =
         columns.iter().map(|(column, kind)| field("episodes", "episode-files", column, kind)).collect();
     let total = |key: &str| info[key].as_u64().unwrap_or_default();
-    let seeds = told.seeds.map_or_else(String::new, |[low, high]| format!(", seeds {low} to {high}"));
-    let made = told.origins.iter().cloned().collect::<Vec<_>>().join("; ");
+    let seeds = contents.seeds.map_or_else(String::new, |[low, high]| format!(", seeds {low} to {high}"));
+    let origin = contents.origins.iter().cloned().collect::<Vec<_>>().join("; ");
     json!({
         "@context": {
             "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
@@ -208,12 +208,12 @@ fn croissant(name: &str, info: &Value, told: &Card, columns: &BTreeMap<String, &
         "description": format!(
             "{} tabletop manipulation demonstrations, {} rows at {} Hz, robot {}, {} sentences{seeds}.",
             total("total_episodes"), total("total_frames"), total("fps"),
-            info["robot_type"].as_str().unwrap_or_default(), told.sentences
+            info["robot_type"].as_str().unwrap_or_default(), contents.sentences
         ),
         "license": "https://creativecommons.org/publicdomain/zero/1.0/",
         "version": "1.0.0",
         "keywords": ["robotics", "manipulation", "simulation", "LeRobot"],
-        "rai:dataCollection": format!("Simulated and verified after settling. Made by {made}."),
+        "rai:dataCollection": format!("Simulated and verified after settling. Origin by {origin}."),
         "rai:dataCollectionType": "Software Collection",
         "distribution": distribution,
         "recordSet": [

@@ -1,12 +1,12 @@
-//! From an episode to the rows of the sibling data set `<name>-depth`: depth, and on request which thing each pixel sees.
+//! Rows of the sibling data set `<name>-depth`: depth images and, on request, instance masks.
 
 use crate::export::features::ImageFeature;
 use crate::export::{EpisodeRows, ExportSettings, ExtraColumns, Source};
 use crate::masks::MaskTrack;
 use crate::{CameraTrack, DataError};
 
-/// Depth pictures as 16-bit PNG in millimetres, and masks, bytes in the table, beside the rows `colors` of the main data
-/// set.
+/// Depth images as 16-bit PNG in millimetres, and instance masks, stored in the table; parallel to the rows `colors` of
+/// the main data set.
 pub(crate) fn depth_rows(
     source: &Source,
     colors: &EpisodeRows,
@@ -15,8 +15,7 @@ pub(crate) fn depth_rows(
     let frames = colors.frames;
     let image = |track: &CameraTrack| {
         if track.depth_png.len() != frames {
-            let what =
-                format!("depth pictures of camera {} in episode {}", track.camera.name, source.episode.result.id);
+            let what = format!("depth images of camera {} in episode {}", track.camera.name, source.episode.result.id);
             return Err(DataError::mismatch(what, frames, track.depth_png.len()));
         }
         Ok(ImageFeature {
@@ -45,6 +44,6 @@ pub(crate) fn depth_rows(
         images,
         videos: Vec::new(),
         steps: Vec::new(),
-        facts: colors.facts.clone(),
+        metadata: colors.metadata.clone(),
     })
 }

@@ -8,30 +8,30 @@ use serde_json::json;
 
 use super::stats::Stats;
 use crate::DataError;
-use crate::export::facts::{EpisodeFacts, Told};
+use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::table::{self, Columns, Purpose};
 
-/// What an episodes table tells of its episodes beside LeRobot's own columns.
-pub(crate) trait Entries: Told + Clone {
-    /// Adds the columns of all episodes of a file.
+/// Columns of the episodes table beyond LeRobot's own.
+pub(crate) trait EpisodeColumns: LanguageLabels + Clone {
+    /// Adds the columns of all episodes in a file.
     fn add(columns: &mut Columns, all: &[&Self]);
 }
 
 /// One row of the episodes table.
-pub(crate) struct EpisodeEntry<F = EpisodeFacts> {
+pub(crate) struct EpisodeEntry<F = EpisodeMetadata> {
     pub(crate) episode: usize,
-    /// Chunk and file of data, videos and of this row.
+    /// Chunk and file index, shared by data, videos and this row.
     pub(crate) chunk: usize,
     pub(crate) file: usize,
-    /// Index of the first frame in the data set.
+    /// Data-set index of the first frame.
     pub(crate) from: usize,
     pub(crate) length: usize,
     pub(crate) videos: Vec<VideoSpan>,
     pub(crate) stats: Vec<(String, Stats)>,
-    pub(crate) facts: F,
+    pub(crate) metadata: F,
 }
 
-/// Where an episode lies in a video file, and what its colours are.
+/// Time span of an episode in a video file, and its colour statistics.
 pub(crate) struct VideoSpan {
     pub(crate) key: String,
     pub(crate) from_s: f64,
@@ -39,8 +39,8 @@ pub(crate) struct VideoSpan {
     pub(crate) stats: Stats,
 }
 
-/// The bytes of `meta/episodes/chunk-…/file-….parquet`; LeRobot's own columns first, ours last.
-pub(crate) fn episodes_table<F: Entries>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
+/// Encodes `meta/episodes/chunk-…/file-….parquet`: LeRobot's own columns first, ours last.
+pub(crate) fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
     let mut columns = Columns::default();
     let integer = |value: fn(&EpisodeEntry<F>) -> usize| {
         entries.iter().map(move |entry| i64::try_from(value(entry)).unwrap_or(i64::MAX))
@@ -48,7 +48,7 @@ pub(crate) fn episodes_table<F: Entries>(entries: &[EpisodeEntry<F>]) -> Result<
     columns.i64("episode_index", integer(|entry| entry.episode));
     columns.text_lists(
         "tasks",
-        &entries.iter().map(|entry| vec![entry.facts.instruction().to_owned()]).collect::<Vec<_>>(),
+        &entries.iter().map(|entry| vec![entry.metadata.instruction().to_owned()]).collect::<Vec<_>>(),
     );
     columns.i64("length", integer(|entry| entry.length));
     columns.i64("data/chunk_index", integer(|entry| entry.chunk));
@@ -66,18 +66,18 @@ pub(crate) fn episodes_table<F: Entries>(entries: &[EpisodeEntry<F>]) -> Result<
     statistics(&mut columns, entries);
     columns.i64("meta/episodes/chunk_index", integer(|entry| entry.chunk));
     columns.i64("meta/episodes/file_index", integer(|entry| entry.file));
-    F::add(&mut columns, &entries.iter().map(|entry| &entry.facts).collect::<Vec<_>>());
+    F::add(&mut columns, &entries.iter().map(|entry| &entry.metadata).collect::<Vec<_>>());
     table::to_parquet(Path::new("meta/episodes"), columns, Purpose::Dataset, None)
 }
 
-/// The bytes of `meta/tasks.parquet`: a pandas frame whose index is the sentence.
+/// Encodes `meta/tasks.parquet`: a pandas frame indexed by the instruction.
 ///
-/// Without the `pandas` entry in the metadata, readers would take the row number for the sentence.
+/// Without the `pandas` metadata entry, readers would use the row number as the index.
 pub(crate) fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
     sentences_table("task", tasks)
 }
 
-/// The bytes of `meta/subtasks.parquet`, which is made like that of the tasks.
+/// Encodes `meta/subtasks.parquet`, with the layout of `meta/tasks.parquet`.
 pub(crate) fn subtasks_table(subtasks: &[String]) -> Result<Vec<u8>, DataError> {
     sentences_table("subtask", subtasks)
 }
@@ -105,11 +105,11 @@ fn sentences_table(name: &str, sentences: &[String]) -> Result<Vec<u8>, DataErro
     table::to_parquet(Path::new(&path), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
 }
 
-/// Seed, scenario, outcome and versions of every episode, to filter by and to replay from.
-impl Entries for EpisodeFacts {
+/// Seed, scenario, outcome and versions of each episode, for filtering and replay.
+impl EpisodeColumns for EpisodeMetadata {
     fn add(columns: &mut Columns, all: &[&Self]) {
-        let facts = || all.iter().copied();
-        let results = || facts().map(|facts| &facts.result);
+        let all_metadata = || all.iter().copied();
+        let results = || all_metadata().map(|metadata| &metadata.result);
         columns.text("store_id", results().map(|result| &result.id));
         columns.bool("success", results().map(|result| result.success));
         columns.bool("success_once", results().map(|result| result.success_once));
@@ -118,19 +118,20 @@ impl Entries for EpisodeFacts {
         columns.text("failure", results().map(failure));
         let cause = |result: &EpisodeResult| result.failure().map_or("", |failure| failure.cause.name());
         columns.text("failure_cause", results().map(cause));
-        let lists =
-            |list: fn(&EpisodeFacts) -> &[String]| facts().map(|facts| list(facts).to_vec()).collect::<Vec<_>>();
-        columns.text_lists("subtasks", &lists(|facts| &facts.steps.texts));
-        columns.text_lists("paraphrases", &lists(|facts| &facts.paraphrases));
-        columns.text_lists("objects", &lists(|facts| &facts.objects));
+        let lists = |list: fn(&EpisodeMetadata) -> &[String]| {
+            all_metadata().map(|metadata| list(metadata).to_vec()).collect::<Vec<_>>()
+        };
+        columns.text_lists("subtasks", &lists(|metadata| &metadata.steps.texts));
+        columns.text_lists("paraphrases", &lists(|metadata| &metadata.paraphrases));
+        columns.text_lists("objects", &lists(|metadata| &metadata.objects));
         columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
-        if facts().any(|facts| facts.variation_seed.is_some()) {
-            let seed = |facts: &EpisodeFacts| {
-                facts.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1))
+        if all_metadata().any(|metadata| metadata.variation_seed.is_some()) {
+            let seed = |metadata: &EpisodeMetadata| {
+                metadata.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1))
             };
-            columns.i64("variation_seed", facts().map(seed));
+            columns.i64("variation_seed", all_metadata().map(seed));
         }
-        if facts().any(|facts| facts.has_correction_columns) {
+        if all_metadata().any(|metadata| metadata.has_correction_columns) {
             let of = |result: &EpisodeResult, tell: fn(&Correction) -> String| {
                 result.correction.as_ref().map_or(String::new(), tell)
             };
@@ -142,14 +143,14 @@ impl Entries for EpisodeFacts {
         }
         columns.text("scenario_id", results().map(|result| &result.scenario_id));
         columns.text("task_id", results().map(|result| &result.task_id));
-        columns.text("task_kind", facts().map(|facts| facts.kind));
+        columns.text("task_kind", all_metadata().map(|metadata| metadata.kind));
         columns.text("policy", results().map(|result| &result.policy));
         columns.bool("oracle", results().map(|result| result.oracle));
         columns.text("engine", results().map(|result| &result.engine));
         columns.text("genmanip_version", results().map(|result| &result.genmanip_version));
-        columns.text("scenario_json", facts().map(|facts| &facts.scenario_json));
-        for (place, (camera, _)) in all.first().iter().flat_map(|facts| &facts.cameras).enumerate() {
-            let k = facts().flat_map(|facts| facts.cameras[place].1).collect();
+        columns.text("scenario_json", all_metadata().map(|metadata| &metadata.scenario_json));
+        for (place, (camera, _)) in all.first().iter().flat_map(|metadata| &metadata.cameras).enumerate() {
+            let k = all_metadata().flat_map(|metadata| metadata.cameras[place].1).collect();
             columns.vectors::<Float64Type>(&format!("camera.{camera}.fx_fy_cx_cy"), 4, k);
         }
     }

@@ -1,4 +1,4 @@
-//! Features as LeRobot describes and stores them.
+//! Features in LeRobot's description and storage.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::table::Columns;
 use crate::{DataError, EncodedVideo};
 
 impl Feature {
-    /// The entry in `info.json`.
+    /// The feature's entry in `info.json`.
     pub(crate) fn describe(&self) -> Value {
         let dtype = match self.values {
             Values::F32(_) => "float32",
@@ -35,7 +35,7 @@ impl Feature {
 }
 
 impl VideoFeature {
-    /// The entry in `info.json`.
+    /// The feature's entry in `info.json`.
     pub(crate) fn describe(&self) -> Value {
         let EncodedVideo { width, height, fps, .. } = self.video;
         json!({
@@ -58,13 +58,13 @@ impl VideoFeature {
 }
 
 impl ImageFeature {
-    /// The entry in `info.json`.
+    /// The feature's entry in `info.json`.
     pub(crate) fn describe(&self) -> Value {
         json!({
             "dtype": "image",
             "shape": [self.height, self.width, 1],
             "names": ["height", "width", "channels"],
-            // Ids of things are whole numbers without a unit.
+            // Instance ids are integers without a unit.
             "info": match self.key.ends_with("_mask") {
                 true => json!({"is_depth_map": false, "is_instance_mask": true}),
                 false => json!({"is_depth_map": true, "depth_unit": "mm"}),
@@ -73,7 +73,7 @@ impl ImageFeature {
     }
 }
 
-/// The rows of one episode as a table: pictures first, then numbers.
+/// Table of the rows of one episode: images first, then numbers.
 pub(crate) fn batch(images: &[ImageFeature], features: &[Feature]) -> Result<RecordBatch, DataError> {
     let mut columns = Columns::default();
     for image in images {

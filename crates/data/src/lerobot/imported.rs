@@ -1,14 +1,14 @@
-//! What a data set says that was imported.
+//! Origin of an imported data set.
 
 use genmanip_core::Document;
 use serde::{Deserialize, Serialize};
 
-/// Where a data set says what it was imported from.
+/// File with the import's origin in the data set.
 pub(crate) const IMPORTED: &str = "meta/imported.json";
-/// Column of the episodes table with the hash of what an episode was imported from.
+/// Column of the episodes table with the SHA-256 of the imported episode's source.
 pub(crate) const SOURCE_HASH: &str = "source_sha256";
 
-/// What was imported, and how.
+/// Source format and settings of an import.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imported {
@@ -16,15 +16,15 @@ pub struct Imported {
     pub format: String,
     /// Rows per second.
     pub fps: u32,
-    /// Whether depth pictures lie in the sibling data set `<name>-depth`.
+    /// True if the sibling data set `<name>-depth` has depth images.
     pub depth: bool,
-    /// Whether the native record of the episodes came along in `extras/record`.
+    /// True if `extras/record` holds the native record of the episodes.
     pub record: bool,
     /// Episodes per data and video file.
     pub episodes_per_file: usize,
     /// Episodes per file of the depth data set.
     pub episodes_per_depth_file: usize,
-    /// What differs from the source: columns that were left out or take another form, pictures that were encoded.
+    /// Differences from the source: columns omitted or converted, images re-encoded.
     pub notes: Vec<String>,
 }
 

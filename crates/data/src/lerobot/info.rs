@@ -1,4 +1,4 @@
-//! `meta/info.json`, and `meta/genmanip.json`, which says what the columns mean.
+//! `meta/info.json`, and `meta/genmanip.json`, which documents the columns.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::LerobotSettings;
 use crate::export::action_in_words;
 use crate::{DataError, files};
 
-/// Where a data set says what it is.
+/// LeRobot's description of a data set.
 pub(crate) const INFO: &str = "meta/info.json";
 
 /// LeRobot's limit of files per folder.
@@ -42,7 +42,7 @@ pub(crate) fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_
     })
 }
 
-/// `meta/info.json` of a data set, which must be of v3.0.
+/// Reads `meta/info.json` of a v3.0 data set.
 pub(crate) fn read(dataset: &Path) -> Result<Value, DataError> {
     let path = dataset.join(INFO);
     let info: Value = serde_json::from_slice(&files::read(&path, limits::SETTINGS)?)
@@ -51,10 +51,10 @@ pub(crate) fn read(dataset: &Path) -> Result<Value, DataError> {
         return Ok(info);
     }
     let what = format!("codebase_version in {}", path.display());
-    Err(DataError::mismatch(what, "v3.0, of LeRobot", &info["codebase_version"]))
+    Err(DataError::mismatch(what, "v3.0 of LeRobotDataset", &info["codebase_version"]))
 }
 
-/// `meta/genmanip.json`: frames, units and conventions of the columns.
+/// Contents of `meta/genmanip.json`: frames, units and conventions of the columns.
 pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
     json!({
         "schema": "genmanip.dataset/1",
@@ -101,7 +101,7 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
     })
 }
 
-/// The card with a copy of `info.json` at its end.
+/// The card followed by a copy of `info.json`.
 pub(crate) fn card_with_info(card: &str, info: &Value) -> String {
     let info = serde_json::to_string_pretty(info).unwrap_or_default();
     format!("{card}\n## Structure\n\n`meta/info.json`:\n\n```json\n{info}\n```\n")

@@ -1,20 +1,20 @@
-//! Export to LeRobotDataset v3.0, the format that training code of the field opens directly.
+//! Export to LeRobotDataset v3.0.
 //!
-//! A pure function of the store: equal stores and settings give equal bytes.
-//! What a policy must not see by accident is kept out of its way: `observation.*` and `action` are the native state
-//! and action, pictures are RGB video, simulator truth is named `sim.*`, end-effector variants `ee.*`, camera poses
-//! `camera.*`, and depth lives in a data set of its own, `<name>-depth`, with the same indices.
+//! Deterministic: equal stores and settings give equal bytes. Columns that a policy must not train on by accident have
+//! their own prefix: `observation.*` and `action` are the native state and action, images are RGB video; simulator
+//! ground truth is `sim.*`, end-effector variants `ee.*`, camera poses `camera.*`; depth is in a separate data set,
+//! `<name>-depth`, with the same indices.
 
 pub(crate) mod card;
 mod croissant;
+mod dataset_metadata;
 mod depth;
 pub mod edit;
 pub(crate) mod episodes;
 mod features;
 pub(crate) mod imported;
 pub(crate) mod info;
-mod ledger;
-pub(crate) mod made;
+pub(crate) mod origin;
 mod reader;
 pub(crate) mod record;
 pub(crate) mod stats;
@@ -27,7 +27,7 @@ use genmanip_core::limits;
 use genmanip_core::{ActionContract, Document, Episode, RobotModel, Upgrade};
 use serde::{Deserialize, Serialize};
 
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::export::rows::rows;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
 use crate::{CameraTrack, DataError, EpisodeStore, files};
@@ -37,28 +37,28 @@ pub use reader::{EpisodeRow, LerobotDataset};
 pub use record::RECORD;
 pub use v21::export_v21;
 
-/// Where a data set says how it was made.
+/// File with the export settings of a data set.
 pub(crate) const SETTINGS: &str = "meta/lerobot_settings.json";
-/// Where it says what its actions mean.
+/// File with the action contract.
 pub(crate) const CONTRACT: &str = "meta/action_contract.json";
-/// What the steps are called, by `subtask_index`.
+/// Texts of the steps, by `subtask_index`.
 pub(crate) const SUBTASKS: &str = "meta/subtasks.parquet";
 
-/// How a data set is made.
+/// Settings of an exported data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LerobotSettings {
-    /// What its rows hold; its depth pictures go into the sibling data set `<name>-depth`.
+    /// Contents of the rows; depth images go into the sibling data set `<name>-depth`.
     pub export: ExportSettings,
-    /// Whether the native record of each episode is carried along in `extras/record`, itself an episode store
-    /// from which the episodes can be replayed. Default true.
+    /// Include the native record of each episode in `extras/record`, an episode store from which the episodes can be
+    /// replayed. Default true.
     pub record: bool,
-    /// Episodes per data and video file; boundaries depend on the episode index alone. Default 100,
-    /// which keeps video files of typical episodes under 200 MB.
+    /// Episodes per data and video file, so that file boundaries depend on the episode index alone. Default 100, which
+    /// keeps video files of typical episodes under 200 MB.
     pub episodes_per_file: usize,
-    /// Episodes per file of the depth data set, whose pictures are larger. Default 10.
+    /// Episodes per file of the depth data set, whose images are larger. Default 10.
     pub episodes_per_depth_file: usize,
-    /// The run that it is made for: only a data set of the same run is ever replaced. Default none.
+    /// Owning run: a run may replace only its own data set. Default none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
 }
@@ -76,15 +76,15 @@ impl Default for LerobotSettings {
 }
 
 impl LerobotSettings {
-    /// How a data set of this program was made.
+    /// Reads the export settings of a data set.
     ///
     /// # Errors
-    /// When it is none, or another program's.
+    /// If it is not a data set, or was imported.
     pub fn of(dataset: &Path) -> Result<Self, DataError> {
-        match made::Made::read(dataset)? {
-            made::Made::Exported(settings) => Ok(settings),
-            made::Made::Imported(_) => {
-                let expected = "a dataset of this program's own episodes";
+        match origin::Origin::read(dataset)? {
+            origin::Origin::Exported(settings) => Ok(settings),
+            origin::Origin::Imported(_) => {
+                let expected = "a data set exported from this program's own episodes";
                 Err(DataError::mismatch(dataset.display().to_string(), expected, "one that was imported"))
             }
         }
@@ -105,14 +105,14 @@ impl Document for LerobotSettings {
     });
 }
 
-/// Writes the selected episodes as a data set at `dataset` (and `<dataset>-depth`).
+/// Exports the selected episodes to a data set at `dataset` (and `<dataset>-depth`).
 ///
-/// `robot` names the joints and gives the end-effector pose of an action.
-/// Both data sets are written aside and renamed, the depth data set first: where `dataset` is, both are whole.
+/// `robot` names the joints and gives the end-effector pose of an action. Both data sets are published atomically, the
+/// depth data set first: once `dataset` exists, both are complete.
 ///
 /// # Errors
-/// When nothing is selected, pictures are missing or have another rate, episodes do not fit each other,
-/// a target exists, or the disk refuses; nothing is then changed.
+/// If no episode is selected, images are missing or have another rate, episodes do not match each other, a target
+/// exists, or writing fails; the targets are then unchanged.
 pub fn export(
     store: &EpisodeStore,
     selection: &Selection,
@@ -132,7 +132,7 @@ pub fn export(
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
 }
 
-/// Writes episodes that are in no store, with their tracks, as a data set without a native record at `dataset` (and
+/// Writes episodes that are not in a store, with their tracks, to a data set without native record at `dataset` (and
 /// `<dataset>-depth`).
 ///
 /// # Errors
@@ -170,8 +170,8 @@ impl Writers {
             return Err(DataError::mismatch("episodes per file", "at least 1", 0));
         }
         let writer = |target: &Path, episodes_per_file| {
-            let aside = begin(target, settings.run.as_deref())?;
-            Ok::<_, DataError>(writer::DatasetWriter::new(aside, episodes_per_file, export.fps, &robot.name))
+            let staging = begin(target, settings.run.as_deref())?;
+            Ok::<_, DataError>(writer::DatasetWriter::new(staging, episodes_per_file, export.fps, &robot.name))
         };
         let colors = writer(dataset, *episodes_per_file)?;
         let depths =
@@ -186,7 +186,7 @@ impl Writers {
         self.colors.push(rows)
     }
 
-    /// Makes both visible; where the depth data set lies.
+    /// Publishes both; returns the path of the depth data set.
     fn publish(
         self,
         settings: &LerobotSettings,
@@ -194,9 +194,9 @@ impl Writers {
         dataset: &Path,
     ) -> Result<Option<PathBuf>, DataError> {
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let made = made::Made::Exported(settings.clone());
-        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
-        let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, Some(contract))?;
+        let origin = origin::Origin::Exported(settings.clone());
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &origin, None)).transpose()?;
+        let colors = self.colors.finish(&origin.card(&name, "v3.0"), &origin, Some(contract))?;
         let depth_dataset = depths.is_some().then(|| depth_path(dataset));
         if let Some(depths) = depths {
             depths.publish()?;
@@ -206,27 +206,27 @@ impl Writers {
     }
 }
 
-/// A place aside for a data set that may lie at `target` if it is the run's; what a kill left unfinished there is removed.
-/// Of two programs that write other data sets without a run to one place at the same time, the second is refused.
-pub(crate) fn begin(target: &Path, run: Option<&str>) -> Result<Aside, DataError> {
+/// Starts a data set at `target`, which may exist if it belongs to the run; removes unfinished files of dead processes.
+/// If two programs concurrently write different data sets without a run to the same target, the second fails.
+pub(crate) fn begin(target: &Path, run: Option<&str>) -> Result<AtomicFolder, DataError> {
     check_owner(target, run)?;
     place(target, run.is_some())
 }
 
-/// As [`begin`], for the depth sibling of a data set without a run. It becomes visible before the data set: where it is
-/// alone, a call was killed between the two, and the next one goes on if it makes the same.
-pub(crate) fn begin_sibling(dataset: &Path) -> Result<Aside, DataError> {
+/// As [`begin`], for the depth sibling of a data set without a run. The sibling is published first: if it exists alone,
+/// a call was killed between the two renames, and a call with the same contents resumes.
+pub(crate) fn begin_sibling(dataset: &Path) -> Result<AtomicFolder, DataError> {
     check_free(dataset)?;
     place(&depth_path(dataset), false)
 }
 
-fn place(target: &Path, replaces: bool) -> Result<Aside, DataError> {
-    aside::make_parent(target)?;
-    files::sweep(aside::parent(target))?;
-    if replaces { Aside::replacing(target) } else { Aside::repeating(target) }
+fn place(target: &Path, replaces: bool) -> Result<AtomicFolder, DataError> {
+    atomic_write::make_parent(target)?;
+    files::sweep(atomic_write::parent(target))?;
+    if replaces { AtomicFolder::replacing(target) } else { AtomicFolder::accepting_identical(target) }
 }
 
-/// Refuses to write a data set without a run where one is, or where its depth sibling would lie is something else.
+/// Fails if the data set exists, or if anything but a data set is at the path of its depth sibling.
 pub(crate) fn check_free(dataset: &Path) -> Result<(), DataError> {
     check_owner(dataset, None)?;
     let sibling = depth_path(dataset);
@@ -236,16 +236,16 @@ pub(crate) fn check_free(dataset: &Path) -> Result<(), DataError> {
     }
 }
 
-/// Where the depth data set of a data set lies.
+/// Path of the depth sibling of a data set.
 pub fn depth_path(dataset: &Path) -> PathBuf {
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     dataset.with_file_name(format!("{name}-depth"))
 }
 
-/// Refuses to replace what a run did not make itself: the settings inside a data set name its run.
+/// Fails unless the target is free or a data set of the given run, according to its settings.
 ///
 /// # Errors
-/// [`DataError::Exists`] without a run, [`DataError::NotOurs`] when something else is there than a data set of the run.
+/// [`DataError::Exists`] without a run; [`DataError::NotOurs`] if the target is not a data set of the run.
 pub fn check_owner(target: &Path, run: Option<&str>) -> Result<(), DataError> {
     let Ok(about) = std::fs::symlink_metadata(target) else { return Ok(()) };
     let Some(run) = run else { return Err(DataError::Exists { path: target.into() }) };

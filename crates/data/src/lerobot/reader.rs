@@ -1,4 +1,4 @@
-//! Reading a data set back: its contract and the recorded actions of its episodes.
+//! Reader of an exported data set: contract and recorded actions.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use super::CONTRACT;
 use crate::table::{self, Table};
 use crate::{DataError, files};
 
-/// A data set that this program wrote, open for reading.
+/// An exported data set, open for reading.
 #[derive(Clone, Debug)]
 pub struct LerobotDataset {
     root: PathBuf,
@@ -24,15 +24,15 @@ pub struct LerobotDataset {
 pub struct EpisodeRow {
     /// Index in the data set.
     pub index: i64,
-    /// Name in the episode store.
+    /// Id in the episode store.
     pub store_id: String,
-    /// What it started from.
+    /// Scenario it started from.
     pub scenario_id: String,
-    /// Whether it is a verified demonstration.
+    /// True for a verified demonstration.
     pub success: bool,
-    /// Index of its first frame in the data set, and of the one behind its last.
+    /// Data-set indices of its frames.
     pub rows: std::ops::Range<i64>,
-    /// Chunk and file of its rows.
+    /// Chunk and file index of its rows.
     file: [i64; 2],
 }
 
@@ -40,7 +40,7 @@ impl LerobotDataset {
     /// Opens a data set and reads its contract and its episodes table.
     ///
     /// # Errors
-    /// When it is none, was written without a contract, or a file cannot be read.
+    /// If it is not a data set, has no contract, or a file cannot be read.
     pub fn open(root: &Path) -> Result<Self, DataError> {
         let path = root.join(CONTRACT);
         let contract = ActionContract::from_bytes(&files::read(&path, limits::SETTINGS)?)
@@ -53,7 +53,7 @@ impl LerobotDataset {
         Ok(Self { root: root.into(), contract, episodes })
     }
 
-    /// What the `action` column means.
+    /// The contract of the `action` column.
     pub fn contract(&self) -> &ActionContract {
         &self.contract
     }
@@ -66,7 +66,7 @@ impl LerobotDataset {
     /// The `action` column of an episode, row by row.
     ///
     /// # Errors
-    /// When the table cannot be read, or its rows are not those that the episodes table promises.
+    /// If the table cannot be read, or its number of rows differs from the episodes table.
     pub fn actions(&self, episode: &EpisodeRow) -> Result<Vec<Vec<f32>>, DataError> {
         let [chunk, file] = episode.file;
         let path = self.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"));

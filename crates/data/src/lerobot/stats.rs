@@ -1,4 +1,4 @@
-//! Statistics of features, as `stats.json` and the episodes table hold them.
+//! Feature statistics of `stats.json` and the episodes table.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, Write};
@@ -8,20 +8,20 @@ use serde_json::{Value, json};
 
 use crate::{ColorHistogram, DataError};
 
-/// The quantiles LeRobot keeps, with their names.
+/// LeRobot's quantiles by name.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
 
-/// Statistics per entry of a vector, or per colour channel (then in 0-1).
+/// Statistics per element of a vector, or per colour channel in 0-1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Stats {
-    /// `min`, `max`, `mean`, `std` (of the population), then the quantiles; one number per entry.
+    /// `min`, `max`, `mean`, `std` (population), then the quantiles; one number per element.
     pub(crate) named: Vec<(&'static str, Vec<f64>)>,
     /// Number of frames.
     pub(crate) count: usize,
 }
 
 impl Stats {
-    /// Exact statistics of the frames given.
+    /// Exact statistics of the given frames, row-major vectors.
     pub(crate) fn of_vectors(values: &[f64], length: usize) -> Self {
         let mut stats = Self::default();
         for entry in 0..length {
@@ -30,7 +30,7 @@ impl Stats {
         stats
     }
 
-    /// Takes the numbers of one more entry of a vector.
+    /// Adds the statistics of one vector element.
     fn add_entry(&mut self, mut column: Vec<f64>) {
         column.sort_by(f64::total_cmp);
         self.count = column.len();
@@ -49,7 +49,7 @@ impl Stats {
         }
     }
 
-    /// What `value` gives for the name of each statistic, in their order.
+    /// Statistics read by name, in the standard order.
     pub(crate) fn named(
         mut value: impl FnMut(&str) -> Result<Vec<f64>, DataError>,
     ) -> Result<Vec<(&'static str, Vec<f64>)>, DataError> {
@@ -72,7 +72,7 @@ impl Stats {
         Self { named, count: frames }
     }
 
-    /// The entry in `stats.json`; channels of pictures are nested `[C][1][1]`.
+    /// Entry of `stats.json`; image channels are nested `[C][1][1]`.
     pub(crate) fn to_json(&self, is_image: bool) -> Value {
         let mut entry = serde_json::Map::new();
         for (name, values) in &self.named {
@@ -84,18 +84,17 @@ impl Stats {
     }
 }
 
-/// Statistics of a whole from those of its parts, by the formulas of LeRobot's `aggregate_stats`: quantiles are means of
-/// the parts' quantiles.
+/// Aggregation by the formulas of LeRobot's `aggregate_stats`: quantiles are weighted means of the parts' quantiles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Aggregated(Vec<Stats>);
 
 impl Aggregated {
-    /// Takes the statistics of a part.
+    /// Adds the statistics of a part.
     pub(crate) fn add(&mut self, part: Stats) {
         self.0.push(part);
     }
 
-    /// Those of the whole.
+    /// Statistics of all parts together.
     pub(crate) fn whole(&self) -> Stats {
         let count: usize = self.0.iter().map(|part| part.count).sum();
         let length = self.0.first().and_then(|part| part.named.first()).map_or(0, |(_, values)| values.len());
@@ -122,47 +121,47 @@ impl Aggregated {
     }
 }
 
-/// The numbers of all features over all episodes.
+/// Collects the values of all features over all episodes.
 ///
-/// Quantiles are exact only when all numbers are there, 0.6 kB per frame of the main data set, so they wait on the disk,
-/// in unnamed files.
+/// Exact quantiles need all values, 0.6 kB per frame of the main data set, so they are buffered in unnamed files on
+/// disk.
 #[derive(Debug)]
-pub(crate) struct Collected {
+pub(crate) struct StatsCollector {
     folder: PathBuf,
-    features: Vec<Waiting>,
+    features: Vec<BufferedFeature>,
     colors: Vec<(String, ColorHistogram, usize)>,
 }
 
-/// The numbers of a feature.
+/// Buffered values of a feature.
 #[derive(Debug)]
-struct Waiting {
+struct BufferedFeature {
     key: String,
     length: usize,
     numbers: BufWriter<File>,
 }
 
-impl Collected {
-    /// Numbers wait on the disk of `folder`.
+impl StatsCollector {
+    /// Values are buffered on the disk of `folder`.
     pub(crate) fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), features: Vec::new(), colors: Vec::new() }
     }
 
-    /// Takes vectors of a feature, one after the other.
+    /// Adds vectors of a feature, row-major.
     pub(crate) fn add(&mut self, key: &str, length: usize, numbers: &[f64]) -> Result<(), DataError> {
         let failed = DataError::io("write statistics in", &self.folder);
-        let place = match self.features.iter().position(|waiting| waiting.key == key) {
+        let place = match self.features.iter().position(|buffered| buffered.key == key) {
             Some(place) => place,
             None => {
                 let file = tempfile::tempfile_in(&self.folder).map_err(DataError::io("write in", &self.folder))?;
-                self.features.push(Waiting { key: key.into(), length, numbers: BufWriter::new(file) });
+                self.features.push(BufferedFeature { key: key.into(), length, numbers: BufWriter::new(file) });
                 self.features.len() - 1
             }
         };
-        let waiting = &mut self.features[place];
-        if waiting.length != length {
-            return Err(DataError::mismatch(format!("entries of {key}"), waiting.length, length));
+        let buffered = &mut self.features[place];
+        if buffered.length != length {
+            return Err(DataError::mismatch(format!("entries of {key}"), buffered.length, length));
         }
-        numbers.iter().try_for_each(|number| waiting.numbers.write_all(&number.to_le_bytes())).map_err(failed)
+        numbers.iter().try_for_each(|number| buffered.numbers.write_all(&number.to_le_bytes())).map_err(failed)
     }
 
     pub(crate) fn add_colors(&mut self, key: &str, colors: &ColorHistogram, frames: usize) {
@@ -181,16 +180,16 @@ impl Collected {
         for (key, colors, frames) in &self.colors {
             stats.insert(key.clone(), Stats::of_colors(colors, *frames).to_json(true));
         }
-        for waiting in &mut self.features {
-            let whole = waiting.stats().map_err(DataError::io("read statistics in", &self.folder))?;
-            stats.insert(waiting.key.clone(), whole.to_json(false));
+        for buffered in &mut self.features {
+            let whole = buffered.stats().map_err(DataError::io("read statistics in", &self.folder))?;
+            stats.insert(buffered.key.clone(), whole.to_json(false));
         }
         Ok(Value::Object(stats))
     }
 }
 
-impl Waiting {
-    /// Exact statistics; one entry of the vectors is in memory at a time.
+impl BufferedFeature {
+    /// Exact statistics; holds one vector element of all frames in memory at a time.
     fn stats(&mut self) -> std::io::Result<Stats> {
         self.numbers.flush()?;
         let file = self.numbers.get_mut();
@@ -221,7 +220,7 @@ fn standard_deviation(column: &[f64]) -> f64 {
     (column.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64).sqrt()
 }
 
-/// Linear between the two nearest values of a sorted column, as numpy does it.
+/// Quantile of a sorted column with linear interpolation, as in NumPy.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
     let position = q * last as f64;
@@ -236,7 +235,7 @@ fn moments(counts: &[u64]) -> (f64, f64) {
     (mean, (sum(2) / total - mean * mean).max(0.0).sqrt())
 }
 
-/// The smallest value that a share `q` of the counts does not exceed.
+/// Smallest value whose cumulative share of the counts is at least `q`.
 fn histogram_quantile(counts: &[u64], q: f64) -> f64 {
     let wanted = q * counts.iter().sum::<u64>() as f64;
     let mut seen = 0;

@@ -1,10 +1,10 @@
 //! LeRobotDataset v2.1 with `modality.json`, for readers of that version: GR00T, and openpi with its pinned library.
 //!
 //! ```text
-//! meta/info.json, tasks.jsonl, subtasks.jsonl, episodes.jsonl, episodes_stats.jsonl     as LeRobot 0.3 has them
+//! meta/info.json, tasks.jsonl, subtasks.jsonl, episodes.jsonl, episodes_stats.jsonl     as in LeRobot 0.3
 //! meta/stats.json                        statistics over all frames, quantiles included
-//! meta/modality.json                     which entries of state and action are what, as GR00T wants it
-//! norm_stats.json                        statistics of state and action, as openpi wants them
+//! meta/modality.json                     slices of state and action by name, for GR00T
+//! norm_stats.json                        statistics of state and action, for openpi
 //! data/chunk-000/episode_000000.parquet  one file per episode
 //! videos/chunk-000/KEY/episode_000000.mp4
 //! ```
@@ -14,18 +14,18 @@ use std::path::Path;
 use genmanip_core::{ActionContract, ActionSpace, Document, RobotModel, RotationEncoding};
 use serde_json::{Value, json};
 
+use super::dataset_metadata::DatasetMetadata;
 use super::info::FILES_PER_CHUNK;
-use super::ledger::Ledger;
-use super::made::Made;
+use super::origin::Origin;
 use super::stats::Stats;
 use super::{CONTRACT, LerobotSettings, begin, features, info, record};
-use crate::aside::Aside;
-use crate::export::facts::{EpisodeFacts, Told};
+use crate::atomic_write::AtomicFolder;
+use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EpisodeStore, video};
 
-/// Writes the selected episodes as a data set of version 2.1 at `dataset`; depth has no place in it.
+/// Exports the selected episodes to a v2.1 data set at `dataset`; the format has no depth.
 ///
 /// # Errors
 /// As [`super::export`].
@@ -39,26 +39,26 @@ pub fn export_v21(
     let rows = ExportSettings { depth: false, ..settings.export.clone() };
     let settings = LerobotSettings { export: rows, ..settings.clone() };
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
-    let aside = begin(dataset, settings.run.as_deref())?;
-    let mut writer = Writer::new(aside, settings.export.fps);
+    let staging = begin(dataset, settings.run.as_deref())?;
+    let mut writer = Writer::new(staging, settings.export.fps);
     let left_out = exporter.each(|source, rows| {
         writer.push(rows)?;
-        if settings.record { record::copy(&writer.aside, store, &source.episode.result.id) } else { Ok(()) }
+        if settings.record { record::copy(&writer.staging, store, &source.episode.result.id) } else { Ok(()) }
     })?;
-    let frames = writer.ledger.frames;
-    writer.finish(dataset, &robot.name, &Made::Exported(settings.clone()), Some(&exporter.contract()))?;
+    let frames = writer.metadata.frames;
+    writer.finish(dataset, &robot.name, &Origin::Exported(settings.clone()), Some(&exporter.contract()))?;
     let episodes = exporter.len() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset: None, episodes, frames, left_out })
 }
 
-/// What `episodes.jsonl` tells of an episode beside the format's own.
-pub(crate) trait Line: Told {
-    /// An object.
-    fn line(&self) -> Value;
+/// Fields of `episodes.jsonl` beyond LeRobot's own.
+pub(crate) trait EpisodeFields: LanguageLabels {
+    /// The fields as a JSON object.
+    fn fields(&self) -> Value;
 }
 
-impl Line for EpisodeFacts {
-    fn line(&self) -> Value {
+impl EpisodeFields for EpisodeMetadata {
+    fn fields(&self) -> Value {
         let result = &self.result;
         let mut line = json!({
             "store_id": result.id,
@@ -76,33 +76,38 @@ impl Line for EpisodeFacts {
     }
 }
 
-/// A data set of version 2.1 under construction.
+/// Writer of a v2.1 data set.
 pub(crate) struct Writer {
-    pub(crate) aside: Aside,
-    pub(crate) ledger: Ledger,
-    /// `episodes.jsonl` and `episodes_stats.jsonl` so far.
+    pub(crate) staging: AtomicFolder,
+    pub(crate) metadata: DatasetMetadata,
+    /// Contents of `episodes.jsonl` and `episodes_stats.jsonl` so far.
     episodes: String,
     statistics: String,
 }
 
 impl Writer {
-    pub(crate) fn new(aside: Aside, fps: u32) -> Self {
-        Self { ledger: Ledger::new(fps, aside.folder()), aside, episodes: String::new(), statistics: String::new() }
+    pub(crate) fn new(staging: AtomicFolder, fps: u32) -> Self {
+        Self {
+            metadata: DatasetMetadata::new(fps, staging.folder()),
+            staging,
+            episodes: String::new(),
+            statistics: String::new(),
+        }
     }
 
-    pub(crate) fn push<F: Line>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
-        self.ledger.admit(&mut rows)?;
-        let episode = self.ledger.episodes;
+    pub(crate) fn push<F: EpisodeFields>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
+        self.metadata.begin_episode(&mut rows)?;
+        let episode = self.metadata.episodes;
         let chunk = episode / FILES_PER_CHUNK;
         let name = format!("data/chunk-{chunk:03}/episode_{episode:06}.parquet");
         let batch = features::batch(&rows.images, &rows.features)?;
         let mut table = TableWriter::new(Path::new(&name), batch.schema(), Purpose::Dataset)?;
         table.write(&batch)?;
-        self.aside.write(&name, &table.finish()?)?;
+        self.staging.write(&name, &table.finish()?)?;
         let mut statistics = serde_json::Map::new();
         for video in &rows.videos {
             let name = format!("videos/chunk-{chunk:03}/{}/episode_{episode:06}.mp4", video.key);
-            self.aside.write(&name, &video::mux_mp4([&video.video])?)?;
+            self.staging.write(&name, &video::mux_mp4([&video.video])?)?;
             statistics.insert(video.key.clone(), without_quantiles(Stats::of_colors(&video.colors, rows.frames), true));
         }
         for feature in &rows.features {
@@ -111,88 +116,88 @@ impl Writer {
         }
         let mut line = json!({
             "episode_index": episode,
-            "tasks": [rows.facts.instruction()],
+            "tasks": [rows.metadata.instruction()],
             "length": rows.frames,
         });
-        if let (Value::Object(line), Value::Object(more)) = (&mut line, rows.facts.line()) {
+        if let (Value::Object(line), Value::Object(more)) = (&mut line, rows.metadata.fields()) {
             line.extend(more);
         }
         self.episodes += &format!("{line}\n");
         self.statistics += &format!("{}\n", json!({"episode_index": episode, "stats": statistics}));
-        self.ledger.count(rows.frames);
+        self.metadata.end_episode(rows.frames);
         Ok(())
     }
 
-    /// Writes what describes the whole and makes it visible.
+    /// Writes the metadata and publishes the data set.
     pub(crate) fn finish(
         mut self,
         dataset: &Path,
         robot: &str,
-        made: &Made,
+        origin: &Origin,
         contract: Option<&ActionContract>,
     ) -> Result<(), DataError> {
-        let features = self.ledger.features.take().unwrap_or_default();
+        let features = self.metadata.features.take().unwrap_or_default();
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let stats = self.ledger.collected.finish()?;
+        let stats = self.metadata.stats_collector.finish()?;
         let modality = modality(contract, &features);
-        let info = info_v21(&self.ledger, robot, features);
+        let info = info_v21(&self.metadata, robot, features);
         let listed = |name: &str, sentences: &[String]| -> String {
             let line = |(index, sentence)| format!("{}\n", json!({(format!("{name}_index")): index, (name): sentence}));
             sentences.iter().enumerate().map(line).collect()
         };
-        let (tasks, subtasks) = (listed("task", &self.ledger.tasks), listed("subtask", &self.ledger.subtasks));
-        let write = |name: &str, value: &Value| self.aside.write(name, format!("{value:#}\n").as_bytes());
+        let (tasks, subtasks) = (listed("task", &self.metadata.tasks), listed("subtask", &self.metadata.subtasks));
+        let write = |name: &str, value: &Value| self.staging.write(name, format!("{value:#}\n").as_bytes());
         write(info::INFO, &info)?;
         write("meta/stats.json", &stats)?;
         write("meta/modality.json", &modality)?;
         write("norm_stats.json", &norm_stats(&stats))?;
-        self.aside.write("meta/tasks.jsonl", tasks.as_bytes())?;
-        self.aside.write("meta/subtasks.jsonl", subtasks.as_bytes())?;
-        self.aside.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
-        self.aside.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
-        made.write(&self.aside, None)?;
+        self.staging.write("meta/tasks.jsonl", tasks.as_bytes())?;
+        self.staging.write("meta/subtasks.jsonl", subtasks.as_bytes())?;
+        self.staging.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
+        self.staging.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
+        origin.write(&self.staging, None)?;
         if let Some(contract) = contract {
-            self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
+            self.staging.write(CONTRACT, contract.to_json().as_bytes())?;
         }
-        self.aside.write("README.md", info::card_with_info(&made.card(&name, "v2.1"), &info).as_bytes())?;
-        self.aside.publish()
+        self.staging.write("README.md", info::card_with_info(&origin.card(&name, "v2.1"), &info).as_bytes())?;
+        self.staging.publish()
     }
 }
 
-fn info_v21(ledger: &Ledger, robot: &str, features: Value) -> Value {
+fn info_v21(metadata: &DatasetMetadata, robot: &str, features: Value) -> Value {
     let videos = features.as_object().map_or(0, |all| all.values().filter(|entry| entry["dtype"] == "video").count());
     let video_path = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4";
     json!({
         "codebase_version": "v2.1",
         "robot_type": robot,
-        "total_episodes": ledger.episodes,
-        "total_frames": ledger.frames,
-        "total_tasks": ledger.tasks.len(),
-        "total_videos": videos * ledger.episodes,
-        "total_chunks": ledger.episodes.div_ceil(FILES_PER_CHUNK),
+        "total_episodes": metadata.episodes,
+        "total_frames": metadata.frames,
+        "total_tasks": metadata.tasks.len(),
+        "total_videos": videos * metadata.episodes,
+        "total_chunks": metadata.episodes.div_ceil(FILES_PER_CHUNK),
         "chunks_size": FILES_PER_CHUNK,
-        "fps": ledger.fps,
-        "splits": {"train": format!("0:{}", ledger.episodes)},
+        "fps": metadata.fps,
+        "splits": {"train": format!("0:{}", metadata.episodes)},
         "data_path": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
         "video_path": if videos > 0 { Value::from(video_path) } else { Value::Null },
         "features": features,
     })
 }
 
-/// LeRobot's own readers of that version know five statistics.
+/// Statistics without quantiles, which LeRobot's own v2.1 readers do not know.
 fn without_quantiles(mut stats: Stats, is_image: bool) -> Value {
     stats.named.truncate(4);
     stats.to_json(is_image)
 }
 
-/// Which entries of state and action are what; without a contract each is one part.
+/// Slices of state and action by name; without a contract, each is a single slice.
 fn modality(contract: Option<&ActionContract>, features: &Value) -> Value {
     let length = |key: &str| features[key]["shape"][0].as_u64().and_then(|length| usize::try_from(length).ok());
-    let part: Part = |start: usize, end: usize, is_absolute: bool, rotation: Option<&str>| json!({"start": start, "end": end, "absolute": is_absolute, "dtype": "float32", "rotation_type": rotation});
+    let entry: ModalityEntry = |start: usize, end: usize, is_absolute: bool, rotation: Option<&str>| json!({"start": start, "end": end, "absolute": is_absolute, "dtype": "float32", "rotation_type": rotation});
     let (state, action) = match contract {
-        Some(contract) => parts(contract, length("observation.state").unwrap_or(1).saturating_sub(1), part),
+        Some(contract) => parts(contract, length("observation.state").unwrap_or(1).saturating_sub(1), entry),
         None => {
-            let whole = |key: &str, name: &str| length(key).map(|length| json!({name: part(0, length, true, None)}));
+            let whole = |key: &str, name: &str| length(key).map(|length| json!({name: entry(0, length, true, None)}));
             (whole("observation.state", "state"), whole("action", "action"))
         }
     };
@@ -211,11 +216,11 @@ fn modality(contract: Option<&ActionContract>, features: &Value) -> Value {
     })
 }
 
-/// Makes the entry of a part: first index, the one behind the last, whether it is absolute, name of its rotation.
-type Part = fn(usize, usize, bool, Option<&str>) -> Value;
+/// Builds a modality entry from start, end (exclusive), whether it is absolute, and the rotation type.
+type ModalityEntry = fn(usize, usize, bool, Option<&str>) -> Value;
 
-/// The parts of state and action of an arm with so many joints.
-fn parts(contract: &ActionContract, dof: usize, part: Part) -> (Option<Value>, Option<Value>) {
+/// Modality entries of state and action for an arm with `dof` joints.
+fn parts(contract: &ActionContract, dof: usize, entry: ModalityEntry) -> (Option<Value>, Option<Value>) {
     let spec = &contract.action;
     let motion = spec.motion_length(dof);
     let is_absolute = matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose);
@@ -227,17 +232,17 @@ fn parts(contract: &ActionContract, dof: usize, part: Part) -> (Option<Value>, O
     };
     let mut action = serde_json::Map::new();
     if spec.space.is_joint() {
-        action.insert("single_arm".into(), part(0, motion, is_absolute, None));
+        action.insert("single_arm".into(), entry(0, motion, is_absolute, None));
     } else {
-        action.insert("eef_position".into(), part(0, 3, is_absolute, None));
-        action.insert("eef_rotation".into(), part(3, motion, is_absolute, Some(rotation)));
+        action.insert("eef_position".into(), entry(0, 3, is_absolute, None));
+        action.insert("eef_rotation".into(), entry(3, motion, is_absolute, Some(rotation)));
     }
-    action.insert("gripper".into(), part(motion, motion + 1, true, None));
-    let state = json!({"single_arm": part(0, dof, true, None), "gripper": part(dof, dof + 1, true, None)});
+    action.insert("gripper".into(), entry(motion, motion + 1, true, None));
+    let state = json!({"single_arm": entry(0, dof, true, None), "gripper": entry(dof, dof + 1, true, None)});
     (Some(state), Some(Value::Object(action)))
 }
 
-/// Mean, deviation and outer quantiles of state and action.
+/// Mean, standard deviation, 1 % and 99 % quantile of state and action.
 fn norm_stats(stats: &Value) -> Value {
     let of = |key: &str| {
         let names = ["mean", "std", "q01", "q99"];

@@ -1,20 +1,20 @@
-//! MCAP, one file per episode, with Foxglove's schemas, for viewers such as Foxglove and Rerun.
+//! MCAP with Foxglove's schemas, one file per episode, for viewers such as Foxglove and Rerun.
 //!
 //! ```text
 //! EPISODE.mcap
-//!   /tf                        foxglove.FrameTransforms    tool and objects at every control step, cameras with pictures
+//!   /tf                        foxglove.FrameTransforms    tool and objects at every control step, cameras per image
 //!   /joints, /commands         foxglove.JointStates        every control step; `gripper` is the opening, m
-//!   /action                    genmanip.Action, JSON       rows of the data set, by the names of the action contract
+//!   /action                    genmanip.Action, JSON       rows of the data set, keyed by the action contract's names
 //!   /camera/NAME/video         foxglove.CompressedVideo    H.264, as in the store
-//!   /camera/NAME/depth         foxglove.CompressedImage    16-bit PNG, millimetres, 0 = nothing hit
+//!   /camera/NAME/depth         foxglove.CompressedImage    16-bit PNG, millimetres, 0 = no return
 //!   /camera/NAME/calibration   foxglove.CameraCalibration
-//!   /scene                     foxglove.SceneUpdate        boxes of the objects' sizes
-//!   /events                    foxglove.Log                sentence, grasps and releases, outcome
+//!   /scene                     foxglove.SceneUpdate        bounding boxes of the objects
+//!   /events                    foxglove.Log                instruction, grasps and releases, outcome
 //!   metadata `genmanip`, attachment `scenario.json`
 //! export.json                  rate, action contract, episodes
 //! ```
 //!
-//! Times are seconds of the simulation, from 0.
+//! Times are simulation time, from 0.
 
 mod schemas;
 mod wire;
@@ -28,17 +28,17 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
 use serde_json::{Value, json};
 
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::export::features::Values;
 use crate::export::steps::Steps;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
 use crate::{DataError, EpisodeStore, files};
-use schemas::Block;
+use schemas::Cube;
 
-/// Writes the selected episodes into a folder at `target`, which must not exist.
+/// Exports the selected episodes to a folder at `target`, which must not exist.
 ///
 /// # Errors
-/// When nothing is selected, pictures are missing, the target exists, or the disk refuses.
+/// If no episode is selected, images are missing, the target exists, or writing fails.
 pub fn export(
     store: &EpisodeStore,
     selection: &Selection,
@@ -47,22 +47,23 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let exporter = Exporter::new(store, selection, robot, settings)?;
-    aside::make_parent(target)?;
-    files::sweep(aside::parent(target))?;
-    let aside = Aside::new(target)?;
+    atomic_write::make_parent(target)?;
+    files::sweep(atomic_write::parent(target))?;
+    let staging = AtomicFolder::new(target)?;
     let (mut frames, mut episodes) = (0, Vec::new());
     let contract = exporter.contract();
     let left_out = exporter.each(|source, rows| {
         let recorded = Recording::of(source, &rows, robot, settings)?;
-        let facts = facts(&rows, settings, &contract.to_value());
-        let name = format!("{}.mcap", rows.facts.result.id);
+        let metadata = episode_metadata(&rows, settings, &contract.to_value());
+        let name = format!("{}.mcap", rows.metadata.result.id);
         let bytes = recorded
-            .to_bytes(&facts, &rows.facts.scenario_json)
+            .to_bytes(&metadata, &rows.metadata.scenario_json)
             .map_err(|error| DataError::NotWritable { what: name.clone(), why: error.to_string() })?;
-        aside.write(&name, &bytes)?;
+        staging.write(&name, &bytes)?;
         frames += rows.frames;
-        episodes
-            .push(json!({"file": name, "instruction": rows.facts.instruction, "success": rows.facts.result.success}));
+        episodes.push(
+            json!({"file": name, "instruction": rows.metadata.instruction, "success": rows.metadata.result.success}),
+        );
         Ok(())
     })?;
     let count = episodes.len();
@@ -73,20 +74,20 @@ pub fn export(
         "action_contract": contract,
         "episodes": episodes,
     });
-    aside.write("export.json", (format!("{about:#}\n")).as_bytes())?;
-    aside.publish()?;
+    staging.write("export.json", (format!("{about:#}\n")).as_bytes())?;
+    staging.publish()?;
     Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes: count, frames, left_out })
 }
 
-/// What is told of an episode as a whole, all of it as text.
-fn facts(rows: &EpisodeRows, settings: &ExportSettings, contract: &Value) -> BTreeMap<String, String> {
-    let result = &rows.facts.result;
-    let mut facts = vec![
+/// Episode metadata as text.
+fn episode_metadata(rows: &EpisodeRows, settings: &ExportSettings, contract: &Value) -> BTreeMap<String, String> {
+    let result = &rows.metadata.result;
+    let mut metadata = vec![
         ("episode", result.id.clone()),
         ("scenario", result.scenario_id.clone()),
         ("task", result.task_id.clone()),
-        ("kind", rows.facts.kind.into()),
-        ("instruction", rows.facts.instruction.clone()),
+        ("kind", rows.metadata.kind.into()),
+        ("instruction", rows.metadata.instruction.clone()),
         ("success", result.success.to_string()),
         ("score", result.verdict.score.to_string()),
         ("failure", result.failure().map_or_else(String::new, |failure| failure.to_string())),
@@ -99,22 +100,22 @@ fn facts(rows: &EpisodeRows, settings: &ExportSettings, contract: &Value) -> BTr
         ("action_contract", contract.to_string()),
     ];
     if let Some(correction) = &result.correction {
-        facts.push(("corrected_policy", correction.policy.clone()));
-        facts.push(("corrected_from_step", correction.from_step.to_string()));
+        metadata.push(("corrected_policy", correction.policy.clone()));
+        metadata.push(("corrected_from_step", correction.from_step.to_string()));
     }
-    facts.extend(rows.facts.variation_seed.map(|seed| ("variation_seed", seed.to_string())));
-    facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    metadata.extend(rows.metadata.variation_seed.map(|seed| ("variation_seed", seed.to_string())));
+    metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// The messages of an episode by topic.
+/// Messages of one episode by topic.
 #[derive(Default)]
 struct Recording {
     topics: Vec<(String, &'static str)>,
-    /// Time in ns, place of the topic, bytes.
+    /// Time in ns, topic index, payload.
     messages: Vec<(u64, usize, Vec<u8>)>,
 }
 
-/// Schema of the rows of `/action`.
+/// Schema of the messages on `/action`.
 const ACTION: &str = "genmanip.Action";
 
 impl Recording {
@@ -154,7 +155,7 @@ impl Recording {
         }
         recording.scene(source);
         recording.events(source);
-        // Messages of one time stay in the order of their topics.
+        // Messages with equal times are ordered by topic.
         recording.messages.sort_by_key(|(time, topic, _)| (*time, *topic));
         Ok(recording)
     }
@@ -204,22 +205,22 @@ impl Recording {
         }
     }
 
-    /// Boxes of the sizes that the cards of the objects tell; an object's origin is below its middle, on what it stands.
+    /// Cubes with the objects' bounding-box sizes; an object's origin is at the centre of its bottom face.
     fn scene(&mut self, source: &Source) {
         let scenario = &source.episode.scenario;
-        let block = |object: &'_ genmanip_core::PlacedObject| {
+        let cube = |object: &'_ genmanip_core::PlacedObject| {
             let card = scenario.task.objects.iter().find(|card| card.asset == object.asset)?;
             let size = card.size_m.to_array();
             Some((object.id.clone(), card.name.clone(), size))
         };
-        let known: Vec<_> = scenario.objects.iter().filter_map(block).collect();
-        let blocks: Vec<Block> = known
+        let known: Vec<_> = scenario.objects.iter().filter_map(cube).collect();
+        let cubes: Vec<Cube> = known
             .iter()
-            .map(|(frame, name, size)| Block { frame, name, center: [0.0, 0.0, 0.5 * size[2]], size: *size })
+            .map(|(frame, name, size)| Cube { frame, name, center: [0.0, 0.0, 0.5 * size[2]], size: *size })
             .collect();
-        if !blocks.is_empty() {
+        if !cubes.is_empty() {
             let topic = self.topic("/scene", "foxglove.SceneUpdate");
-            self.add(0, topic, schemas::scene(0, &blocks));
+            self.add(0, topic, schemas::scene(0, &cubes));
         }
     }
 
@@ -236,12 +237,12 @@ impl Recording {
         for frame in &source.episode.frames {
             if frame.grasped != held {
                 let time = nanoseconds(frame.time_s);
-                let told = match (held, frame.grasped) {
+                let message = match (held, frame.grasped) {
                     (_, Some(object)) => format!("grasped {}", name(object)),
                     (Some(object), None) => format!("released {}", name(object)),
                     (None, None) => continue,
                 };
-                self.add(time, topic, schemas::event(time, false, &told));
+                self.add(time, topic, schemas::event(time, false, &message));
                 held = frame.grasped;
             }
         }
@@ -250,12 +251,12 @@ impl Recording {
         self.add(end, topic, schemas::event(end, !result.success, &outcome));
     }
 
-    /// The file.
-    fn to_bytes(&self, facts: &BTreeMap<String, String>, scenario: &str) -> mcap::McapResult<Vec<u8>> {
+    /// The MCAP file.
+    fn to_bytes(&self, metadata: &BTreeMap<String, String>, scenario: &str) -> mcap::McapResult<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
         let options = WriteOptions::new().library(format!("genmanip {}", env!("CARGO_PKG_VERSION"))).compression(None);
         let mut writer = Writer::with_options(&mut bytes, options)?;
-        writer.write_metadata(&Metadata { name: "genmanip".into(), metadata: facts.clone() })?;
+        writer.write_metadata(&Metadata { name: "genmanip".into(), metadata: metadata.clone() })?;
         let attached = scenario.as_bytes().into();
         let (name, media_type) = ("scenario.json".to_owned(), "application/json".to_owned());
         writer.attach(&Attachment { log_time: 0, create_time: 0, name, media_type, data: attached })?;

@@ -1,4 +1,4 @@
-//! The messages of Foxglove's schemas that are written, with the numbers of its published files.
+//! The messages of Foxglove's schemas that we write, with the field numbers of its published .proto files.
 
 use genmanip_core::{Camera, Distortion, Pose};
 
@@ -7,8 +7,8 @@ use super::wire::{Kind, Message, Wire, descriptor};
 const TIME: Kind = Kind::Message("google.protobuf.Timestamp");
 const VECTOR: Kind = Kind::Message("foxglove.Vector3");
 
-/// Field `timestamp`, the first of most.
-const AT: (&str, u32, Kind, bool) = ("timestamp", 1, TIME, false);
+/// Field `timestamp`, the first in most messages.
+const TIMESTAMP: (&str, u32, Kind, bool) = ("timestamp", 1, TIME, false);
 
 macro_rules! message {
     ($package:literal, $name:literal, $fields:expr) => {
@@ -16,7 +16,7 @@ macro_rules! message {
     };
 }
 
-const KNOWN: &[Message] = &[
+const MESSAGES: &[Message] = &[
     message!("google.protobuf", "Timestamp", &[("seconds", 1, Kind::Int64, false), ("nanos", 2, Kind::Int32, false)]),
     message!(
         "foxglove",
@@ -52,7 +52,7 @@ const KNOWN: &[Message] = &[
         "foxglove",
         "FrameTransform",
         &[
-            AT,
+            TIMESTAMP,
             ("parent_frame_id", 2, Kind::Text, false),
             ("child_frame_id", 3, Kind::Text, false),
             ("translation", 4, VECTOR, false),
@@ -70,22 +70,32 @@ const KNOWN: &[Message] = &[
             ("effort", 5, Kind::Double, false)
         ]
     ),
-    message!("foxglove", "JointStates", &[AT, ("joints", 2, Kind::Message("foxglove.JointState"), true)]),
+    message!("foxglove", "JointStates", &[TIMESTAMP, ("joints", 2, Kind::Message("foxglove.JointState"), true)]),
     message!(
         "foxglove",
         "CompressedVideo",
-        &[AT, ("frame_id", 2, Kind::Text, false), ("data", 3, Kind::Bytes, false), ("format", 4, Kind::Text, false)]
+        &[
+            TIMESTAMP,
+            ("frame_id", 2, Kind::Text, false),
+            ("data", 3, Kind::Bytes, false),
+            ("format", 4, Kind::Text, false)
+        ]
     ),
     message!(
         "foxglove",
         "CompressedImage",
-        &[AT, ("data", 2, Kind::Bytes, false), ("format", 3, Kind::Text, false), ("frame_id", 4, Kind::Text, false)]
+        &[
+            TIMESTAMP,
+            ("data", 2, Kind::Bytes, false),
+            ("format", 3, Kind::Text, false),
+            ("frame_id", 4, Kind::Text, false)
+        ]
     ),
     message!(
         "foxglove",
         "CameraCalibration",
         &[
-            AT,
+            TIMESTAMP,
             ("width", 2, Kind::Fixed32, false),
             ("height", 3, Kind::Fixed32, false),
             ("distortion_model", 4, Kind::Text, false),
@@ -110,7 +120,7 @@ const KNOWN: &[Message] = &[
         "foxglove",
         "SceneEntity",
         &[
-            AT,
+            TIMESTAMP,
             ("frame_id", 2, Kind::Text, false),
             ("id", 3, Kind::Text, false),
             ("frame_locked", 5, Kind::Bool, false),
@@ -123,7 +133,7 @@ const KNOWN: &[Message] = &[
         package: "foxglove",
         name: "Log",
         fields: &[
-            AT,
+            TIMESTAMP,
             ("level", 2, Kind::Enum("foxglove.Log.Level"), false),
             ("message", 3, Kind::Text, false),
             ("name", 4, Kind::Text, false),
@@ -132,9 +142,9 @@ const KNOWN: &[Message] = &[
     },
 ];
 
-/// The description of a message, for the schema record of a file.
+/// Descriptor of a message, for the schema record of a file.
 pub(super) fn schema(name: &str) -> Vec<u8> {
-    descriptor(name, KNOWN)
+    descriptor(name, MESSAGES)
 }
 
 fn time(time_ns: u64) -> Wire {
@@ -154,7 +164,7 @@ fn rotation(pose: &Pose) -> Wire {
     vector([x, y, z]).double(4, w)
 }
 
-/// Frames in the world, by name.
+/// Poses of named frames in the world.
 pub(super) fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
     let mut transforms = Wire::default();
     for (child, pose) in world_from {
@@ -165,7 +175,7 @@ pub(super) fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8>
     transforms.into_bytes()
 }
 
-/// Name, position, and speed and effort where they are known.
+/// Name, position, and speed and effort if known.
 pub(super) type Joint<'a> = (&'a str, f64, Option<[f64; 2]>);
 
 pub(super) fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) -> Vec<u8> {
@@ -178,12 +188,12 @@ pub(super) fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) 
     states.into_bytes()
 }
 
-/// A frame of H.264.
+/// H.264 frame.
 pub(super) fn video(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).text(2, frame).bytes(3, data).text(4, "h264").into_bytes()
 }
 
-/// A PNG file.
+/// PNG image.
 pub(super) fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).bytes(2, data).text(3, "png").text(4, frame).into_bytes()
 }
@@ -191,42 +201,43 @@ pub(super) fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
 pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8> {
     let k = &camera.intrinsics;
     let sized = stamped(time_ns).fixed32(2, k.width).fixed32(3, k.height);
-    let bent = match camera.distortion {
+    let distorted = match camera.distortion {
         None => sized,
         Some(Distortion { k1, k2, p1, p2, k3 }) => sized.text(4, "plumb_bob").doubles(5, &[k1, k2, p1, p2, k3]),
     };
-    bent.doubles(6, &[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0])
+    distorted
+        .doubles(6, &[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0])
         .doubles(7, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
         .doubles(8, &[k.fx, 0.0, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0])
         .text(9, frame)
         .into_bytes()
 }
 
-/// A box that moves with a frame.
-pub(super) struct Block<'a> {
-    /// Name of the frame and of the box.
+/// Box fixed to a frame.
+pub(super) struct Cube<'a> {
+    /// Name of the frame and of the entity.
     pub(super) frame: &'a str,
-    /// What it stands for.
+    /// Name of the object it represents.
     pub(super) name: &'a str,
     pub(super) center: [f64; 3],
     pub(super) size: [f64; 3],
 }
 
-pub(super) fn scene(time_ns: u64, blocks: &[Block]) -> Vec<u8> {
+pub(super) fn scene(time_ns: u64, cubes: &[Cube]) -> Vec<u8> {
     let mut update = Wire::default();
-    for block in blocks {
-        let pose = Wire::default().message(1, vector(block.center)).message(2, rotation(&Pose::default()));
-        // Half transparent grey: the true looks are in the pictures.
+    for cube in cubes {
+        let pose = Wire::default().message(1, vector(cube.center)).message(2, rotation(&Pose::default()));
+        // Half-transparent grey: the true appearance is in the images.
         let color = vector([0.6, 0.6, 0.6]).double(4, 0.5);
-        let cube = Wire::default().message(1, pose).message(2, vector(block.size)).message(3, color);
-        let name = Wire::default().text(1, "name").text(2, block.name);
-        let entity = stamped(time_ns).text(2, block.frame).text(3, block.frame).flag(5, true);
-        update = update.message(2, entity.message(6, name).message(8, cube));
+        let primitive = Wire::default().message(1, pose).message(2, vector(cube.size)).message(3, color);
+        let name = Wire::default().text(1, "name").text(2, cube.name);
+        let entity = stamped(time_ns).text(2, cube.frame).text(3, cube.frame).flag(5, true);
+        update = update.message(2, entity.message(6, name).message(8, primitive));
     }
     update.into_bytes()
 }
 
-/// Something that happened.
+/// Log entry.
 pub(super) fn event(time_ns: u64, is_warning: bool, text: &str) -> Vec<u8> {
     stamped(time_ns).number(2, if is_warning { 3 } else { 2 }).text(3, text).text(4, "genmanip").into_bytes()
 }

@@ -1,6 +1,6 @@
-//! Protocol buffers as bytes: what a message of a few fields needs, and descriptions of messages for readers.
+//! Minimal protocol-buffer encoding, and message descriptors for readers.
 
-/// A message under construction.
+/// Encoder of a message.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Wire(Vec<u8>);
 
@@ -9,7 +9,7 @@ impl Wire {
         self.0
     }
 
-    /// A whole number that is not negative, or an enumeration's.
+    /// Non-negative integer or enumeration value.
     #[must_use]
     pub(super) fn number(mut self, field: u32, value: u64) -> Self {
         self.key(field, 0);
@@ -54,7 +54,7 @@ impl Wire {
         self.bytes(field, &value.0)
     }
 
-    /// Repeated numbers, packed.
+    /// Packed repeated doubles.
     #[must_use]
     pub(super) fn doubles(self, field: u32, values: &[f64]) -> Self {
         self.bytes(field, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
@@ -73,7 +73,7 @@ impl Wire {
     }
 }
 
-/// What a field of a message holds, by the numbers of `FieldDescriptorProto.Type`.
+/// Field type, see `FieldDescriptorProto.Type`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Double,
@@ -83,22 +83,22 @@ pub(super) enum Kind {
     Bool,
     Text,
     Bytes,
-    /// Another message, by its full name.
+    /// Another message, by full name.
     Message(&'static str),
-    /// The one enumeration of the message itself, by its full name.
+    /// Enumeration of the message itself, by full name.
     Enum(&'static str),
 }
 
-/// A field: name, number, what it holds, whether it is repeated.
+/// Field: name, number, type, repeated.
 pub(super) type Field = (&'static str, u32, Kind, bool);
 
-/// A message as schemas describe it.
+/// Message type.
 #[derive(Debug)]
 pub(super) struct Message {
     pub(super) package: &'static str,
     pub(super) name: &'static str,
     pub(super) fields: &'static [Field],
-    /// Values of the enumeration that it defines, if any, and its name.
+    /// Name and values of its nested enumeration, if any.
     pub(super) values: Option<(&'static str, &'static [&'static str])>,
 }
 
@@ -137,7 +137,7 @@ impl Message {
     }
 }
 
-/// A `FileDescriptorSet` with a message and all that it holds, one file per package.
+/// `FileDescriptorSet` with a message and its dependencies, one file per package.
 pub(super) fn descriptor(name: &str, known: &[Message]) -> Vec<u8> {
     let mut needed: Vec<&Message> = Vec::new();
     let mut asked = vec![name.to_owned()];

@@ -1,4 +1,4 @@
-//! Attempts taken or copied from one store into another.
+//! Linking and copying attempts between stores.
 
 use std::fs;
 use std::path::Path;
@@ -6,51 +6,52 @@ use std::path::Path;
 use genmanip_core::limits;
 use genmanip_core::{Document, Scenario};
 
-use super::{EPISODE, EpisodeStore, SCENARIO, check_name, check_size, checked, document_bytes};
+use super::{EPISODE, EpisodeStore, SCENARIO, check_name, check_size, document_bytes, read_checked};
 use crate::DataError;
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::files;
 use crate::manifest::FileHash;
 
 impl EpisodeStore {
-    /// Takes an attempt of another store, with its groups: linked where both lie on one disk that knows links, else
-    /// copied. Only what belongs to it comes along.
+    /// Links or copies an attempt of another store, with its groups: hard links if both are on one file system that
+    /// supports them. Only files of the attempt are transferred.
     ///
     /// # Errors
-    /// When it is not there, damaged or unfinished, or another one of that name is here; the store is then unchanged.
+    /// If it is missing, damaged or unfinished, or a different attempt of that id exists here; the store is then
+    /// unchanged.
     pub fn take(&self, from: &Self, id: &str) -> Result<(), DataError> {
         let (source, target) = (from.root.join(id), self.root.join(id));
         let is_same = || Ok(self.record_hash(id)? == from.record_hash(id)?);
         if self.contains(id) && is_same()? {
             return Ok(());
         }
-        let parts = from.look_at(id)?.parts.ok_or_else(|| {
-            let why = "something unfinished lies among it".to_owned();
+        let inventory = from.inspect(id)?.inventory.ok_or_else(|| {
+            let why = "it contains unfinished files".to_owned();
             DataError::NotWritable { what: format!("episode {}", source.display()), why }
         })?;
-        let aside = Aside::new(&target)?;
-        for name in parts.files.keys() {
-            files::link_or_copy(&source.join(name), &aside.path(name)?)?;
+        let staging = AtomicFolder::new(&target)?;
+        for name in inventory.files.keys() {
+            files::link_or_copy(&source.join(name), &staging.path(name)?)?;
         }
-        match aside.publish() {
-            // Another program that merges the same was quicker.
+        match staging.publish() {
+            // A concurrent process may have transferred the same attempt.
             Err(DataError::Exists { .. }) if is_same()? => Ok(()),
             published => published,
         }
     }
 
-    /// Copies the files of an attempt, without its groups, into another store.
+    /// Copies the files of an attempt, without its groups, into a folder.
     pub(crate) fn copy_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
         let record = self.record(id)?;
         let folder = self.root.join(id);
         for file in &record.files {
-            let bytes = checked(&folder, &record.files, &file.name, limits::ATTACHMENT)?;
-            aside::write_synced(&into.join(&file.name), &bytes)?;
+            let bytes = read_checked(&folder, &record.files, &file.name, limits::ATTACHMENT)?;
+            atomic_write::write_synced(&into.join(&file.name), &bytes)?;
         }
-        aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
+        atomic_write::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
     }
 
-    /// Links or copies the files of an attempt, without its groups, into a folder; their sizes are checked.
+    /// Links or copies the files of an attempt, without its groups, into a folder; checks their sizes.
     pub(crate) fn link_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
         let record = self.record(id)?;
         let folder = self.root.join(id);
@@ -61,11 +62,11 @@ impl EpisodeStore {
         names.try_for_each(|name| files::link_or_copy(&folder.join(name), &into.join(name)))
     }
 
-    /// Copies an attempt, without its groups, into another store under another id, which its scenario takes too, and
-    /// says what it started from. For measurements: nothing is synced.
+    /// Copies an attempt, without its groups, into another store under another id, also used as its scenario id;
+    /// returns its initial scenario. For measurements: files are not synced.
     ///
     /// # Errors
-    /// When the attempt is not there or is damaged, the id is taken or unfit, or the disk refuses.
+    /// If the attempt is missing or damaged, the id exists or is invalid, or writing fails.
     pub fn copy_as(&self, id: &str, into: &Self, name: &str) -> Result<Option<Scenario>, DataError> {
         check_name(name)?;
         let mut record = self.record(id)?;
@@ -80,7 +81,7 @@ impl EpisodeStore {
         for file in &mut record.files {
             let bytes = match &scenario {
                 Some(scenario) if file.name == SCENARIO => document_bytes(scenario, "scenario")?,
-                _ => checked(&from, &listed, &file.name, limits::ATTACHMENT)?,
+                _ => read_checked(&from, &listed, &file.name, limits::ATTACHMENT)?,
             };
             *file = FileHash::of(&file.name, &bytes);
             write(&file.name, &bytes)?;

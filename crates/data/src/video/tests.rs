@@ -5,7 +5,7 @@ use super::*;
 const WIDTH: usize = 512;
 const HEIGHT: usize = 288;
 
-/// Something like a rendered table: soft shading, a wood-like grain, a disk with a smooth edge that moves.
+/// Synthetic image resembling a rendered table: soft shading, a wood-like grain, a moving disk with a smooth edge.
 fn scene(index: usize) -> Vec<u8> {
     let (cx, cy) = (150.0 + 4.0 * index as f64, 120.0 + 2.0 * index as f64);
     let mut rgb = Vec::with_capacity(WIDTH * HEIGHT * 3);
@@ -31,7 +31,7 @@ fn encode(count: usize, settings: &VideoSettings) -> EncodedVideo {
     encoder.finish()
 }
 
-/// The luma planes of the decoded frames.
+/// Luma planes of the decoded frames.
 fn decode_luma(video: &EncodedVideo) -> Vec<Vec<u8>> {
     let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
     let mut decoder = Decoder::with_api_config(OpenH264API::from_source(), config).unwrap();
@@ -53,9 +53,9 @@ fn psnr(a: &[u8], b: &[u8]) -> f64 {
     10.0 * (255.0_f64.powi(2) / (squares / a.len() as f64)).log10()
 }
 
-/// A picture comes back through encoder and decoder with its colours.
+/// Encoding and decoding preserve colours.
 #[test]
-fn decoded_pictures_have_the_colours_that_were_encoded() {
+fn decoding_preserves_colours() {
     let video = encode(5, &VideoSettings::default());
     let mut index = 0;
     decode(&video, &mut |rgb| {
@@ -96,16 +96,16 @@ fn equal_images_give_equal_bytes() {
     assert_eq!(split(&first.to_bytes(), &first.frame_bytes()).unwrap(), first.frames);
 }
 
-/// Films are the same bytes on every machine, whatever assembly the encoder was built with and the processor runs:
-/// data sets of different machines are merged. The hash is of a build without assembly; one with it gave the same.
+/// Videos are identical on every machine, regardless of the encoder's assembly and the processor, as data sets of
+/// different machines are merged. The hash is from a build without assembly; one with it gave the same.
 #[test]
-fn films_are_the_same_on_every_machine() {
-    // Integers only, and things that move by other than whole pixels, so that all ways to predict are taken.
+fn videos_are_the_same_on_every_machine() {
+    // Integer arithmetic only, and motion by fractions of pixels, so that all prediction modes are used.
     let pixel = |x: usize, y: usize, index: usize| {
         let (moved, wave) = (x * 4 + index * 9, (x * x + 3 * y * y) / 64);
-        let thing = moved.abs_diff(400) + y.abs_diff(90) * 4 < 200;
+        let object = moved.abs_diff(400) + y.abs_diff(90) * 4 < 200;
         let grain = (x * 7919 + y * 104_729 + index * 31) % 97 % 5;
-        [(wave + grain) % 256, (moved / 8 + y) % 256, if thing { moved * 2 % 256 } else { y / 2 + grain }]
+        [(wave + grain) % 256, (moved / 8 + y) % 256, if object { moved * 2 % 256 } else { y / 2 + grain }]
             .map(|value| value as u8)
     };
     let mut encoder = VideoEncoder::new(256, 144, 15, &VideoSettings { gop: 4, ..Default::default() }).unwrap();
@@ -113,10 +113,10 @@ fn films_are_the_same_on_every_machine() {
         let rows = (0..144).flat_map(|y| (0..256).flat_map(move |x| pixel(x, y, index)));
         encoder.push(&rows.collect::<Vec<_>>()).unwrap();
     }
-    let film = encoder.finish().to_bytes();
-    let hash = Sha256::digest(&film).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let video = encoder.finish().to_bytes();
+    let hash = Sha256::digest(&video).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     assert_eq!(
-        (film.len(), hash.as_str()),
+        (video.len(), hash.as_str()),
         (32_498, "4423a493966ba81bbca58d17da8165f2a8f37da2be4cc032f5f63923c816e339")
     );
 }
@@ -132,7 +132,7 @@ fn groups_start_with_key_frames() {
 }
 
 #[test]
-fn unfit_input_is_refused() {
+fn invalid_input_is_rejected() {
     let check = |outcome: Result<(), DataError>, expected: &str| {
         let message = outcome.unwrap_err().to_string();
         assert!(message.contains(expected), "expected `{expected}` in `{message}`");
@@ -185,7 +185,7 @@ fn measure_quantisers() {
             .fold(f64::INFINITY, f64::min);
         let bytes = video.to_bytes().len() / 60;
         println!(
-            "qp {qp}: {bytes} bytes per frame, worst {worst:.1} dB, {seconds:.2} s for 60 frames (drawing included)"
+            "qp {qp}: {bytes} bytes per frame, worst {worst:.1} dB, {seconds:.2} s for 60 frames (image generation included)"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! Every corruption of a data set is found, and sound ones pass.
+//! The check of data sets finds every corruption, and nothing in valid data sets.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -20,17 +20,17 @@ use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::{Value, json};
 
-use crate::synthetic::{attach_pictures, episode, robot};
+use crate::synthetic::{attach_images, episode, robot};
 
-/// Control steps of the episodes; three go into each file.
+/// Control steps of the episodes; three episodes per file.
 const STEPS: [usize; 6] = [48, 60, 37, 40, 52, 44];
 
 fn robots() -> Vec<Arc<RobotModel>> {
     vec![Arc::new(robot())]
 }
 
-/// An episode whose tool is where its joints bring it, as that of a simulator.
-pub fn sound(number: usize, steps: usize) -> Episode {
+/// An episode whose tool poses agree with its joint positions, as simulated ones do.
+pub fn consistent_episode(number: usize, steps: usize) -> Episode {
     let is_failed = number == 3;
     let mut episode = episode(number, steps, !is_failed);
     if is_failed {
@@ -45,8 +45,8 @@ pub fn sound(number: usize, steps: usize) -> Episode {
 pub fn store(root: &Path) -> EpisodeStore {
     let store = EpisodeStore::create(root).unwrap();
     for (number, steps) in STEPS.into_iter().enumerate() {
-        store.write(&sound(number, steps), &[]).unwrap();
-        attach_pictures(&store, number, steps, 15);
+        store.write(&consistent_episode(number, steps), &[]).unwrap();
+        attach_images(&store, number, steps, 15);
     }
     store
 }
@@ -64,7 +64,7 @@ pub fn checked(dataset: &Path) -> Checked {
     check::check(dataset, &robots()).unwrap()
 }
 
-pub fn told(checked: &Checked) -> String {
+pub fn listed(checked: &Checked) -> String {
     checked.findings.iter().map(|finding| format!("{finding:?}\n")).collect()
 }
 
@@ -82,7 +82,7 @@ pub fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn what_every_export_writes_is_sound() {
+fn exported_data_sets_are_valid() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(&folder.path().join("store"));
     let mut names = Vec::new();
@@ -100,22 +100,22 @@ fn what_every_export_writes_is_sound() {
     names.push(dataset);
     for dataset in names {
         let checked = checked(&dataset);
-        assert_eq!(told(&checked), "", "{}", dataset.display());
+        assert_eq!(listed(&checked), "", "{}", dataset.display());
         let rows: usize = STEPS.iter().map(|steps| steps.div_ceil(4)).sum();
         assert_eq!((checked.episodes, checked.frames), (STEPS.len(), rows));
     }
 }
 
-/// Where a corruption strikes follows from its number.
-struct Strike {
+/// A data set to corrupt; the seed determines the position.
+struct Victim {
     root: PathBuf,
     seed: usize,
 }
 
-/// One change of a data set.
-type Corruption = (&'static str, fn(&Strike), &'static str);
+/// Name, change of a data set, and the check that must find it.
+type Corruption = (&'static str, fn(&Victim), &'static str);
 
-impl Strike {
+impl Victim {
     fn pick(&self, count: usize) -> usize {
         (self.seed.wrapping_mul(2_654_435_761) >> 8) % count
     }
@@ -124,7 +124,7 @@ impl Strike {
         self.root.join(name)
     }
 
-    /// One of the two files of data, pictures or episodes.
+    /// One of the two data, video or episodes files.
     fn file(&self, of: &str) -> PathBuf {
         let ending = if of.starts_with("videos") { "mp4" } else { "parquet" };
         self.path(&format!("{of}/chunk-000/file-{:03}.{ending}", self.pick(2)))
@@ -150,7 +150,7 @@ impl Strike {
         });
     }
 
-    /// Changes a number of a row of a column; rows that are picked are never the last of the table.
+    /// Changes a number in a random row of a column, never the last row.
     fn number(&self, path: &Path, column: &str, change: fn(f64) -> f64) {
         let batch = read(path);
         let row = self.pick(batch.num_rows() - 1);
@@ -207,7 +207,7 @@ fn replace(path: &Path, batch: &RecordBatch, column: &str, change: impl Fn(&Arra
     write(path, &RecordBatch::try_new(batch.schema(), columns).unwrap());
 }
 
-/// The first number of a row, changed.
+/// The column with the first number of a row changed.
 fn with_number(array: &ArrayRef, row: usize, change: fn(f64) -> f64) -> ArrayRef {
     fn changed<T: arrow_array::ArrowPrimitiveType>(
         array: &ArrayRef,
@@ -240,8 +240,8 @@ fn with_number(array: &ArrayRef, row: usize, change: fn(f64) -> f64) -> ArrayRef
     }
 }
 
-/// The depth pictures of a table, one of them changed.
-fn with_picture(path: &Path, row: usize, change: impl Fn(&mut Vec<u8>)) {
+/// Changes one depth image of a table.
+fn with_image(path: &Path, row: usize, change: impl Fn(&mut Vec<u8>)) {
     let key = "observation.images.static_depth";
     replace(path, &read(path), key, |array| {
         let parts = array.as_struct();
@@ -260,7 +260,7 @@ fn with_picture(path: &Path, row: usize, change: impl Fn(&mut Vec<u8>)) {
 const STATIC: &str = "videos/observation.images.static";
 const WRIST: &str = "videos/observation.images.wrist";
 
-/// What is done to a data set of version 3.0, and the check that must find it.
+/// Corruptions of a data set of version 3.0.
 const CORRUPTIONS: [Corruption; 53] = [
     ("one episode more", |s| s.json("meta/info.json", |info| info["total_episodes"] = json!(7)), "info"),
     ("fewer frames", |s| s.json("meta/info.json", |info| info["total_frames"] = json!(3)), "info"),
@@ -327,7 +327,7 @@ const CORRUPTIONS: [Corruption; 53] = [
         |s| {
             let path = s.file("meta/episodes");
             let first = read(&path).column_by_name("store_id").unwrap().as_string::<i32>().value(1).to_owned();
-            let row = Strike { seed: 0, root: s.root.clone() };
+            let row = Victim { seed: 0, root: s.root.clone() };
             row.text(&path, "store_id", |_| first.clone());
         },
         "episodes",
@@ -412,14 +412,14 @@ const CORRUPTIONS: [Corruption; 53] = [
     ),
 ];
 
-/// And those of the depth sibling and of the record.
-const BESIDE: [Corruption; 9] = [
+/// Corruptions of the depth sibling and of the native record.
+const OF_SIBLINGS: [Corruption; 9] = [
     ("no depth", |s| fs::remove_dir_all(s.sibling().root).unwrap(), "depth"),
     (
         "a byte of a depth picture",
         |s| {
             let path = s.sibling().path("data/chunk-000/file-001.parquet");
-            with_picture(&path, s.pick(5), |file| {
+            with_image(&path, s.pick(5), |file| {
                 let at = file.len() / 2;
                 file[at] ^= 0x11;
             });
@@ -428,7 +428,7 @@ const BESIDE: [Corruption; 9] = [
     ),
     (
         "half a depth picture",
-        |s| with_picture(&s.sibling().path("data/chunk-000/file-000.parquet"), s.pick(9), |file| file.truncate(60)),
+        |s| with_image(&s.sibling().path("data/chunk-000/file-000.parquet"), s.pick(9), |file| file.truncate(60)),
         "depth",
     ),
     (
@@ -448,7 +448,11 @@ const BESIDE: [Corruption; 9] = [
         "record",
     ),
     ("no record", |s| fs::remove_dir_all(s.path("extras")).unwrap(), "record"),
-    ("what a kill left", |s| fs::write(s.path("meta/.tasks.parquet.partial-1"), b"half").unwrap(), "files"),
+    (
+        "a temporary file of a killed process",
+        |s| fs::write(s.path("meta/.tasks.parquet.partial-1"), b"half").unwrap(),
+        "files",
+    ),
 ];
 
 const OF_V21: [Corruption; 11] = [
@@ -490,20 +494,20 @@ const OF_ZARR: [Corruption; 6] = [
     ("chunks of another size", |s| s.json("data/ee.state/.zarray", |array| array["chunks"][1] = json!(6)), "values"),
 ];
 
-/// Each corruption of a copy is found by the check that is to find it, with file and what was expected.
-fn every_one_is_found(corruptions: &[Corruption], sound: &Path) {
+/// Each corruption is found by its check, with the file and an expected value.
+fn assert_all_are_found(corruptions: &[Corruption], valid: &Path) {
     let folder = tempfile::tempdir().unwrap();
     for (seed, (name, corrupt, check)) in corruptions.iter().enumerate() {
         let root = folder.path().join(seed.to_string()).join("dataset");
-        copy(sound, &root);
-        let depth = lerobot::depth_path(sound);
+        copy(valid, &root);
+        let depth = lerobot::depth_path(valid);
         if depth.exists() {
             copy(&depth, &lerobot::depth_path(&root));
         }
-        corrupt(&Strike { root: root.clone(), seed: seed + 1 });
+        corrupt(&Victim { root: root.clone(), seed: seed + 1 });
         let checked = checked(&root);
         let found = checked.findings.iter().find(|finding| finding.check == *check);
-        let finding = found.unwrap_or_else(|| panic!("{name}: not found by `{check}`, but: {}", told(&checked)));
+        let finding = found.unwrap_or_else(|| panic!("{name}: not found by `{check}`, but: {}", listed(&checked)));
         assert!(!finding.file.is_empty() && finding.expected != finding.found, "{name}: {finding:?}");
         fs::remove_dir_all(folder.path().join(seed.to_string())).unwrap();
     }
@@ -516,23 +520,23 @@ fn every_corruption_is_found() {
     let settings = settings(ExportSettings::default().action);
     let dataset = folder.path().join("dataset");
     lerobot::export(&store, &Selection::Recorded, &robot(), &settings, &dataset).unwrap();
-    every_one_is_found(&CORRUPTIONS, &dataset);
-    every_one_is_found(&BESIDE, &dataset);
+    assert_all_are_found(&CORRUPTIONS, &dataset);
+    assert_all_are_found(&OF_SIBLINGS, &dataset);
     let v21 = folder.path().join("v21");
     lerobot::export_v21(&store, &Selection::Recorded, &robot(), &settings, &v21).unwrap();
-    every_one_is_found(&OF_V21, &v21);
+    assert_all_are_found(&OF_V21, &v21);
     let group = folder.path().join("zarr");
     zarr::export(&store, &Selection::Recorded, &robot(), &settings.export, &group).unwrap();
-    every_one_is_found(&OF_ZARR, &group);
+    assert_all_are_found(&OF_ZARR, &group);
 }
 
-/// The same scenario, the same sentence in other letters, the same numbers under another name.
+/// Leaks: the same scenario, the same sentence in other case, the same numbers under another id.
 #[test]
-fn what_was_trained_on_is_no_test() {
+fn leaks_between_training_and_test_data_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let export = |name: &str, number: usize, change: &dyn Fn(&mut Episode)| {
         let store = EpisodeStore::create(folder.path().join(format!("{name}-store"))).unwrap();
-        let mut episode = sound(number, 48);
+        let mut episode = consistent_episode(number, 48);
         change(&mut episode);
         store.write(&episode, &[]).unwrap();
         let rows = ExportSettings { cameras: Vec::new(), depth: false, ..ExportSettings::default() };
@@ -540,7 +544,7 @@ fn what_was_trained_on_is_no_test() {
         let dataset = folder.path().join(name);
         lerobot::export(&store, &Selection::Verified, &robot(), &settings, &dataset).unwrap();
         let checked = checked(&dataset);
-        assert_eq!(told(&checked), "", "{name}");
+        assert_eq!(listed(&checked), "", "{name}");
         checked
     };
     let renamed = |episode: &mut Episode, id: &str| {
@@ -554,9 +558,9 @@ fn what_was_trained_on_is_no_test() {
         renamed(episode, "another");
         episode.scenario.task.instruction = "Something else.".into();
     });
-    let told = |test: &Checked| leaks(&train, test).iter().map(|leak| leak.expected.clone()).collect::<Vec<_>>();
-    assert_eq!(told(&other), Vec::<String>::new());
-    assert_eq!(told(&train).len(), 3, "{:?}", told(&train));
-    assert!(told(&sentence)[0].starts_with("a sentence that"), "{:?}", told(&sentence));
-    assert!(told(&numbers)[0].starts_with("states and actions that"), "{:?}", told(&numbers));
+    let leaked = |test: &Checked| leaks(&train, test).iter().map(|leak| leak.expected.clone()).collect::<Vec<_>>();
+    assert_eq!(leaked(&other), Vec::<String>::new());
+    assert_eq!(leaked(&train).len(), 3, "{:?}", leaked(&train));
+    assert!(leaked(&sentence)[0].starts_with("a sentence not in"), "{:?}", leaked(&sentence));
+    assert!(leaked(&numbers)[0].starts_with("states and actions not in"), "{:?}", leaked(&numbers));
 }

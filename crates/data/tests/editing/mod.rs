@@ -1,4 +1,4 @@
-//! Data sets made of data sets: what was merged, split or filtered is what an export of those episodes would be.
+//! Merged, split and filtered data sets are equal to exports of the same episodes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -13,17 +13,17 @@ use genmanip_data::{DataError, EpisodeStore, ExportReport, Selection};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
 
-use crate::checking::{checked, settings, sound, store, told};
-use crate::synthetic::{attach_pictures, robot};
+use crate::checking::{checked, consistent_episode, listed, settings, store};
+use crate::synthetic::{attach_images, robot};
 use crate::tree;
 
-/// Where the tests work: a store of six episodes, the fourth of them failed, and data sets of it.
-struct Bench {
+/// A store of six episodes, the fourth of which failed, in a temporary folder for data sets.
+struct Fixture {
     folder: tempfile::TempDir,
     store: EpisodeStore,
 }
 
-impl Bench {
+impl Fixture {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = store(&folder.path().join("store"));
@@ -61,9 +61,9 @@ fn ids(dataset: &Path) -> Vec<String> {
     lerobot::LerobotDataset::open(dataset).unwrap().episodes().iter().map(|row| row.store_id.clone()).collect()
 }
 
-/// All but what is told of colours: their histograms are not in a data set.
+/// Everything except colour statistics must be equal: colour histograms are not part of a data set.
 fn assert_same(made: &Path, exported: &Path) {
-    assert_eq!(told(&checked(made)), "", "{}", made.display());
+    assert_eq!(listed(&checked(made)), "", "{}", made.display());
     for (made, exported) in
         [(made.to_owned(), exported.to_owned()), (lerobot::depth_path(made), lerobot::depth_path(exported))]
     {
@@ -99,58 +99,58 @@ fn assert_same(made: &Path, exported: &Path) {
 }
 
 #[test]
-fn merged_data_sets_are_the_export_of_all_their_episodes() {
-    let bench = Bench::new();
-    let parts = [bench.export("a", &[0, 1, 2, 3]), bench.export("b", &[4]), bench.export("c", &[5])];
-    let whole = bench.export("whole", &[0, 1, 2, 3, 4, 5]);
-    let mut heard = 0;
-    let report = edit::merge(&parts, &bench.at("merged"), &mut |total| heard += usize::from(total == 12)).unwrap();
-    assert_eq!((report.episodes, report.frames, heard), (6, checked(&whole).frames, 12));
-    assert_same(&bench.at("merged"), &whole);
-    // In another order they are another data set, and as sound.
+fn a_merge_equals_an_export_of_all_episodes() {
+    let fixture = Fixture::new();
+    let parts = [fixture.export("a", &[0, 1, 2, 3]), fixture.export("b", &[4]), fixture.export("c", &[5])];
+    let whole = fixture.export("whole", &[0, 1, 2, 3, 4, 5]);
+    let mut calls = 0;
+    let report = edit::merge(&parts, &fixture.at("merged"), &mut |total| calls += usize::from(total == 12)).unwrap();
+    assert_eq!((report.episodes, report.frames, calls), (6, checked(&whole).frames, 12));
+    assert_same(&fixture.at("merged"), &whole);
+    // The order of the parts determines the order of the episodes.
     let [a, b, c] = parts;
-    edit::merge(&[c, a.clone(), b], &bench.at("other"), &mut |_| {}).unwrap();
-    assert_same(&bench.at("other"), &bench.export("other-whole", &[5, 0, 1, 2, 3, 4]));
+    edit::merge(&[c, a.clone(), b], &fixture.at("other"), &mut |_| {}).unwrap();
+    assert_same(&fixture.at("other"), &fixture.export("other-whole", &[5, 0, 1, 2, 3, 4]));
 
     let refused = |datasets: &[PathBuf], expected: &str| {
-        let error = edit::merge(datasets, &bench.at("refused"), &mut |_| {}).unwrap_err().to_string();
+        let error = edit::merge(datasets, &fixture.at("refused"), &mut |_| {}).unwrap_err().to_string();
         assert!(error.contains(expected), "{expected} in {error}");
-        assert!(!bench.at("refused").exists() && !bench.at("refused-depth").exists());
+        assert!(!fixture.at("refused").exists() && !fixture.at("refused-depth").exists());
     };
     refused(&[], "at least one");
-    refused(&[a.clone(), whole.clone()], "each episode once");
-    refused(&[a.clone(), bench.at("store")], "LeRobotDataset v3.0 that this program wrote");
-    let settings = LerobotSettings { record: false, ..Bench::settings() };
-    lerobot::export(&bench.store, &Selection::Verified, &robot(), &settings, &bench.at("bare")).unwrap();
-    refused(&[a.clone(), bench.at("bare")], "export settings of");
-    let mut slower = Bench::settings();
+    refused(&[a.clone(), whole.clone()], "each episode only once");
+    refused(&[a.clone(), fixture.at("store")], "LeRobotDataset v3.0 written by");
+    let settings = LerobotSettings { record: false, ..Fixture::settings() };
+    lerobot::export(&fixture.store, &Selection::Verified, &robot(), &settings, &fixture.at("bare")).unwrap();
+    refused(&[a.clone(), fixture.at("bare")], "export settings of");
+    let mut slower = Fixture::settings();
     slower.export.cameras = vec!["wrist".into()];
-    lerobot::export(&bench.store, &Selection::Verified, &robot(), &slower, &bench.at("one-eyed")).unwrap();
-    refused(&[a.clone(), bench.at("one-eyed")], "features of");
+    lerobot::export(&fixture.store, &Selection::Verified, &robot(), &slower, &fixture.at("one-eyed")).unwrap();
+    refused(&[a.clone(), fixture.at("one-eyed")], "features of");
     let error = edit::merge(&[a], &whole, &mut |_| {}).unwrap_err();
     assert!(matches!(error, DataError::Exists { .. }), "{error}");
 }
 
-/// Runs of other seeds give their episodes the same names.
+/// Runs with different seeds give their episodes the same ids.
 #[test]
-fn episodes_of_two_runs_keep_their_records_under_names_of_their_own() {
-    let bench = Bench::new();
-    let other = EpisodeStore::create(bench.at("other-store")).unwrap();
+fn equal_ids_of_different_runs_are_renamed() {
+    let fixture = Fixture::new();
+    let other = EpisodeStore::create(fixture.at("other-store")).unwrap();
     for number in [0, 1] {
-        let mut episode = sound(number, 40 - number);
+        let mut episode = consistent_episode(number, 40 - number);
         episode.result.seed = Seed::new(99 + number as u64);
-        // As `collect` names them.
+        // Like the ids that `collect` assigns.
         episode.scenario.id = episode.result.id.clone();
         episode.result.scenario_id = episode.result.id.clone();
         other.write(&episode, &[]).unwrap();
-        attach_pictures(&other, number, 40 - number, 15);
+        attach_images(&other, number, 40 - number, 15);
     }
-    let a = bench.export("a", &[0, 1, 2]);
-    let b = bench.at("b");
-    lerobot::export(&other, &Selection::Verified, &robot(), &Bench::settings(), &b).unwrap();
-    let merged = bench.at("merged");
+    let a = fixture.export("a", &[0, 1, 2]);
+    let b = fixture.at("b");
+    lerobot::export(&other, &Selection::Verified, &robot(), &Fixture::settings(), &b).unwrap();
+    let merged = fixture.at("merged");
     edit::merge(&[a, b], &merged, &mut |_| {}).unwrap();
-    assert_eq!(told(&checked(&merged)), "");
+    assert_eq!(listed(&checked(&merged)), "");
     let [first, second] = ["scenario-0-a0", "scenario-1-a0"].map(String::from);
     let expected = [first.clone(), second, "scenario-2-a0".into(), "scenario-0-a0.2".into(), "scenario-1-a0.2".into()];
     assert_eq!(ids(&merged), expected);
@@ -162,26 +162,26 @@ fn episodes_of_two_runs_keep_their_records_under_names_of_their_own() {
 }
 
 #[test]
-fn parts_are_sound_and_share_nothing() {
-    let bench = Bench::new();
-    let whole = bench.export("whole", &[0, 1, 2, 3, 4, 5]);
+fn split_parts_are_valid_and_disjoint() {
+    let fixture = Fixture::new();
+    let whole = fixture.export("whole", &[0, 1, 2, 3, 4, 5]);
     let shares = [("train".to_owned(), 0.5), ("test".to_owned(), 0.5)];
     let split = |by, name: &str| -> Vec<ExportReport> {
-        edit::split(&whole, &shares, by, Seed::new(7), &bench.at(name), &mut |_| {}).unwrap()
+        edit::split(&whole, &shares, by, Seed::new(7), &fixture.at(name), &mut |_| {}).unwrap()
     };
     for (by, name) in [(By::Task, "by-task"), (By::Episode, "by-episode")] {
         let parts = split(by, name);
         assert_eq!(parts.iter().map(|part| part.episodes).collect::<Vec<_>>(), [3, 3]);
         let mut all: BTreeMap<String, usize> = BTreeMap::new();
         for part in &parts {
-            assert_eq!(told(&checked(&part.dataset)), "");
+            assert_eq!(listed(&checked(&part.dataset)), "");
             ids(&part.dataset).into_iter().for_each(|id| *all.entry(id).or_default() += 1);
         }
         assert!(all.len() == 6 && all.values().all(|count| *count == 1), "{all:?}");
         let [train, test] = [0, 1].map(|part: usize| checked(&parts[part].dataset));
         let shared: BTreeSet<String> = check::leaks(&train, &test)
             .iter()
-            .map(|leak| leak.expected.split(" that").next().unwrap().into())
+            .map(|leak| leak.expected.split(" not in").next().unwrap().into())
             .collect();
         let expected = if by == By::Task { vec![] } else { vec!["a sentence".to_owned()] };
         assert_eq!(shared.into_iter().collect::<Vec<_>>(), expected, "{name}");
@@ -193,17 +193,17 @@ fn parts_are_sound_and_share_nothing() {
         (vec![("a".to_owned(), 1.0), ("b".to_owned(), -0.0)], "share of b"),
         (["a", "b", "c"].map(|name| (name.to_owned(), 1.0 / 3.0)).to_vec(), "different sentences"),
     ] {
-        let made = edit::split(&whole, &shares, By::Task, Seed::new(7), &bench.at("refused"), &mut |_| {});
+        let made = edit::split(&whole, &shares, By::Task, Seed::new(7), &fixture.at("refused"), &mut |_| {});
         let error = made.unwrap_err().to_string();
         assert!(error.contains(expected), "{expected} in {error}");
     }
-    assert!(!bench.at("refused").exists());
+    assert!(!fixture.at("refused").exists());
 }
 
 #[test]
-fn chosen_episodes_are_those_of_an_export_of_them() {
-    let bench = Bench::new();
-    let whole = bench.export("whole", &[0, 1, 2, 3, 4, 5]);
+fn filter_and_delete_equal_an_export_of_the_remaining_episodes() {
+    let fixture = Fixture::new();
+    let whole = fixture.export("whole", &[0, 1, 2, 3, 4, 5]);
     for (number, (conditions, kept)) in [
         (&["success=true"][..], &[0, 1, 2, 4, 5][..]),
         (&["success=false"], &[3]),
@@ -216,40 +216,40 @@ fn chosen_episodes_are_those_of_an_export_of_them() {
     .enumerate()
     {
         let conditions: Vec<Condition> = conditions.iter().map(|text| text.parse().unwrap()).collect();
-        let made = bench.at(&format!("filtered-{number}"));
+        let made = fixture.at(&format!("filtered-{number}"));
         edit::filter(&whole, &conditions, &made, &mut |_| {}).unwrap();
-        assert_same(&made, &bench.export(&format!("chosen-{number}"), kept));
+        assert_same(&made, &fixture.export(&format!("chosen-{number}"), kept));
     }
-    let made = bench.at("deleted");
+    let made = fixture.at("deleted");
     edit::delete(&whole, &edit::numbers("0,2-3").unwrap(), &made, &mut |_| {}).unwrap();
-    assert_same(&made, &bench.export("rest", &[1, 4, 5]));
-    // Once more on what was made.
-    edit::delete(&made, &[0].into(), &bench.at("again"), &mut |_| {}).unwrap();
-    assert_same(&bench.at("again"), &bench.export("last", &[4, 5]));
+    assert_same(&made, &fixture.export("rest", &[1, 4, 5]));
+    // Editing an edited data set.
+    edit::delete(&made, &[0].into(), &fixture.at("again"), &mut |_| {}).unwrap();
+    assert_same(&fixture.at("again"), &fixture.export("last", &[4, 5]));
 
     let filtered = |text: &str| {
         let condition = text.parse::<Condition>().unwrap();
-        edit::filter(&whole, &[condition], &bench.at("refused"), &mut |_| {}).unwrap_err().to_string()
+        edit::filter(&whole, &[condition], &fixture.at("refused"), &mut |_| {}).unwrap_err().to_string()
     };
     for (condition, expected) in [
         ("colour=red", "got `colour`"),
         ("success=perhaps", "a value of that column"),
-        ("kind=unheard_of", "episodes that are left"),
+        ("kind=unheard_of", "remaining episodes"),
     ] {
         let error = filtered(condition);
         assert!(error.contains(expected), "{expected} in {error}");
     }
-    let error = edit::delete(&whole, &[6].into(), &bench.at("refused"), &mut |_| {}).unwrap_err().to_string();
+    let error = edit::delete(&whole, &[6].into(), &fixture.at("refused"), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("0 to 5"), "{error}");
     let all = (0..6).collect();
-    assert!(edit::delete(&whole, &all, &bench.at("refused"), &mut |_| {}).is_err());
-    assert!(!bench.at("refused").exists());
+    assert!(edit::delete(&whole, &all, &fixture.at("refused"), &mut |_| {}).is_err());
+    assert!(!fixture.at("refused").exists());
 }
 
 #[test]
-fn what_is_damaged_is_not_copied() {
-    let bench = Bench::new();
-    let whole = bench.export("whole", &[0, 1, 2]);
+fn damaged_data_sets_are_not_copied() {
+    let fixture = Fixture::new();
+    let whole = fixture.export("whole", &[0, 1, 2]);
     for name in [
         "data/chunk-000/file-000.parquet",
         "videos/observation.images.wrist/chunk-000/file-000.mp4",
@@ -259,18 +259,18 @@ fn what_is_damaged_is_not_copied() {
         let path = whole.join(name);
         let bytes = fs::read(&path).unwrap();
         fs::write(&path, &bytes[..bytes.len() - 7]).unwrap();
-        let error = edit::delete(&whole, &[0].into(), &bench.at("made"), &mut |_| {});
+        let error = edit::delete(&whole, &[0].into(), &fixture.at("made"), &mut |_| {});
         assert!(error.is_err(), "{name}");
-        assert!(!bench.at("made").exists() && !bench.at("made-depth").exists(), "{name}");
+        assert!(!fixture.at("made").exists() && !fixture.at("made-depth").exists(), "{name}");
         fs::write(&path, bytes).unwrap();
     }
-    edit::delete(&whole, &[0].into(), &bench.at("made"), &mut |_| {}).unwrap();
+    edit::delete(&whole, &[0].into(), &fixture.at("made"), &mut |_| {}).unwrap();
 }
 
 #[test]
-fn cards_tell_what_is_there() {
-    let bench = Bench::new();
-    let whole = bench.export("whole", &[0, 1, 2, 3]);
+fn cards_describe_the_contents() {
+    let fixture = Fixture::new();
+    let whole = fixture.export("whole", &[0, 1, 2, 3]);
     for dataset in [whole.clone(), lerobot::depth_path(&whole)] {
         let card = lerobot::write_card(&dataset).unwrap();
         assert_eq!((card.kinds["pick_and_place"], card.sentences), ([4, 3], 2));
@@ -278,8 +278,8 @@ fn cards_tell_what_is_there() {
         assert_eq!(card.imported.len(), 0);
         let before = tree(&dataset);
         assert_eq!(lerobot::write_card(&dataset).unwrap(), card);
-        assert_eq!(tree(&dataset), before, "a card is written again as it was");
-        assert_eq!(told(&checked(&whole)), "");
+        assert_eq!(tree(&dataset), before, "writing a card is idempotent");
+        assert_eq!(listed(&checked(&whole)), "");
         let described = json(dataset.join("croissant.json"));
         let info = json(dataset.join("meta/info.json"));
         let fields: BTreeSet<&str> = described["recordSet"][0]["field"]
@@ -293,16 +293,17 @@ fn cards_tell_what_is_there() {
         assert_eq!(fields, features.map(|(key, _)| key.as_str()).collect());
         assert!(fs::read_to_string(dataset.join("README.md")).unwrap().contains("| pick_and_place | 4 | 3 |"));
     }
-    assert!(lerobot::write_card(&bench.at("store")).is_err());
+    assert!(lerobot::write_card(&fixture.at("store")).is_err());
     let path = whole.join("meta/info.json");
-    let sound = fs::read_to_string(&path).unwrap();
-    for (text, expected) in
-        [(sound.replace("v3.0", "v2.1"), "expected v3.0, of LeRobot, got \"v2.1\""), ("{".into(), "expected JSON")]
-    {
+    let valid = fs::read_to_string(&path).unwrap();
+    for (text, expected) in [
+        (valid.replace("v3.0", "v2.1"), "expected v3.0 of LeRobotDataset, got \"v2.1\""),
+        ("{".into(), "expected JSON"),
+    ] {
         fs::write(&path, text).unwrap();
         let errors = [
             lerobot::write_card(&whole).unwrap_err(),
-            edit::delete(&whole, &[0].into(), &bench.at("made"), &mut |_| {}).unwrap_err(),
+            edit::delete(&whole, &[0].into(), &fixture.at("made"), &mut |_| {}).unwrap_err(),
         ];
         for error in errors.map(|error| error.to_string()) {
             assert!(error.contains(expected) && error.contains(path.to_str().unwrap()), "{expected} in {error}");

@@ -1,4 +1,4 @@
-//! Data sets of other programs: what was imported holds what its source held, and the tools work on it.
+//! Imported data sets hold what their source held, and the editing tools work on them.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -13,12 +13,12 @@ use genmanip_data::{ExportReport, LerobotSettings, Selection};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
-use crate::checking::{checked, copy, settings, store, told};
+use crate::checking::{checked, copy, listed, settings, store};
 use crate::synthetic::robot;
 use crate::tree;
 
-/// Data sets of six episodes, the fourth of them failed, in a folder of their own.
-struct Bench {
+/// A temporary folder for data sets of six episodes, the fourth of which failed.
+struct Fixture {
     folder: tempfile::TempDir,
 }
 
@@ -30,7 +30,7 @@ type Export = fn(
     &Path,
 ) -> Result<ExportReport, genmanip_data::DataError>;
 
-impl Bench {
+impl Fixture {
     fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
     }
@@ -62,7 +62,7 @@ impl Bench {
     }
 }
 
-/// The files of a data set that hold its rows, pictures and sentences.
+/// Files of a data set with rows, images and sentences.
 fn contents(dataset: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let is_content = |name: &str| {
         let kinds = ["data/", "videos/", "extras/", "meta/info.json", "meta/tasks.", "meta/subtasks."];
@@ -79,37 +79,37 @@ fn assert_same_contents(left: &Path, right: &Path) {
     }
 }
 
-/// Rows, times, pictures, sentences, steps, outcomes and the native record: byte for byte those of an export of v3.0.
+/// Rows, times, images, sentences, steps, outcomes and the native record: byte for byte those of a v3.0 export.
 #[test]
 fn version_2_1_becomes_3_0() {
-    let bench = Bench::new();
-    let (old, new) = (bench.export("v21", lerobot::export_v21), bench.export("v30", lerobot::export));
-    let imported = bench.import(&old, "imported").unwrap();
+    let fixture = Fixture::new();
+    let (old, new) = (fixture.export("v21", lerobot::export_v21), fixture.export("v30", lerobot::export));
+    let imported = fixture.import(&old, "imported").unwrap();
     assert_same_contents(&imported, &new);
-    assert_eq!(told(&checked(&imported)), "");
+    assert_eq!(listed(&checked(&imported)), "");
     let [left, right] = [&imported, &new].map(|dataset| LerobotDataset::open(dataset).unwrap());
     assert_eq!(left.episodes(), right.episodes());
     assert_eq!(left.contract(), right.contract());
-    let again = bench.import(&old, "again").unwrap();
+    let again = fixture.import(&old, "again").unwrap();
     let all = |dataset: &Path| {
         let mut all = tree(dataset);
         all.remove(Path::new("README.md")); // has its name
         all
     };
     assert!(all(&imported) == all(&again), "equal bytes");
-    // And back: what was imported, and what was exported as v3.0, are the v2.1 that was exported.
+    // Converting the import, or a v3.0 export, to v2.1 gives the v2.1 export.
     for source in [&imported, &new] {
-        let back = bench.at("back");
+        let back = fixture.at("back");
         import::to_v21(source, &ImportSettings::default(), &back, &mut |_| {}).unwrap();
         assert_same_contents(&back, &old);
-        assert_eq!(told(&checked(&back)), "");
+        assert_eq!(listed(&checked(&back)), "");
         let modality = |dataset: &Path| fs::read(dataset.join("meta/modality.json")).unwrap();
         assert!(modality(&back) == modality(&old));
         fs::remove_dir_all(back).unwrap();
     }
-    // An episode that was imported twice is the same one.
-    let error = edit::merge(&[imported, again], &bench.at("both"), &mut |_| {}).unwrap_err().to_string();
-    assert!(error.contains("each episode once"), "{error}");
+    // An episode imported twice is recognised.
+    let error = edit::merge(&[imported, again], &fixture.at("both"), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("each episode only once"), "{error}");
 }
 
 fn rewrite(path: &Path, change: impl Fn(RecordBatch) -> RecordBatch) {
@@ -130,9 +130,9 @@ fn foreign_columns(batch: RecordBatch) -> RecordBatch {
     batch.project(&kept.map(|(place, _)| place).collect::<Vec<_>>()).unwrap()
 }
 
-/// A data set of version 3.0 as another program would have written it: one row group per file, nothing of ours.
-fn foreign(bench: &Bench, name: &str) -> PathBuf {
-    let dataset = bench.export(name, lerobot::export);
+/// A data set of version 3.0 like one of another program: one row group per file, none of our files and columns.
+fn foreign(fixture: &Fixture, name: &str) -> PathBuf {
+    let dataset = fixture.export(name, lerobot::export);
     for own in ["meta/genmanip.json", "meta/lerobot_settings.json", "meta/action_contract.json", "README.md"] {
         fs::remove_file(dataset.join(own)).unwrap();
     }
@@ -149,17 +149,17 @@ fn foreign(bench: &Bench, name: &str) -> PathBuf {
 }
 
 #[test]
-fn version_3_0_of_another_program_is_as_it_was_and_can_be_edited() {
-    let bench = Bench::new();
-    let source = foreign(&bench, "foreign");
-    let imported = bench.import(&source, "imported").unwrap();
+fn a_data_set_of_another_program_is_imported_and_edited() {
+    let fixture = Fixture::new();
+    let source = foreign(&fixture, "foreign");
+    let imported = fixture.import(&source, "imported").unwrap();
     assert_same_contents(&imported, &{
-        let own = bench.export("own", lerobot::export);
+        let own = fixture.export("own", lerobot::export);
         fs::remove_dir_all(own.join("extras")).unwrap();
         own
     });
-    let sound = checked(&imported);
-    assert_eq!((told(&sound).as_str(), sound.episodes), ("", 6));
+    let valid = checked(&imported);
+    assert_eq!((listed(&valid).as_str(), valid.episodes), ("", 6));
     let names = |dataset: &Path| -> Vec<String> {
         let table = dataset.join("meta/episodes/chunk-000/file-000.parquet");
         let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(table).unwrap()).unwrap().build().unwrap();
@@ -171,27 +171,27 @@ fn version_3_0_of_another_program_is_as_it_was_and_can_be_edited() {
     assert_eq!(names(&imported), ["episode_000000", "episode_000001", "episode_000002"]);
 
     let quiet = &mut |_| {};
-    let kept = edit::filter(&imported, &["success=true".parse().unwrap()], &bench.at("kept"), quiet).unwrap();
-    assert_eq!(kept.episodes, 5, "what the rows themselves tell");
+    let kept = edit::filter(&imported, &["success=true".parse().unwrap()], &fixture.at("kept"), quiet).unwrap();
+    assert_eq!(kept.episodes, 5, "success according to the rows");
     let parts = [("train".to_owned(), 0.5), ("test".to_owned(), 0.5)];
-    let parts = edit::split(&imported, &parts, By::Episode, Seed::new(1), &bench.at("parts"), quiet).unwrap();
+    let parts = edit::split(&imported, &parts, By::Episode, Seed::new(1), &fixture.at("parts"), quiet).unwrap();
     let parts: Vec<PathBuf> = parts.into_iter().map(|part| part.dataset).collect();
-    let whole = edit::merge(&parts, &bench.at("whole"), quiet).unwrap();
-    assert_eq!((whole.episodes, whole.frames), (6, sound.frames));
-    for dataset in [&bench.at("kept"), &parts[0], &bench.at("whole")] {
-        assert_eq!(told(&checked(dataset)), "", "{}", dataset.display());
+    let whole = edit::merge(&parts, &fixture.at("whole"), quiet).unwrap();
+    assert_eq!((whole.episodes, whole.frames), (6, valid.frames));
+    for dataset in [&fixture.at("kept"), &parts[0], &fixture.at("whole")] {
+        assert_eq!(listed(&checked(dataset)), "", "{}", dataset.display());
     }
 }
 
-/// What cannot be kept as it is, is refused, and nothing is left.
+/// Unsupported contents are rejected, and nothing is written.
 #[test]
-fn unfit_data_sets_are_refused() {
-    let bench = Bench::new();
-    let own = bench.export("own", lerobot::export);
-    let error = bench.import(&own, "out").unwrap_err();
-    assert!(error.contains("read as it is"), "{error}");
-    let error = bench.import(&bench.at("nowhere"), "out").unwrap_err();
-    assert!(error.contains("or of episodes of GenManip"), "{error}");
+fn unsupported_data_sets_are_rejected() {
+    let fixture = Fixture::new();
+    let own = fixture.export("own", lerobot::export);
+    let error = fixture.import(&own, "out").unwrap_err();
+    assert!(error.contains("needs no import"), "{error}");
+    let error = fixture.import(&fixture.at("nowhere"), "out").unwrap_err();
+    assert!(error.contains("with episodes of the original GenManip"), "{error}");
 
     let cases: [(Change, &str); 8] = [
         (
@@ -202,7 +202,7 @@ fn unfit_data_sets_are_refused() {
             |dataset| {
                 fs::write(dataset.join("videos/observation.images.wrist/chunk-000/file-000.mp4"), b"nothing").unwrap()
             },
-            "no index in it",
+            "no index",
         ),
         (|dataset| fs::remove_file(dataset.join("data/chunk-000/file-001.parquet")).unwrap(), "file-001.parquet"),
         (
@@ -248,7 +248,7 @@ fn unfit_data_sets_are_refused() {
                     RecordBatch::try_new(schema, columns).unwrap()
                 });
             },
-            "`is_idle` does not hold numbers in every row",
+            "`is_idle` is not numeric in every row",
         ),
         (
             |dataset| {
@@ -259,22 +259,22 @@ fn unfit_data_sets_are_refused() {
                     batch.project(&kept).unwrap()
                 });
             },
-            "file-001.parquet: expected `sim.grasped`, as info.json says, got none of that name",
+            "file-001.parquet: expected `sim.grasped`, according to info.json, got no such column",
         ),
     ];
     for (number, (change, expected)) in cases.into_iter().enumerate() {
-        let source = foreign(&bench, &format!("foreign-{number}"));
-        assert_refused(&bench, &source, change, expected);
+        let source = foreign(&fixture, &format!("foreign-{number}"));
+        assert_rejected(&fixture, &source, change, expected);
     }
 }
 
-/// How a data set is damaged.
+/// Damage to a data set.
 type Change = fn(&Path);
 
-/// A data set that is damaged is refused, with its place and what is expected.
-fn assert_refused(bench: &Bench, source: &Path, change: Change, expected: &str) {
+/// A damaged data set is rejected with its path and the expected contents.
+fn assert_rejected(fixture: &Fixture, source: &Path, change: Change, expected: &str) {
     change(source);
-    let error = bench.import(source, "out").unwrap_err();
+    let error = fixture.import(source, "out").unwrap_err();
     let place = source.display().to_string();
     assert!(error.contains(expected) && error.contains(&place), "{expected} in {error}");
 }
@@ -286,8 +286,8 @@ fn replace(path: &Path, from: &str, to: &str) {
 }
 
 #[test]
-fn unfit_data_sets_of_version_2_1_are_refused() {
-    let bench = Bench::new();
+fn unsupported_data_sets_of_version_2_1_are_rejected() {
+    let fixture = Fixture::new();
     let cases: [(Change, &str); 5] = [
         (
             |dataset| fs::write(dataset.join("meta/episodes.jsonl"), "").unwrap(),
@@ -299,7 +299,7 @@ fn unfit_data_sets_of_version_2_1_are_refused() {
         ),
         (
             |dataset| replace(&dataset.join("meta/subtasks.jsonl"), "\"subtask_index\":0", "\"subtask_index\":77"),
-            "data/chunk-000/episode_000000.parquet: expected a step that meta/subtasks.jsonl lists for the episode, got 0",
+            "data/chunk-000/episode_000000.parquet: expected a step of the episode in meta/subtasks.jsonl, got 0",
         ),
         (|dataset| replace(&dataset.join("meta/info.json"), "{", "["), "meta/info.json: expected JSON"),
         (
@@ -312,50 +312,49 @@ fn unfit_data_sets_of_version_2_1_are_refused() {
         ),
     ];
     for (number, (change, expected)) in cases.into_iter().enumerate() {
-        let source = bench.export(&format!("v21-{number}"), lerobot::export_v21);
-        assert_refused(&bench, &source, change, expected);
+        let source = fixture.export(&format!("v21-{number}"), lerobot::export_v21);
+        assert_rejected(&fixture, &source, change, expected);
     }
 }
 
-/// A record that is damaged is refused and does not go missing; one that nothing tells the actions of is left out, and
-/// that is said.
+/// A damaged record is an error; a record without an action contract is omitted, with a note.
 #[test]
-fn records_do_not_go_missing() {
-    let bench = Bench::new();
-    let damaged = bench.export("damaged", lerobot::export_v21);
+fn records_are_never_lost_silently() {
+    let fixture = Fixture::new();
+    let damaged = fixture.export("damaged", lerobot::export_v21);
     fs::write(damaged.join("extras/record/store.json"), b"{").unwrap();
-    let error = bench.import(&damaged, "out").unwrap_err();
+    let error = fixture.import(&damaged, "out").unwrap_err();
     assert!(error.contains("store.json"), "{error}");
     fs::remove_file(damaged.join("extras/record/store.json")).unwrap();
-    let error = bench.import(&damaged, "out").unwrap_err();
+    let error = fixture.import(&damaged, "out").unwrap_err();
     assert!(error.contains("extras/record"), "{error}");
 
-    let silent = bench.export("silent", lerobot::export_v21);
+    let silent = fixture.export("silent", lerobot::export_v21);
     fs::remove_file(silent.join("meta/action_contract.json")).unwrap();
-    let report = import::import(&silent, &ImportSettings::default(), &bench.at("out"), &mut |_| {}).unwrap();
-    assert!(!report.imported.record && !bench.at("out/extras").exists());
+    let report = import::import(&silent, &ImportSettings::default(), &fixture.at("out"), &mut |_| {}).unwrap();
+    assert!(!report.imported.record && !fixture.at("out/extras").exists());
     assert!(report.imported.notes.iter().any(|note| note.contains("extras/record is left out")), "{report:?}");
 }
 
-/// Where an episode of the original lies, written by its own libraries (`testdata/make_original_episode.py`).
+/// An episode written by the original's own libraries (`testdata/make_original_episode.py`).
 fn original() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/original")
 }
 
-/// Its numbers, sentence, stages and depth, and pictures of the colours that it was given.
+/// Numbers, instruction, stages and depth are exact, and images have their colours.
 #[test]
-fn episodes_of_the_original_come_in() {
-    let bench = Bench::new();
-    copy(&original(), &bench.at("demos/task/a"));
-    copy(&original(), &bench.at("demos/task/b"));
-    let (settings, out) = (ImportSettings::default(), bench.at("imported"));
-    let report = import::import(&bench.at("demos"), &settings, &out, &mut |_| {}).unwrap();
+fn episodes_of_the_original_are_imported() {
+    let fixture = Fixture::new();
+    copy(&original(), &fixture.at("demos/task/a"));
+    copy(&original(), &fixture.at("demos/task/b"));
+    let (settings, out) = (ImportSettings::default(), fixture.at("imported"));
+    let report = import::import(&fixture.at("demos"), &settings, &out, &mut |_| {}).unwrap();
     assert_eq!((report.written.episodes, report.written.frames), (2, 10));
     let depth_dataset = lerobot::depth_path(&out);
-    // Both folders hold the same episode, which is the one thing to find.
-    let found = told(&checked(&out));
-    assert!(found.lines().count() == 1 && found.contains("an episode only once"), "{found}");
-    assert_eq!(told(&checked(&depth_dataset)), "");
+    // Both folders hold the same episode, which is the only finding.
+    let found = listed(&checked(&out));
+    assert!(found.lines().count() == 1 && found.contains("a unique episode"), "{found}");
+    assert_eq!(listed(&checked(&depth_dataset)), "");
     let rows = first(&out, "data");
     let column = |name: &str| -> Vec<f64> { numbers(rows.column_by_name(name).unwrap()) };
     let joints = |step: usize| (0..9).map(move |joint| joint as f64 / 8.0 + step as f64 / 16.0);
@@ -411,11 +410,11 @@ fn numbers(column: &ArrayRef) -> Vec<f64> {
     column.as_primitive::<Float64Type>().values().to_vec()
 }
 
-/// Recordings that execute, that are damaged, or that lead outside end in one line.
+/// Malicious, damaged or escaping recordings give a one-line error.
 #[test]
-fn hostile_recordings_are_refused() {
-    let bench = Bench::new();
-    let marker = bench.at("executed");
+fn hostile_recordings_are_rejected() {
+    let fixture = Fixture::new();
+    let marker = fixture.at("executed");
     let system = format!("cos\nsystem\n(S'touch {}'\ntR.", marker.display());
     let meta = |bytes: Vec<u8>| move |folder: &Path| fs::write(folder.join("meta_info.pkl"), &bytes).unwrap();
     let data = |change: fn(&mut Vec<u8>)| {
@@ -445,7 +444,7 @@ fn hostile_recordings_are_refused() {
             })),
             "one within the data set",
         ),
-        (Box::new(meta(vec![0; 100])), "an instruction that builds plain values"),
+        (Box::new(meta(vec![0; 100])), "an opcode that builds plain values"),
         (
             Box::new(data(|bytes| {
                 for at in 0..bytes.len() - 4 {
@@ -454,10 +453,10 @@ fn hostile_recordings_are_refused() {
                     }
                 }
             })),
-            "depth_image/0000: expected a picture like the others, got ",
+            "depth_image/0000: expected an image like the others, got ",
         ),
-        (Box::new(data(|bytes| bytes.truncate(20_000))), "a page beyond its end"),
-        (Box::new(data(|bytes| bytes.truncate(10))), "another kind of file"),
+        (Box::new(data(|bytes| bytes.truncate(20_000))), "a page beyond the end of the file"),
+        (Box::new(data(|bytes| bytes.truncate(10))), "another file format"),
         (Box::new(data(|bytes| bytes[8192..].fill(0xff))), "a damaged page"),
         (Box::new(|folder| fs::remove_file(folder.join("lmdb/data.mdb")).unwrap()), "data.mdb"),
         (
@@ -470,15 +469,15 @@ fn hostile_recordings_are_refused() {
         ),
     ];
     for (number, (change, expected)) in cases.into_iter().enumerate() {
-        let folder = bench.at(&format!("episode-{number}"));
+        let folder = fixture.at(&format!("episode-{number}"));
         copy(&original(), &folder);
         change(&folder);
-        let out = bench.at("out");
+        let out = fixture.at("out");
         let error = import::import(&folder, &ImportSettings::default(), &out, &mut |_| {}).unwrap_err().to_string();
         assert!(error.contains(expected) && !error.contains('\n'), "{expected} in {error}");
         assert!(!out.exists() && !marker.exists());
     }
-    // Any page may be damaged anywhere.
+    // Arbitrary damage of pages must not panic.
     let bytes = fs::read(original().join("lmdb/data.mdb")).unwrap();
     for number in 0..300_usize {
         let mut changed = bytes.clone();
@@ -486,27 +485,28 @@ fn hostile_recordings_are_refused() {
             let place = (number * 7919 + at * 104_729) % changed.len();
             changed[place] ^= 1 << (number % 8);
         }
-        let folder = bench.at("changed");
+        let folder = fixture.at("changed");
         copy(&original(), &folder);
         fs::write(folder.join("lmdb/data.mdb"), changed).unwrap();
-        let out = bench.at(&format!("changed-{number}"));
+        let out = fixture.at(&format!("changed-{number}"));
         let _ = import::import(&folder, &ImportSettings::default(), &out, &mut |_| {});
         fs::remove_dir_all(folder).unwrap();
     }
 }
 
-/// Video that is no H.264 is decoded by a program, here one that gives pictures of even colours; without one it is refused.
+/// Video that is not H.264 is decoded by ffmpeg, here replaced by a program that outputs uniform images; without ffmpeg
+/// it is rejected.
 #[cfg(unix)]
 #[test]
-fn other_codecs_are_decoded_by_a_program() {
+fn other_codecs_are_decoded_by_ffmpeg() {
     use std::os::unix::fs::PermissionsExt;
-    let bench = Bench::new();
-    let source = foreign(&bench, "foreign");
+    let fixture = Fixture::new();
+    let source = foreign(&fixture, "foreign");
     for path in tree(&source).keys().filter(|path| path.extension().is_some_and(|ending| ending == "mp4")) {
         fs::write(source.join(path), b"av01").unwrap();
     }
-    let error = bench.import(&source, "refused").unwrap_err();
-    assert!(error.contains("no index in it"), "{error}");
+    let error = fixture.import(&source, "refused").unwrap_err();
+    assert!(error.contains("no index"), "{error}");
 
     let frame = 96 * 64 * 3;
     let ppm = |width: usize, value: u8| {
@@ -515,30 +515,30 @@ fn other_codecs_are_decoded_by_a_program() {
         picture
     };
     let colors: Vec<u8> = (0..60_u8).flat_map(|picture| ppm(96, 4 * picture)).collect();
-    fs::write(bench.at("colors"), colors).unwrap();
-    let program = bench.at("decoder");
-    fs::write(&program, format!("#!/bin/sh\nexec cat '{}'\n", bench.at("colors").display())).unwrap();
+    fs::write(fixture.at("colors"), colors).unwrap();
+    let program = fixture.at("decoder");
+    fs::write(&program, format!("#!/bin/sh\nexec cat '{}'\n", fixture.at("colors").display())).unwrap();
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
     let settings = ImportSettings { ffmpeg: Some(program.clone()), ..ImportSettings::default() };
-    let report = import::import(&source, &settings, &bench.at("decoded"), &mut |_| {}).unwrap();
+    let report = import::import(&source, &settings, &fixture.at("decoded"), &mut |_| {}).unwrap();
     assert!(report.imported.notes.iter().any(|note| note.contains("encoded anew")), "{:?}", report.imported.notes);
-    assert_eq!(told(&checked(&bench.at("decoded"))), "");
-    // The second episode begins with picture 12 of its file, and its mean is that of pictures 12 to 26.
-    let listed = first(&bench.at("decoded"), "meta/episodes");
+    assert_eq!(listed(&checked(&fixture.at("decoded"))), "");
+    // The second episode begins with frame 12 of its file, and its mean is that of frames 12 to 26.
+    let listed = first(&fixture.at("decoded"), "meta/episodes");
     let means = numbers(&listed.column_by_name("stats/observation.images.wrist/mean").unwrap().slice(1, 1));
     assert!((means[0] - 4.0 * 19.0 / 255.0).abs() < 0.01, "{means:?}");
 
-    // What has as many bytes in another shape would come out scrambled.
-    fs::write(bench.at("colors"), [ppm(96, 0), ppm(48, 0)].concat()).unwrap();
-    let error = import::import(&source, &settings, &bench.at("other"), &mut |_| {}).unwrap_err().to_string();
+    // An image with the same number of bytes but another shape would come out scrambled.
+    fs::write(fixture.at("colors"), [ppm(96, 0), ppm(48, 0)].concat()).unwrap();
+    let error = import::import(&source, &settings, &fixture.at("other"), &mut |_| {}).unwrap_err().to_string();
     assert!(
-        error.contains("picture 1 of") && error.contains("expected 96×64, as info.json says, got 48×64"),
+        error.contains("frame 1 of") && error.contains("expected 96×64, according to info.json, got 48×64"),
         "{error}"
     );
-    fs::write(bench.at("colors"), ppm(96, 0).repeat(5)).unwrap();
-    let error = import::import(&source, &settings, &bench.at("short"), &mut |_| {}).unwrap_err().to_string();
-    assert!(error.contains("no picture 5 in") && error.contains("has no more"), "{error}");
-    let settings = ImportSettings { ffmpeg: Some(bench.at("nowhere")), ..settings };
-    let error = import::import(&source, &settings, &bench.at("none"), &mut |_| {}).unwrap_err().to_string();
+    fs::write(fixture.at("colors"), ppm(96, 0).repeat(5)).unwrap();
+    let error = import::import(&source, &settings, &fixture.at("short"), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("no frame 5 in") && error.contains("end of file"), "{error}");
+    let settings = ImportSettings { ffmpeg: Some(fixture.at("nowhere")), ..settings };
+    let error = import::import(&source, &settings, &fixture.at("none"), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("cannot start"), "{error}");
 }

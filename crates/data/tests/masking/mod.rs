@@ -1,4 +1,4 @@
-//! Boxes and masks on request: what the store holds is what a data set tells, and its copies.
+//! Columns of bounding boxes and masks agree with the masks in the store, also in copies of the data set.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -13,10 +13,10 @@ use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
 
-use crate::checking::{checked, settings, store, told};
+use crate::checking::{checked, listed, settings, store};
 use crate::synthetic::{HEIGHT, WIDTH, robot};
 
-/// A thing of 10 x 5 pixels that walks to the right, and one that is seen in odd pictures alone.
+/// An object of 10 × 5 pixels that moves to the right, and one that is visible in odd frames only.
 fn ids(row: usize) -> Vec<u16> {
     let mut ids = vec![1; (WIDTH * HEIGHT) as usize];
     for y in 20..25 {
@@ -45,7 +45,7 @@ fn first(dataset: &Path) -> RecordBatch {
 }
 
 #[test]
-fn boxes_and_masks_are_told_on_request() {
+fn boxes_and_masks_are_exported_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(&folder.path().join("store"));
     let usual = settings(genmanip_data::export::default_action());
@@ -59,11 +59,11 @@ fn boxes_and_masks_are_told_on_request() {
         lerobot::export(&store, &Selection::Verified, &robot(), settings, &dataset).map(|_| dataset)
     };
     let error = export("early", &asked(true)).unwrap_err().to_string();
-    assert!(error.contains("masks_15hz"), "what was not drawn cannot be told: {error}");
+    assert!(error.contains("masks_15hz"), "masks that were not rendered cannot be exported: {error}");
     attach_masks(&store);
     for (name, depth) in [("with-depth", true), ("without", false)] {
         let dataset = export(name, &asked(depth)).unwrap();
-        assert_eq!(told(&checked(&dataset)), "");
+        assert_eq!(listed(&checked(&dataset)), "");
         let rows = first(&dataset);
         let boxes = rows.column_by_name("sim.box.wrist").unwrap().as_fixed_size_list().values().clone();
         let boxes = boxes.as_primitive::<Float32Type>().values().to_vec();
@@ -89,7 +89,7 @@ fn boxes_and_masks_are_told_on_request() {
 
         let copy = folder.path().join(format!("{name}-copy"));
         edit::delete(&dataset, &[0].into(), &copy, &mut |_| {}).unwrap();
-        assert_eq!(told(&checked(&copy)), "");
+        assert_eq!(listed(&checked(&copy)), "");
         assert!(first(&lerobot::depth_path(&copy)).column_by_name("observation.images.static_mask").is_some());
     }
 }

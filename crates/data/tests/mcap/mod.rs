@@ -1,5 +1,5 @@
-//! MCAP files read back by a reader of the container, and by a reader of protocol buffers that knows only the
-//! descriptions in the file: what is in them is what the store and the LeRobot data set hold.
+//! MCAP files, read by the mcap crate and by a protocol-buffer decoder that knows only the descriptors in the file,
+//! hold what the store and the LeRobot data set hold.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,7 +16,7 @@ use serde_json::Value;
 use crate::filled_store;
 use crate::synthetic::robot;
 
-/// A value of a field.
+/// Value of a field.
 #[derive(Clone, Debug, PartialEq)]
 enum Field {
     Number(f64),
@@ -25,14 +25,14 @@ enum Field {
     Numbers(Vec<f64>),
 }
 
-/// Fields by name, each as often as it occurs.
+/// Values by field name, repeated fields included.
 type Fields = BTreeMap<String, Vec<Field>>;
 
-/// Descriptions of messages: number to name, type and type name.
+/// Message descriptors: field number to name, type and type name.
 #[derive(Debug, Default)]
 struct Schemas(BTreeMap<String, BTreeMap<u64, (String, u64, String)>>);
 
-/// Number, kind and bytes of every field; fixed and variable numbers as eight bytes.
+/// Number, wire type and bytes of every field; varints and fixed-size numbers as eight bytes.
 fn raw(mut bytes: &[u8]) -> Vec<(u64, u64, Vec<u8>)> {
     fn varint(bytes: &mut &[u8]) -> u64 {
         let (mut value, mut shift) = (0, 0);
@@ -81,7 +81,7 @@ impl Schemas {
             assert_eq!(text(&file, 12), "proto3");
             let imports = file.iter().filter(|(field, ..)| *field == 3);
             for (_, _, name) in imports {
-                assert!(files.contains(&String::from_utf8(name.clone()).unwrap()), "imported before it is described");
+                assert!(files.contains(&String::from_utf8(name.clone()).unwrap()), "imported before it is defined");
             }
             files.push(text(&file, 1));
             for (_, _, message) in file.iter().filter(|(field, ..)| *field == 4) {
@@ -119,7 +119,7 @@ impl Schemas {
 fn number(fields: &Fields, name: &str) -> f64 {
     match fields.get(name).map(Vec::as_slice) {
         Some([Field::Number(number)]) => *number,
-        // What is zero may be left out.
+        // Zero values may be omitted.
         None => 0.0,
         other => panic!("{name}: {other:?}"),
     }
@@ -148,7 +148,7 @@ fn vector(fields: &Fields, name: &str, entries: &[&str]) -> Vec<f64> {
     entries.iter().map(|entry| number(messages(fields, name)[0], entry)).collect()
 }
 
-/// The messages of a file by topic: time and contents.
+/// Messages of a file by topic: time and contents.
 struct Read {
     topics: BTreeMap<String, Vec<(u64, Fields)>>,
     actions: Vec<(u64, Value)>,
@@ -192,7 +192,7 @@ fn read(path: &Path) -> Read {
 }
 
 #[test]
-fn every_message_is_what_the_store_and_the_data_set_hold() {
+fn messages_agree_with_the_store_and_the_data_set() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let settings = LerobotSettings::default();
@@ -221,15 +221,15 @@ fn every_message_is_what_the_store_and_the_data_set_hold() {
         assert_eq!(read.facts["instruction"], episode.scenario.task.instruction);
         assert_eq!((read.facts["success"].as_str(), &read.facts["seed"]), ("true", &episode.result.seed.to_string()));
         assert_states(&read, &episode, &robot());
-        assert_pictures(&read, &store, &episode);
-        // What the rows of the data set say at their times.
+        assert_images(&read, &store, &episode);
+        // Rows of the data set at the times of the messages.
         let own: Vec<usize> = (0..episodes.len()).filter(|row| episodes[*row] == number as i64).collect();
         assert_eq!(read.actions.len(), own.len());
         let joints: BTreeMap<u64, &Fields> =
             read.topics["/joints"].iter().map(|(time, fields)| (*time, fields)).collect();
         for ((time, action), row) in read.actions.iter().zip(own) {
-            let told: Vec<f32> = names.iter().map(|name| action[*name].as_f64().unwrap() as f32).collect();
-            assert_eq!(told, actions[row * 8..row * 8 + 8]);
+            let sent: Vec<f32> = names.iter().map(|name| action[*name].as_f64().unwrap() as f32).collect();
+            assert_eq!(sent, actions[row * 8..row * 8 + 8]);
             let state: Vec<f32> =
                 messages(joints[time], "joints").iter().map(|joint| self::number(joint, "position") as f32).collect();
             assert_eq!(state, states[row * 8..row * 8 + 8]);
@@ -278,7 +278,7 @@ fn assert_states(read: &Read, episode: &Episode, robot: &RobotModel) {
     );
 }
 
-fn assert_pictures(read: &Read, store: &EpisodeStore, episode: &Episode) {
+fn assert_images(read: &Read, store: &EpisodeStore, episode: &Episode) {
     for camera in ["static", "wrist"] {
         let track = store.read_track(&episode.result.id, 15, camera).unwrap();
         let frames: Vec<&[u8]> =

@@ -1,4 +1,4 @@
-//! A small world of made-up episodes: every number differs, and pictures whose pixels follow from a formula.
+//! Synthetic episodes in which all numbers differ, and images computed by a formula.
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
@@ -53,7 +53,7 @@ pub fn cameras() -> Vec<Camera> {
     vec![fixed, Camera::new("wrist", CameraMount::Hand, mount_from_camera, intrinsics)]
 }
 
-/// Numbers in -1..1 that are never round.
+/// Numbers in -1..1 without round values.
 fn wiggle(seed: usize, index: usize) -> f64 {
     ((seed * 131 + index) as f64 * 0.7310585).sin()
 }
@@ -117,13 +117,13 @@ pub fn frame(number: usize, step: usize, objects: usize) -> Frame {
                 angular_speed: 1e-310 * at(92).abs(),
             })
             .collect(),
-        // Each object in turn for ten steps, and nothing for ten.
+        // Each object in turn for ten steps, and none for ten.
         grasped: (step / 10).is_multiple_of(2).then_some((step / 20) % objects.max(1)),
         stray_contact_n: at(42).abs(),
     }
 }
 
-/// Control step from which on the second episode is a correction.
+/// First control step of the correction in the second episode.
 pub const CORRECTED_FROM: usize = 10;
 
 pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
@@ -149,7 +149,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         world_hashes: None,
         cloud: None,
         other_request_success: None,
-        // The second was taken over from somebody in the middle of its third row.
+        // The second episode was taken over in the middle of its third row.
         correction: (number == 1).then(|| Correction {
             policy: "clumsy".into(),
             from_step: CORRECTED_FROM,
@@ -172,8 +172,8 @@ pub fn episode(number: usize, frames: usize, success: bool) -> Episode {
     }
 }
 
-/// A shaded background with a bright square whose place follows from the frame.
-pub fn picture(number: usize, camera: usize, row: usize) -> (Vec<u8>, Vec<f32>) {
+/// A shaded background with a bright square whose position depends on the frame.
+pub fn image(number: usize, camera: usize, row: usize) -> (Vec<u8>, Vec<f32>) {
     let (width, height) = (WIDTH as usize, HEIGHT as usize);
     let mut rgb = Vec::with_capacity(width * height * 3);
     let mut depth_m = Vec::with_capacity(width * height);
@@ -194,15 +194,15 @@ pub fn picture(number: usize, camera: usize, row: usize) -> (Vec<u8>, Vec<f32>) 
     (rgb, depth_m)
 }
 
-/// Draws the pictures of an episode at a rate and keeps them.
-pub fn attach_pictures(store: &EpisodeStore, number: usize, frames: usize, fps: u32) {
+/// Renders the images of an episode at a rate and attaches them.
+pub fn attach_images(store: &EpisodeStore, number: usize, frames: usize, fps: u32) {
     let tracks: Vec<_> = cameras()
         .iter()
         .enumerate()
         .map(|(index, camera)| {
             let mut recorder = TrackRecorder::new(camera, fps, &VideoSettings::default()).unwrap();
             for row in 0..frames.div_ceil(60 / fps as usize) {
-                let (rgb, depth_m) = picture(number, index, row);
+                let (rgb, depth_m) = image(number, index, row);
                 let hand = Pose::from_position(DVec3::new(0.4, 0.01 * row as f64, 0.5));
                 let place = camera.world_from_camera(&hand);
                 let image = RgbdImage { rgb, ..RgbdImage::of_depth(camera.intrinsics, place, depth_m) };

@@ -14,7 +14,9 @@ use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
 use genmanip_data::files;
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::grasp_trial::{GraspTrials, LOST, TryingSettings, ViewSettings, WANTED, sound_grasps};
+use genmanip_rollout::grasp_trial::{
+    GraspTrials, MAX_FAILED_GRASPS, RobustnessSettings, ViewSettings, WANTED_GRASPS, robust_grasps,
+};
 use genmanip_workspace::text_table;
 use serde::Serialize;
 use serde_json::json;
@@ -166,7 +168,7 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
         engine: genmanip_sim::engine_version(),
         robot: trials.robot.name.clone(),
         robot_hash: Some(trials.robot.physics_hash()),
-        settings: json!({ "trying": TryingSettings::brief(), "physics": trials.world.physics, "drives": trials.robot.drives }),
+        settings: json!({ "trying": RobustnessSettings::fast(), "physics": trials.world.physics, "drives": trials.robot.drives }),
     };
     let nothing = GraspFile { made_by: made_by.clone(), objects: BTreeMap::new() };
     if !path.exists() {
@@ -204,7 +206,14 @@ fn one(
     let mut tried = Vec::new();
     if model.card.can_grasp && !settings.without_grasps {
         let AssetRef::Imported { hash } = &model.asset else { return (row, None) };
-        let found = sound_grasps(trials, &model, &TryingSettings::brief(), WANTED, LOST, settings.seed.fork(hash));
+        let found = robust_grasps(
+            trials,
+            &model,
+            &RobustnessSettings::fast(),
+            WANTED_GRASPS,
+            MAX_FAILED_GRASPS,
+            settings.seed.fork(hash),
+        );
         let because = match &found {
             Ok(found) if found.is_empty() => Some("no grasp held in every trial".to_owned()),
             Ok(_) => None,

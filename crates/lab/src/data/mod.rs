@@ -17,7 +17,7 @@ use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder, check};
 use genmanip_pipeline::export::{FORMATS, Format};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::expert::Expert;
-use genmanip_rollout::images::{Exposure, ImageSettings, Painter};
+use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
@@ -178,7 +178,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
     let recorder = |camera| TrackRecorder::new(camera, pictures.fps, &pictures.video);
     let mut tracks = cameras.iter().map(recorder).collect::<Result<Vec<_>, _>>().map_err(broke)?;
     let mut clock = cpu_clock();
-    let mut painter = Painter::new(stage).map_err(not_drawn)?;
+    let mut painter = StageRenderer::new(stage).map_err(not_drawn)?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let (_, stride) =
         genmanip_data::export::sampling(episode.frames.len(), episode.result.control_rate_hz, pictures.fps)
@@ -192,7 +192,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let exposure = Exposure::of(episode, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
+        let images = painter.render_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
         let images = images.map_err(not_drawn)?;
         lap(&mut cpu_s.render);
         for (track, image) in tracks.iter_mut().zip(&images) {

@@ -248,7 +248,7 @@ impl Session {
             self.under_way.take().ok_or_else(|| broken(RolloutError::NotReset))?;
         let out_of_time = || if self.environment.steps_left() == 0 { Ending::Horizon } else { Ending::Finished };
         let ending = ending.unwrap_or_else(out_of_time);
-        let conclusion = Conclusion { id: &case.id, policy, oracle: self.settings.privileged, ending, word: None };
+        let conclusion = Conclusion { id: &case.id, policy, oracle: self.settings.privileged, ending, gave_up: None };
         let mut episode = self.environment.finish(conclusion).map_err(broken)?;
         episode.result.cloud = cloud_verdict(&stage, &episode).map_err(broken)?;
         Ok(episode.result)

@@ -1,84 +1,83 @@
-//! Actions of every space as native commands, and back.
+//! Conversion of policy actions to native joint commands.
 //!
-//! This is the only place where actions of another space than the native one are executed; how recorded commands become
-//! actions stands beside the contract, in [`ActionSpec::encode`].
-//! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
-//! from; a pose that no configuration reaches is refused, never replaced by another.
+//! Actions of other spaces than the native one are executed only through this module; the inverse, from recorded
+//! commands to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics,
+//! seeded with the reference configuration; unreachable poses are an error.
 //!
-//! Changes of the tool are counted from the pose that was asked for, not from where the arm's speeds let the command get:
-//! what it missed it makes up for, and is not lost to all actions after.
+//! Tool deltas are relative to the last requested pose, not to the pose reached within the joint velocity limits, so
+//! tracking errors do not accumulate.
 
+mod path_follower;
 #[cfg(test)]
 mod tests;
-mod way;
 
-pub use way::Pending;
+pub use path_follower::Pending;
 
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Interpolation, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
-use way::Follower;
+use path_follower::Follower;
 
-/// Reads and writes actions of one contract for one robot.
+/// Converts actions of one specification for one robot.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     spec: ActionSpec,
     robot: Arc<RobotModel>,
-    /// Only for end-effector spaces.
+    /// `None` for joint spaces.
     kinematics: Option<InverseKinematics>,
-    /// How far each arm joint can turn while an action lasts, rad.
+    /// Maximum rotation of each arm joint during an action, rad.
     reach: Vec<f64>,
     control_period_s: f64,
-    /// Control steps that one action lasts.
+    /// Control steps per action.
     repeat: usize,
 }
 
 /// An action as native commands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NativeAction {
-    /// One per control step that the action lasts.
+    /// One command per control step.
     pub commands: Vec<Vec<f32>>,
-    /// What is still to be done, for the action after; only in end-effector spaces.
+    /// Part of the path not executed yet, for the next action; only in end-effector spaces.
     pub pending: Pending,
 }
 
-/// Where changes are counted from; all in radians, base to hand.
+/// Reference of relative actions; joint values in rad, base to tip.
 #[derive(Clone, Copy, Debug)]
 pub struct ArmReference<'a> {
     /// Arm joint targets of the command in force; the robot's home before the first one.
     pub command: &'a [f64],
-    /// Opening of the command in force, metres; the open hand before the first one.
+    /// Gripper opening of the command in force, m; fully open before the first one.
     pub width_m: f32,
-    /// Arm joint positions now.
+    /// Current arm joint positions.
     pub measured: &'a [f64],
-    /// Arm joint positions when the chunk was asked for.
+    /// Arm joint positions when the chunk was requested.
     pub chunk_start: &'a [f64],
-    /// What the actions before asked for and was not done yet.
+    /// Part of the path that earlier actions left unexecuted.
     pub pending: &'a Pending,
 }
 
-/// Why an action is none.
+/// Reason why an action is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AdapterError {
-    /// A contract that cannot be kept.
+    /// An invalid action specification.
     #[error(transparent)]
     Contract(#[from] ActionMismatch),
     /// The robot has no kinematics for end-effector motions.
     #[error(transparent)]
     Robot(#[from] ModelError),
-    /// An action of another length.
+    /// An action of the wrong length.
     #[error("expected {expected} numbers ({spec}), got {got}")]
     Length {
-        /// Number of numbers.
+        /// Expected length.
         expected: usize,
-        /// What they mean.
+        /// Meaning of the numbers.
         spec: String,
-        /// What was given.
+        /// Actual length.
         got: usize,
     },
-    /// A number that is none.
+    /// A NaN or infinite value.
     #[error("number {index} of the action is {value}, expected a finite one")]
     NotFinite {
         /// Its index.
@@ -86,12 +85,12 @@ pub enum AdapterError {
         /// Its value.
         value: f32,
     },
-    /// Numbers that are no rotation.
+    /// Numbers that do not encode a rotation.
     #[error("expected a rotation as {encoding}, got {numbers:?}")]
     NoRotation {
         /// Name of the encoding.
         encoding: &'static str,
-        /// What was given.
+        /// The numbers.
         numbers: Vec<f64>,
     },
     /// A pose that no configuration of the arm reaches.
@@ -107,10 +106,10 @@ pub enum AdapterError {
 }
 
 impl Adapter {
-    /// For actions of a contract, each of which lasts `repeat` control steps of `control_period_s`.
+    /// Converter for actions that last `repeat` control steps of `control_period_s`.
     ///
     /// # Errors
-    /// A contract that contradicts itself, or a robot without kinematics.
+    /// If the specification is invalid, or the robot has no inverse kinematics.
     pub fn new(
         spec: ActionSpec,
         robot: &Arc<RobotModel>,
@@ -129,15 +128,15 @@ impl Adapter {
         Ok(Self { spec, robot: Arc::clone(robot), kinematics, reach, control_period_s, repeat })
     }
 
-    /// Control steps that one action lasts.
+    /// Control steps per action.
     pub fn repeat(&self) -> usize {
         self.repeat
     }
 
-    /// The native commands of an action.
+    /// Converts an action to native commands.
     ///
     /// # Errors
-    /// An action of the wrong length, with a number that is none, with no rotation, or out of reach.
+    /// If the action has the wrong length, a non-finite value, no valid rotation, or is out of reach.
     pub fn to_native(&self, action: &[f32], from: ArmReference) -> Result<NativeAction, AdapterError> {
         let dof = self.robot.arm_dof();
         let expected = self.spec.length(dof);
@@ -152,7 +151,7 @@ impl Adapter {
         let width = self.spec.gripper.width_m(grip[0], &self.robot.gripper);
         let reference = self.reference(from);
         let command = |arm: &[f64]| arm.iter().map(|&q| q as f32).chain([width]).collect::<Vec<f32>>();
-        let moved = |share: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * share).collect::<Vec<f64>>();
+        let moved = |factor: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * factor).collect::<Vec<f64>>();
         let world_from_tcp = match self.spec.space {
             ActionSpace::EePose => Some(self.decode_pose(&motion)?),
             ActionSpace::EeDelta => {
@@ -170,7 +169,7 @@ impl Adapter {
             (ActionSpace::JointDelta, _) => moved(1.0),
             (_, Some(world_from_tcp)) => {
                 let followed;
-                (followed, pending) = self.followed(*world_from_tcp, from)?;
+                (followed, pending) = self.follow_pose(*world_from_tcp, from)?;
                 followed
             }
             (_, None) => motion,
@@ -182,7 +181,7 @@ impl Adapter {
                 let in_force = from.command.iter().copied().chain([f64::from(from.width_m)]);
                 in_force.zip(&target).map(|(old, &new)| (old + (f64::from(new) - old) * share) as f32).collect()
             }
-            // To the last bit.
+            // The last command is bit-identical to the target.
             Interpolation::Linear | Interpolation::Hold => target.clone(),
         };
         Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })
@@ -190,33 +189,33 @@ impl Adapter {
 
     fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
         match (self.spec.space, self.spec.delta_from) {
-            // An absolute pose continues from the command, so that the arm does not change its posture on the way.
+            // Absolute poses are solved from the command, so that the arm keeps its posture.
             (ActionSpace::JointPosition | ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.command,
             (_, DeltaFrom::Measured) => from.measured,
             (_, DeltaFrom::ChunkStart) => from.chunk_start,
         }
     }
 
-    /// Where a change of the tool is counted from.
+    /// Reference pose of a tool delta.
     fn reference_pose(&self, from: ArmReference) -> Pose {
-        match (self.spec.delta_from, from.pending.asked) {
+        match (self.spec.delta_from, from.pending.requested) {
             (DeltaFrom::Command, Some(asked)) => asked,
             _ => self.robot.tcp_pose(self.reference(from)),
         }
     }
 
-    fn followed(&self, world_from_tcp: Pose, from: ArmReference) -> Result<(Vec<f64>, Pending), AdapterError> {
+    fn follow_pose(&self, world_from_tcp: Pose, from: ArmReference) -> Result<(Vec<f64>, Pending), AdapterError> {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
         let out_of_reach = || AdapterError::OutOfReach { x_m, y_m, z_m };
         let kinematics = self.kinematics.as_ref().ok_or_else(out_of_reach)?;
         let duration_s = self.control_period_s * self.repeat as f64;
         let follower = Follower { robot: &self.robot, kinematics, reach: &self.reach, duration_s };
-        // A change from what is measured begins anew each time.
-        let late = match (self.spec.space, self.spec.delta_from) {
+        // Deltas from the measured pose start anew with each action.
+        let pending = match (self.spec.space, self.spec.delta_from) {
             (ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.pending.clone(),
             _ => Pending::default(),
         };
-        follower.follow(world_from_tcp, self.reference(from), late).ok_or_else(out_of_reach)
+        follower.follow(world_from_tcp, self.reference(from), pending).ok_or_else(out_of_reach)
     }
 
     fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {

@@ -45,28 +45,28 @@ fn adapter(spec: ActionSpec) -> Adapter {
     Adapter::new(spec, &robot(), &IkSettings::default(), 1.0 / 60.0, 4).unwrap()
 }
 
-static NOTHING: Pending = Pending { asked: None, behind: Vec::new(), posture: None };
+static NOTHING: Pending = Pending { requested: None, path: Vec::new(), posture: None };
 
-/// A hand that is open, and an arm that stands where it was sent.
+/// Reference of an arm at its target, with the gripper open.
 fn at(arm: &[f64]) -> ArmReference<'_> {
     ArmReference { command: arm, width_m: 0.08, measured: arm, chunk_start: arm, pending: &NOTHING }
 }
 
-/// Every contract there is, but for thresholds.
+/// Every action specification except thresholds.
 fn any_spec() -> impl Strategy<Value = ActionSpec> {
     let frames = [ActionFrame::World, ActionFrame::EndEffector];
     let indices = (0..SPACES.len(), 0..REFERENCES.len(), 0..frames.len(), 0..ROTATIONS.len(), 0..GRIPPERS.len());
     (indices, any::<bool>()).prop_map(move |((space, reference, frame, rotation, gripper), is_linear)| ActionSpec {
         between: if is_linear { Interpolation::Linear } else { Interpolation::Hold },
         delta_from: REFERENCES[reference],
-        // An absolute pose has no frame of its own.
+        // Absolute poses are always in the world frame.
         frame: if SPACES[space] == ActionSpace::EePose { ActionFrame::World } else { frames[frame] },
         rotation: ROTATIONS[rotation],
         ..ActionSpec::new(SPACES[space], GRIPPERS[gripper])
     })
 }
 
-/// A configuration well within the limits, and small steps from it.
+/// A configuration well within the limits, and three small steps from it.
 fn any_motion() -> impl Strategy<Value = [Vec<f64>; 4]> {
     let shares = || prop::collection::vec(0.15..0.85_f64, 7);
     let steps = || prop::collection::vec(-0.08..0.08_f64, 7);
@@ -81,10 +81,10 @@ fn any_motion() -> impl Strategy<Value = [Vec<f64>; 4]> {
 }
 
 proptest! {
-    /// To a space and back: the same joint targets, or at least the same tcp pose unless the arm is late, and the same
-    /// opening.
+    /// Converting to a space and back gives the same joint targets, or at least the same tcp pose unless the arm lags,
+    /// and the same opening.
     #[test]
-    fn every_contract_gives_back_what_it_was_given(
+    fn every_specification_round_trips(
         spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
     ) {
         let (adapter, robot) = (adapter(spec), robot());
@@ -104,8 +104,8 @@ proptest! {
         } else {
             let (reached, goal) = (robot.tcp_pose(&arm), robot.tcp_pose(&target));
             let is_there = reached.position.distance(goal.position) < 1e-5 && reached.angle_to(&goal) < 2e-3;
-            // Close to a singularity the joints may be too slow; then the adapter says that the pose is still to be done.
-            prop_assert!(is_there || !native.pending.behind.is_empty(), "{reached:?} for {goal:?}");
+            // Near a singularity the joints may be too slow; the adapter then reports a remaining path.
+            prop_assert!(is_there || !native.pending.path.is_empty(), "{reached:?} for {goal:?}");
         }
         prop_assert!(last.iter().all(|value| value.is_finite()));
     }
@@ -123,9 +123,9 @@ proptest! {
     }
 }
 
-/// What each number means at the two ends, with a threshold and beyond the range.
+/// Gripper encodings at both ends, with a threshold, and beyond the range.
 #[test]
-fn grippers_open_and_shut_the_right_way_round() {
+fn grippers_open_and_close_in_the_right_direction() {
     let home = robot().home.clone();
     let from = at(&home);
     let width = |encoding, binary_threshold, number: f32| {
@@ -155,9 +155,9 @@ fn grippers_open_and_shut_the_right_way_round() {
     }
 }
 
-/// A turn of a tenth of a radian about the world's x and about the hand's own, from a hand that points down.
+/// A rotation of 0.1 rad about the world's x axis and about the tool's, starting with the tool pointing down.
 #[test]
-fn changes_are_along_the_axes_of_the_contract() {
+fn deltas_use_the_frame_of_the_specification() {
     let robot = robot();
     let home = robot.home.clone();
     let from = at(&home);
@@ -184,10 +184,10 @@ fn changes_are_along_the_axes_of_the_contract() {
     }
 }
 
-/// A tool that is to go faster than the arm can is late, and not somewhere else: a change is counted from where the tool
-/// was to be, not from where the drives let it get.
+/// A tool that is requested to move faster than the arm can lags but does not lose distance: deltas are relative to the
+/// requested pose, not to the reached one.
 #[test]
-fn what_the_drives_could_not_do_in_time_is_made_up_for() {
+fn tracking_errors_do_not_accumulate() {
     let robot = robot();
     let spec = ActionSpec {
         rotation: RotationEncoding::AxisAngle,
@@ -197,7 +197,7 @@ fn what_the_drives_could_not_do_in_time_is_made_up_for() {
     let (mut command, mut pending) = (robot.home.clone(), Pending::default());
     let steps = [[0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 0.08], [0.0, 0.05, 0.02, 0.0, 0.0, 0.2, 0.08]];
     let mut expected = robot.tcp_pose(&command);
-    let mut lost = 0.0_f64;
+    let mut lag = 0.0_f64;
     for row in steps.iter().chain(&[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08]; 14]) {
         let native = adapter.to_native(row, ArmReference { pending: &pending, ..at(&command) }).unwrap();
         let change = Pose::new(DVec3::new(0.0, row[1].into(), row[2].into()), DQuat::from_rotation_z(row[5].into()));
@@ -209,40 +209,40 @@ fn what_the_drives_could_not_do_in_time_is_made_up_for() {
             }
         }
         pending = native.pending;
-        lost = lost.max(robot.tcp_pose(&command).position.distance(expected.position));
+        lag = lag.max(robot.tcp_pose(&command).position.distance(expected.position));
     }
-    assert!(lost > 0.05, "the arm was never late: {lost} m");
+    assert!(lag > 0.05, "the arm never lagged: {lag} m");
     let reached = robot.tcp_pose(&command);
     assert!(reached.position.distance(expected.position) < 1e-5, "{reached:?} for {expected:?}");
     assert!(reached.angle_to(&expected) < 1e-3, "{reached:?} for {expected:?}");
 }
 
-/// A tool that is late stays on its way: it comes by the poses that were asked for, and none of its joints goes faster
-/// than it may. Without the bound on speed it would have been on time.
+/// A lagging tool stays on its path, and no joint exceeds its velocity limit. Without that limit, the tool would have
+/// been on time.
 #[test]
-fn a_late_tool_stays_on_its_way() {
+fn a_lagging_tool_stays_on_its_path() {
     let robot = robot();
     let spec = ActionSpec {
         rotation: RotationEncoding::AxisAngle,
         ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM)
     };
     let adapter = adapter(spec);
-    // A quarter of a circle about the base in half a second, and a rest in which to catch up.
+    // A quarter circle about the base in half a second, then a rest to catch up.
     let start = robot.tcp_pose(&robot.home);
-    let asked: Vec<Pose> = (1..=30)
+    let requested: Vec<Pose> = (1..=30)
         .map(|row: i32| {
             let turn = DQuat::from_rotation_z(f64::from(row.min(8)) / 8.0 * FRAC_PI_2);
             Pose::new(turn * start.position, turn * start.rotation)
         })
         .collect();
     let (mut command, mut pending) = (robot.home.clone(), Pending::default());
-    let (mut latest, mut off) = (0.0_f64, 0.0_f64);
-    for wanted in &asked {
+    let (mut max_lag, mut off) = (0.0_f64, 0.0_f64);
+    for wanted in &requested {
         let rotation = spec.rotation.encode(wanted.rotation);
         let row: Vec<f32> =
             wanted.position.to_array().iter().chain(&rotation).map(|&x| x as f32).chain([0.08]).collect();
         let native = adapter.to_native(&row, ArmReference { pending: &pending, ..at(&command) }).unwrap();
-        // Four control steps to an action: what it asks for is within what the joints can do in them.
+        // Four control steps per action: its targets are within the joint velocity limits.
         for ((q, target), joint) in command.iter().zip(&native.commands[3]).zip(robot.arm_joints()) {
             assert!(
                 (f64::from(*target) - q).abs() <= joint.max_velocity * 4.0 / 60.0 + 1e-6,
@@ -256,22 +256,22 @@ fn a_late_tool_stays_on_its_way() {
                 *q = f64::from(*target).clamp(*q - far, *q + far);
             }
             let tool = robot.tcp_pose(&command).position;
-            latest = latest.max(tool.distance(wanted.position));
-            // On the circle at the height of the start, but for the chords between rows, 2 mm, and joints that arrive one
-            // before the other within a row.
+            max_lag = max_lag.max(tool.distance(wanted.position));
+            // On the circle at the height of the start, except for the 2 mm of chords between rows and for joints that
+            // arrive at different times within a row.
             off = off.max((tool.truncate().length() - start.position.truncate().length()).abs());
             off = off.max((tool.z - start.position.z).abs());
         }
         pending = native.pending;
     }
-    assert!(latest > 0.03, "the tool was never late: {latest} m");
-    assert!(off < 0.006, "{off} m beside its way");
-    assert!(robot.tcp_pose(&command).position.distance(asked[29].position) < 1e-4 && pending.behind.is_empty());
+    assert!(max_lag > 0.03, "the tool never lagged: {max_lag} m");
+    assert!(off < 0.006, "{off} m off its path");
+    assert!(robot.tcp_pose(&command).position.distance(requested[29].position) < 1e-4 && pending.path.is_empty());
 }
 
-/// What the tool leaves free goes back towards the home posture, here of an arm with its elbow aside.
+/// The null space returns to the home posture, here from a configuration with a rotated elbow.
 #[test]
-fn the_posture_goes_back_towards_home() {
+fn the_posture_returns_to_home() {
     let robot = robot();
     let spec = ActionSpec {
         rotation: RotationEncoding::AxisAngle,
@@ -279,9 +279,9 @@ fn the_posture_goes_back_towards_home() {
     };
     let adapter = adapter(spec);
     let ik = InverseKinematics::new(Chain::new(&robot).unwrap(), IkSettings::default());
-    let aside = |q: &[f64]| q.iter().zip(&robot.home).map(|(q, home)| (q - home).powi(2)).sum::<f64>().sqrt();
+    let from_home = |q: &[f64]| q.iter().zip(&robot.home).map(|(q, home)| (q - home).powi(2)).sum::<f64>().sqrt();
     let solutions = ik.solve(&robot.tcp_pose(&robot.home), &robot.home);
-    let start = solutions.into_iter().find(|q| (0.4..1.2).contains(&aside(q))).unwrap();
+    let start = solutions.into_iter().find(|q| (0.4..1.2).contains(&from_home(q))).unwrap();
     let (mut command, mut pending) = (start.clone(), Pending::default());
     for row in 0..60 {
         let step = if row % 2 == 0 { 0.002 } else { -0.002 };
@@ -292,26 +292,26 @@ fn the_posture_goes_back_towards_home() {
         pending = native.pending;
     }
     let (there, here) = (robot.tcp_pose(&start), robot.tcp_pose(&command));
-    assert!(here.position.distance(there.position) < 1e-4 && here.angle_to(&there) < 2e-3, "the tool is elsewhere");
-    assert!(aside(&command) < 0.2 * aside(&start), "{} of {} rad", aside(&command), aside(&start));
+    assert!(here.position.distance(there.position) < 1e-4 && here.angle_to(&there) < 2e-3, "the tool has moved");
+    assert!(from_home(&command) < 0.2 * from_home(&start), "{} of {} rad", from_home(&command), from_home(&start));
 }
 
-/// A joint that turns at 0.6 rad/s has gone 0.01 rad further after each control step.
+/// At 0.6 rad/s, each control step adds 0.01 rad.
 #[test]
-fn speeds_are_a_ramp() {
+fn velocities_become_a_ramp() {
     let home = robot().home.clone();
     let from = at(&home);
     let spec = ActionSpec::new(ActionSpace::JointVelocity, GripperEncoding::WidthM);
     let commands = adapter(spec).to_native(&[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], from).unwrap().commands;
     for (step, command) in commands.iter().enumerate() {
-        let gone = f64::from(command[0]) - home[0];
-        assert!((gone - 0.01 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
+        let moved = f64::from(command[0]) - home[0];
+        assert!((moved - 0.01 * (step + 1) as f64).abs() < 1e-6, "step {step}: {moved} rad");
     }
 }
 
-/// Joint targets and opening move evenly from those in force, and are reached to the last bit.
+/// Linear interpolation from the command in force; the last command is bit-identical to the target.
 #[test]
-fn a_linear_contract_moves_evenly_to_the_action() {
+fn linear_interpolation_ends_at_the_action() {
     let home = robot().home.clone();
     let from = at(&home);
     let mut action: Vec<f32> = home.iter().map(|&q| q as f32).chain([0.04]).collect();
@@ -319,8 +319,8 @@ fn a_linear_contract_moves_evenly_to_the_action() {
     let spec = |between| ActionSpec { between, ..ActionSpec::native() };
     let linear = adapter(spec(Interpolation::Linear)).to_native(&action, from).unwrap().commands;
     for (step, width) in [0.07, 0.06, 0.05, 0.04].into_iter().enumerate() {
-        let gone = f64::from(linear[step][0]) - home[0];
-        assert!((gone - 0.025 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
+        let moved = f64::from(linear[step][0]) - home[0];
+        assert!((moved - 0.025 * (step + 1) as f64).abs() < 1e-6, "step {step}: {moved} rad");
         assert!((linear[step][7] - width).abs() < 1e-6, "step {step}: {} m", linear[step][7]);
     }
     assert_eq!(linear[3], action);
@@ -328,7 +328,7 @@ fn a_linear_contract_moves_evenly_to_the_action() {
 }
 
 #[test]
-fn what_is_no_action_is_refused() {
+fn invalid_actions_are_rejected() {
     let home = robot().home.clone();
     let from = at(&home);
     let pose = |rotation| ActionSpec { rotation, ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM) };
@@ -364,9 +364,9 @@ fn what_is_no_action_is_refused() {
     assert!(matches!(error, AdapterError::Contract(_)), "{error}");
 }
 
-/// Actions of another contract are refused with both sides named, and parts that nobody reads do not count.
+/// A mismatch names both sides; fields that the space does not use are ignored.
 #[test]
-fn contracts_are_compared_by_what_is_read() {
+fn specifications_are_compared_by_their_used_fields() {
     let delta = ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::PlusOneClosed);
     let same = ActionSpec { rotation: RotationEncoding::SixD, ..ActionSpec::native() };
     assert_eq!(ActionSpec::native().require_same(&same), Ok(()));

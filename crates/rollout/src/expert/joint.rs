@@ -1,4 +1,4 @@
-//! Moving joints: taking hold or pushing, following the joint's line or arc, letting go.
+//! Moving joints: grasp or push a link, follow the joint's line or arc, release.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
@@ -10,34 +10,34 @@ use genmanip_relations::PosedScene;
 
 use super::{Expert, pick::grasp_direction};
 
-/// Peak speed of a smooth start and end, per mean speed: the largest slope of 10t³ − 15t⁴ + 6t⁵.
+/// Peak speed of the minimum-jerk profile relative to its mean: the largest slope of 10t³ − 15t⁴ + 6t⁵.
 const PEAK_SPEED: f64 = 1.875;
-/// Shortest lever with which a joint's speed is reckoned, metres: the hand turns, too, however near the axis it is.
-const SHORTEST_LEVER_M: f64 = 0.1;
-/// Fewest control steps of a joint's way: a third of a second, below which the arm's drives do not follow.
-const LEAST_STEPS: f64 = 20.0;
-/// States of the way between which commands are interpolated; a joint of 2 rad moves by 0.01 rad between them.
-const WAY_STATES: usize = 200;
-/// How often the way is slowed down by half before it is given up; at the end it takes more than seven times as long.
-const SLOWER: usize = 6;
-/// How far a finger that pushed is eased straight back, metres: past the 4 mm by which it may press in (`joint_lag_m`).
+/// Minimum lever arm for the speed of a joint, metres: near the axis, the rotation of the gripper limits the speed.
+const MIN_LEVER_M: f64 = 0.1;
+/// Minimum control steps of a joint motion: a third of a second, below which the arm's drives do not follow.
+const MIN_STEPS: f64 = 20.0;
+/// Number of samples of the joint path, between which commands are interpolated; 0.01 rad apart for a joint of 2 rad.
+const PATH_STATES: usize = 200;
+/// Maximum number of times the motion is slowed down by a factor of 1.5, to more than seven times its duration.
+const MAX_SLOWDOWNS: usize = 6;
+/// Distance by which a pushing finger first backs off, metres: more than the 4 mm it may press in (`joint_lag_m`).
 const EASE_M: f64 = 0.006;
-/// Shares of the way out that are tried in each direction: the hand that has no room for all of it takes less.
+/// Shares of the full retreat tried in each direction, for lack of space.
 const RETREAT_SHARES: [f64; 2] = [1.0, 0.4];
 
-/// A joint under way, from the moment the hand touches the link.
+/// A joint motion in progress, from the contact with the link on.
 pub(super) struct Turning {
-    /// The contact and what it is for.
+    /// The contact and the joint change.
     pub sweep: JointSweep,
-    /// Direction of the link at the contact at the start, in the world.
+    /// Direction of motion of the link at the contact, at the start, in the world.
     pub direction: DVec3,
-    /// Commands along the joint's way.
+    /// Commands along the joint path.
     commands: Vec<Vec<f32>>,
-    /// How many were given out.
+    /// Number of commands already returned.
     done: usize,
 }
 
-/// Plans the way to the contact, and the motion of the joint from there on.
+/// Plans the motion to the contact, and the joint motion from there on.
 pub(super) fn plan(
     expert: &Expert,
     scene: &PosedScene,
@@ -56,7 +56,7 @@ pub(super) fn plan(
     let (planner, settings) = (&expert.planner, &expert.settings);
     let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
-    // Later tries begin further down the list.
+    // Later tries skip the candidates of earlier ones.
     let mut skip = expert.tries.saturating_sub(1);
     sweeper.search(arm, &mut |sweep| {
         let contact = &sweep.contact;
@@ -84,20 +84,20 @@ pub(super) fn plan(
     })
 }
 
-/// Commands along the whole way, at a speed that suits hand and arm.
+/// Commands along the whole joint path, at a speed within the limits of gripper and arm.
 fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turning> {
     let settings = &expert.settings;
     let (direction, lever) = sweeper.velocity(sweep);
     let to = sweeper.end(sweep);
     let length = (to - sweep.change.from).abs();
     let rate = expert.stage.control_rate_hz();
-    let duration_s = PEAK_SPEED * length * lever.max(SHORTEST_LEVER_M) / settings.joint_speed;
-    let mut count = (duration_s * rate).ceil().max(LEAST_STEPS) as usize;
-    let fine = sweeper.follow(sweep, to, WAY_STATES)?;
-    for _ in 0..SLOWER {
+    let duration_s = PEAK_SPEED * length * lever.max(MIN_LEVER_M) / settings.joint_speed;
+    let mut count = (duration_s * rate).ceil().max(MIN_STEPS) as usize;
+    let fine = sweeper.follow(sweep, to, PATH_STATES)?;
+    for _ in 0..MAX_SLOWDOWNS {
         let limits: Vec<f64> =
             expert.stage.robot.arm_joints().map(|joint| joint.max_velocity * settings.careful_speed).collect();
-        let peak = PEAK_SPEED * WAY_STATES as f64 / count as f64 * rate;
+        let peak = PEAK_SPEED * PATH_STATES as f64 / count as f64 * rate;
         let slow_enough = std::iter::once(&sweep.config)
             .chain(&fine)
             .zip(&fine)
@@ -106,10 +106,10 @@ fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turnin
             let commands = (1..=count)
                 .map(|step| {
                     let t = step as f64 / count as f64;
-                    let along = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * WAY_STATES as f64;
+                    let along = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * PATH_STATES as f64;
                     let (index, share) = (along.floor() as usize, along.fract());
                     let at =
-                        |index: usize| if index == 0 { &sweep.config } else { &fine[(index - 1).min(WAY_STATES - 1)] };
+                        |index: usize| if index == 0 { &sweep.config } else { &fine[(index - 1).min(PATH_STATES - 1)] };
                     let arm: Vec<f64> = at(index).iter().zip(at(index + 1)).map(|(a, b)| a + (b - a) * share).collect();
                     commands::command(&arm, sweep.contact.hold_width)
                 })
@@ -121,7 +121,7 @@ fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turnin
     None
 }
 
-/// The next commands of a joint under way; `None` at its end, or when the hand is held up.
+/// Next commands of a joint motion; `None` at its end, or if the gripper is blocked.
 pub(super) fn next(expert: &Expert, turning: &mut Turning, arm: &[f64]) -> Option<Vec<Vec<f32>>> {
     let settings = &expert.settings;
     if let Some(last) = turning.done.checked_sub(1).and_then(|last| turning.commands.get(last)) {
@@ -137,7 +137,7 @@ pub(super) fn next(expert: &Expert, turning: &mut Turning, arm: &[f64]) -> Optio
     Some(next)
 }
 
-/// Opens the fingers, eases off and backs out.
+/// Opens the gripper, backs off and retreats.
 pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, arm: &[f64]) -> Vec<Vec<f32>> {
     let (planner, settings) = (&expert.planner, &expert.settings);
     let contact = &turning.sweep.contact;
@@ -152,15 +152,15 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     let back = backward(scene, turning, &tcp);
     let out =
         [-grasp_direction(&tcp), (back - grasp_direction(&tcp)).normalize_or_zero(), back, DVec3::Z, DVec3::NEG_X];
-    // A finger that pushed leans on the link: first straight back, then out.
+    // A pushing finger leans on the link: back off before retreating.
     let ease = if contact.gap_m > 0.0 { back * EASE_M } else { DVec3::ZERO };
     let eased = Pose { position: tcp.position + ease, ..tcp };
     let start = planner.ik_near(&eased, arm, settings.joint.max_arm_step_rad).unwrap_or_else(|| arm.to_vec());
-    let ways =
+    let offsets =
         out.iter().flat_map(|&direction| RETREAT_SHARES.map(|share| direction * settings.joint.approach_m * share));
-    let retreat = ways
+    let retreat = offsets
         .into_iter()
-        .find_map(|way| planner.straight(&around, &start, &Pose { position: eased.position + way, ..tcp }).ok());
+        .find_map(|offset| planner.straight(&around, &start, &Pose { position: eased.position + offset, ..tcp }).ok());
     if start != arm {
         let ease = Path::polyline(vec![arm.to_vec(), start]);
         commands.extend(commands::follow(planner, &ease, contact.open_width, settings.careful_speed));
@@ -171,7 +171,7 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     commands
 }
 
-/// Away from the link, against its motion, where the hand is now.
+/// Direction away from the link at the tool, against the joint's motion.
 fn backward(scene: &PosedScene, turning: &Turning, tcp: &Pose) -> DVec3 {
     let change = &turning.sweep.change;
     let Some(object) = scene.objects().nth(change.object) else { return DVec3::Z };

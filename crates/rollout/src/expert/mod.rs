@@ -1,9 +1,9 @@
-//! The expert: pick and place from simulator truth, for every relation of a goal.
+//! The expert: solves tasks by pick and place and by moving joints, from simulator ground truth.
 //!
-//! It is a [`Policy`] like any other, only privileged: it reads where objects are, never moves them.
-//! Each call returns one phase as commands – pick, or carry and place, or go home – and the next call looks at
-//! what came of it: an object that was not lifted is picked again another way, an atom that does not hold is
-//! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
+//! A privileged [`Policy`]: it reads the object poses but never changes them. Each call returns the commands of one
+//! phase (pick; carry and place; joint motion; home), and the next call checks the outcome: an object that was not
+//! lifted is picked again with another grasp, a condition that does not hold is retried, and when no options are left
+//! the expert gives up with the cause and its evidence.
 
 mod joint;
 mod pick;
@@ -11,7 +11,7 @@ mod place;
 mod seen;
 mod settings;
 
-pub use seen::{SeenGrasps, SeenObject};
+pub use seen::{GraspProposer, ObservedObject};
 pub use settings::ExpertSettings;
 
 use std::sync::Arc;
@@ -33,51 +33,51 @@ use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
-/// Largest joint step between two states at which room for fingers that open on the way is tested, rad: a test of
-/// convenience, since without room they open before.
-const ROOM_STEP_RAD: f64 = 0.05;
+/// Joint step between the states at which clearance for opening the gripper is tested, rad: coarse, because without
+/// clearance the gripper opens before the motion.
+const CLEARANCE_STEP_RAD: f64 = 0.05;
 
-/// Solves tasks from simulator truth; results made with it say `oracle`.
+/// Solves tasks from simulator ground truth; its results are marked `oracle`.
 pub struct Expert {
     stage: Stage,
     planner: Arc<Planner>,
-    /// Per object, its grasps that were tried beforehand.
-    tried: Vec<Vec<TriedGrasp>>,
-    /// Who proposes grasps from images instead.
-    seeing: Option<Arc<dyn SeenGrasps>>,
+    /// Precomputed grasps of each object.
+    precomputed: Vec<Vec<TriedGrasp>>,
+    /// Grasp proposals from images, instead of geometry.
+    grasp_proposer: Option<Arc<dyn GraspProposer>>,
     settings: ExpertSettings,
     seed: Seed,
-    /// Alternatives not yet given up, the current one last.
+    /// Remaining alternatives of the goal, the current one last.
     plans: Vec<Vec<Move>>,
-    /// Picks begun so far; every one gets its own stream.
+    /// Number of picks so far; each has its own random stream.
     picks: u64,
-    /// Picks begun for the current move.
+    /// Number of picks for the current move.
     tries: usize,
-    /// Waits for things to come to rest since the last pick.
+    /// Number of waits for objects to come to rest since the last pick.
     waits: usize,
     phase: Phase,
-    /// Orientation of each object at the start, in which it is put down again.
+    /// Initial orientation of each object, in which it is placed.
     upright: Vec<DQuat>,
     last_failure: Option<Failure>,
 }
 
 enum Phase {
-    /// Nothing was done yet.
+    /// Before the first action.
     Beginning,
-    /// Nothing in the hand.
+    /// The gripper is empty.
     Free,
     /// A pick was executed.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
-    /// The hand is at a link whose joint it moves.
+    /// The gripper is moving a joint's link.
     Turning(Box<Turning>),
-    /// Everything was done and the arm was sent home.
+    /// The arm was sent home.
     Home,
 }
 
-/// What the expert is doing, for policies that do otherwise.
+/// Current activity of the expert, for policies that imitate it with mistakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Doing {
-    /// Taking an object.
+pub(crate) enum Activity {
+    /// Picking an object.
     Picking,
     /// Moving a joint.
     Turning,
@@ -85,22 +85,22 @@ pub(crate) enum Doing {
     Other,
 }
 
-/// The arm and the fingers as they are.
-struct Hand {
+/// Current state of arm and gripper.
+struct ArmState {
     arm: Vec<f64>,
-    /// Present opening.
+    /// Current gripper opening.
     width: f64,
-    /// Opening to let go with.
+    /// Gripper opening for the release.
     open_width: f64,
-    /// Width commanded while holding.
+    /// Gripper opening commanded while holding.
     hold_width: f64,
 }
 
 impl Expert {
-    /// An expert for the episodes of one stage; `grasps` are those that are tried before new ones are sampled.
+    /// An expert for the episodes of one stage; `grasps` are tried before sampled ones.
     ///
     /// # Errors
-    /// [`AssetError::StaleGrasps`] when grasps of an object of the stage were tried with other physics.
+    /// [`AssetError::StaleGrasps`] if the grasps of an object were computed with other physics.
     pub fn new(
         stage: &Stage,
         planner: &Arc<Planner>,
@@ -110,9 +110,9 @@ impl Expert {
         let planner = Arc::clone(planner);
         let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
         Ok(Self {
-            tried: tried.collect::<Result<_, AssetError>>()?,
+            precomputed: tried.collect::<Result<_, AssetError>>()?,
             planner,
-            seeing: None,
+            grasp_proposer: None,
             stage: stage.clone(),
             settings,
             seed: Seed::new(0),
@@ -126,39 +126,39 @@ impl Expert {
         })
     }
 
-    /// The same with grasps from images alone, in place of those that were tried and those from geometry. Handles of
-    /// joints are still taken by their geometry.
+    /// Takes grasps from images instead of precomputed ones and geometry. Handles of joints are still grasped by
+    /// geometry.
     #[must_use]
-    pub fn seeing(self, source: Arc<dyn SeenGrasps>) -> Self {
-        Self { seeing: Some(source), ..self }
+    pub fn with_grasp_proposer(self, source: Arc<dyn GraspProposer>) -> Self {
+        Self { grasp_proposer: Some(source), ..self }
     }
 
-    /// From the next reset on, works towards this goal instead of the task's.
-    pub(crate) fn aim_at(&mut self, goal: Goal) {
+    /// From the next reset on, pursues this goal instead of the task's.
+    pub(crate) fn set_goal(&mut self, goal: Goal) {
         self.stage.goal = Arc::new(goal);
     }
 
-    /// What the commands that were returned last do.
-    pub(crate) fn doing(&self) -> Doing {
+    /// Activity of the last returned commands.
+    pub(crate) fn activity(&self) -> Activity {
         match self.phase {
-            Phase::Picked { .. } => Doing::Picking,
-            Phase::Turning(_) => Doing::Turning,
-            Phase::Beginning | Phase::Free | Phase::Home => Doing::Other,
+            Phase::Picked { .. } => Activity::Picking,
+            Phase::Turning(_) => Activity::Turning,
+            Phase::Beginning | Phase::Free | Phase::Home => Activity::Other,
         }
     }
 
-    /// Grasps of an object from images, in its own frame, where they are wanted.
-    fn seen(
+    /// Grasps of an object proposed from images, in its own frame; `None` without a proposer.
+    fn proposed_grasps(
         &self,
         observation: &Observation,
         scene: &PosedScene,
         object: usize,
     ) -> Result<Option<Vec<Grasp>>, PolicyError> {
-        let Some(source) = &self.seeing else { return Ok(None) };
+        let Some(source) = &self.grasp_proposer else { return Ok(None) };
         let Some(posed) = scene.objects().nth(object) else { return Ok(None) };
         let table_height = scene.bounds(object).map_or(0.0, |bounds| bounds.min.z);
-        let seen = seen::seen(observation, object, table_height);
-        // What nobody sees is not asked for.
+        let seen = seen::observe_object(observation, object, table_height);
+        // Invisible objects are not sent to the proposer.
         if seen.points.is_empty() {
             return Ok(Some(Vec::new()));
         }
@@ -167,12 +167,12 @@ impl Expert {
         Ok(Some(source.grasps(&seen)?.into_iter().map(own).collect()))
     }
 
-    /// Grasps of an object that were tried beforehand.
-    fn tried(&self, object: usize) -> &[TriedGrasp] {
-        self.tried.get(object).map_or(&[], Vec::as_slice)
+    /// Precomputed grasps of an object.
+    fn precomputed_grasps(&self, object: usize) -> &[TriedGrasp] {
+        self.precomputed.get(object).map_or(&[], Vec::as_slice)
     }
 
-    /// Places for an object where every atom of its move would hold.
+    /// Goal poses of an object at which all conditions of its move hold.
     fn goals(&self, scene: &PosedScene, step: &Move, usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let search = GoalSearch {
             scene,
@@ -186,34 +186,33 @@ impl Expert {
         search.places(step, &later, usable, seed.fork("goal"))
     }
 
-    /// Whether an object has a hollow that things may fall into.
-    fn is_hollow(&self, object: usize) -> bool {
+    /// True if the object has a cavity that objects can be dropped into.
+    fn has_cavity(&self, object: usize) -> bool {
         self.stage.models.get(object).is_some_and(|model| model.is_hollow())
     }
 
-    /// A goal pose as the planner wants it: only into a hollow may things be let go of from far up, and they come in
-    /// over its rim.
+    /// Converts a goal pose for the planner: objects are released from a height only above a cavity, and clear its rim.
     fn place_goal(&self, scene: &PosedScene, goal: &GoalPose) -> PlaceGoal {
         let rim = goal.support.and_then(|carrier| scene.bounds(carrier)).map_or(0.0, |bounds| bounds.max.z);
-        let falls_into_hollow = goal.support.is_some_and(|carrier| self.is_hollow(carrier));
+        let falls_into_cavity = goal.support.is_some_and(|carrier| self.has_cavity(carrier));
         PlaceGoal {
             world_from_object: goal.world_from_object,
-            highest_release_m: if falls_into_hollow { f64::INFINITY } else { self.settings.max_open_release_m },
+            highest_release_m: if falls_into_cavity { f64::INFINITY } else { self.settings.max_open_release_m },
             clear_height_m: rim + self.settings.rim_clearance_m - goal.bounds.min.z,
         }
     }
 
-    /// Whether every atom of a move holds.
+    /// True if all conditions of a move hold.
     fn is_done(&self, scene: &PosedScene, step: &Move) -> bool {
         step.atoms.iter().all(|atom| judge_atom(scene, atom, &self.stage.relations).holds)
     }
 
-    /// The first move of the current alternative that is not done.
+    /// The first unfinished move of the current alternative.
     fn next_move(&self, scene: &PosedScene) -> Option<Move> {
         self.plans.last()?.iter().find(|step| !self.is_done(scene, step)).cloned()
     }
 
-    /// The next move begun: its first commands and what comes after them.
+    /// Starts the next move; returns its first commands and the following phase.
     fn begin(
         &self,
         scene: &PosedScene,
@@ -250,7 +249,8 @@ impl Expert {
             let failure = if self.tries > self.settings.tries_per_move {
                 self.last_failure.clone()
             } else {
-                let seen = if step.state().is_some() { None } else { self.seen(observation, scene, step.object)? };
+                let seen =
+                    if step.state().is_some() { None } else { self.proposed_grasps(observation, scene, step.object)? };
                 match self.begin(scene, step, (arm, width), seen, seed) {
                     Ok((actions, phase)) => {
                         self.phase = phase;
@@ -262,7 +262,7 @@ impl Expert {
                     }
                 }
             };
-            // This alternative is exhausted; the next one starts afresh.
+            // The alternative is exhausted; start the next one.
             self.plans.pop();
             self.tries = 0;
             if self.plans.is_empty() {
@@ -274,15 +274,15 @@ impl Expert {
         }
     }
 
-    /// Where an object is now, as a place to put it back to.
+    /// Current pose of an object, as a goal for putting it back.
     fn taken_from(&self, scene: &PosedScene, object: usize) -> GoalPose {
         let world_from_object = scene.objects().nth(object).map_or(Pose::IDENTITY, |object| object.pose);
         let bounds = scene.bounds(object).unwrap_or(Aabb::EMPTY);
         GoalPose { world_from_object, support: None, bounds }
     }
 
-    /// How to go on from what there is before the first action: whoever acted before may have left something in the hand.
-    /// What is wanted elsewhere is then carried on, and everything else put back to where it stood at the start.
+    /// Initial phase: an earlier policy may have left an object in the gripper. It is carried on if the next move is
+    /// about it, otherwise put back at its initial pose.
     fn take_over(&mut self, scene: &PosedScene, truth: &PrivilegedState, width: f64) -> Phase {
         let Some(held) = truth.grasped else { return Phase::Free };
         let step = self.next_move(scene).filter(|step| step.object == held && step.state().is_none());
@@ -297,7 +297,7 @@ impl Expert {
         &mut self,
         scene: &PosedScene,
         truth: &PrivilegedState,
-        hand: &Hand,
+        hand: &ArmState,
         step: &Move,
         taken_from: &GoalPose,
     ) -> Result<ActionChunk, PolicyError> {
@@ -315,14 +315,14 @@ impl Expert {
             place::put_back(self, scene, step.object, taken_from, hand, seed)
         } else {
             place::plan(self, scene, step, hand, seed).or_else(|failure| {
-                // Put it back rather than drop it, and try another way.
+                // Put the object back rather than drop it, and retry.
                 self.last_failure = Some(failure);
                 place::put_back(self, scene, step.object, taken_from, hand, seed)
             })
         };
         match planned {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
-            // It was taken over where nothing can be done with it: it falls, and is taken as it then lies.
+            // After a takeover in a pose without a plan: drop the object and pick it up as it lies.
             Err(_) if self.picks == 0 => {
                 let actions = commands::fingers(&hand.arm, hand.hold_width, hand.open_width, self.settings.open_steps);
                 Ok(ActionChunk { actions, finished: false })
@@ -334,7 +334,7 @@ impl Expert {
     fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
         let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
-        // The fingers open at home, where nothing is in their way.
+        // The gripper opens at home, where it has clearance.
         let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
@@ -347,18 +347,18 @@ impl Expert {
         }
     }
 
-    /// A free motion of the empty hand during which the fingers go to another opening; when there is no room for
-    /// that on the way, they do so first.
+    /// Free motion of the empty gripper during which its opening changes; it changes before the motion if there is no
+    /// clearance.
     fn reach(&self, world: &CollisionWorld, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
         let nothing = Allowed::none();
-        let room = |width: f64| {
+        let has_clearance = |width: f64| {
             let around = PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
             let checker = self.planner.checker(&around, 0.0);
-            path.states(ROOM_STEP_RAD).iter().all(|state| checker.is_free(state))
+            path.states(CLEARANCE_STEP_RAD).iter().all(|state| checker.is_free(state))
         };
         let steps = ((from - to).abs() / self.settings.fingers_m_s * self.stage.control_rate_hz()).ceil() as usize;
         let mut commands = Vec::new();
-        if steps > 1 && !(room(from) && room(0.5 * (from + to))) {
+        if steps > 1 && !(has_clearance(from) && has_clearance(0.5 * (from + to))) {
             commands.extend(commands::fingers(path.start(), from, to, 2 * steps));
         }
         commands.extend(commands::follow(&self.planner, path, to, self.settings.empty_speed));
@@ -369,14 +369,14 @@ impl Expert {
 
 impl Policy for Expert {
     fn spec(&self) -> PolicySpec {
-        let cameras = self.seeing.as_ref().map_or_else(Vec::new, |_| seen::cameras(&self.stage.scenario));
+        let cameras = self.grasp_proposer.as_ref().map_or_else(Vec::new, |_| seen::cameras(&self.stage.scenario));
         PolicySpec { privileged: true, cameras, ..PolicySpec::native("expert", 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
         self.seed = start.seed;
-        // Drawn from the seed, so that demonstrations of a disjunction show all its ways.
+        // Shuffled by the seed, so that demonstrations of a disjunction cover all its alternatives.
         self.plans = moves(&self.stage.goal, self.stage.start());
         self.plans.shuffle(&mut start.seed.fork("alternative").rng());
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
@@ -404,7 +404,7 @@ impl Policy for Expert {
         let phase = std::mem::replace(&mut self.phase, Phase::Free);
         let phase = if matches!(phase, Phase::Beginning) { self.take_over(&scene, &truth, width) } else { phase };
         match phase {
-            // What rolls or rocks is not where it will be.
+            // Wait for objects that roll or rock.
             Phase::Beginning | Phase::Free if moving && self.waits < self.settings.longest_wait => {
                 self.waits += 1;
                 let width = self.stage.robot.gripper.max_width.min(width);
@@ -412,7 +412,7 @@ impl Policy for Expert {
             }
             Phase::Beginning | Phase::Free => self.next(observation, &scene, arm, width),
             Phase::Picked { step, open_width, hold_width, taken_from } => {
-                let hand = Hand { arm: arm.to_vec(), width, open_width, hold_width };
+                let hand = ArmState { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)
             }
             Phase::Turning(mut turning) => {

@@ -1,4 +1,4 @@
-//! Picking: a grasp that can be reached, that also works where the object is to go, and the motions to take it.
+//! Picking: selects a reachable grasp that is also feasible at the goal, and plans the motions.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
@@ -13,15 +13,15 @@ use super::Expert;
 
 /// A planned pick.
 pub(super) struct Pick {
-    /// Approach, close, lift.
+    /// Commands for approach, closing and lift.
     pub commands: Vec<Vec<f32>>,
-    /// Opening with which the hand approaches and later lets go, metres.
+    /// Gripper opening of the approach and the release, metres.
     pub open_width: f64,
-    /// Width commanded while holding, metres: narrower than the object, so that the drive presses.
+    /// Gripper opening commanded while holding, metres: narrower than the object, so that the drive presses.
     pub hold_width: f64,
 }
 
-/// Plans a pick, or says what stood in the way; with grasps from images (object frame, best first), among these alone.
+/// Plans a pick; `seen` restricts it to grasps from images (object frame, best first).
 pub(super) fn plan(
     expert: &Expert,
     scene: &PosedScene,
@@ -54,7 +54,7 @@ pub(super) fn plan(
         settings: &settings.feasibility,
     };
     let at = |settings| feasible(expert, scene, step.object, &PickQuery { settings, ..query }, seen.as_deref(), seed);
-    // Flat things can only be taken with the fingers close above the table.
+    // Flat objects can only be picked with the fingers close to the table.
     let grasps = at(&settings.feasibility).or_else(|_| at(&tight))?;
     let mut problem = None;
     for grasp in &grasps {
@@ -75,7 +75,7 @@ pub(super) fn plan(
     Err(Failure { cause: FailureCause::Planning, evidence })
 }
 
-/// Grasps, best first, that the arm can carry out here and let go of at some goal pose; or why there are none.
+/// Grasps, best first, that are feasible at the object's pose and at some goal pose; or the reason why there are none.
 fn feasible(
     expert: &Expert,
     scene: &PosedScene,
@@ -89,9 +89,9 @@ fn feasible(
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
     let known = match seen {
         Some(seen) => seen.to_vec(),
-        None => obstacles::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?,
+        None => obstacles::tried_grasps(planner, scene, object, expert.precomputed_grasps(object)).map_err(flawed)?,
     };
-    // What has no volume has no grasps.
+    // An object without volume has no grasps.
     let generated = || match seen {
         Some(_) => Vec::new(),
         None => obstacles::generated_grasps(planner, scene, object, seed).unwrap_or_default(),
@@ -106,12 +106,12 @@ fn feasible(
     if grasps.is_empty() {
         return Err(no_grasp(name, &search.rejections()));
     }
-    // Rather a worse grasp than a long fall.
+    // Prefer a worse grasp over a long drop.
     grasps.sort_by_key(|grasp| grasp.release_height_m.is_some_and(|height_m| height_m > settings.max_open_release_m));
     Ok(grasps)
 }
 
-/// Why no grasp of an object can be carried out.
+/// Failure with the rejection counts of an object's grasps.
 fn no_grasp(name: &str, rejections: &GraspRejections) -> Failure {
     let (out_of_reach, blocked, no_use) = (rejections.out_of_reach, rejections.blocked_count(), rejections.no_use);
     let cause = if out_of_reach >= blocked + no_use { FailureCause::NoIk } else { FailureCause::NoGrasp };
@@ -125,7 +125,7 @@ fn no_grasp(name: &str, rejections: &GraspRejections) -> Failure {
     Failure { cause, evidence }
 }
 
-/// Free motion to the approach, straight in, close, straight up.
+/// Free motion to the pregrasp pose, straight approach, closing, straight lift.
 fn commands(
     expert: &Expert,
     query: &PickQuery,
@@ -146,7 +146,7 @@ fn commands(
     commands
 }
 
-/// Direction in which the hand moves towards what it grasps.
+/// Approach direction of the gripper.
 pub(super) fn grasp_direction(world_from_tcp: &Pose) -> DVec3 {
     world_from_tcp.transform_vector(DVec3::Z)
 }

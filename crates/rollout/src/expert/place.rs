@@ -1,4 +1,4 @@
-//! Placing: carrying what is in the hand to where its conditions hold, letting go, backing off.
+//! Placing: carries the held object to a pose where its conditions hold, releases it and retreats.
 
 use genmanip_core::{Failure, FailureCause, Piece, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, obstacles};
@@ -6,31 +6,31 @@ use genmanip_motion::commands;
 use genmanip_motion::{CollisionWorld, PlaceGoal, PlaceQuery, Release};
 use genmanip_relations::PosedScene;
 
-use super::{Expert, Hand};
+use super::{ArmState, Expert};
 
-/// Height above a goal pose which the hand must get to for its motions to be planned at all, metres: chosen in the
-/// lower part of the release heights.
+/// Height above a goal pose that must be reachable for motions to be planned at all, metres: chosen in the lower part
+/// of the release heights.
 const GOAL_HEIGHT_M: f64 = 0.01;
 
-/// What is in the hand, and what it must not touch.
+/// The held object and its obstacles.
 struct Held<'a> {
     /// Index of the object.
     object: usize,
-    /// Its name among the obstacles.
+    /// Its name in the collision world.
     name: &'a str,
     pieces: Vec<Piece>,
-    /// How it sits in the hand, whatever the grasp was planned to be.
+    /// Actual pose in the gripper, independent of the planned grasp.
     tcp_from_object: Pose,
-    /// Everything but the object.
+    /// Obstacles: everything except the object.
     world: CollisionWorld,
 }
 
-/// Carries the held object to a place where every atom of the move holds.
+/// Carries the held object to a pose where all conditions of the move hold.
 pub(super) fn plan(
     expert: &Expert,
     scene: &PosedScene,
     step: &Move,
-    hand: &Hand,
+    hand: &ArmState,
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, Failure> {
     let held = Held::of(expert, scene, step.object, hand);
@@ -45,13 +45,13 @@ pub(super) fn plan(
     toward(expert, scene, &held, hand, &goals, seed)
 }
 
-/// Puts the held object back where it was taken from.
+/// Puts the held object back at `taken_from`.
 pub(super) fn put_back(
     expert: &Expert,
     scene: &PosedScene,
     object: usize,
     taken_from: &GoalPose,
-    hand: &Hand,
+    hand: &ArmState,
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, Failure> {
     let held = Held::of(expert, scene, object, hand);
@@ -62,7 +62,7 @@ fn toward(
     expert: &Expert,
     scene: &PosedScene,
     held: &Held,
-    hand: &Hand,
+    hand: &ArmState,
     goals: &[GoalPose],
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, Failure> {
@@ -76,8 +76,8 @@ fn toward(
     })
 }
 
-/// Free motion to above the place, straight down, let go, back off.
-fn commands(expert: &Expert, hand: &Hand, release: &Release) -> Vec<Vec<f32>> {
+/// Free motion to above the goal, straight lowering, release, retreat.
+fn commands(expert: &Expert, hand: &ArmState, release: &Release) -> Vec<Vec<f32>> {
     let (planner, settings) = (&expert.planner, &expert.settings);
     let Release { carry, lower, retreat } = release;
     let mut commands = commands::follow(planner, carry, hand.hold_width, settings.loaded_speed);
@@ -89,7 +89,7 @@ fn commands(expert: &Expert, hand: &Hand, release: &Release) -> Vec<Vec<f32>> {
 }
 
 impl<'a> Held<'a> {
-    fn of(expert: &Expert, scene: &'a PosedScene, object: usize, hand: &Hand) -> Self {
+    fn of(expert: &Expert, scene: &'a PosedScene, object: usize, hand: &ArmState) -> Self {
         let posed = scene.objects().nth(object);
         let world_from_tcp = expert.planner.tcp_pose(&hand.arm);
         Self {
@@ -101,7 +101,7 @@ impl<'a> Held<'a> {
         }
     }
 
-    fn query<'q>(&'q self, expert: &'q Expert, hand: &'q Hand) -> PlaceQuery<'q> {
+    fn query<'q>(&'q self, expert: &'q Expert, hand: &'q ArmState) -> PlaceQuery<'q> {
         PlaceQuery {
             planner: &expert.planner,
             world: &self.world,

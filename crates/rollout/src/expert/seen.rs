@@ -1,7 +1,7 @@
-//! Grasps from what cameras see of an object, in place of those from its geometry.
+//! Grasps proposed from camera images instead of geometry.
 //!
-//! Which points are the object's is the simulator's truth, as in GenManip (Gao et al., CVPR 2025), whose demonstrations
-//! crop the target from the rendered RGB-D image and ask AnyGrasp about it.
+//! The object's points are segmented by simulator ground truth, as in GenManip (Gao et al., CVPR 2025), whose
+//! demonstrations crop the target from the rendered RGB-D image and query AnyGrasp.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{
@@ -9,48 +9,48 @@ use genmanip_core::{
 };
 use genmanip_render::FIRST_OBJECT;
 
-/// What all fixed cameras see of an object and around it; world frame, metres.
+/// Points of an object and its surroundings seen by all fixed cameras; world frame, metres.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SeenObject {
+pub struct ObservedObject {
     /// Points on the object.
     pub points: Vec<DVec3>,
-    /// Points of everything else, the arm apart.
+    /// Points of everything else except the arm and the table.
     pub scene: Vec<DVec3>,
-    /// The camera that saw most of it; x right, y down, z forward.
+    /// Pose of the camera with the most points on it; x right, y down, z forward.
     pub world_from_camera: Pose,
-    /// Where all cameras are that saw it.
-    pub eyes: Vec<DVec3>,
-    /// World z of what it stands on.
+    /// Positions of all cameras that see it.
+    pub camera_positions: Vec<DVec3>,
+    /// Height of its support, world z.
     pub table_height: f64,
 }
 
-/// Anything that proposes grasps of what is seen.
-pub trait SeenGrasps: Send + Sync {
-    /// Grasps in the world frame, best first; an object that no grasp fits has none.
+/// Proposes grasps of an observed object.
+pub trait GraspProposer: Send + Sync {
+    /// Grasps in the world frame, best first; empty if there are none.
     ///
     /// # Errors
-    /// [`PolicyError::Unreachable`] where a service does not answer: the attempt is then no failure.
-    fn grasps(&self, seen: &SeenObject) -> Result<Vec<Grasp>, PolicyError>;
+    /// [`PolicyError::Unreachable`] if a service does not answer: the attempt then does not count as failed.
+    fn grasps(&self, seen: &ObservedObject) -> Result<Vec<Grasp>, PolicyError>;
 }
 
-/// What the expert must be shown: points and ids of every camera that is fixed in the world.
+/// Camera requests of the expert: points and ids of every camera fixed in the world.
 pub(super) fn cameras(scenario: &Scenario) -> Vec<CameraRequest> {
     let channels = ImageChannels { rgb: false, depth: true, ids: true, normals: false, points: true };
     let fixed = scenario.world.cameras.iter().filter(|camera| camera.mount == CameraMount::World);
     fixed.map(|camera| CameraRequest::new(&camera.name, channels)).collect()
 }
 
-/// What the images of an observation show of an object that stands at a height.
-pub(super) fn seen(observation: &Observation, object: usize, table_height: f64) -> SeenObject {
+/// Extracts an object from the images of an observation.
+pub(super) fn observe_object(observation: &Observation, object: usize, table_height: f64) -> ObservedObject {
     let wanted = u16::try_from(object).unwrap_or(u16::MAX).saturating_add(FIRST_OBJECT);
-    let mut seen = SeenObject { table_height, ..SeenObject::default() };
+    let mut seen = ObservedObject { table_height, ..ObservedObject::default() };
     let mut most = 0;
     for image in observation.images.values() {
         let before = seen.points.len();
         add(&mut seen, image, wanted);
         let own = seen.points.len() - before;
         if own > 0 {
-            seen.eyes.push(image.world_from_camera.position);
+            seen.camera_positions.push(image.world_from_camera.position);
         }
         if own > most {
             (most, seen.world_from_camera) = (own, image.world_from_camera);
@@ -59,13 +59,13 @@ pub(super) fn seen(observation: &Observation, object: usize, table_height: f64) 
     seen
 }
 
-fn add(seen: &mut SeenObject, image: &RgbdImage, wanted: u16) {
+fn add(seen: &mut ObservedObject, image: &RgbdImage, wanted: u16) {
     for (point, id) in image.points_m.iter().zip(&image.ids) {
         let point = DVec3::from(point.map(f64::from));
         match *id {
             _ if !point.is_finite() => {}
             id if id == wanted => seen.points.push(point),
-            // What is below are nothing, the table and the arm, which is moving and is planned around anyway.
+            // Lower ids are background, table and the arm, which moves and is planned around anyway.
             id if id >= FIRST_OBJECT => seen.scene.push(point),
             _ => {}
         }
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_are_told_apart_by_ids_and_joined_over_cameras() {
+    fn points_are_segmented_by_ids_and_merged_over_cameras() {
         let image = |x: f64, ids: &[u16], points: &[[f32; 3]]| {
             let eye = Pose { position: DVec3::new(x, 0.0, 1.0), ..Pose::IDENTITY };
             let intrinsics = Intrinsics::from_vertical_fov(ids.len() as u32, 1, 0.5);
@@ -98,10 +98,10 @@ mod tests {
         ];
         let images = images.into_iter().map(|(name, image)| (name, Arc::new(image))).collect();
         let observation = Observation { time_s: 0.0, state: BTreeMap::new(), images, privileged: None };
-        let seen = seen(&observation, 1, 0.02);
+        let seen = observe_object(&observation, 1, 0.02);
         let xs = |points: &[DVec3]| points.iter().map(|point| (point.x * 10.0).round()).collect::<Vec<_>>();
         assert_eq!((xs(&seen.points), xs(&seen.scene)), (vec![1.0, 4.0, 5.0], vec![2.0]));
-        assert_eq!((xs(&seen.eyes), seen.world_from_camera.position.x), (vec![10.0, 20.0], 2.0));
+        assert_eq!((xs(&seen.camera_positions), seen.world_from_camera.position.x), (vec![10.0, 20.0], 2.0));
         assert_eq!(seen.table_height, 0.02);
     }
 }

@@ -1,59 +1,60 @@
-//! Every default of the expert on one screen.
+//! Defaults of the expert.
 //!
-//! "Chosen" means: by hand, tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
+//! "Chosen" values were set by hand, tried on demonstrations of the example tasks and kept if failures decreased; they
+//! are not fitted.
 
 use genmanip_layout::GoalPoseSettings;
 use genmanip_layout::articulation::JointSettings;
 use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
-/// How the expert searches and moves.
+/// Settings of the expert's search and motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExpertSettings {
-    /// Goal poses.
+    /// Search for goal poses.
     pub goal_pose: GoalPoseSettings,
-    /// Grasps, and the motions to take and place an object.
+    /// Selection of grasps, and motions to pick and place an object.
     pub feasibility: FeasibilitySettings,
-    /// Contacts with joints and how they are followed.
+    /// Contacts with joints and the motions along them.
     pub joint: JointSettings,
-    /// Greatest speed of the hand while it moves a joint, m/s.
+    /// Maximum speed of the gripper while it moves a joint, m/s.
     pub joint_speed: f64,
-    /// Control steps after which the way of a joint is looked at.
+    /// Control steps between checks of a joint motion.
     pub joint_steps: usize,
-    /// How far the hand may lag behind its command before the motion of a joint is broken off, metres;
-    /// with the arm's stiffness this limits the force.
+    /// Maximum distance by which the gripper may lag behind its command before a joint motion is aborted, metres; with
+    /// the arm's stiffness this limits the force.
     pub joint_lag_m: f64,
-    /// Grasp candidates looked at per pick.
+    /// Maximum grasp candidates evaluated per pick.
     pub grasps: usize,
-    /// Picks tried per move before the expert gives up.
+    /// Maximum picks per move before the expert gives up.
     pub tries_per_move: usize,
-    /// Distance the robot makes do with where it takes an object when no grasp keeps `feasibility.clearance_m`, metres.
+    /// Clearance at the pick if no grasp keeps `feasibility.clearance_m`, metres.
     pub tight_clearance_m: f64,
-    /// How much narrower than the object the width is that is commanded while holding, metres;
-    /// the less, the sooner the fingers let go.
+    /// Difference between the object's width and the width commanded while holding, metres; the smaller it is, the
+    /// sooner the fingers release.
     pub squeeze_m: f64,
-    /// Greatest release height for objects that are set down on something open, metres; hollows allow all heights.
+    /// Maximum release height above open surfaces, metres; cavities allow any height.
     pub max_open_release_m: f64,
-    /// Height above the rim of what receives an object from which it is lowered, metres.
+    /// Height above the rim of the receiving object from which an object is lowered, metres.
     pub rim_clearance_m: f64,
-    /// Share of the robot's speed and acceleration limits with an empty hand.
+    /// Share of the robot's velocity and acceleration limits with an empty gripper.
     pub empty_speed: f64,
-    /// Share of the robot's speed and acceleration limits with something in the hand.
+    /// Share of the robot's velocity and acceleration limits with a held object.
     pub loaded_speed: f64,
     /// Share for straight approach, lift, lowering and retreat.
     pub careful_speed: f64,
-    /// Control steps for closing the fingers and building up the grip.
+    /// Control steps for closing the gripper and building up force.
     pub close_steps: usize,
-    /// Control steps for opening the fingers.
+    /// Control steps for opening the gripper.
     pub open_steps: usize,
-    /// How fast the opening surely changes, m/s.
+    /// Guaranteed rate of change of the gripper opening, m/s.
     pub fingers_m_s: f64,
-    /// Above this speed an object is not at rest yet, m/s.
+    /// Maximum speed of an object at rest, m/s.
     pub rest_speed: f64,
-    /// How often the expert waits `rest_steps` for things to come to rest before it picks all the same.
+    /// Maximum waits of `rest_steps` for objects to come to rest before a pick.
     pub longest_wait: usize,
-    /// Control steps to wait for the arm to come to rest before the fingers move.
+    /// Control steps for the arm to come to rest before the gripper moves.
     pub rest_steps: usize,
 }
 
@@ -63,37 +64,37 @@ impl Default for ExpertSettings {
             goal_pose: GoalPoseSettings::default(),
             feasibility: FeasibilitySettings::default(),
             joint: JointSettings::default(),
-            // Chosen: doors and drawers are not thrown open.
+            // Chosen: avoids swinging doors and drawers open.
             joint_speed: 0.15,
             // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             joint_steps: 6,
-            // Chosen, on joints that something held back.
+            // Chosen on blocked joints.
             joint_lag_m: 0.004,
-            // All that were tried beforehand (24 at most per object) and most of `GraspSettings::max_candidates` (64).
+            // All precomputed grasps (24 at most per object) and most of `GraspSettings::max_candidates` (64).
             grasps: 80,
-            // Chosen: what failed four times failed again.
+            // Chosen: what failed four times kept failing.
             tries_per_move: 4,
-            // Chosen, for flat things, which the fingers take close above the table.
+            // Chosen, for flat objects, which are grasped close to the table.
             tight_clearance_m: 0.001,
-            // Chosen: about twice `grip_force_n / grip_kp` (8 mm), at which the drive presses with all its force.
+            // Chosen: about twice `grip_force_n / grip_kp` (8 mm), at which the drive presses with full force.
             squeeze_m: 0.015,
-            // Chosen: from higher up things on an open surface tip over or roll.
+            // Chosen: dropped from higher up, objects on an open surface topple or roll.
             max_open_release_m: 0.015,
-            // Chosen: room for what hangs askew in the hand.
+            // Chosen: clearance for objects that hang askew in the gripper.
             rim_clearance_m: 0.03,
-            // Chosen: brisk where nothing can happen, slower where something could slip, slowest beside things.
+            // Chosen: fast in free space, slower with a held object, slowest near objects.
             empty_speed: 0.9,
             loaded_speed: 0.65,
             careful_speed: 0.5,
-            // 0.6 s, of which the first half closes and the second builds up the grip; chosen.
+            // 0.6 s, the first half to close and the second to build up force; chosen.
             close_steps: 36,
-            // As long as closing, so that fingers that pressed have let go before the hand leaves.
+            // As long as closing, so that the fingers have released before the gripper leaves.
             open_steps: 36,
-            // Two fingers at 5 cm/s each, as in the Franka Hand's data sheet, less a fifth for starting.
+            // Two fingers at 5 cm/s each according to the Franka Hand's data sheet, less a fifth for acceleration.
             fingers_m_s: 0.08,
-            // Half of `RolloutSettings::rest_speed`, so that the judge will call it at rest, too.
+            // Half of `RolloutSettings::rest_speed`, so that the judge agrees.
             rest_speed: 0.01,
-            // Two seconds with `rest_steps`: as long as a layout settles at most (`LayoutSettings::settle_s`).
+            // Two seconds with `rest_steps`: the maximum settling time of a layout (`LayoutSettings::settle_s`).
             longest_wait: 20,
             // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             rest_steps: 6,

@@ -1,4 +1,4 @@
-//! The arm carries a grasp out: in, close, lift, shake, hold.
+//! Execution of a grasp by the arm: approach, close, lift, shake, hold.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -13,79 +13,78 @@ use genmanip_sim::{Scene, Sim};
 use rand::RngExt;
 use serde::Serialize;
 
-use super::{GraspTrials, Pick, Table, TrialError, Tried};
+use super::{ExecutedGrasp, GraspTrials, Pick, Table, TrialError};
 
-/// The straight way in, m: the hand is clear of the thing before it, and no arm posture is lost for it.
+/// Length of the straight approach, m: clears the object before it, and costs no arm postures.
 const APPROACH_M: f64 = 0.1;
-/// Height of the lift, m: room for shaking with a thing as long as the hand is wide hanging from it.
+/// Height of the lift, m: clearance for shaking an object as long as the gripper is wide that hangs down.
 const LIFT_M: f64 = 0.18;
-/// A thing whose centre of mass has risen less at the end is not lifted, m; what is held at one end sags by up to half
-/// its length.
+/// Minimum rise of the centre of mass to count as lifted, m; an object held at one end sags by up to half its length.
 const LIFTED_M: f64 = 0.1;
-/// Control steps (60 Hz) of each phase: 1.2 s for the approach and 1.4 s for the lift, so that the hand accelerates by
-/// less than 0.6 m/s²; 1.1 s for the fingers, which travel from 8 cm to 0 in 0.8 s and then build up force; 1 s at rest.
+/// Control steps (60 Hz) of each phase: 1.2 s for the approach and 1.4 s for the lift, so that the gripper accelerates
+/// by less than 0.6 m/s²; 1.1 s for closing, of which the travel from 8 cm to 0 takes 0.8 s; 1 s of holding.
 const APPROACH_STEPS: usize = 72;
 const CLOSE_STEPS: usize = 66;
 const LIFT_STEPS: usize = 84;
 const HOLD_STEPS: usize = 60;
-/// Control steps before the fingers move, for the arm to catch up: 0.2 s are several time constants of its drives.
+/// Control steps before the gripper moves, for the arm to catch up: 0.2 s are several time constants of its drives.
 const REST_STEPS: usize = 12;
-/// How fast the opening changes, m/s: two fingers at 5 cm/s each, as in the Franka Hand's data sheet.
+/// Rate of change of the gripper opening, m/s: two fingers at 5 cm/s each according to the Franka Hand's data sheet.
 const FINGERS_M_S: f64 = 0.1;
-/// Control steps per second.
+/// Control rate, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Arm configurations tried per grasp: the nearest to home.
+/// Number of arm configurations tried per grasp, nearest to home first.
 const CONFIGURATIONS: usize = 4;
 /// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
-/// which is about what the arm's wrist can do.
+/// which is about the limit of the arm's wrist.
 const SHAKE_STEPS: usize = 60;
 const SHAKE_PERIODS: f64 = 2.0;
 const SHAKE_M: f64 = 0.03;
 const TURN_PERIODS: f64 = 1.0;
 const TURN_RAD: f64 = 0.35;
-/// Largest joint step between two controls, rad: about three times what a joint can do (2.6 rad/s at 60 Hz are 0.044);
-/// beyond, the way leads through a singular posture.
+/// Maximum joint step between two control steps, rad: about three times what a joint can do (2.6 rad/s at 60 Hz are
+/// 0.044); larger steps indicate a singular posture.
 const JOINT_STEP: f64 = 0.12;
 
-/// How a trial ended.
+/// Ending of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// Lifted, shaken, and still in the grip.
+    /// The object was lifted and shaken and is still in the grip.
     Held,
-    /// The sampler had no candidate.
+    /// The sampler found no candidate.
     NoGrasp,
-    /// The arm can carry out none of the candidates.
+    /// No candidate is feasible for the arm.
     OutOfReach,
-    /// The fingers closed on nothing or on something else.
+    /// The gripper closed on nothing or on another object.
     Missed,
-    /// It left the grip while it was lifted.
+    /// The grip was lost during the lift.
     LostInLift,
-    /// It left the grip while it was shaken.
+    /// The grip was lost during the shaking.
     LostInShake,
-    /// It left the grip while it was held still.
+    /// The grip was lost during the hold.
     LostInHold,
-    /// It was in the grip at the end, but not as high as the hand was lifted.
+    /// The object was in the grip at the end, but not lifted enough.
     NotLifted,
 }
 
-/// Where the hand goes after it has closed, as joint positions per control step.
+/// Joint positions per control step of a grasp.
 struct Motion {
     approach: Vec<Vec<f64>>,
     lift: Vec<Vec<f64>>,
     shake: Vec<Vec<f64>>,
 }
 
-/// Carries out the first candidate that the arm can carry out, best first or in a drawn order; its links keep clear of
-/// what was seen of other things.
-pub(super) fn carry_out(
+/// Executes the first feasible candidate, in order of score or in random order; the arm avoids the points of other
+/// objects.
+pub(super) fn execute(
     trials: &GraspTrials,
     table: &Table,
     seen: &[DVec3],
     grasps: &[CloudGrasp],
     pick: Pick,
     seed: Seed,
-) -> Result<(Ending, Option<Tried>), TrialError> {
+) -> Result<(Ending, Option<ExecutedGrasp>), TrialError> {
     let mut order: Vec<usize> = (0..grasps.len()).collect();
     if pick == Pick::Any {
         let mut rng = seed.rng();
@@ -93,9 +92,9 @@ pub(super) fn carry_out(
             order.swap(index, rng.random_range(0..=index));
         }
     }
-    let around = Around::new(table, &trials.world.surfaces, seen);
+    let obstacles = Obstacles::new(table, &trials.world.surfaces, seen);
     let reachable = order.into_iter().find_map(|rank| {
-        let motion = motion(trials, &around, &grasps[rank].grasp)?;
+        let motion = motion(trials, &obstacles, &grasps[rank].grasp)?;
         Some((rank, motion))
     });
     let Some((rank, motion)) = reachable else {
@@ -104,45 +103,45 @@ pub(super) fn carry_out(
     };
     let (ending, final_width) = simulate(trials, table, &motion, grasps[rank].opening)?;
     let CloudGrasp { grasp, features, .. } = &grasps[rank];
-    Ok((ending, Some(Tried { rank, score: grasp.score, width: grasp.width, features: *features, final_width })))
+    Ok((ending, Some(ExecutedGrasp { rank, score: grasp.score, width: grasp.width, features: *features, final_width })))
 }
 
-/// Carries out one grasp (world frame) of the table's first thing; `None` when the arm cannot.
-pub(super) fn carry_out_one(
+/// Executes one grasp (world frame) of the table's first object; `None` if it is not feasible for the arm.
+pub(super) fn execute_one(
     trials: &GraspTrials,
     table: &Table,
     grasp: &Grasp,
     opening: f64,
 ) -> Result<Option<Ending>, TrialError> {
-    let around = Around::new(table, &trials.world.surfaces, &[]);
-    let Some(motion) = motion(trials, &around, grasp) else { return Ok(None) };
+    let obstacles = Obstacles::new(table, &trials.world.surfaces, &[]);
+    let Some(motion) = motion(trials, &obstacles, grasp) else { return Ok(None) };
     Ok(Some(simulate(trials, table, &motion, opening)?.0))
 }
 
-/// What the arm has to avoid.
-struct Around {
-    /// The things as they are: the arm starts where it touches none.
-    things: CollisionWorld,
-    /// What the cameras saw of them.
+/// Obstacles of the arm.
+struct Obstacles {
+    /// Geometry of the objects, which the start configuration must not touch.
+    objects: CollisionWorld,
+    /// Points of the objects seen by the cameras.
     seen: CollisionWorld,
 }
 
-impl Around {
+impl Obstacles {
     fn new(table: &Table, surfaces: &[SupportSurface], points: &[DVec3]) -> Self {
         let mut seen = CollisionWorld::new();
         if !points.is_empty() {
             // A camera's points, which are finite, are always accepted.
             let _ = seen.add_points(SEEN, points, SEEN_RADIUS_M);
         }
-        Self { things: neighbours(table, surfaces), seen }
+        Self { objects: neighbours(table, surfaces), seen }
     }
 }
 
-/// Name and radius of the points that the arm avoids, m.
+/// Name of the points in the collision world, and their radius, m.
 const SEEN: &str = "seen";
 const SEEN_RADIUS_M: f64 = 0.003;
 
-/// Support surfaces and neighbours, for starting the arm where it touches nothing.
+/// Support surfaces and objects, for a collision-free start configuration.
 fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     // A checked world's boxes, finite poses and the models' own pieces are always accepted.
@@ -155,7 +154,7 @@ fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     world
 }
 
-/// What counts as feasible here: the sampler has found room for the hand, so the arm only has to get there.
+/// Feasibility settings: the sampler has checked the clearance of the gripper, so only reachability remains.
 fn feasibility(max_width: f64) -> FeasibilitySettings {
     FeasibilitySettings {
         wanted: usize::MAX,
@@ -164,7 +163,7 @@ fn feasibility(max_width: f64) -> FeasibilitySettings {
         half_turn: HalfTurn::Both,
         clearance_m: 0.0,
         object_clearance_m: None,
-        // The fingers start wide open.
+        // The gripper starts fully open.
         finger_room_m: Some(max_width),
         approach_m: APPROACH_M,
         tests_pregrasp: false,
@@ -174,16 +173,16 @@ fn feasibility(max_width: f64) -> FeasibilitySettings {
     }
 }
 
-/// Joint motions for a grasp or for its half turn; `None` when the arm cannot.
-fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion> {
+/// Joint motions for a grasp or its half turn; `None` if the arm cannot execute it.
+fn motion(trials: &GraspTrials, obstacles: &Obstacles, grasp: &Grasp) -> Option<Motion> {
     let planner = &*trials.planner;
     let wide = planner.gripper().max_width;
     let nothing = Allowed::none();
-    let things = PlanningScene { world: &around.things, attached: None, allowed: &nothing, gripper_width: wide };
-    let start = planner.checker(&things, 0.0);
+    let objects = PlanningScene { world: &obstacles.objects, attached: None, allowed: &nothing, gripper_width: wide };
+    let start = planner.checker(&objects, 0.0);
     let query = PickQuery {
         planner,
-        world: &around.seen,
+        world: &obstacles.seen,
         object: PickedObject { name: SEEN, world_from_object: Pose::IDENTITY, pieces: &[] },
         goals: &[],
         arm: &planner.robot().home,
@@ -205,21 +204,21 @@ fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion
     })
 }
 
-/// From 0 to 1 with speed and acceleration 0 at both ends.
+/// Minimum-jerk profile from 0 to 1.
 fn eased(step: usize, steps: usize) -> f64 {
     let t = step as f64 / steps as f64;
     t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
-/// Back and forth along x, y and z, then turns about the hand's closing axis' neighbours.
+/// Oscillations along x, y and z, then rotations about the tool's x and z axes.
 fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
-    (0..5).flat_map(move |way| {
+    (0..5).flat_map(move |phase| {
         (1..=SHAKE_STEPS).map(move |step| {
             let t = step as f64 / SHAKE_STEPS as f64;
-            let periods = if way < 3 { SHAKE_PERIODS } else { TURN_PERIODS };
+            let periods = if phase < 3 { SHAKE_PERIODS } else { TURN_PERIODS };
             let swing = (TAU * periods * t).sin() * (6.0 * t).min(6.0 * (1.0 - t)).min(1.0);
-            match way {
-                0..=2 => Pose { position: pose.position + DVec3::AXES[way] * (SHAKE_M * swing), ..pose },
+            match phase {
+                0..=2 => Pose { position: pose.position + DVec3::AXES[phase] * (SHAKE_M * swing), ..pose },
                 3 => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(TURN_RAD * swing) },
                 _ => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(TURN_RAD * swing) },
             }
@@ -227,10 +226,10 @@ fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
     })
 }
 
-/// Physics: how it ended, and the opening between the pads at the end.
+/// Simulates the motions: the ending, and the gripper opening at the end.
 ///
-/// It steps the simulation itself: there is no task to judge and nothing to record, the robot starts before the grasp
-/// instead of at home, and a trial is a few hundred steps of which only the last look counts.
+/// Steps the simulation itself: there is no task to judge and nothing to record, the robot starts at the pregrasp pose
+/// instead of at home, and only the final state of a few hundred steps matters.
 fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) -> Result<(Ending, f64), TrialError> {
     let robot = RobotModel { home: motion.approach[0].clone(), ..(*trials.robot).clone() };
     let scene = Arc::new(Scene::compile(&trials.world, &robot, &table.objects())?);
@@ -242,7 +241,7 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
         let command: Vec<f32> = arm.iter().chain([&width]).map(|&value| value as f32).collect();
         Ok(sim.control_step(&command)?.grasped)
     };
-    // The fingers start wide open and take the opening first.
+    // The gripper starts fully open and first closes to the opening.
     let wait = REST_STEPS + ((trials.robot.gripper.max_width - opening) / FINGERS_M_S * RATE_HZ).ceil() as usize;
     for _ in 0..wait {
         drive(&motion.approach[0], opening, &mut sim)?;

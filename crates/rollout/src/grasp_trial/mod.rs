@@ -1,15 +1,13 @@
-//! Grasps tried out: things on a table, a cloud of them, the best grasp, and the real arm's physics to say whether it
-//! holds.
+//! Grasp trials: objects on a table, a point cloud of them, the best grasp, and its physics simulation with the arm.
 //!
-//! The things are instances that no catalogue holds ([`genmanip_assets::variant`]), settled in physics.
-//! The cloud is sampled from their whole surface or rendered with noise; the sampler knows nothing else.
-//! The arm starts behind the grasp, goes in, closes, lifts, shakes and holds; nothing but friction carries the thing.
-//! Truth is used to build the scene, to colour the pixels of the target (its mask), to start the arm out of collision,
-//! and to judge.
+//! The objects are instances outside the catalogue ([`genmanip_assets::variant`]), settled in simulation. The cloud is
+//! sampled from their whole surface or rendered with noise; it is the sampler's only input. The arm starts at the
+//! pregrasp pose, approaches, closes, lifts, shakes and holds; only friction carries the object. Ground truth is used
+//! to build the scene, to segment the target, to start the arm out of collision, and to judge.
 
 mod arm;
+mod robustness;
 mod table;
-mod tried;
 mod view;
 
 use std::sync::Arc;
@@ -22,45 +20,45 @@ use genmanip_sim::SimError;
 use serde::{Deserialize, Serialize};
 
 pub use arm::Ending;
+pub use robustness::{MAX_FAILED_GRASPS, RobustnessSettings, WANTED_GRASPS, robust_grasps, tried_grasps};
 pub use table::Table;
-pub use tried::{LOST, TryingSettings, WANTED, sound_grasps, tried_grasps};
 pub use view::{Cloud, ViewSettings};
 
-/// What is grasped, and among what.
+/// Kind of target and surroundings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// A thing with a body or a rim for the hand, alone.
+    /// An object with a body or a rim to grasp, alone.
     Compact,
-    /// A thing with a handle or shaft, lying flat, alone.
+    /// An object with a handle or shaft, lying flat, alone.
     Utensils,
-    /// A compact thing among seven others.
+    /// A compact object among seven others.
     Clutter,
 }
 
-/// What is seen of it.
+/// Observation of the objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
     /// The whole surface, without noise.
     Full,
-    /// One of the three prompt cameras, drawn by chance, with noise.
+    /// One of the three prompt cameras, chosen at random, with noise.
     One,
     /// The three prompt cameras, fused, with noise.
     Three,
 }
 
-/// Which of the candidates is carried out.
+/// Choice of the candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pick {
-    /// The best one that the arm can carry out.
+    /// The best feasible candidate.
     Best,
-    /// One drawn by chance, for judging the scores.
+    /// A random feasible candidate, to evaluate the scores.
     Any,
 }
 
-/// Everything that trials share.
+/// Data shared by all trials.
 #[derive(Clone)]
 pub struct GraspTrials {
     /// The objects' families.
@@ -71,71 +69,71 @@ pub struct GraspTrials {
     pub robot: Arc<RobotModel>,
     /// Surfaces, physics and cameras.
     pub world: Arc<World>,
-    /// Cameras' noise and resolution.
+    /// Noise and resolution of the cameras.
     pub view: ViewSettings,
 }
 
-/// What came of one trial.
+/// Result of one trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
-    /// Which class.
+    /// Class of the trial.
     pub class: Class,
     /// Name of the family's card.
     pub object: String,
-    /// Things on the table, the target included.
+    /// Number of objects on the table, including the target.
     pub things: usize,
-    /// Points of the target's cloud.
+    /// Number of points of the target.
     pub points: usize,
-    /// Processor time of the sampler as the caller's clock counts, s.
+    /// Processor time of the sampler, measured by the caller's clock, s.
     pub sampler_cpu_s: f64,
     /// Number of candidates.
     pub candidates: usize,
-    /// How it ended.
+    /// Ending of the trial.
     pub ending: Ending,
-    /// The grasp that was carried out, if one was.
-    pub grasp: Option<Tried>,
+    /// The executed grasp, if any.
+    pub grasp: Option<ExecutedGrasp>,
 }
 
-/// A grasp that was carried out.
+/// A grasp that was executed.
 #[derive(Clone, Debug, Serialize)]
-pub struct Tried {
-    /// Its place in the ranking, from 0.
+pub struct ExecutedGrasp {
+    /// Rank among the candidates, from 0.
     pub rank: usize,
-    /// Chance that it holds, as the sampler says.
+    /// Predicted success probability.
     pub score: f64,
-    /// Distance of the contacts, m.
+    /// Distance between the contacts, m.
     pub width: f64,
-    /// What the score is made of.
+    /// Features of the score.
     pub features: Features,
-    /// Opening between the pads at the end, m.
+    /// Gripper opening at the end, m.
     pub final_width: f64,
 }
 
-/// Why a trial could not be made.
+/// Reason why a trial could not be run.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
-    /// Physics refused or diverged.
+    /// The physics engine rejected the scene or diverged.
     #[error(transparent)]
     Sim(#[from] SimError),
     /// An object could not be built.
     #[error(transparent)]
     Asset(#[from] genmanip_assets::AssetError),
-    /// A picture could not be made.
-    #[error("a depth picture of the table failed: {0}")]
+    /// Rendering failed.
+    #[error("rendering a depth image of the table failed: {0}")]
     Render(#[from] genmanip_render::RenderError),
-    /// The object's geometry was refused.
+    /// The object's geometry was rejected.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// The cloud was refused.
+    /// The cloud was rejected.
     #[error(transparent)]
     Cloud(#[from] CloudError),
 }
 
 impl GraspTrials {
-    /// One trial; the same seed gives the same trial. `clock` counts processor time in seconds.
+    /// Runs one trial; deterministic for a seed. `clock` measures processor time in seconds.
     ///
     /// # Errors
-    /// A scene, picture or simulation that cannot be made; a cloud that is refused counts as a trial without grasp.
+    /// If the scene, images or simulation fail; a rejected cloud counts as a trial without grasp.
     pub fn run(
         &self,
         class: Class,
@@ -153,11 +151,11 @@ impl GraspTrials {
         let sampler_cpu_s = clock() - start;
         let grasps = match grasps {
             Ok(grasps) => grasps,
-            // So little is seen of it that nothing can be said.
+            // Too few points are visible to find grasps.
             Err(CloudError::Empty | CloudError::TooFew { .. } | CloudError::NoExtent { .. }) => Vec::new(),
             Err(error) => return Err(error.into()),
         };
-        let (ending, grasp) = arm::carry_out(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;
+        let (ending, grasp) = arm::execute(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;
         Ok(Trial {
             class,
             object: table.models[0].card.name.clone(),

@@ -1,4 +1,4 @@
-//! A table with things on it that no catalogue holds, at rest.
+//! A table with objects outside the catalogue, at rest.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -11,40 +11,40 @@ use rand::RngExt;
 
 use super::{Class, TrialError};
 
-/// Categories of the cards that are held by a handle or shaft and lie flat.
+/// Categories of cards that are grasped by a handle or shaft and lie flat.
 pub(super) const UTENSILS: [&str; 9] =
     ["spoon", "fork", "spatula", "ladle", "pan", "pen", "hammer", "screwdriver", "wrench"];
 
-/// Where the target stands, and how far it may be off, m: chosen in the middle of what the arm reaches from all sides.
+/// Mean position of the target and its spread, m: chosen in the middle of the area the arm reaches from all sides.
 const MIDDLE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 const SPREAD_M: f64 = 0.05;
-/// Things in clutter, and how far from the middle they may stand, m: chosen so that most stand within a hand's breadth
-/// of another.
+/// Number of objects in clutter, and their spread around the mean position, m: chosen so that most are within the width
+/// of the gripper of another.
 const CLUTTER: usize = 8;
 const CLUTTER_SPREAD_M: f64 = 0.17;
-/// Least distance between the bounding circles' sum and a place in clutter: some overlap of the circles is allowed, m;
-/// chosen.
+/// Minimum distance of the reduced bounding circles in clutter, m; chosen.
 const NEAR_M: f64 = 0.01;
-/// Places drawn per thing before it is left out, and after how many the area grows by a quarter: chosen, so that the last
-/// are drawn from twice the area's width.
+/// Maximum positions sampled per object before it is omitted, and number of samples after which the area grows by a
+/// quarter: chosen so that the last ones are sampled from twice the width.
 const DRAWS: u32 = 2000;
 const DRAWS_PER_AREA: u32 = 400;
-/// Height from which things are let down, m: chosen to be more than rounding and less than a bounce.
+/// Drop height of the objects, m: chosen above rounding errors and below a bounce.
 const DROP_M: f64 = 0.001;
-/// Longest settling, simulated seconds: chosen, twice that of a layout, since these things start with gaps below them.
+/// Maximum settling time, simulated seconds: chosen, twice that of a layout, since these objects start with gaps below
+/// them.
 const SETTLE_S: f64 = 4.0;
 
-/// Things at rest; the first one is the target.
+/// Objects at rest; the first one is the target.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// The things.
+    /// The objects.
     pub models: Vec<Arc<ObjectModel>>,
-    /// `world_from_object` of each.
+    /// Poses `world_from_object`.
     pub poses: Vec<Pose>,
 }
 
 impl Table {
-    /// Draws the things of a class and lets them come to rest.
+    /// Samples the objects of a class and settles them.
     pub(super) fn settled(catalogue: &Catalogue, class: Class, world: &World, seed: Seed) -> Result<Self, TrialError> {
         let graspable = |card: &&ObjectCard| card.can_grasp && !card.is_articulated;
         let is_utensil = |card: &ObjectCard| UTENSILS.contains(&card.category.as_str());
@@ -70,7 +70,7 @@ impl Table {
         Ok(table)
     }
 
-    /// One thing upright at the usual place, at rest.
+    /// A single upright object at the mean position, at rest.
     pub(super) fn with_one(model: Arc<ObjectModel>, world: &World) -> Result<Self, TrialError> {
         let mut table = Self { models: vec![model], poses: vec![Pose::from_position(MIDDLE + DVec3::Z * DROP_M)] };
         table.settle(world)?;
@@ -85,7 +85,7 @@ impl Table {
         Ok(())
     }
 
-    /// The things as the simulator wants them.
+    /// The objects as simulation input.
     pub(super) fn objects(&self) -> Vec<SceneObject> {
         self.models
             .iter()
@@ -102,14 +102,14 @@ impl Table {
     }
 }
 
-/// Upright places with any yaw; the target near the middle, the others ever farther from it until there is room.
+/// Upright poses with random yaw; the target near the mean position, the others at increasing distances until they fit.
 fn places(models: &[Arc<ObjectModel>], seed: Seed) -> Vec<Pose> {
     let mut rng = seed.rng();
     let radius = |model: &ObjectModel| model.card.size_m.x.hypot(model.card.size_m.y) / 2.0;
     let mut placed: Vec<(Pose, f64)> = Vec::new();
     for model in models {
         let spread = if placed.is_empty() { SPREAD_M } else { CLUTTER_SPREAD_M };
-        // Bounding circles of long things are generous: let them overlap by a third.
+        // Bounding circles of long objects are conservative: let them overlap by a third.
         let reach = 0.5 * radius(model) + 0.25 * model.card.size_m.x.min(model.card.size_m.y);
         for draw in 0..DRAWS {
             let wider = 1.0 + f64::from(draw / DRAWS_PER_AREA) * 0.25;

@@ -1,4 +1,4 @@
-//! Clouds of a table: its whole surface, or what depth cameras see of it.
+//! Point clouds of a table: of the whole surface, or as seen by depth cameras.
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, ObjectModel, Pose, Seed, World};
@@ -12,54 +12,54 @@ use super::{Table, TrialError, View};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ViewSettings {
-    /// Pixels per row and rows of the prompt cameras.
+    /// Width and height of the prompt cameras' images, pixels.
     pub resolution: [u32; 2],
-    /// Standard deviation of the depth at 1 m, m; it grows with the square of the distance.
+    /// Standard deviation of the depth at 1 m, m; proportional to the squared distance.
     pub noise_m: f64,
-    /// Share of pixels lost beside an edge: another thing or a jump of more than `edge_m` within one pixel.
+    /// Share of pixels lost at edges: next to another object or a depth step above `edge_m`.
     pub edge_dropout: f64,
     /// See `edge_dropout`, m.
     pub edge_m: f64,
     /// Share of other pixels lost.
     pub dropout: f64,
-    /// Points of the target kept, evenly thinned.
+    /// Maximum points of the target, evenly subsampled.
     pub points: usize,
-    /// Points of everything else kept.
+    /// Maximum points of everything else.
     pub scene_points: usize,
 }
 
 impl Default for ViewSettings {
     fn default() -> Self {
         Self {
-            // That of prompt images in the paper.
+            // That of the prompt images in the GenManip paper.
             resolution: [1280, 720],
             // Chosen: a good short-range depth camera; earlier experiments with one and three views used the same.
             noise_m: 0.0005,
-            // Chosen: cameras lose most where a pixel sees two things.
+            // Chosen: cameras lose most where a pixel covers two objects.
             edge_dropout: 0.5,
             edge_m: 0.01,
-            // Chosen: single holes everywhere, as such cameras have them.
+            // Chosen: isolated holes everywhere, as such cameras have.
             dropout: 0.02,
-            // Chosen: twice what the sampler keeps after thinning (`CloudSettings::most_points`).
+            // Chosen: twice what the sampler keeps after subsampling (`CloudSettings::most_points`).
             points: 4000,
-            // Chosen: the neighbours together are seen as densely as the target.
+            // Chosen: the same density for the neighbours together as for the target.
             scene_points: 8000,
         }
     }
 }
 
-/// What the sampler gets.
+/// Input of the grasp sampler.
 #[derive(Clone, Debug, Default)]
 pub struct Cloud {
-    /// On the target, world frame.
+    /// Points on the target, world frame.
     pub points: Vec<DVec3>,
-    /// On all other things.
+    /// Points on all other objects.
     pub scene: Vec<DVec3>,
-    /// Where the cameras were; none for the whole surface.
+    /// Camera positions; none for the whole surface.
     pub cameras: Vec<DVec3>,
 }
 
-/// The cloud of a table in which thing 0 is the target.
+/// Point cloud of a table whose object 0 is the target.
 pub(super) fn observe(
     table: &Table,
     world: &World,
@@ -99,7 +99,7 @@ fn whole(table: &Table, settings: &ViewSettings, seed: Seed) -> Cloud {
     cloud
 }
 
-/// Points evenly over the drawn surface.
+/// Uniform points on the visual surface.
 fn surface(model: &ObjectModel, world_from_object: &Pose, count: usize, seed: Seed) -> Vec<DVec3> {
     let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
     let parts: Vec<_> = model.links.iter().flat_map(|link| &link.visual).collect();
@@ -165,7 +165,7 @@ fn add_pixels(buffers: &FrameBuffers, camera: &Camera, settings: &ViewSettings, 
     }
 }
 
-/// A draw from the standard normal distribution (Box and Muller, 1958).
+/// Sample of the standard normal distribution (Box and Muller, 1958).
 fn normal(rng: &mut impl Rng) -> f64 {
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()

@@ -1,4 +1,4 @@
-//! Collecting: any number of workers, interruptions, layouts that cannot be made.
+//! Collection: any number of workers, interruptions, infeasible layouts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -29,19 +29,19 @@ fn with_images() -> CollectSettings {
     CollectSettings { images: Some(images), ..CollectSettings::in_world((*default_world()).clone()) }
 }
 
-/// Every attempt, by some threads; `heard` is given the result of each and whether it was there already.
+/// Runs all attempts with several workers; `on_result` receives each result and whether it was already stored.
 fn collect(
     attempts: &[Attempt],
     store: &EpisodeStore,
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    heard: &(dyn Fn(&EpisodeResult, bool) + Sync),
+    on_result: &(dyn Fn(&EpisodeResult, bool) + Sync),
 ) -> Vec<EpisodeResult> {
     store.sweep_partial().unwrap();
     let work = |attempt: &Attempt| -> Result<EpisodeResult, RolloutError> {
         let (result, was_there) = complete(attempt, resources(), store, settings)?;
-        heard(&result, was_there);
+        on_result(&result, was_there);
         Ok(result)
     };
     in_parallel(attempts, workers, stop, &work).unwrap()
@@ -52,14 +52,14 @@ fn collect_all(
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    heard: &(dyn Fn(&EpisodeResult, bool) + Sync),
+    on_result: &(dyn Fn(&EpisodeResult, bool) + Sync),
 ) -> Vec<EpisodeResult> {
     let tasks = tasks();
     let attempts = Attempt::all(&tasks, 1, Seed::new(21));
-    collect(&attempts, &EpisodeStore::create(root).unwrap(), settings, workers, stop, heard)
+    collect(&attempts, &EpisodeStore::create(root).unwrap(), settings, workers, stop, on_result)
 }
 
-/// All files under a folder with their bytes.
+/// Contents of all files below a folder.
 fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![root.to_owned()];
@@ -76,9 +76,9 @@ fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Things of each attempt weigh and slide differently, as its seed says; they stand where they stand without.
+/// Mass and friction differ between attempts, by seed; the layouts are the same as without randomisation.
 #[test]
-fn physics_differ_from_attempt_to_attempt() {
+fn physics_are_randomised_per_attempt() {
     let folder = tempfile::tempdir().unwrap();
     let usual = CollectSettings::in_world((*default_world()).clone());
     let varied = CollectSettings { vary_physics: true, ..usual.clone() };
@@ -101,24 +101,24 @@ fn physics_differ_from_attempt_to_attempt() {
             assert_eq!(PlacedObject { physics: usual.physics, ..varied.clone() }, *usual);
         }
     }
-    assert_eq!(pads.len(), once.len(), "each attempt has its own");
+    assert_eq!(pads.len(), once.len(), "each attempt has its own pad friction");
 }
 
-/// One worker, interrupted after the first attempt and continued, against two workers in one go: the same bytes,
-/// pictures included.
+/// One worker, interrupted after the first attempt and resumed, gives the same bytes as two workers, images included.
 #[test]
-fn one_worker_and_two_make_the_same_bytes() {
+fn one_worker_and_two_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     let (never, stop) = (AtomicBool::new(false), AtomicBool::new(false));
 
     let first = collect_all(&one, &with_images(), 1, &stop, &|_, _| stop.store(true, Ordering::Relaxed));
-    assert_eq!(first.len(), 1, "the attempt under way is finished, no other is begun");
+    assert_eq!(first.len(), 1, "the current attempt is finished, no other is started");
     let known = Mutex::new(Vec::new());
-    let hear = |result: &EpisodeResult, was_there: bool| known.lock().unwrap().push((result.id.clone(), was_there));
-    let continued = collect_all(&one, &with_images(), 1, &never, &hear);
+    let on_result =
+        |result: &EpisodeResult, was_there: bool| known.lock().unwrap().push((result.id.clone(), was_there));
+    let continued = collect_all(&one, &with_images(), 1, &never, &on_result);
     let known = known.into_inner().unwrap();
-    assert_eq!(known, [(first[0].id.clone(), true), (continued[1].id.clone(), false)], "what is finished is not made");
+    assert_eq!(known, [(first[0].id.clone(), true), (continued[1].id.clone(), false)], "finished attempts are skipped");
 
     let straight = collect_all(&two, &with_images(), 2, &never, &|_, _| {});
     assert_eq!(continued, straight, "results in the order of the attempts");
@@ -130,9 +130,9 @@ fn one_worker_and_two_make_the_same_bytes() {
     assert!(one.keys().any(|name| name.contains("images_10hz/wrist")), "{:?}", one.keys());
 }
 
-/// A layout that cannot be made is a counted attempt; a policy that cannot be reached leaves no result at all.
+/// An infeasible layout is a counted attempt; an unreachable policy leaves no result.
 #[test]
-fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
+fn infeasible_layouts_are_counted_and_unreachable_policies_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let store = EpisodeStore::create(folder.path().join("store")).unwrap();
     let tasks = tasks();
@@ -147,7 +147,7 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     assert!(failure.evidence.contains("3 attempts"), "{failure}");
 
     let all = collect(&attempts, &store, &settings, 2, &never, &|_, _| {});
-    assert_eq!(all[0], failed[0], "a counted failure is not tried again");
+    assert_eq!(all[0], failed[0], "a counted failure is not retried");
     assert!(all[1].success);
     let recorded = store.read(&all[1].id).unwrap();
     let case = Case {
@@ -172,7 +172,7 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
         assert_eq!((result.success, result.policy.as_str()), (solves, name));
         assert_eq!((&result.scenario_id, result.oracle), (&all[1].scenario_id, name == "expert"));
     }
-    // One that cannot be reached leaves no result, and nothing in the store; the other case goes on.
+    // An unreachable policy leaves no result and nothing in the store; the other case is run.
     let kept = EpisodeStore::create(folder.path().join("kept")).unwrap();
     let twice = [case.clone(), Case { id: "again".into(), ..case.clone() }];
     let make = |_: &Stage, case: &Case| -> Result<Box<dyn Policy>, RolloutError> {

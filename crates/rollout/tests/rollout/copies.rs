@@ -1,4 +1,4 @@
-//! Two instances of one asset, from a model's answer to the verdict.
+//! Two instances of one asset, from the language model's answer to the verdict.
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{GoalVerdict, Seed, Task, TaskKind};
@@ -14,7 +14,7 @@ const OTHER: &str = "046#2";
 const BOARD: &str = "014";
 const MUG: &str = "001";
 
-/// A task from an answer about two red cubes, a mug and a board, as a language model would send it.
+/// A task parsed from a language model's answer about two red cubes, a mug and a board.
 fn task(instruction: &str, subject: &str) -> Task {
     let edge = |subject: &str, position: &str, reference: &str| json!({"obj1": "none", "obj1_uid": subject, "position": position, "obj2": "none", "obj2_uid": reference});
     let nodes: Vec<Value> =
@@ -46,7 +46,7 @@ fn task(instruction: &str, subject: &str) -> Task {
     report.task.unwrap()
 }
 
-/// The verdict once the expert has brought an instance onto the board, judged by the goal of a stage.
+/// Verdict of the stage's goal after the expert has put the object `carried` on the board.
 fn judged(stage: &Stage, carried: &str) -> GoalVerdict {
     let mut only = (*stage.scenario).clone();
     only.task.interchangeable.clear();
@@ -63,7 +63,7 @@ fn judged(stage: &Stage, carried: &str) -> GoalVerdict {
 }
 
 #[test]
-fn either_copy_does_unless_the_sentence_singles_one_out() {
+fn either_instance_satisfies_the_goal_unless_the_instruction_is_specific() {
     let open = task("Put the red cube on the cutting board.", CUBE);
     assert_eq!(open.interchangeable, [[CUBE, OTHER]]);
     let stage_of_open = stage(scenario(&open));
@@ -82,5 +82,5 @@ fn either_copy_does_unless_the_sentence_singles_one_out() {
     assert_eq!(one.interchangeable, Vec::<Vec<String>>::new());
     let stage_of_one = stage(scenario(&one));
     assert!(judged(&stage_of_one, OTHER).success);
-    assert!(!judged(&stage_of_one, CUBE).success, "the other cube was not asked for");
+    assert!(!judged(&stage_of_one, CUBE).success, "the instruction asks for the other cube");
 }

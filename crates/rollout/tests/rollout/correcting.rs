@@ -1,7 +1,7 @@
 //! The expert takes over from a policy that failed.
 
 use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed};
-use genmanip_rollout::controls::Clumsy;
+use genmanip_rollout::baselines::Clumsy;
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutSettings, Stage, replay, run_corrected, run_episode};
 
@@ -11,9 +11,9 @@ fn clumsy(stage: &Stage) -> Clumsy {
     Clumsy::new(stage, expert(stage))
 }
 
-/// Whoever acts first does so as in an episode of its own; what follows is the expert's, and the whole is one simulation.
+/// The first policy acts as if alone, the expert continues from its final state, and the recording is one simulation.
 #[test]
-fn what_the_first_policy_did_stays_and_the_expert_goes_on_from_there() {
+fn the_expert_continues_where_the_first_policy_ended() {
     let settings = RolloutSettings::default();
     let (mut corrected, mut causes) = (0, Vec::new());
     for (stage, _) in episodes() {
@@ -22,13 +22,13 @@ fn what_the_first_policy_did_stays_and_the_expert_goes_on_from_there() {
             let alone = run_episode(stage, &mut clumsy(stage), "a", seed, &settings).unwrap();
             let run = || run_corrected(stage, &mut clumsy(stage), &mut expert(stage), "a", seed, &settings).unwrap();
             let episode = run();
-            assert_eq!(episode, run(), "the same again");
+            assert_eq!(episode, run(), "deterministic");
             let Some(correction) = &episode.result.correction else {
-                assert!(alone.result.success && episode.result.success, "only what fails is corrected");
+                assert!(alone.result.success && episode.result.success, "only failures are corrected");
                 assert_eq!(episode.result.policy, "clumsy");
                 continue;
             };
-            // As in any evaluation the last command is held for the settling time.
+            // As in any evaluation, the last command is held for the settling time.
             assert_eq!(correction.from_step, alone.frames.len());
             assert_eq!(episode.frames[..correction.from_step], alone.frames);
             assert_eq!(correction.failures, alone.result.failures);
@@ -39,12 +39,12 @@ fn what_the_first_policy_did_stays_and_the_expert_goes_on_from_there() {
             causes.extend(correction.failures.first().map(|failure| failure.cause));
         }
     }
-    // What each of the six does wrong follows from its seed; a mistake that does no harm is no defect.
+    // The mistake in each of the six episodes depends on its seed; some mistakes are harmless.
     assert!(causes.len() >= 4 && corrected >= 3, "{corrected} of {}: {causes:?}", causes.len());
 }
 
 #[test]
-fn nothing_is_corrected_where_the_goal_holds_and_all_of_it_where_nobody_moved() {
+fn successes_are_not_corrected_and_idle_policies_are_replaced() {
     let (stage, recorded) = &episodes()[1];
     let (settings, seed) = (RolloutSettings::default(), recorded.result.seed);
     let run = |first: &mut dyn Policy| -> EpisodeResult {
@@ -57,7 +57,7 @@ fn nothing_is_corrected_where_the_goal_holds_and_all_of_it_where_nobody_moved() 
     assert!(idle.success, "{idle:?}");
     assert_eq!((correction.policy.as_str(), correction.from_step), ("do_nothing", 30 + 60));
     assert_eq!(correction.failures[0].cause, FailureCause::GoalMissed);
-    // Half of the time is the first policy's, however long it would go on.
+    // The first policy has half of the time limit, even if it would continue.
     let late = run(&mut DoNothing { duration_s: 100.0 });
     let correction = late.correction.unwrap();
     assert_eq!((correction.from_step, correction.failures[0].cause), (60 * 60 + 60, FailureCause::Timeout));

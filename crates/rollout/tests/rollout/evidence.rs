@@ -1,4 +1,4 @@
-//! What failed episodes say about themselves.
+//! Failure causes derived from recorded episodes.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 
 use crate::{any_stage, episodes, expert, planner, scenario, task};
 
-/// Frames of a real episode in which the object was gripped and carried, cut and changed.
+/// Frames of a real episode in which an object is gripped and carried.
 fn carried() -> Vec<Frame> {
     episodes()[1].1.frames.clone()
 }
@@ -22,9 +22,9 @@ fn grip(frames: &[Frame]) -> (usize, usize, usize) {
 }
 
 #[test]
-fn letting_go_is_no_slip_and_losing_the_grip_is() {
+fn releases_are_not_slips_and_lost_grips_are() {
     let whole = carried();
-    assert_eq!(slips(&whole), [], "a verified demonstration lets go on purpose");
+    assert_eq!(slips(&whole), [], "a successful demonstration releases on purpose");
     let (object, begin, end) = grip(&whole);
     let middle = (begin + end) / 2;
     let lost = |from: usize, to: usize| {
@@ -32,7 +32,7 @@ fn letting_go_is_no_slip_and_losing_the_grip_is() {
         frames[from..to].iter_mut().for_each(|frame| frame.grasped = None);
         slips(&frames)
     };
-    assert_eq!(lost(middle, middle + 3), [], "contacts flicker");
+    assert_eq!(lost(middle, middle + 3), [], "short interruptions of contact are ignored");
     let [slip] = lost(middle, whole.len()).try_into().unwrap();
     let expected = Slip {
         object,
@@ -43,12 +43,12 @@ fn letting_go_is_no_slip_and_losing_the_grip_is() {
     };
     assert_eq!(slip, expected);
     let [again] = lost(middle, middle + 20).try_into().unwrap();
-    assert!(!again.for_good, "it was held again");
+    assert!(!again.for_good, "it was gripped again");
 }
 
-/// Each cause from what it is read from, on the last frames of a real episode.
+/// Each failure cause, on modified frames of a real episode.
 #[test]
-fn the_cause_follows_from_what_was_seen() {
+fn causes_are_derived_from_frames_and_verdict() {
     let (stage, episode) = &episodes()[1];
     let (object, begin, end) = grip(&episode.frames);
     let mut verdict = episode.result.verdict.clone();
@@ -59,8 +59,9 @@ fn the_cause_follows_from_what_was_seen() {
         }
         atom.measurements.sort_by_key(|measured| measured.met);
     }
-    let explained =
-        |frames: &[Frame], word| explain(stage, frames, &verdict, word, &RolloutSettings::default()).swap_remove(0);
+    let explained = |frames: &[Frame], gave_up| {
+        explain(stage, frames, &verdict, gave_up, &RolloutSettings::default()).swap_remove(0)
+    };
 
     let missed = explained(&episode.frames, None);
     assert_eq!(missed.cause, FailureCause::GoalMissed);
@@ -82,9 +83,9 @@ fn the_cause_follows_from_what_was_seen() {
     assert!(pushed.evidence.contains(" was pushed away: moved 80 mm"), "{pushed}");
 }
 
-/// Without friction at the pads nothing is carried: the expert says that it slipped, and when.
+/// Without pad friction nothing can be carried: the expert reports the slip and its time.
 #[test]
-fn what_slips_in_physics_is_said_to_have_slipped() {
+fn slips_in_simulation_are_reported() {
     let mut slippery = (**planner().robot()).clone();
     slippery.drives.as_mut().unwrap().pad_friction = [0.005, 1e-5, 1e-5];
     let mut scenario = scenario(&task("024_appearance"));
@@ -99,9 +100,9 @@ fn what_slips_in_physics_is_said_to_have_slipped() {
     assert!(failure.evidence.contains("was not in the hand after lifting (pick 4)"), "{failure}");
 }
 
-/// The hardest stray contact is told with its two sides and its time.
+/// The strongest stray contact is reported with both bodies and its time.
 #[test]
-fn the_hardest_stray_contact_is_the_one_in_the_frames() {
+fn the_strongest_stray_contact_agrees_with_the_frames() {
     for (stage, episode) in episodes() {
         let worst = episode.frames.iter().max_by(|a, b| a.stray_contact_n.total_cmp(&b.stray_contact_n)).unwrap();
         assert_eq!(episode.result.max_stray_contact_n, worst.stray_contact_n);
@@ -123,7 +124,7 @@ fn the_hardest_stray_contact_is_the_one_in_the_frames() {
     }
 }
 
-/// A goal that names nothing that is there is missed without anything to blame.
+/// A goal without conditions is missed without a specific cause.
 #[test]
 fn an_empty_goal_is_still_explained() {
     let stage = any_stage();

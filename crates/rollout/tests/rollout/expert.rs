@@ -1,4 +1,4 @@
-//! The expert on tasks that cannot be solved: it gives up with a cause and evidence, in bounded time.
+//! Unsolvable tasks, on which the expert gives up with a cause and evidence in bounded time, and joint tasks.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-/// How the expert fails when the goal of a good scenario is replaced.
+/// Failure of the expert when the goal of a solvable scenario is replaced.
 fn failure(scenario: &Scenario, goal: Vec<Atom>) -> Failure {
     let mut scenario = scenario.clone();
     scenario.task.goal.alternatives = vec![goal];
@@ -28,7 +28,7 @@ fn failure(scenario: &Scenario, goal: Vec<Atom>) -> Failure {
 
 /// Task 021 has cubes 046, 048, 049, a mug 001 and a pencil case 043.
 #[test]
-fn it_gives_up_with_a_typed_cause() {
+fn it_gives_up_with_the_right_cause() {
     let scenario = scenario(&task("021_spatial"));
     let state = Atom::State { object: "046".into(), state: "open".into() };
     let cases = [
@@ -54,7 +54,7 @@ fn it_gives_up_with_a_typed_cause() {
     }
 }
 
-/// Same stage, same seed: the same episode to the last bit; another seed moves otherwise.
+/// The same stage and seed give the same episode bit for bit; another seed gives another one.
 #[test]
 fn an_episode_is_a_function_of_its_seed() {
     let (stage, known) = &crate::episodes()[1];
@@ -64,7 +64,7 @@ fn an_episode_is_a_function_of_its_seed() {
     assert!(run(Seed::new(12)).final_state != known.final_state);
 }
 
-/// A task about the state of one object alone on the table.
+/// A task about the state of a single object on the table.
 fn joint_task(uid: &str, from: &str, to: &str) -> Task {
     let card = Catalogue::builtin().card(uid).unwrap().clone();
     let node = GraphNode { state: Some(from.into()), ..GraphNode::of(&card) };
@@ -81,9 +81,9 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
     }
 }
 
-/// What lies in a drawer moves with it, by friction and walls alone, and stays *in* it all the way.
+/// An object in a drawer moves with it, by friction and walls alone, and stays *in* it throughout.
 #[test]
-fn it_fills_a_drawer_and_shuts_it() {
+fn it_fills_and_closes_a_drawer() {
     let mut task = joint_task("057", "top_open", "closed");
     let cube = Catalogue::builtin().card("046").unwrap().clone();
     task.scene_graph.nodes.push(GraphNode::of(&cube));
@@ -93,16 +93,16 @@ fn it_fills_a_drawer_and_shuts_it() {
     let episode =
         run_episode(&stage, &mut expert(&stage), "drawer", Seed::new(11), &RolloutSettings::default()).unwrap();
     assert!(episode.result.success, "{:?}", episode.result.failures);
-    let drawn = |objects: &[ObjectState]| objects[0].joint_positions[0];
-    let at_most = |most: f64| episode.frames.iter().rfind(|frame| drawn(&frame.objects) > most).unwrap();
+    let opening = |objects: &[ObjectState]| objects[0].joint_positions[0];
+    let at_most = |most: f64| episode.frames.iter().rfind(|frame| opening(&frame.objects) > most).unwrap();
     let (open, end) = (at_most(0.05), episode.frames.last().unwrap());
     let moved = end.objects[1].pose.position.distance(open.objects[1].pose.position);
-    assert!((moved - drawn(&open.objects)).abs() < 0.02, "the cube moved {moved:.3} m");
+    assert!((moved - opening(&open.objects)).abs() < 0.02, "the cube moved {moved:.3} m");
 }
 
-/// Where the hand finds room to let go low, it does so, though a worse grasp or another place is needed for it.
+/// The expert releases low if there is clearance, even if that requires a worse grasp or another place.
 #[test]
-fn it_lets_go_low_in_a_deep_box() {
+fn it_releases_low_in_a_deep_box() {
     let mut task = joint_task("052", "none", "none");
     task.scene_graph.nodes[0].state = None;
     for uid in ["026", "040"] {
@@ -122,7 +122,7 @@ fn it_lets_go_low_in_a_deep_box() {
     }
 }
 
-/// Pulling, pushing, turning, lifting and pressing: a joint moves because the hand moves it, and stays.
+/// Pulling, pushing, turning, lifting and pressing: a joint is moved by the gripper, and stays.
 #[test]
 fn it_moves_every_kind_of_joint() {
     let cases = [

@@ -1,4 +1,4 @@
-//! Grasps from points, tried out in physics.
+//! Grasps from point clouds, tested in simulation.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use genmanip_assets::{Catalogue, panda};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_motion::{GraspSettings, Planner, PlannerSettings};
 use genmanip_rollout::grasp_trial::{
-    Class, Ending, GraspTrials, Pick, Trial, TryingSettings, View, ViewSettings, tried_grasps,
+    Class, Ending, GraspTrials, Pick, RobustnessSettings, Trial, View, ViewSettings, tried_grasps,
 };
 
 fn trials(robot: Arc<RobotModel>) -> GraspTrials {
@@ -27,14 +27,14 @@ fn held(trials: &GraspTrials, class: Class, view: View, count: u64) -> (usize, V
 }
 
 #[test]
-fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
+fn most_objects_are_lifted_shaken_and_held_by_friction_alone() {
     let real = trials(panda());
     let (count, done) = held(&real, Class::Compact, View::One, 4);
     assert!(count >= 3, "{done:?}");
     let again = held(&real, Class::Compact, View::One, 1).1;
     assert_eq!(serde_json::to_string(&done[..1]).unwrap(), serde_json::to_string(&again).unwrap(), "same seed");
 
-    // The same grasps without friction: nothing else may carry what was held.
+    // The same grasps without friction: nothing else may hold the objects.
     let mut slippery = (*panda()).clone();
     slippery.drives.as_mut().unwrap().pad_friction = [0.01, 1e-5, 1e-5];
     let (count, done) = held(&trials(Arc::new(slippery)), Class::Compact, View::One, 4);
@@ -42,17 +42,17 @@ fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
 }
 
 #[test]
-fn grasps_of_a_catalogue_object_are_tried_a_little_off_each_time() {
+fn catalogue_grasps_are_tried_with_errors() {
     let grasp = GraspSettings { max_candidates: 1, ..GraspSettings::default() };
     let planner = Planner::new(panda(), PlannerSettings { grasp, ..PlannerSettings::default() }).unwrap();
     let real = GraspTrials { planner: Arc::new(planner), ..trials(panda()) };
     let ball = real.catalogue.build("050").unwrap();
-    let settings = TryingSettings { trials: 2, ..TryingSettings::default() };
+    let settings = RobustnessSettings { trials: 2, ..RobustnessSettings::default() };
     let tried = tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();
     assert!(tried.len() == 1 && tried[0].trials == 2 && tried[0].held >= 1, "{tried:?}");
     assert_eq!(tried, tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap(), "same seed");
 
-    let blind = TryingSettings { offset_m: 0.2, ..settings };
+    let blind = RobustnessSettings { offset_m: 0.2, ..settings };
     let tried = tried_grasps(&real, &ball, &blind, Seed::new(6)).unwrap();
-    assert!(tried.iter().all(|grasp| grasp.held == 0), "a hand that is off by decimetres takes nothing: {tried:?}");
+    assert!(tried.iter().all(|grasp| grasp.held == 0), "errors of decimetres grasp nothing: {tried:?}");
 }

@@ -1,6 +1,6 @@
-//! Episodes of real tasks: honest physics, bit-exact replay, any number of workers, policies of every kind.
+//! Episodes of real tasks: physical plausibility, bit-exact replay, parallel workers, policies of all kinds.
 
-#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+#![allow(clippy::unwrap_used)] // Clippy's exemption covers test functions only, not their helpers.
 
 mod collecting;
 mod copies;
@@ -30,7 +30,7 @@ use genmanip_rollout::expert::{Expert, ExpertSettings};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 use genmanip_tasks::answer::{RecordedAnswer, check_answer};
 
-/// A fruit on a plate, a cube on a cube, and a cube chosen by its place.
+/// A fruit on a plate, a cube on a cube, and a cube identified by its position.
 const TASKS: [&str; 3] = ["017_pick_and_place", "024_appearance", "021_spatial"];
 
 /// An example task.
@@ -38,7 +38,7 @@ fn task(id: &str) -> Task {
     task_in("tasks", id)
 }
 
-/// A recorded answer of a folder of the examples.
+/// A task from a recorded answer in a folder of the examples.
 fn task_in(folder: &str, id: &str) -> Task {
     let path = format!("{}/../../examples/{folder}/{id}.json", env!("CARGO_MANIFEST_DIR"));
     let recorded = RecordedAnswer::from_json(&std::fs::read_to_string(path).unwrap()).unwrap();
@@ -68,7 +68,7 @@ fn expert(stage: &Stage) -> Expert {
     Expert::new(stage, planner(), GraspLibrary::builtin(), ExpertSettings::default()).unwrap()
 }
 
-/// An episode of the expert for each of [`TASKS`], with its stage; made once.
+/// An episode of the expert for each of [`TASKS`] with its stage; computed once.
 fn episodes() -> &'static [(Stage, Episode)] {
     static EPISODES: OnceLock<Vec<(Stage, Episode)>> = OnceLock::new();
     EPISODES.get_or_init(|| {
@@ -82,7 +82,7 @@ fn episodes() -> &'static [(Stage, Episode)] {
     })
 }
 
-/// The quickest stage, for policies that need no particular one.
+/// The fastest stage, for policies that can run on any.
 fn any_stage() -> &'static Stage {
     &episodes()[1].0
 }

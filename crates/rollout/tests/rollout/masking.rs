@@ -1,25 +1,25 @@
-//! Masks show what the pictures of the same row show: by the picture's own ids and depth, and by the recorded poses.
+//! Instance masks agree with separately rendered ids and depth, and with the recorded poses.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{CameraRequest, ImageChannels, Vary};
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::masks::{FIRST_OBJECT, seen};
-use genmanip_rollout::images::{Exposure, ImageSettings, Painter, draw, draw_masks};
+use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer, render_masks, render_tracks};
 
 use crate::episodes;
 
-/// One picture a second.
+/// One image per second.
 fn settings(vary: &[Vary]) -> ImageSettings {
     ImageSettings { fps: 1, vary: vary.into(), ..ImageSettings::default() }
 }
 
-/// Pixel by pixel the ids of a picture that is drawn by itself, with colour and depth; and where a mask shows an object,
-/// the depth beside it leads into the object's recorded bounds.
+/// Masks equal the ids of an image rendered with colour and depth, pixel by pixel; and the points of an object's pixels
+/// lie in its recorded bounds.
 #[test]
-fn masks_are_the_ids_of_the_pictures() {
+fn masks_equal_the_ids_of_the_images() {
     let (stage, episode) = &episodes()[1];
     let settings = settings(&[]);
-    let masks = draw_masks(stage, episode, &settings).unwrap();
+    let masks = render_masks(stage, episode, &settings).unwrap();
     assert_eq!(masks.len(), 2);
     let everything = ImageChannels { ids: true, ..ImageChannels::RGBD };
     let mut shown = 0;
@@ -30,7 +30,7 @@ fn masks_are_the_ids_of_the_pictures() {
         for ((index, frame), png) in frames.zip(&track.png) {
             let (width, height, ids) = decode_depth_png(png).unwrap();
             let exposure = Exposure::of(episode, index);
-            let image = Painter::new(stage).unwrap().paint(frame, &camera, everything, exposure).unwrap();
+            let image = StageRenderer::new(stage).unwrap().render_frame(frame, &camera, everything, exposure).unwrap();
             assert_eq!((image.width(), image.height()), (width, height));
             assert!(image.ids == ids, "{} at frame {index}", track.camera);
             let scene = stage.posed(&frame.objects);
@@ -47,7 +47,7 @@ fn masks_are_the_ids_of_the_pictures() {
                     let [left, top, right, bottom] = seen.bounds_px;
                     assert!((left..right).contains(&x) && (top..bottom).contains(&y));
                     let point = image.point(pixel).unwrap();
-                    // Bounds are those of what collides; what is seen may stand out a little.
+                    // Bounds are those of the collision geometry; the visual geometry may protrude a little.
                     let margin = DVec3::splat(0.01);
                     let is_inside = point.cmpge(low - margin).all() && point.cmple(high + margin).all();
                     assert!(
@@ -60,16 +60,17 @@ fn masks_are_the_ids_of_the_pictures() {
             }
         }
     }
-    assert!(shown > 20, "objects were seen only {shown} times");
+    assert!(shown > 20, "objects were visible only {shown} times");
 }
 
-/// Where the camera was moved for an episode, masks are those of the moved one: nothing is seen where its depth has nothing.
+/// With camera randomisation, masks use the moved camera: background ids coincide with missing depth.
 #[test]
-fn masks_are_drawn_where_the_camera_was() {
+fn masks_use_the_randomised_camera() {
     let (stage, episode) = &episodes()[1];
-    let usual = draw_masks(stage, episode, &settings(&[])).unwrap();
+    let usual = render_masks(stage, episode, &settings(&[])).unwrap();
     let settings = settings(&[Vary::Camera]);
-    let (masks, tracks) = (draw_masks(stage, episode, &settings).unwrap(), draw(stage, episode, &settings).unwrap());
+    let (masks, tracks) =
+        (render_masks(stage, episode, &settings).unwrap(), render_tracks(stage, episode, &settings).unwrap());
     assert!(masks.iter().zip(&usual).any(|(moved, usual)| moved.png != usual.png), "no camera was moved");
     for (mask, track) in masks.iter().zip(&tracks) {
         assert_eq!((mask.camera.as_str(), mask.png.len()), (track.camera.name.as_str(), track.depth_png.len()));

@@ -1,4 +1,4 @@
-//! No weld, no teleport, no gravity tricks; the robot within what its maker publishes.
+//! Physical plausibility: no welds, no teleports, normal gravity, and robot limits as published.
 
 use genmanip_core::{Atom, Episode, Frame, ObjectState, Relation};
 use genmanip_relations::judge_goal;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::episodes;
 
-/// The maker's figures for the Panda, written here once more so that a mistake in the model is noticed.
+/// The manufacturer's limits of the Panda, repeated here to detect errors in the model.
 const LOWER_RAD: [f64; 7] = [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973];
 const UPPER_RAD: [f64; 7] = [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973];
 const SPEED_RAD_S: [f64; 7] = [2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61];
@@ -52,31 +52,31 @@ fn positions_velocities_torques_and_grip_stay_within_published_limits() {
             let command: Vec<f64> = frame.command.iter().map(|&value| f64::from(value)).collect();
             within("command", frame, &command[..7], &|j| LOWER_RAD[j], &UPPER_RAD);
             assert!((0.0..=GRIP_N).contains(&frame.grip_force), "grip {} N", frame.grip_force);
-            // The stops of the fingers give way a little, as those of the real hand do.
+            // The finger stops are compliant, like those of the real gripper.
             assert!((-5e-4..=WIDTH_M + 5e-4).contains(&frame.gripper_width), "{} m", frame.gripper_width);
         }
     });
 }
 
-/// The recorded velocities are those of the recorded positions, so the limits above mean something.
+/// Positions, commands and object poses are continuous, so the velocity limits above are meaningful.
 #[test]
-fn nothing_jumps() {
+fn motions_are_continuous() {
     each(|_, episode| {
         for pair in episode.frames.windows(2) {
             let (before, after) = (&pair[0], &pair[1]);
             for (joint, speed) in SPEED_RAD_S.iter().enumerate() {
                 let moved = (after.joint_position[joint] - before.joint_position[joint]).abs();
                 assert!(moved <= speed * PERIOD_S, "joint {} moved {moved} in one step", joint + 1);
-                let asked = f64::from(after.command[joint] - before.command[joint]).abs();
-                assert!(asked <= speed * PERIOD_S, "joint {} was told to move {asked}", joint + 1);
+                let commanded = f64::from(after.command[joint] - before.command[joint]).abs();
+                assert!(commanded <= speed * PERIOD_S, "the command of joint {} jumped by {commanded}", joint + 1);
             }
             for (object, (from, to)) in before.objects.iter().zip(&after.objects).enumerate() {
                 let moved = from.pose.position.distance(to.pose.position);
-                // Between two samples a speed changes by what gravity and one contact do, not more.
+                // Between two frames, gravity and one contact change the speed only slightly.
                 let explained = from.speed.max(to.speed) * PERIOD_S + 0.003;
                 assert!(
                     moved < 0.05 && moved <= explained,
-                    "{}: object {object} moved {moved} m at {} s, its speed explains {explained}",
+                    "{}: object {object} moved {moved} m at {} s, more than its speed allows, {explained}",
                     episode.result.id,
                     before.time_s
                 );
@@ -85,12 +85,12 @@ fn nothing_jumps() {
     });
 }
 
-/// Where an object is when the hand is still far away, it was at the start; what nothing touches stays for good.
+/// Objects rest until the gripper comes near, and untouched objects never move.
 #[test]
-fn objects_move_only_when_they_are_touched() {
+fn objects_move_only_when_touched() {
     each(|stage, episode| {
         let first = &episode.frames[0];
-        // Fingers and hand reach less far around the tool point.
+        // Gripper and fingers are within this distance of the tool point.
         let near = |frame: &Frame| {
             frame.objects.iter().zip(&stage.models).any(|(object, model)| {
                 let bounds = model.world_bounds(&object.pose, &object.joint_positions);
@@ -109,7 +109,7 @@ fn objects_move_only_when_they_are_touched() {
                 assert!(frame.objects[object].speed < 0.01, "object {object} is moving untouched");
             }
         }
-        assert!(alone > 6, "{}: the hand starts among the objects", episode.result.id);
+        assert!(alone > 6, "{}: the gripper starts among the objects", episode.result.id);
 
         let held: BTreeSet<usize> = episode.frames.iter().filter_map(|frame| frame.grasped).collect();
         assert!(!held.is_empty(), "something was grasped");
@@ -121,14 +121,14 @@ fn objects_move_only_when_they_are_touched() {
         let last = episode.frames.last().unwrap();
         for object in (0..last.objects.len()).filter(|object| !held.contains(object) && !concerned.contains(object)) {
             let moved = shift(last, object);
-            assert!(moved < 0.002, "{} moved {moved} m without being meant", stage.name(object));
+            assert!(moved < 0.002, "{} moved {moved} m although not part of the task", stage.name(object));
         }
         let moved_most = held.iter().map(|&object| shift(last, object)).fold(0.0, f64::max);
-        assert!(moved_most > 0.03, "what was grasped was carried somewhere");
+        assert!(moved_most > 0.03, "a grasped object was carried");
     });
 }
 
-/// Held by friction alone: the physics model has nothing else that could hold an object.
+/// Objects are held by friction alone: the model contains nothing else that could hold them.
 #[test]
 fn the_model_has_no_welds_and_no_lighter_objects() {
     each(|stage, _| {
@@ -136,8 +136,8 @@ fn the_model_has_no_welds_and_no_lighter_objects() {
         for trick in ["weld", "mocap", "<connect", "sleep"] {
             assert!(!mjcf.contains(trick), "the model contains `{trick}`");
         }
-        // The only things tied together are the robot's fingers, which mirror each other,
-        // and only parts of the robot pass through each other.
+        // The only equality constraint couples the robot's fingers, and only parts of the robot are excluded from
+        // mutual collision.
         let section = |name: &str| mjcf.split(name).nth(1).unwrap_or_default();
         let equalities: Vec<&str> = section("equality>").lines().filter(|line| line.contains('=')).collect();
         let [fingers] = equalities[..] else { panic!("{equalities:?}") };
@@ -148,14 +148,14 @@ fn the_model_has_no_welds_and_no_lighter_objects() {
         assert!(mjcf.contains(r#"gravity="0 0 -9.81""#));
         let bodies = mjcf.lines().filter(|line| line.contains("<body ") && !line.contains("\"robot/"));
         for body in bodies {
-            assert!(!body.contains("gravcomp"), "gravity is compensated for: {body}");
+            assert!(!body.contains("gravcomp"), "gravity compensation: {body}");
         }
         let free = mjcf.matches("<freejoint").count();
         assert_eq!(free, stage.models.len(), "every object is a free body");
     });
 }
 
-/// Whether one thing lies on another, by bounds and by the contacts of the engine alone, without the judge.
+/// True if one object is on another according to bounds and engine contacts, independently of the judge.
 fn seems_to_hold(stage: &Stage, objects: &[ObjectState], contacts: &[ContactReport], atom: &Atom) -> bool {
     let Atom::Relation { subject, relation: Relation::Top, reference, .. } = atom else { panic!("no rule for {atom}") };
     let index = |uid: &str| stage.scenario.objects.iter().position(|object| object.id == uid).unwrap();
@@ -170,10 +170,10 @@ fn seems_to_hold(stage: &Stage, objects: &[ObjectState], contacts: &[ContactRepo
     is_over && middle.z > lower.center().z && contacts.iter().any(touches)
 }
 
-/// From the stored state in a fresh simulation: the goal holds for the judge and for whoever does not ask it, the
+/// In a new simulation of the stored state, the goal holds according to the judge and an independent check, and the
 /// gripper is open and empty.
 #[test]
-fn success_is_what_the_final_state_says() {
+fn success_agrees_with_the_final_state() {
     each(|stage, episode| {
         let goal = &stage.scenario.task.goal.alternatives;
         let holds = |sim: &mut Sim| {
@@ -182,7 +182,7 @@ fn success_is_what_the_final_state_says() {
         };
         let mut start = Sim::new(Arc::clone(&stage.scene));
         start.set_state(&episode.initial_state).unwrap();
-        assert!(!holds(&mut start), "{}: it seems to hold at the start", episode.result.id);
+        assert!(!holds(&mut start), "{}: it holds at the start", episode.result.id);
         let mut sim = Sim::new(Arc::clone(&stage.scene));
         sim.set_state(&episode.final_state).unwrap();
         let states = sim.object_states();
@@ -192,9 +192,9 @@ fn success_is_what_the_final_state_says() {
         let rest = Stage::rest(&states, None, &RolloutSettings::default());
         assert!(!rest.moving.contains(&true), "something still moves");
         let verdict = judge_goal(&stage.posed(&states), &stage.scenario.task.goal, &rest, &stage.relations);
-        assert_eq!(verdict, episode.result.verdict, "the stored verdict is that of the stored state");
+        assert_eq!(verdict, episode.result.verdict, "the stored verdict belongs to the stored state");
         let start = stage.posed(&episode.frames[0].objects);
         let verdict = judge_goal(&start, &stage.scenario.task.goal, &rest, &stage.relations);
-        assert!(!verdict.success, "the goal held at the start");
+        assert!(!verdict.success, "the goal holds at the start");
     });
 }

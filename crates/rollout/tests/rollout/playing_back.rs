@@ -1,4 +1,4 @@
-//! Rows of a data set, played back open loop through the policy interface, solve the tasks that they come from.
+//! Playback of data set rows through the policy interface solves the original tasks.
 
 use genmanip_core::Ending;
 use genmanip_data::export::choice::{ACTIONS, ROTATIONS, action};
@@ -10,7 +10,7 @@ use genmanip_rollout::{RolloutSettings, run_episode};
 use crate::episodes;
 
 #[test]
-fn rows_of_every_action_solve_the_task_again() {
+fn rows_of_every_action_space_solve_the_task_again() {
     let folder = tempfile::tempdir().unwrap();
     let store = EpisodeStore::create(folder.path().join("store")).unwrap();
     let recorded = episodes();

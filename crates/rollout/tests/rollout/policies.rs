@@ -1,4 +1,4 @@
-//! The loop against policies that stand still, break, ask for too much or never end.
+//! The episode loop with policies that stand still, fail, exceed limits or never end.
 
 use genmanip_core::{
     ActionChunk, ActionFrame, ActionSpace, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
@@ -11,7 +11,7 @@ use crate::{any_stage, episodes};
 
 type Reply = Box<dyn FnMut(&Observation) -> Result<ActionChunk, PolicyError> + Send>;
 
-/// A policy that does what a test says.
+/// A policy with scripted replies.
 struct Scripted {
     spec: PolicySpec,
     reply: Reply,
@@ -23,7 +23,7 @@ impl Scripted {
         Self { spec, reply: Box::new(reply) }
     }
 
-    /// Always the same actions.
+    /// Always returns the same actions.
     fn always(actions: Vec<Vec<f32>>, finished: bool) -> Self {
         Self::new(move |_| Ok(ActionChunk { actions: actions.clone(), finished }))
     }
@@ -35,13 +35,13 @@ impl Policy for Scripted {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        assert!(start.scenario.is_none(), "only privileged policies get the scenario");
+        assert!(start.scenario.is_none(), "only privileged policies receive the scenario");
         assert!(!start.instruction.is_empty());
         Ok(())
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
-        assert!(observation.privileged.is_none(), "only privileged policies get the truth");
+        assert!(observation.privileged.is_none(), "only privileged policies receive ground truth");
         assert_eq!(observation.state["observation.state"].len(), 8);
         (self.reply)(observation)
     }
@@ -83,9 +83,9 @@ fn ids(camera: &str) -> CameraRequest {
     CameraRequest::new(camera, ImageChannels { ids: true, ..ImageChannels::RGBD })
 }
 
-/// What the loop cannot serve is refused before anything moves, in words that help.
+/// Unsupported specifications are rejected before anything moves, with helpful messages.
 #[test]
-fn a_spec_that_cannot_be_served_is_refused() {
+fn unsupported_specifications_are_rejected() {
     type Change = fn(&mut PolicySpec);
     let cases: [(Change, &str); 12] = [
         (|spec| spec.rate_hz = 7.0, "rate 7 Hz does not divide the control rate of 60 Hz"),
@@ -101,25 +101,25 @@ fn a_spec_that_cannot_be_served_is_refused() {
         (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
         (
             |spec| spec.cameras = vec![rgb("ceiling")],
-            "no camera `ceiling`, its cameras are overview, left, right, static",
+            "no camera `ceiling`; its cameras are overview, left, right, static",
         ),
-        (|spec| spec.cameras = vec![rgb("wrist"), rgb("static"), rgb("wrist")], "camera `wrist` is asked for twice"),
+        (|spec| spec.cameras = vec![rgb("wrist"), rgb("static"), rgb("wrist")], "camera `wrist` is requested twice"),
         (|spec| spec.cameras = vec![rgb("wrist").sized(0, 64)], "0 x 64 pixels"),
-        (|spec| spec.cameras = vec![ids("wrist")], "instance ids, which are simulator truth"),
+        (|spec| spec.cameras = vec![ids("wrist")], "instance ids, which are simulator ground truth"),
     ];
     for (change, wanted) in cases {
-        let mut policy = Scripted::new(|_| unreachable!("a refused policy is never asked"));
+        let mut policy = Scripted::new(|_| unreachable!("a rejected policy is never queried"));
         change(&mut policy.spec);
         let error = run(&mut policy, 1.0).unwrap_err();
         assert!(matches!(error, RolloutError::Spec { .. }), "{error:?}");
         let message = error.to_string();
-        assert!(message.contains("`scripted` cannot be served") && message.contains(wanted), "{message}");
+        assert!(message.contains("`scripted` is not supported") && message.contains(wanted), "{message}");
     }
 }
 
-/// A policy that breaks is a result with a cause; the episode up to there is kept.
+/// A failing policy gives a result with a cause, and the episode up to the failure is kept.
 #[test]
-fn a_policy_that_breaks_is_a_result() {
+fn a_failing_policy_gives_a_result() {
     let nan = || [home(), vec![f32::NAN; 8]].to_vec();
     let infinite = || vec![[&home()[..7], &[f32::INFINITY]].concat()];
     let cases: [(&str, Scripted, usize, &str); 7] = [
@@ -140,16 +140,16 @@ fn a_policy_that_breaks_is_a_result() {
         let episode = run(&mut policy, 1.0).unwrap_or_else(|error| panic!("{name}: {error}"));
         let [failure, rest @ ..] = &episode.result.failures[..] else { panic!("{name}: {:?}", episode.result) };
         assert_eq!((failure.cause, episode.result.ending), (FailureCause::Policy, Some(Ending::GaveUp)), "{name}");
-        assert!(rest.iter().any(|seen| seen.cause == FailureCause::GoalMissed), "{name}: all that was seen is told");
+        assert!(rest.iter().any(|seen| seen.cause == FailureCause::GoalMissed), "{name}: all causes are reported");
         assert!(failure.evidence.contains(wanted), "{name}: {}", failure.evidence);
         assert_eq!(episode.frames.len(), steps + 6, "{name}: the last command is held while settling");
         assert!(episode.frames.iter().flat_map(|frame| &frame.command).all(|value| value.is_finite()), "{name}");
     }
 }
 
-/// Far outside of all limits the drives do what they can, and the recording stays within the limits.
+/// Far outside all limits, the drives do what they can, and the recording stays within the limits.
 #[test]
-fn absurd_but_finite_actions_break_neither_physics_nor_limits() {
+fn extreme_finite_actions_keep_the_limits() {
     for value in [1e30_f32, -1e30, 100.0] {
         let episode = run(&mut Scripted::always(vec![vec![value; 8]; 30], true), 1.0).unwrap();
         assert!(!episode.result.success);
@@ -164,7 +164,7 @@ fn absurd_but_finite_actions_break_neither_physics_nor_limits() {
 }
 
 #[test]
-fn the_horizon_ends_a_policy_that_does_not() {
+fn the_time_limit_ends_a_policy_that_does_not() {
     let long = vec![home(); 1000];
     let slow = |rate_hz| {
         let mut policy = Scripted::always(vec![home()], false);
@@ -186,28 +186,28 @@ fn the_horizon_ends_a_policy_that_does_not() {
             (FailureCause::Timeout, "not finished after 0.5 s"),
             "{name}"
         );
-        assert_eq!(episode.frames.len(), 30 + 6, "{name}: horizon and settling");
+        assert_eq!(episode.frames.len(), 30 + 6, "{name}: time limit and settling");
     }
 }
 
-/// `rate_hz` repeats actions, `execute_steps` cuts chunks, `finished` counts once the chunk was executed.
+/// `rate_hz` repeats actions, `execute_steps` cuts chunks, `finished` counts only for a completely executed chunk.
 #[test]
-fn rate_and_chunks_mean_what_the_spec_says() {
+fn rate_and_chunks_follow_the_specification() {
     let mut policy =
         Scripted::new(|observation| Ok(ActionChunk { actions: vec![home(); 5], finished: observation.time_s > 0.2 }));
     (policy.spec.rate_hz, policy.spec.execute_steps) = (20.0, 2);
     let episode = run(&mut policy, 1.0).unwrap();
-    assert_eq!(episode.result.failures[0].cause, FailureCause::Timeout, "two of five actions never finish it");
+    assert_eq!(episode.result.failures[0].cause, FailureCause::Timeout, "two of five actions never finish a chunk");
 
     policy.spec.execute_steps = 5;
     let episode = run(&mut policy, 1.0).unwrap();
     assert_eq!(episode.result.failures[0].cause, FailureCause::GoalMissed);
-    assert_eq!(episode.frames.len(), 2 * 5 * 3 + 6, "asked at 0 s and 0.25 s; five actions of three steps; settling");
+    assert_eq!(episode.frames.len(), 2 * 5 * 3 + 6, "queried at 0 s and 0.25 s; five actions of three steps; settling");
 }
 
-/// A policy that cannot be reached leaves no result behind, neither at the start nor in the middle.
+/// An unreachable policy leaves no result, neither at the start nor in the middle.
 #[test]
-fn a_policy_that_cannot_be_reached_is_no_result() {
+fn an_unreachable_policy_gives_no_result() {
     let mut policy = Scripted::new(|observation| match observation.time_s {
         begin if begin < 0.2 => Ok(ActionChunk { actions: vec![home()], finished: false }),
         _ => Err(PolicyError::Unreachable("connection refused".into())),

@@ -1,4 +1,4 @@
-//! A policy without any truth: it looks for red in one RGB-D image, and acts in tcp poses through the adapter.
+//! A policy without ground truth: finds red in one RGB-D image, and acts in tcp poses through the adapter.
 
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
@@ -11,26 +11,26 @@ use genmanip_rollout::{RolloutSettings, run_episode};
 
 use crate::{scenario, stage};
 
-/// How often it acts, Hz; speeds below are per action of that length.
+/// Action rate, Hz; the steps below are per action.
 const RATE_HZ: f64 = 15.0;
-/// Greatest step of the hand between two actions, m and rad: 0.3 m/s, 1.2 rad/s.
+/// Maximum step of the tool between two actions, m and rad: 0.3 m/s, 1.2 rad/s.
 const STEP_M: f64 = 0.02;
 const STEP_RAD: f64 = 0.08;
-/// How far above what it takes or puts down the hand travels, m.
+/// Travel height above the object and the goal, m.
 const ABOVE_M: f64 = 0.12;
-/// Height of what counts as a board, m: above the table's roughness, below a cube.
+/// Height range of board points, m: above the table's noise, below a cube.
 const BOARD_M: [f64; 2] = [0.008, 0.02];
-/// Actions for the fingers to move.
+/// Actions for opening or closing the gripper.
 const FINGER_ACTIONS: usize = 15;
 
-/// Moves the reddest thing onto the board, by what the `overview` camera sees before the first step.
+/// Moves the reddest object onto the board, as seen by the camera before the first step.
 struct RedPixel {
     camera: &'static str,
-    /// Where the hand starts, as the first observation of a real robot would say; here its known home.
+    /// Initial tool pose; known here, reported by the first observation of a real robot.
     home: (DVec3, DQuat),
 }
 
-/// One action: where the tcp is, and 1 for shut, -1 for open.
+/// One action: tcp pose, and 1 for closed, -1 for open.
 type Waypoint = (DVec3, DQuat, f32);
 
 impl Policy for RedPixel {
@@ -49,7 +49,7 @@ impl Policy for RedPixel {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        assert!(start.scenario.is_none(), "it is told nothing but the sentence");
+        assert!(start.scenario.is_none(), "it receives only the instruction");
         Ok(())
     }
 
@@ -69,38 +69,38 @@ impl Policy for RedPixel {
             PolicyError::GaveUp(Failure { cause: FailureCause::NoGrasp, evidence: evidence.to_owned() })
         };
         if reddest < 60 {
-            return Err(nothing("nothing red is in sight"));
+            return Err(nothing("nothing red is visible"));
         }
-        let thing: Vec<DVec3> =
+        let object: Vec<DVec3> =
             seen.iter().filter(|(rgb, _)| red(rgb) > reddest / 2).map(|(_, point)| *point).collect();
         let is_board = |point: &&DVec3| (BOARD_M[0]..BOARD_M[1]).contains(&point.z);
         let board: Vec<DVec3> = seen.iter().map(|(_, point)| point).filter(is_board).copied().collect();
         if board.len() < 50 {
-            return Err(nothing("no board is in sight"));
+            return Err(nothing("no board is visible"));
         }
         let board = board.iter().sum::<DVec3>() / board.len() as f64;
 
-        let top_m = thing.iter().map(|point| point.z).fold(0.0, f64::max);
-        let (center, yaw) = top_of(&thing, top_m);
+        let top_m = object.iter().map(|point| point.z).fold(0.0, f64::max);
+        let (center, yaw) = top_of(&object, top_m);
         let down = pointing_down(yaw);
         let take = center.extend((top_m - 0.02).max(0.012));
         let put = DVec3::new(board.x, board.y, take.z + board.z + 0.006);
         let (above, over) = (take + DVec3::Z * ABOVE_M, put + DVec3::Z * ABOVE_M);
 
-        let mut way = Way { at: (self.home.0, self.home.1, -1.0), actions: Vec::new() };
-        way.go(above, down);
-        way.go(take, down);
-        way.fingers(1.0);
-        way.go(above, down);
-        way.go(over, down);
-        way.go(put, down);
-        way.fingers(-1.0);
-        way.go(over, down);
-        Ok(ActionChunk { actions: way.actions, finished: true })
+        let mut path = ActionPath { at: (self.home.0, self.home.1, -1.0), actions: Vec::new() };
+        path.move_to(above, down);
+        path.move_to(take, down);
+        path.set_gripper(1.0);
+        path.move_to(above, down);
+        path.move_to(over, down);
+        path.move_to(put, down);
+        path.set_gripper(-1.0);
+        path.move_to(over, down);
+        Ok(ActionChunk { actions: path.actions, finished: true })
     }
 }
 
-/// Middle of the top face in the plane, and the direction in which it is narrowest.
+/// Centre of the top face in the plane, and its narrowest direction.
 fn top_of(points: &[DVec3], top_m: f64) -> (DVec2, f64) {
     let face: Vec<DVec2> =
         points.iter().filter(|point| point.z > top_m - 0.004).map(|point| point.truncate()).collect();
@@ -115,27 +115,27 @@ fn top_of(points: &[DVec3], top_m: f64) -> (DVec2, f64) {
         let ((a, b), (c, d)) = range(yaw);
         (b - a) * (d - c)
     };
-    // The fingers close along the hand's y; half a quarter turn either way is enough for a square.
+    // The fingers close along the tool's y axis; an eighth of a turn either way is enough for a square.
     let yaws = (-22..=22).map(|step| f64::from(step) * 2_f64.to_radians());
     let yaw = yaws.min_by(|a, b| area(*a).total_cmp(&area(*b))).unwrap_or_default();
     let ((a, b), (c, d)) = range(yaw);
     (DVec2::from_angle(yaw) * ((a + b) / 2.0) + DVec2::from_angle(yaw).perp() * ((c + d) / 2.0), yaw)
 }
 
-/// A hand that points down, turned about the vertical.
+/// Tool orientation pointing down, rotated about the vertical.
 fn pointing_down(yaw: f64) -> DQuat {
     let x = DVec2::from_angle(yaw).extend(0.0);
     DQuat::from_mat3(&DMat3::from_cols(x, DVec3::NEG_Z.cross(x), DVec3::NEG_Z))
 }
 
-/// Actions in the making: straight lines in small steps.
-struct Way {
+/// Actions under construction: straight lines in small steps.
+struct ActionPath {
     at: Waypoint,
     actions: Vec<Vec<f32>>,
 }
 
-impl Way {
-    fn go(&mut self, position: DVec3, rotation: DQuat) {
+impl ActionPath {
+    fn move_to(&mut self, position: DVec3, rotation: DQuat) {
         let (from, turned, grip) = self.at;
         let steps =
             ((position - from).length() / STEP_M).max(turned.angle_between(rotation) / STEP_RAD).ceil().max(1.0);
@@ -143,11 +143,11 @@ impl Way {
             let t = step as f64 / steps;
             self.push((from.lerp(position, t), turned.slerp(rotation, t), grip));
         }
-        // Time to come to rest.
+        // Wait until the arm is at rest.
         (0..3).for_each(|_| self.push(self.at));
     }
 
-    fn fingers(&mut self, grip: f32) {
+    fn set_gripper(&mut self, grip: f32) {
         (0..FINGER_ACTIONS).for_each(|_| self.push((self.at.0, self.at.1, grip)));
     }
 

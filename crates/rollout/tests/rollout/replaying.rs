@@ -1,4 +1,4 @@
-//! Recorded commands in a fresh simulation.
+//! Replay of recorded commands in a new simulation.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use genmanip_rollout::{RolloutSettings, Stage, replay, run_episode};
 use crate::{episodes, planner, stage};
 
 #[test]
-fn the_final_state_is_reached_to_the_last_bit() {
+fn the_final_state_is_reproduced_bit_for_bit() {
     for (stage, episode) in episodes() {
         let check = replay::check(stage, episode).unwrap();
         assert!(check.identical, "{check:?}");
@@ -19,7 +19,7 @@ fn the_final_state_is_reached_to_the_last_bit() {
     }
 }
 
-/// Episodes that the program recorded when objects were named by uid and hashed with it.
+/// Episodes recorded when objects were named and hashed by uid.
 #[test]
 fn episodes_of_version_1_open_and_replay() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../cli/testdata/version_1/run/episodes");
@@ -32,7 +32,7 @@ fn episodes_of_version_1_open_and_replay() {
         assert!(hashes().all(|hash| hash.starts_with("v1:")), "{id}");
         let stage = stage(episode.scenario.clone());
         let check = replay::check(&stage, &episode).unwrap();
-        // Other machines come to the same verdicts, not to the same bits.
+        // Other machines reach the same verdicts, not the same bits.
         assert!(check.identical || check.largest_difference < 1e-3, "{id}: {check:?}");
         let mut changed = episode.scenario.clone();
         changed.objects[0].physics_hash = "v1:000000000000".into();
@@ -42,9 +42,9 @@ fn episodes_of_version_1_open_and_replay() {
     }
 }
 
-/// The check can fail: a thousandth of a radian in one command is noticed.
+/// The check is sensitive: a change of a thousandth of a radian in one command is detected.
 #[test]
-fn a_changed_command_is_noticed() {
+fn a_changed_command_is_detected() {
     let (stage, episode) = &episodes()[1];
     let mut changed = episode.clone();
     let middle = changed.frames.len() / 2;
@@ -58,9 +58,9 @@ fn a_changed_command_is_noticed() {
     assert!(error.contains("another scene"), "{error}");
 }
 
-/// As a policy the recording needs no truth, succeeds as it did, and is not called an oracle.
+/// Replayed as a policy, the recording needs no ground truth, succeeds again, and is not marked as an oracle.
 #[test]
-fn the_recording_is_a_policy_that_succeeds_blindly() {
+fn a_replay_policy_succeeds_without_observations() {
     for (stage, episode) in episodes() {
         let mut policy = OpenLoop::replay(episode);
         let again = run_episode(stage, &mut policy, "again", Seed::new(0), &RolloutSettings::default()).unwrap();

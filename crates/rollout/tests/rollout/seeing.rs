@@ -1,4 +1,4 @@
-//! Images in the loop: the cameras a policy asks for, drawn from the state, the same as those drawn afterwards.
+//! Images in the loop: a policy's cameras are rendered from the current state, equal to images rendered afterwards.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -7,28 +7,28 @@ use genmanip_core::{
     ActionChunk, CameraRequest, CameraSensor, EpisodeStart, ImageChannels, Observation, Policy, PolicyError,
     PolicySpec, RgbdImage, Seed,
 };
-use genmanip_rollout::images::{Exposure, Painter};
+use genmanip_rollout::images::{Exposure, StageRenderer};
 use genmanip_rollout::{Environment, RolloutSettings, run_episode};
 
 use crate::{any_stage, episodes, stage};
 
 type Seen = Arc<Mutex<Vec<BTreeMap<String, Arc<RgbdImage>>>>>;
 
-/// Applies recorded commands, half a second at a time, and keeps what it is shown.
-struct Onlooker {
+/// Applies recorded commands, half a second at a time, and keeps the observed images.
+struct Observer {
     cameras: Vec<CameraRequest>,
     commands: Vec<Vec<f32>>,
     seen: Seen,
 }
 
-impl Policy for Onlooker {
+impl Policy for Observer {
     fn spec(&self) -> PolicySpec {
-        PolicySpec { cameras: self.cameras.clone(), ..PolicySpec::native("onlooker", 60.0) }
+        PolicySpec { cameras: self.cameras.clone(), ..PolicySpec::native("observer", 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        let told: Vec<_> = start.cameras.iter().map(|c| (c.name.as_str(), c.intrinsics.width)).collect();
-        assert_eq!(told, [("wrist", 96), ("static", 128)]);
+        let cameras: Vec<_> = start.cameras.iter().map(|c| (c.name.as_str(), c.intrinsics.width)).collect();
+        assert_eq!(cameras, [("wrist", 96), ("static", 128)]);
         Ok(())
     }
 
@@ -48,33 +48,37 @@ fn requests() -> [CameraRequest; 2] {
 }
 
 #[test]
-fn a_policy_that_asks_for_two_cameras_gets_them() {
+fn a_policy_receives_the_cameras_it_requests() {
     let (stage, known) = &episodes()[1];
     let seen = Seen::default();
     let commands = known.frames[..120].iter().map(|frame| frame.command.clone()).collect();
-    let mut policy = Onlooker { cameras: requests().to_vec(), commands, seen: Arc::clone(&seen) };
+    let mut policy = Observer { cameras: requests().to_vec(), commands, seen: Arc::clone(&seen) };
     let settings = RolloutSettings { settle_s: 0.0, ..RolloutSettings::default() };
-    let episode = run_episode(stage, &mut policy, "looked", Seed::new(3), &settings).unwrap();
-    assert_eq!(episode.frames, known.frames[..120], "looking changes nothing");
+    let episode = run_episode(stage, &mut policy, "observed", Seed::new(3), &settings).unwrap();
+    assert_eq!(episode.frames, known.frames[..120], "observing changes nothing");
     let seen = seen.lock().unwrap();
     assert_eq!(seen.len(), 4, "at 0, 0.5, 1 and 1.5 s");
-    let mut painter = Painter::new(stage).unwrap();
+    let mut renderer = StageRenderer::new(stage).unwrap();
     for (look, images) in seen.iter().enumerate() {
         assert_eq!(images.len(), 2);
         for request in requests() {
             let camera = stage.camera(&request).unwrap();
             let exposure = Exposure::of(&episode, 30 * look);
-            let drawn = painter.paint(&episode.frames[30 * look], &camera, request.channels, exposure).unwrap();
-            // Points that see nothing are not numbers, which are never equal.
+            let drawn = renderer.render_frame(&episode.frames[30 * look], &camera, request.channels, exposure).unwrap();
+            // Points of background pixels are NaN, which is never equal.
             let bits = |image: &RgbdImage| image.points_m.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
             let image = &images[&request.name];
             assert_eq!(bits(image), bits(&drawn), "{} at look {look}", request.name);
             let without = |image: &RgbdImage| RgbdImage { points_m: Vec::new(), ..image.clone() };
-            assert!(without(image) == without(&drawn), "{} at look {look}: as drawn from the record", request.name);
+            assert!(
+                without(image) == without(&drawn),
+                "{} at look {look}: as rendered from the recording",
+                request.name
+            );
         }
     }
     let pixels = |name: &str, look: usize| seen[look][name].rgb.clone();
-    assert!(pixels("wrist", 0) != pixels("wrist", 3), "the hand has moved");
+    assert!(pixels("wrist", 0) != pixels("wrist", 3), "the gripper has moved");
     let wrist = &seen[0]["wrist"];
     assert_eq!(
         (wrist.rgb.len(), wrist.normals.len(), wrist.points_m.len(), wrist.ids.len()),
@@ -83,9 +87,9 @@ fn a_policy_that_asks_for_two_cameras_gets_them() {
     assert!(wrist.points_m.iter().any(|point| point[2].abs() < 1e-3), "it sees the table's top at z = 0");
 }
 
-/// Before the first step and after the last, and the meshes of a stage are collected once.
+/// Images are available before the first step and after the last, and the meshes of a stage are collected once.
 #[test]
-fn images_can_be_had_at_any_time() {
+fn images_are_available_at_any_time() {
     let stage = any_stage();
     let mut environment = Environment::new(RolloutSettings { settle_s: 0.2, ..RolloutSettings::default() });
     environment.reset(stage, Seed::new(1));
@@ -101,10 +105,10 @@ fn images_can_be_had_at_any_time() {
     assert!(Arc::ptr_eq(&again, &stage.render_assets().unwrap()));
 }
 
-/// A shutter that is open longer than a control step: what a policy sees in the loop is what is drawn of the record,
-/// blurred while the arm moves and sharp before it does; depth is that of the moment.
+/// With an exposure longer than a control step, a policy's images equal those rendered from the recording: blurred while
+/// the arm moves, sharp before; depth is instantaneous.
 #[test]
-fn what_moves_while_the_shutter_is_open_is_blurred() {
+fn motion_during_the_exposure_is_blurred() {
     let (sharp, known) = &episodes()[1];
     let mut scenario = (*sharp.scenario).clone();
     for camera in &mut scenario.world.cameras {
@@ -116,25 +120,25 @@ fn what_moves_while_the_shutter_is_open_is_blurred() {
     let cameras = ["wrist", "static"].map(|name| CameraRequest::new(name, ImageChannels::RGBD).sized(160, 90));
     let mut episode = known.clone();
     episode.result.seed = Seed::new(5);
-    let mut painters = [sharp, &blurred].map(|stage| Painter::new(stage).unwrap());
+    let mut renderers = [sharp, &blurred].map(|stage| StageRenderer::new(stage).unwrap());
     let mut drawn = |index: usize, request: &CameraRequest| {
         [sharp, &blurred].map(|stage| {
-            let painter = &mut painters[usize::from(!std::ptr::eq(stage, sharp))];
+            let renderer = &mut renderers[usize::from(!std::ptr::eq(stage, sharp))];
             let camera = stage.camera(request).unwrap();
             let exposure = Exposure::of(&episode, index);
-            painter.paint(&episode.frames[index], &camera, request.channels, exposure).unwrap()
+            renderer.render_frame(&episode.frames[index], &camera, request.channels, exposure).unwrap()
         })
     };
-    // The fastest motion of the episode's beginning, and its neighbours.
-    let way = |index: &usize| known.frames[*index].tcp.position.distance(known.frames[index - 1].tcp.position);
-    let fastest = (2..180).max_by(|a, b| way(a).total_cmp(&way(b))).unwrap();
+    // The fastest motion near the beginning, and its neighbours.
+    let distance = |index: &usize| known.frames[*index].tcp.position.distance(known.frames[index - 1].tcp.position);
+    let fastest = (2..180).max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
     for (index, frame) in known.frames[..=fastest].iter().enumerate() {
         if [0, 1, fastest - 7, fastest].contains(&index) {
             let seen = environment.observe(&cameras).unwrap();
             for request in &cameras {
                 let [perfect, again] = drawn(index, request);
                 let image = &seen.images[&request.name];
-                assert!(**image == again, "{} at step {index}: as drawn from the record", request.name);
+                assert!(**image == again, "{} at step {index}: as rendered from the recording", request.name);
                 assert_eq!(image.depth_m, perfect.depth_m, "{} at step {index}", request.name);
                 assert!(image.rgb == perfect.rgb || index > 0, "{}: nothing moved before", request.name);
                 assert!(image.rgb != perfect.rgb || index < fastest, "{} at step {index}: blurred", request.name);

@@ -1,4 +1,4 @@
-//! The environment by hand: the same as the loop, saved and restored, judged without being changed.
+//! The environment stepped directly: equal to the loop, saved and restored, judged without side effects.
 
 use genmanip_core::{Ending, Episode, Seed};
 use genmanip_rollout::environment::{Conclusion, EventKind};
@@ -7,7 +7,7 @@ use genmanip_rollout::{Environment, RolloutError, RolloutSettings};
 use crate::{any_stage, episodes};
 
 const NOBODY: Conclusion =
-    Conclusion { id: "024_appearance", policy: "expert", oracle: true, ending: Ending::Finished, word: None };
+    Conclusion { id: "024_appearance", policy: "expert", oracle: true, ending: Ending::Finished, gave_up: None };
 
 fn environment(settings: RolloutSettings) -> Environment {
     let mut environment = Environment::new(settings);
@@ -21,7 +21,7 @@ fn commands(episode: &Episode) -> Vec<Vec<f32>> {
     episode.frames[..acted].iter().map(|frame| frame.command.clone()).collect()
 }
 
-/// Steps through the recorded commands; what `between` does in between changes nothing.
+/// Steps through the recorded commands; `between` must have no effect.
 fn stepped(between: impl Fn(usize, &mut Environment)) -> Episode {
     let mut environment = environment(RolloutSettings::default());
     for (number, command) in commands(&episodes()[1].1).iter().enumerate() {
@@ -34,18 +34,18 @@ fn stepped(between: impl Fn(usize, &mut Environment)) -> Episode {
 }
 
 #[test]
-fn stepping_by_hand_is_the_loop() {
-    let looked = stepped(|number, environment| {
+fn stepping_equals_the_loop() {
+    let stepped = stepped(|number, environment| {
         if number.is_multiple_of(50) {
             environment.verdict().unwrap();
             environment.truth().unwrap();
             environment.observe(&[]).unwrap();
         }
     });
-    assert_eq!(looked, episodes()[1].1, "the same bytes as the expert's episode, looked at or not");
+    assert_eq!(stepped, episodes()[1].1, "the same bytes as the expert's episode, observed or not");
 }
 
-/// Saved anywhere, even while something is held, and restored in a fresh environment or in one that went on.
+/// Saved at any time, even during a grip, and restored in a new environment or one that has continued.
 #[test]
 fn a_restored_environment_continues_to_the_same_bytes() {
     let known = &episodes()[1].1;
@@ -55,7 +55,7 @@ fn a_restored_environment_continues_to_the_same_bytes() {
         let mut first = environment(RolloutSettings::default());
         all[..at].iter().for_each(|command| drop(first.step(command).unwrap()));
         let saved = first.save().unwrap();
-        // What happens after saving is forgotten.
+        // Everything after saving is discarded.
         all[at..].iter().rev().take(40).for_each(|command| drop(first.step(command).unwrap()));
         let mut fresh = Environment::new(RolloutSettings::default());
         for environment in [&mut first, &mut fresh] {
@@ -68,7 +68,7 @@ fn a_restored_environment_continues_to_the_same_bytes() {
     }
 }
 
-/// The terminal observation is there, the verdict is final, and nothing can be stepped any more.
+/// The terminal observation is available, the verdict is final, and no further step is possible.
 #[test]
 fn settling_gives_the_terminal_observation() {
     let mut environment = environment(RolloutSettings::default());
@@ -87,7 +87,7 @@ fn settling_gives_the_terminal_observation() {
 }
 
 #[test]
-fn what_cannot_be_stepped_is_refused_and_changes_nothing() {
+fn invalid_steps_are_rejected_and_change_nothing() {
     let mut environment = Environment::new(RolloutSettings { horizon_s: 0.05, ..RolloutSettings::default() });
     assert!(matches!(environment.step(&[]), Err(RolloutError::NotReset)));
     assert!(matches!(environment.observe(&[]), Err(RolloutError::NotReset)));
@@ -103,9 +103,9 @@ fn what_cannot_be_stepped_is_refused_and_changes_nothing() {
     assert!(matches!(environment.step(&command), Err(RolloutError::EpisodeOver { frames: 3 })));
 }
 
-/// Told to stop at success, the episode ends once the goal has held for the settling time; left alone it does not.
+/// With `stop_on_success`, the episode ends once the goal has held for the settling time.
 #[test]
-fn stopping_on_success_waits_for_the_goal_to_hold() {
+fn stopping_on_success_waits_until_the_goal_has_held() {
     let known = &episodes()[1].1;
     let mut all = commands(known);
     let last = all.last().unwrap().clone();

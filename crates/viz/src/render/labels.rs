@@ -9,7 +9,7 @@ use genmanip_core::{Camera, Document, RgbdImage};
 use genmanip_data::files::Writing;
 use genmanip_data::ply;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::Painter;
+use genmanip_rollout::images::StageRenderer;
 
 use super::moment::{Boxes, Moment};
 use crate::scene_images::not_drawn;
@@ -47,13 +47,13 @@ impl<'a> Labels<'a> {
     /// What the cameras' pictures of a moment show.
     pub(super) fn push(
         &mut self,
-        painter: &mut Painter,
+        painter: &mut StageRenderer,
         moment: &Moment,
         cameras: &[Camera],
         images: &[RgbdImage],
     ) -> Result<(), RunError> {
         if self.lines.is_some() {
-            let whole = painter.whole(&moment.arm, moment.width, moment.placed(), cameras);
+            let whole = painter.unoccluded(&moment.arm, moment.width, moment.placed(), cameras);
             let whole = whole.map_err(|error| not_drawn(&self.stage.scenario.id, error))?;
             for ((camera, image), whole) in cameras.iter().zip(images).zip(&whole) {
                 self.write_line(moment, camera, image, whole)?;

@@ -31,7 +31,7 @@ use genmanip_render::reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::images::{Exposure, Painter, sensor_seed, usual_variation};
+use genmanip_rollout::images::{Exposure, StageRenderer, sensor_seed, usual_variation};
 use serde::Serialize;
 
 use self::files::Writer;
@@ -250,7 +250,7 @@ impl Source<'_> {
     ) -> Result<usize, RunError> {
         let Self { stage, episode, id, seed } = *self;
         let broken = |error| not_drawn(id, error);
-        let painter = Painter::in_variation(stage, variation).map_err(broken)?;
+        let painter = StageRenderer::with_appearance(stage, variation).map_err(broken)?;
         let mut painter = painter.tracing(reference(seed, options, threads));
         let frames = episode.map(|episode| chosen(episode, options.fps)).transpose()?;
         let mut overlays = Overlays::new(stage, episode, &options.overlays, options.captions)?;
@@ -271,7 +271,7 @@ impl Source<'_> {
             let step = moment.control_step;
             let still = || Exposure::still(sensor_seed(seed, step));
             let exposure = episode.map_or_else(still, |episode| Exposure::of(episode, step));
-            let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &views, exposure);
+            let drawn = painter.render_state(&moment.arm, moment.width, moment.placed(), &views, exposure);
             let mut images = drawn.map_err(broken)?;
             labels.push(&mut painter, &moment, cameras, &images)?;
             overlays.draw(&moment, cameras, &mut images)?;

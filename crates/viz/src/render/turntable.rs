@@ -7,7 +7,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, ImageChannels, Intrinsics};
 use genmanip_render::RenderVariation;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Exposure, Painter, sensor_seed};
+use genmanip_rollout::images::{Exposure, StageRenderer, sensor_seed};
 
 use super::files::Writer;
 use super::moment::Moment;
@@ -64,13 +64,13 @@ pub(super) fn draw(
     let mut overlays = Overlays::new(stage, None, &options.overlays, options.captions)?;
     let mut writer = Writer::new(folder, &cameras[0], ImageChannels::RGB, Some(options.fps))?;
     let broken = |error| not_drawn(&scenario.id, error);
-    let painter = Painter::in_variation(stage, variation).map_err(broken)?;
+    let painter = StageRenderer::with_appearance(stage, variation).map_err(broken)?;
     let mut painter = painter.tracing(reference(scenario.seed, options, threads));
     let channels = overlays.channels(ImageChannels::RGB);
     for (index, camera) in cameras.iter().enumerate() {
         let moment = Moment::start(stage, index);
         let still = Exposure::still(sensor_seed(scenario.seed, index));
-        let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &[(camera, channels)], still);
+        let drawn = painter.render_state(&moment.arm, moment.width, moment.placed(), &[(camera, channels)], still);
         let mut images = drawn.map_err(broken)?;
         overlays.draw(&moment, std::slice::from_ref(camera), &mut images)?;
         if index == 0 {

@@ -1,58 +1,59 @@
-//! The machine whose program a pickle is.
+//! Stack machine that evaluates the opcodes of a pickle.
 
 use std::collections::BTreeMap;
 
-use super::{Function, Kind, Node, Place};
+use super::{Function, Kind, Node, ValueId};
 
-/// Most values of a pickle: an episode of an hour has less.
-const MOST_VALUES: usize = 4_000_000;
-/// Most bytes that calls copy; chosen, more than the largest picture that protocol 2 writes as text.
-const MOST_COPIED: usize = 256 << 20;
-/// Most marks that are open at once, which is how deep its literals are nested.
-const DEEPEST: usize = 1000;
-/// Most dimensions of an array, as numpy has it.
-const MOST_DIMENSIONS: usize = 64;
-/// Characters of a name or text that an error repeats.
+/// Maximum values of a pickle: more than an episode of an hour needs.
+const MAX_VALUES: usize = 4_000_000;
+/// Maximum bytes copied by calls; chosen, above the largest image that protocol 2 stores as text.
+const MAX_COPIED_BYTES: usize = 256 << 20;
+/// Maximum open marks, that is, nesting depth.
+const MAX_DEPTH: usize = 1000;
+/// Maximum dimensions of an array; NumPy's limit.
+const MAX_DIMENSIONS: usize = 64;
+/// Maximum characters of pickle contents quoted in an error.
 const SHOWN: usize = 80;
 
-/// Its program, its values so far and what it works on.
+/// State of the stack machine: input, position, arena of values, and stacks.
 #[derive(Default)]
-pub(super) struct Machine<'a> {
+pub(super) struct Unpickler<'a> {
     bytes: &'a [u8],
     pub(super) at: usize,
     pub(super) values: Vec<Node>,
-    stack: Vec<Place>,
-    /// How high the stack was at each open mark.
+    stack: Vec<ValueId>,
+    /// Stack height at each open mark.
     marks: Vec<usize>,
-    memo: BTreeMap<u64, Place>,
-    /// Bytes that calls have copied.
+    memo: BTreeMap<u64, ValueId>,
+    /// Bytes copied by calls so far.
     copied: usize,
 }
 
-impl<'a> Machine<'a> {
+impl<'a> Unpickler<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, ..Self::default() }
     }
-    /// Runs it; the place of what it builds.
-    pub(super) fn run(&mut self) -> Result<Place, String> {
+
+    /// Runs the pickle; returns the index of the result.
+    pub(super) fn run(&mut self) -> Result<ValueId, String> {
         loop {
             let code = self.take(1)?[0];
             match code {
                 b'.' => return self.pop(),
-                // Protocol and frames: nothing depends on them.
+                // Protocol and frame headers are not needed.
                 0x80 => drop(self.take(1)?),
                 0x95 => drop(self.take(8)?),
                 b'(' => {
-                    if self.marks.len() >= DEEPEST {
-                        return Err(format!("expected values nested at most {DEEPEST} deep, got more"));
+                    if self.marks.len() >= MAX_DEPTH {
+                        return Err(format!("expected values nested at most {MAX_DEPTH} deep, got more"));
                     }
                     self.marks.push(self.stack.len());
                 }
                 b'0' => drop(self.pop()?),
-                b'1' => drop(self.marked()?),
+                b'1' => drop(self.pop_to_mark()?),
                 b'2' => {
                     let top = self.top()?;
-                    self.pile(top)?;
+                    self.push_place(top)?;
                 }
                 b'N' => self.push(Node::None)?,
                 0x88 => self.push(Node::Bool(true))?,
@@ -62,7 +63,7 @@ impl<'a> Machine<'a> {
                     let node = match (code, line.as_str()) {
                         (b'I', "00") => Node::Bool(false),
                         (b'I', "01") => Node::Bool(true),
-                        (_, text) => Node::Int(whole(text.trim_end_matches('L'))?),
+                        (_, text) => Node::Int(parse_integer(text.trim_end_matches('L'))?),
                     };
                     self.push(node)?;
                 }
@@ -82,7 +83,7 @@ impl<'a> Machine<'a> {
                 }
                 b'F' => {
                     let line = self.line()?;
-                    let value = line.parse().map_err(|_| format!("expected a number, got {}", shown(&line)))?;
+                    let value = line.parse().map_err(|_| format!("expected a number, got {}", quoted(&line)))?;
                     self.push(Node::Float(value))?;
                 }
                 b'G' => {
@@ -104,21 +105,21 @@ impl<'a> Machine<'a> {
                 b')' => self.push(Node::Tuple(Vec::new()))?,
                 b'}' => self.push(Node::Dict(Vec::new()))?,
                 b'l' | 0x91 => {
-                    let entries = self.marked()?;
+                    let entries = self.pop_to_mark()?;
                     self.push(Node::List(entries))?;
                 }
                 b't' => {
-                    let entries = self.marked()?;
+                    let entries = self.pop_to_mark()?;
                     self.push(Node::Tuple(entries))?;
                 }
                 0x85..=0x87 => {
                     let count = usize::from(code - 0x84);
-                    let from = self.stack.len().checked_sub(count).ok_or_else(lacking)?;
+                    let from = self.stack.len().checked_sub(count).ok_or_else(stack_underflow)?;
                     let entries = self.stack.split_off(from);
                     self.push(Node::Tuple(entries))?;
                 }
                 b'd' => {
-                    let entries = pairs(self.marked()?)?;
+                    let entries = pairs(self.pop_to_mark()?)?;
                     self.push(Node::Dict(entries))?;
                 }
                 b'a' => {
@@ -126,7 +127,7 @@ impl<'a> Machine<'a> {
                     self.append(vec![entry])?;
                 }
                 b'e' | 0x90 => {
-                    let entries = self.marked()?;
+                    let entries = self.pop_to_mark()?;
                     self.append(entries)?;
                 }
                 b's' => {
@@ -135,33 +136,33 @@ impl<'a> Machine<'a> {
                     self.set(vec![(key, value)])?;
                 }
                 b'u' => {
-                    let entries = pairs(self.marked()?)?;
+                    let entries = pairs(self.pop_to_mark()?)?;
                     self.set(entries)?;
                 }
                 b'p' => {
-                    let index = whole(&self.line()?)?;
-                    self.remember(index as u64)?;
+                    let index = parse_integer(&self.line()?)?;
+                    self.memo_put(index as u64)?;
                 }
                 b'q' => {
                     let index = self.number(1)?;
-                    self.remember(index)?;
+                    self.memo_put(index)?;
                 }
                 b'r' => {
                     let index = self.number(4)?;
-                    self.remember(index)?;
+                    self.memo_put(index)?;
                 }
-                0x94 => self.remember(self.memo.len() as u64)?,
+                0x94 => self.memo_put(self.memo.len() as u64)?,
                 b'g' => {
-                    let index = whole(&self.line()?)?;
-                    self.recall(index as u64)?;
+                    let index = parse_integer(&self.line()?)?;
+                    self.memo_get(index as u64)?;
                 }
                 b'h' => {
                     let index = self.number(1)?;
-                    self.recall(index)?;
+                    self.memo_get(index)?;
                 }
                 b'j' => {
                     let index = self.number(4)?;
-                    self.recall(index)?;
+                    self.memo_get(index)?;
                 }
                 b'c' => {
                     let (module, name) = (self.line()?, self.line()?);
@@ -180,15 +181,15 @@ impl<'a> Machine<'a> {
                 }
                 b'R' => {
                     let (arguments, function) = (self.pop()?, self.pop()?);
-                    let made = self.call(function, arguments)?;
-                    self.charge(&made)?;
-                    self.push(made)?;
+                    let origin = self.call(function, arguments)?;
+                    self.count_copied(&origin)?;
+                    self.push(origin)?;
                 }
                 b'b' => {
                     let state = self.pop()?;
                     self.build(state)?;
                 }
-                code => return Err(format!("expected an instruction that builds plain values, got {code:#04x}")),
+                code => return Err(format!("expected an opcode that builds plain values, got {code:#04x}")),
             }
         }
     }
@@ -201,7 +202,7 @@ impl<'a> Machine<'a> {
         Ok(taken)
     }
 
-    /// A number of so many bytes, the least first.
+    /// Little-endian integer of `bytes` bytes.
     fn number(&mut self, bytes: usize) -> Result<u64, String> {
         let mut wide = [0; 8];
         wide[..bytes].copy_from_slice(self.take(bytes)?);
@@ -217,41 +218,41 @@ impl<'a> Machine<'a> {
     }
 
     fn push(&mut self, node: Node) -> Result<(), String> {
-        if self.values.len() >= MOST_VALUES {
-            return Err(format!("expected at most {MOST_VALUES} values, got more"));
+        if self.values.len() >= MAX_VALUES {
+            return Err(format!("expected at most {MAX_VALUES} values, got more"));
         }
-        self.pile(self.values.len())?;
+        self.push_place(self.values.len())?;
         self.values.push(node);
         Ok(())
     }
 
-    /// Puts a value on the stack, where it may lie several times.
-    fn pile(&mut self, place: Place) -> Result<(), String> {
-        if self.stack.len() >= MOST_VALUES {
-            return Err(format!("expected at most {MOST_VALUES} values at once, got more"));
+    /// Pushes a reference to an existing value on the stack.
+    fn push_place(&mut self, place: ValueId) -> Result<(), String> {
+        if self.stack.len() >= MAX_VALUES {
+            return Err(format!("expected at most {MAX_VALUES} values on the stack, got more"));
         }
         self.stack.push(place);
         Ok(())
     }
 
-    fn pop(&mut self) -> Result<Place, String> {
-        // What lies below a mark is not this instruction's.
+    fn pop(&mut self) -> Result<ValueId, String> {
+        // Values below the last mark must not be popped.
         let floor = self.marks.last().copied().unwrap_or(0);
         if self.stack.len() <= floor {
-            return Err(lacking());
+            return Err(stack_underflow());
         }
-        self.stack.pop().ok_or_else(lacking)
+        self.stack.pop().ok_or_else(stack_underflow)
     }
 
-    fn top(&self) -> Result<Place, String> {
-        self.stack.last().copied().ok_or_else(lacking)
+    fn top(&self) -> Result<ValueId, String> {
+        self.stack.last().copied().ok_or_else(stack_underflow)
     }
 
-    /// All values since the last mark.
-    fn marked(&mut self) -> Result<Vec<Place>, String> {
+    /// Pops all values since the last mark.
+    fn pop_to_mark(&mut self) -> Result<Vec<ValueId>, String> {
         let from = self.marks.pop().ok_or("expected a mark, got none")?;
         if from > self.stack.len() {
-            return Err(lacking());
+            return Err(stack_underflow());
         }
         Ok(self.stack.split_off(from))
     }
@@ -263,30 +264,31 @@ impl<'a> Machine<'a> {
 
     fn long(&mut self, length: u64) -> Result<(), String> {
         let length = usize::try_from(length).ok().filter(|length| *length <= 8);
-        let length = length.ok_or("expected a whole number of at most 8 bytes, got a larger one")?;
+        let length = length.ok_or("expected an integer of at most 8 bytes, got a larger one")?;
         let value = self.number(length)?;
         let spare = 64 - 8 * length as u32;
         let value = if length == 0 { 0 } else { ((value << spare) as i64) >> spare };
         self.push(Node::Int(value))
     }
 
-    /// So many bytes as a number of so many bytes says.
-    fn counted(&mut self, size: usize) -> Result<&[u8], String> {
+    /// Bytes with a length prefix of `size` bytes.
+    fn read_counted(&mut self, size: usize) -> Result<&[u8], String> {
         let length = self.number(size)?;
         self.take(usize::try_from(length).unwrap_or(usize::MAX))
     }
 
     fn binary(&mut self, size: usize) -> Result<(), String> {
-        let bytes = self.counted(size)?.to_vec();
+        let bytes = self.read_counted(size)?.to_vec();
         self.push(Node::Bytes(bytes))
     }
 
     fn text(&mut self, size: usize) -> Result<(), String> {
-        let text = std::str::from_utf8(self.counted(size)?).map_err(|_| "expected text, got other bytes")?.to_owned();
+        let text =
+            std::str::from_utf8(self.read_counted(size)?).map_err(|_| "expected text, got other bytes")?.to_owned();
         self.push(Node::Text(text))
     }
 
-    fn append(&mut self, entries: Vec<Place>) -> Result<(), String> {
+    fn append(&mut self, entries: Vec<ValueId>) -> Result<(), String> {
         let list = self.top()?;
         match &mut self.values[list] {
             Node::List(known) => known.extend(entries),
@@ -295,7 +297,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn set(&mut self, entries: Vec<(Place, Place)>) -> Result<(), String> {
+    fn set(&mut self, entries: Vec<(ValueId, ValueId)>) -> Result<(), String> {
         let dict = self.top()?;
         match &mut self.values[dict] {
             Node::Dict(known) => known.extend(entries),
@@ -304,51 +306,52 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn remember(&mut self, index: u64) -> Result<(), String> {
+    fn memo_put(&mut self, index: u64) -> Result<(), String> {
         let top = self.top()?;
-        if self.memo.len() >= MOST_VALUES && !self.memo.contains_key(&index) {
-            return Err(format!("expected at most {MOST_VALUES} values to remember, got more"));
+        if self.memo.len() >= MAX_VALUES && !self.memo.contains_key(&index) {
+            return Err(format!("expected at most {MAX_VALUES} values in the memo, got more"));
         }
         self.memo.insert(index, top);
         Ok(())
     }
 
-    fn recall(&mut self, index: u64) -> Result<(), String> {
-        let place = *self.memo.get(&index).ok_or_else(|| format!("expected a value under {index}, got none"))?;
-        self.pile(place)
+    fn memo_get(&mut self, index: u64) -> Result<(), String> {
+        let place =
+            *self.memo.get(&index).ok_or_else(|| format!("expected a value at memo index {index}, got none"))?;
+        self.push_place(place)
     }
 
     fn function(&mut self, module: &str, name: &str) -> Result<(), String> {
         let function = Function::named(module, name).ok_or_else(|| {
-            let asked = shown(&format!("{module}.{name}"));
-            format!("expected plain values and arrays of numpy, got a call of {asked}, which is not executed")
+            let asked = quoted(&format!("{module}.{name}"));
+            format!("expected plain values and NumPy arrays, got a call of {asked}, which is not executed")
         })?;
         self.push(Node::Function(function))
     }
 
-    fn tuple(&self, place: Place) -> Result<&[Place], String> {
+    fn tuple(&self, place: ValueId) -> Result<&[ValueId], String> {
         match &self.values[place] {
             Node::Tuple(entries) => Ok(entries),
             _ => Err("expected the arguments of a function, got another value".into()),
         }
     }
 
-    /// Counts what a call has copied: a few bytes of program may copy much, again and again.
-    fn charge(&mut self, made: &Node) -> Result<(), String> {
-        self.copied += match made {
+    /// Adds the bytes copied by a call to the budget: a few opcodes can copy a lot repeatedly.
+    fn count_copied(&mut self, origin: &Node) -> Result<(), String> {
+        self.copied += match origin {
             Node::Bytes(bytes) => bytes.len(),
             Node::Text(text) => text.len(),
-            Node::List(places) => places.len() * size_of::<Place>(),
+            Node::List(places) => places.len() * size_of::<ValueId>(),
             Node::Type { name, .. } => name.len(),
             _ => 0,
         };
-        if self.copied > MOST_COPIED {
-            return Err(format!("expected calls that copy at most {MOST_COPIED} bytes, got more"));
+        if self.copied > MAX_COPIED_BYTES {
+            return Err(format!("expected calls that copy at most {MAX_COPIED_BYTES} bytes, got more"));
         }
         Ok(())
     }
 
-    fn call(&self, function: Place, arguments: Place) -> Result<Node, String> {
+    fn call(&self, function: ValueId, arguments: ValueId) -> Result<Node, String> {
         let Node::Function(function) = &self.values[function] else {
             return Err("expected a function to call, got another value".into());
         };
@@ -357,11 +360,11 @@ impl<'a> Machine<'a> {
         match function {
             Function::Reconstruct => match argument(0) {
                 Some(Node::Function(Function::NdArray)) => Ok(Node::EmptyArray),
-                _ => Err("expected an array of numpy, got another type".into()),
+                _ => Err("expected a NumPy array, got another type".into()),
             },
             Function::DType => match argument(0) {
                 Some(Node::Text(name)) => Ok(Node::Type { name: name.clone(), is_big: false }),
-                _ => Err("expected the name of a type of numpy, got another value".into()),
+                _ => Err("expected the name of a NumPy type, got another value".into()),
             },
             Function::Scalar => match (argument(0), argument(1), arguments.get(1)) {
                 (Some(dtype @ Node::Type { .. }), Some(Node::Bytes(_)), Some(bytes)) => {
@@ -378,29 +381,29 @@ impl<'a> Machine<'a> {
                 _ => Ok(Node::Opaque),
             },
             Function::Encode => match (argument(0), argument(1)) {
-                // How protocol 2 writes bytes: each as the character of its number.
+                // Protocol 2 encodes bytes as Latin-1 text.
                 (Some(Node::Text(text)), Some(Node::Text(code))) if code == "latin1" => {
                     let bytes: Option<Vec<u8>> =
                         text.chars().map(|letter| u8::try_from(u32::from(letter)).ok()).collect();
-                    bytes.map(Node::Bytes).ok_or_else(|| "expected bytes as latin1, got other letters".into())
+                    bytes.map(Node::Bytes).ok_or_else(|| "expected Latin-1 text, got other characters".into())
                 }
-                _ => Err("expected bytes as latin1, got another encoding".into()),
+                _ => Err("expected Latin-1, got another encoding".into()),
             },
             Function::OrderedDict => Ok(Node::Dict(Vec::new())),
             Function::Set => Ok(argument(0).cloned().unwrap_or(Node::List(Vec::new()))),
-            Function::NdArray => Err("expected an array with its contents, got its type alone".into()),
+            Function::NdArray => Err("expected an array with contents, got its type alone".into()),
         }
     }
 
-    /// Gives the value on top its state.
-    fn build(&mut self, state: Place) -> Result<(), String> {
+    /// The opcode BUILD: sets the state of the value on top of the stack.
+    fn build(&mut self, state: ValueId) -> Result<(), String> {
         let top = self.top()?;
         let state = self.tuple(state).map_err(|_| "expected the state of an array or its type, got another value")?;
         let part = |index: usize| state.get(index).map(|place| &self.values[*place]);
         let built = match &self.values[top] {
             Node::Type { name, .. } => match (part(1), part(3)) {
                 (Some(Node::Text(order)), Some(Node::None)) => Node::Type { name: name.clone(), is_big: order == ">" },
-                // A type of records.
+                // A record type.
                 _ => Node::Opaque,
             },
             Node::Opaque => Node::Opaque,
@@ -411,28 +414,28 @@ impl<'a> Machine<'a> {
                 (_, _, Some(Node::Bool(_)), _) => Node::Opaque,
                 _ => return Err("expected shape, type and bytes of an array, got something else".into()),
             },
-            _ => return Err("expected an array or its type to give a state to, got another value".into()),
+            _ => return Err("expected an array or its type before BUILD, got another value".into()),
         };
         self.values[top] = built;
         Ok(())
     }
 
-    fn shape(&self, place: Place) -> Result<Vec<usize>, String> {
+    fn shape(&self, place: ValueId) -> Result<Vec<usize>, String> {
         let lengths = self.tuple(place)?;
-        let length = |place: &Place| match self.values[*place] {
+        let length = |place: &ValueId| match self.values[*place] {
             Node::Int(length) => usize::try_from(length).ok(),
             _ => None,
         };
-        let shape: Option<Vec<usize>> = lengths.iter().take(MOST_DIMENSIONS).map(length).collect();
+        let shape: Option<Vec<usize>> = lengths.iter().take(MAX_DIMENSIONS).map(length).collect();
         shape.ok_or_else(|| "expected the shape of an array, got another value".into())
     }
 
-    /// An array of numbers; of anything else it is only known that it is there.
-    fn array(&self, dtype: &Node, shape: Vec<usize>, bytes: Place) -> Result<Node, String> {
+    /// A numeric array; arrays of other types are opaque.
+    fn array(&self, dtype: &Node, shape: Vec<usize>, bytes: ValueId) -> Result<Node, String> {
         let Node::Type { name, is_big } = dtype else { return Ok(Node::Opaque) };
         let (Some(kind), Node::Bytes(held)) = (Kind::of(name), &self.values[bytes]) else { return Ok(Node::Opaque) };
         if *is_big && kind.size() > 1 {
-            return Err(format!("expected numbers with the least byte first, got {} with the largest", shown(name)));
+            return Err(format!("expected little-endian numbers, got {} in big-endian order", quoted(name)));
         }
         let count = shape.iter().try_fold(kind.size(), |product, length| product.checked_mul(*length));
         if count != Some(held.len()) {
@@ -443,19 +446,19 @@ impl<'a> Machine<'a> {
     }
 }
 
-fn pairs(entries: Vec<Place>) -> Result<Vec<(Place, Place)>, String> {
+fn pairs(entries: Vec<ValueId>) -> Result<Vec<(ValueId, ValueId)>, String> {
     let (pairs, rest) = entries.as_chunks::<2>();
-    if rest.is_empty() { Ok(pairs.iter().map(|[key, value]| (*key, *value)).collect()) } else { Err(lacking()) }
+    if rest.is_empty() { Ok(pairs.iter().map(|[key, value]| (*key, *value)).collect()) } else { Err(stack_underflow()) }
 }
 
-fn whole(text: &str) -> Result<i64, String> {
-    text.trim().parse().map_err(|_| format!("expected a whole number, got {}", shown(text)))
+fn parse_integer(text: &str) -> Result<i64, String> {
+    text.trim().parse().map_err(|_| format!("expected an integer, got {}", quoted(text)))
 }
 
-fn lacking() -> String {
-    "expected a value to work with, got none".into()
+fn stack_underflow() -> String {
+    "expected a value on the stack, got none".into()
 }
 
-fn shown(text: &str) -> String {
+fn quoted(text: &str) -> String {
     text.chars().take(SHOWN).filter(|letter| !letter.is_control()).collect()
 }

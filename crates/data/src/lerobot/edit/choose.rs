@@ -1,4 +1,4 @@
-//! Which episodes are meant: by conditions, or by their indices.
+//! Selection of episodes by conditions or indices.
 
 use std::collections::BTreeSet;
 
@@ -10,15 +10,15 @@ use crate::DataError;
 use crate::columns::{cell, text};
 use crate::table::Table;
 
-/// Most indices that a text may name: more than any data set has.
-const MOST: usize = 10_000_000;
+/// Maximum episode index: beyond that of any data set.
+const MAX_INDEX: usize = 10_000_000;
 
-/// What episodes must be like: a column of the episodes table, or `object`, and what stands there.
+/// Condition on an episode: a column of the episodes table, or `object`, and its value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Condition {
-    /// The column; `kind` and `task` are short for `task_kind` and `task_id`.
+    /// The column; `kind` and `task` stand for `task_kind` and `task_id`.
     pub key: String,
-    /// `true` and `false` for what is either; the id of an object.
+    /// The value; `true` or `false` for booleans, an object id for `object`.
     pub value: String,
 }
 
@@ -30,7 +30,7 @@ impl std::str::FromStr for Condition {
             Some((key, value)) if !key.is_empty() && !value.is_empty() => {
                 Ok(Self { key: key.into(), value: value.into() })
             }
-            _ => Err("expected COLUMN=VALUE, as success=true or kind=spatial".into()),
+            _ => Err("expected COLUMN=VALUE, e.g. success=true or kind=spatial".into()),
         }
     }
 }
@@ -45,12 +45,14 @@ impl Condition {
         }
     }
 
-    /// `None` where the cell holds nothing that could be compared.
+    /// `None` if the cell's type cannot be compared with the value.
     fn holds(&self, batch: &RecordBatch, row: usize) -> Option<bool> {
         let column = self.column();
         if let Some((found, _)) = text(batch, column, row) {
             return match self.key.as_str() {
-                "object" => serde_json::from_str::<Brief>(&found).ok().map(|scenario| scenario.has(&self.value)),
+                "object" => {
+                    serde_json::from_str::<ScenarioObjects>(&found).ok().map(|scenario| scenario.has(&self.value))
+                }
                 _ => Some(found == self.value),
             };
         }
@@ -67,25 +69,25 @@ impl Condition {
     }
 }
 
-/// What is looked for in a scenario.
+/// Objects of a scenario.
 #[derive(Deserialize)]
-struct Brief {
-    objects: Vec<BriefObject>,
+struct ScenarioObjects {
+    objects: Vec<ScenarioObject>,
 }
 
 #[derive(Deserialize)]
-struct BriefObject {
+struct ScenarioObject {
     id: String,
 }
 
-impl Brief {
+impl ScenarioObjects {
     fn has(&self, id: &str) -> bool {
         self.objects.iter().any(|object| object.id == id)
     }
 }
 
 impl Source {
-    /// The episodes that fulfil all conditions.
+    /// Indices of the episodes that meet all conditions.
     pub(super) fn matching(&self, conditions: &[Condition]) -> Result<Vec<usize>, DataError> {
         let mut kept = Vec::new();
         let mut number = 0;
@@ -128,18 +130,18 @@ impl Source {
     }
 }
 
-/// Indices from a text such as `3,7-9`.
+/// Parses indices and ranges such as `3,7-9`.
 ///
 /// # Errors
-/// What was expected.
+/// The expected format.
 pub fn numbers(text: &str) -> Result<BTreeSet<usize>, String> {
-    let expected = || "expected indices and ranges of them, as 3,7-9".to_owned();
+    let expected = || "expected indices and ranges, e.g. 3,7-9".to_owned();
     let mut numbers = BTreeSet::new();
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
         let parse = |text: &str| text.trim().parse::<usize>().map_err(|_| expected());
         let (first, last) = (parse(first)?, parse(last)?);
-        if first > last || last >= MOST {
+        if first > last || last >= MAX_INDEX {
             return Err(expected());
         }
         numbers.extend(first..=last);

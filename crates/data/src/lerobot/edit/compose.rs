@@ -1,4 +1,4 @@
-//! A data set under construction from the episodes of others.
+//! Writer of a data set composed of episodes of other data sets.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,36 +11,36 @@ use serde_json::Value;
 
 use super::super::episodes::{subtasks_table, tasks_table};
 use super::super::info::{self, FILES_PER_CHUNK, Totals};
-use super::super::made::Made;
-use super::super::stats::{Aggregated, Collected, Stats};
+use super::super::origin::Origin;
+use super::super::stats::{Aggregated, Stats, StatsCollector};
 use super::super::writer::Finished;
 use super::super::{CONTRACT, SUBTASKS, record};
 use super::Pick;
-use super::source::{Listed, Opened, Source};
-use crate::aside::{Aside, write_json};
+use super::source::{EpisodeEntry, OpenFiles, Source};
+use crate::atomic_write::{AtomicFolder, write_json};
 use crate::columns::{Column, cell, text, texts};
 use crate::table::{Columns, Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, video};
 
-/// The columns of rows, and statistics of episodes, that say where an episode stands.
-const PLACES: [&str; 3] = ["episode_index", "index", "task_index"];
+/// Index columns that change when an episode moves, in rows and in statistics.
+const INDEX_COLUMNS: [&str; 3] = ["episode_index", "index", "task_index"];
 
 pub(super) struct Composer<'a> {
-    aside: Aside,
+    staging: AtomicFolder,
     sources: &'a [Source],
-    opened: (usize, Opened),
+    opened: (usize, OpenFiles),
     episodes_per_file: usize,
     tasks: BTreeMap<String, usize>,
     sentences: Vec<String>,
     subtasks: Vec<String>,
-    collected: Collected,
+    stats_collector: StatsCollector,
     colors: BTreeMap<String, Aggregated>,
     episodes: usize,
     frames: usize,
     file: OpenFile,
 }
 
-/// What goes into the files of the current index.
+/// Contents of the files with the current index.
 #[derive(Default)]
 struct OpenFile {
     rows: Option<TableWriter>,
@@ -50,17 +50,21 @@ struct OpenFile {
 }
 
 impl<'a> Composer<'a> {
-    pub(super) fn new(aside: Aside, sources: &'a [Source], episodes_per_file: usize) -> Result<Self, DataError> {
-        let collected = Collected::new(aside.folder());
+    pub(super) fn new(
+        staging: AtomicFolder,
+        sources: &'a [Source],
+        episodes_per_file: usize,
+    ) -> Result<Self, DataError> {
+        let stats_collector = StatsCollector::new(staging.folder());
         Ok(Self {
-            aside,
+            staging,
             sources,
-            opened: (usize::MAX, Opened::default()),
+            opened: (usize::MAX, OpenFiles::default()),
             episodes_per_file: episodes_per_file.max(1),
             tasks: BTreeMap::new(),
             sentences: Vec::new(),
             subtasks: Vec::new(),
-            collected,
+            stats_collector,
             colors: BTreeMap::new(),
             episodes: 0,
             frames: 0,
@@ -68,7 +72,7 @@ impl<'a> Composer<'a> {
         })
     }
 
-    /// Appends an episode, under another name if one is given.
+    /// Appends an episode, optionally under another id.
     pub(super) fn push(&mut self, pick: Pick, name: Option<&str>) -> Result<(), DataError> {
         if self.episodes > 0 && self.episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
@@ -76,14 +80,15 @@ impl<'a> Composer<'a> {
         let source = &self.sources[pick.source];
         let episode = &source.episodes[pick.episode];
         if self.opened.0 != pick.source {
-            self.opened = (pick.source, Opened::default());
+            self.opened = (pick.source, OpenFiles::default());
         }
         let (data, table) = (source.data(episode), source.table(episode));
-        let (of_rows, of_entry) = (|error: DataError| error.placed(&data), |error: DataError| error.placed(table));
+        let (of_rows, of_entry) =
+            (|error: DataError| error.with_path(&data), |error: DataError| error.with_path(table));
         let task = self.task_index(&episode.sentence);
         let rows = self.opened.1.rows(source, episode)?;
         let listed = self.opened.1.row(source, episode)?;
-        let mut places = self.places(episode.length, task);
+        let mut places = self.index_columns(episode.length, task);
         let steps = self.steps(source, &rows, &listed).map_err(of_rows)?;
         if let Some(steps) = &steps {
             places.i64("subtask_index", steps.iter().copied());
@@ -114,7 +119,7 @@ impl<'a> Composer<'a> {
             }
         }
         if let Some(store) = &source.record {
-            record::take(&self.aside, store, &episode.store_id, name)?;
+            record::transfer(&self.staging, store, &episode.store_id, name)?;
         }
         self.file.frames += episode.length;
         self.episodes += 1;
@@ -132,7 +137,7 @@ impl<'a> Composer<'a> {
         index
     }
 
-    /// The steps of an episode's rows by their places here; `None` where the data sets do not tell.
+    /// Step index of each row in the new data set; `None` if the source has no steps.
     fn steps(
         &mut self,
         source: &Source,
@@ -140,7 +145,7 @@ impl<'a> Composer<'a> {
         listed: &RecordBatch,
     ) -> Result<Option<Vec<i64>>, DataError> {
         let Some(column) = rows.column_by_name("subtask_index") else { return Ok(None) };
-        // In the order of the episode's list, as an export numbers them.
+        // In the order of the episode's list, as in an export.
         let known = texts(listed, "subtasks", 0).unwrap_or_default();
         for text in known {
             self.subtask_index(&text);
@@ -161,8 +166,8 @@ impl<'a> Composer<'a> {
         })
     }
 
-    /// The columns of rows that say where they stand.
-    fn places(&self, rows: usize, task: usize) -> Columns {
+    /// Index columns of the rows.
+    fn index_columns(&self, rows: usize, task: usize) -> Columns {
         let mut columns = Columns::default();
         columns.i64("episode_index", std::iter::repeat_n(number(self.episodes), rows));
         columns.i64("index", (self.frames..self.frames + rows).map(number));
@@ -170,19 +175,19 @@ impl<'a> Composer<'a> {
         columns
     }
 
-    /// Takes the numbers of rows for the statistics of the whole.
+    /// Adds the rows to the statistics of the data set.
     fn collect(&mut self, source: &Source, rows: &RecordBatch) -> Result<(), DataError> {
         for key in source.features(false) {
             let column = rows.column_by_name(key).and_then(|column| Column::of(column));
             let column = column.ok_or_else(|| {
                 DataError::mismatch(format!("column {key}"), "numbers in every row", "something else")
             })?;
-            self.collected.add(key, column.width, &column.values)?;
+            self.stats_collector.add(key, column.width, &column.values)?;
         }
         Ok(())
     }
 
-    fn aggregate(&mut self, source: &Source, episode: &Listed, listed: &RecordBatch) -> Result<(), DataError> {
+    fn aggregate(&mut self, source: &Source, episode: &EpisodeEntry, listed: &RecordBatch) -> Result<(), DataError> {
         for key in source.features(true) {
             let numbers = |name: &str| {
                 let found = cell(listed, &format!("stats/{key}/{name}"), 0);
@@ -197,11 +202,11 @@ impl<'a> Composer<'a> {
         Ok(())
     }
 
-    /// The columns of the episode's row that differ from those in its source.
+    /// Columns of the episodes table that change.
     fn entry(
         &self,
         source: &Source,
-        episode: &Listed,
+        episode: &EpisodeEntry,
         task: usize,
         listed: &RecordBatch,
         name: Option<&str>,
@@ -217,7 +222,7 @@ impl<'a> Composer<'a> {
             set(&format!("{prefix}/chunk_index"), chunk);
             set(&format!("{prefix}/file_index"), file);
         }
-        let fps = f64::from(source.made.fps());
+        let fps = f64::from(source.origin.fps());
         for key in source.features(true) {
             set(&format!("videos/{key}/chunk_index"), chunk);
             set(&format!("videos/{key}/file_index"), file);
@@ -233,7 +238,7 @@ impl<'a> Composer<'a> {
             (self.frames..self.frames + episode.length).map(|row| row as f64).collect(),
             vec![task as f64; episode.length],
         ];
-        for (key, values) in PLACES.iter().zip([repeated, counted, tasks]) {
+        for (key, values) in INDEX_COLUMNS.iter().zip([repeated, counted, tasks]) {
             statistics_of(&mut columns, key, &values);
         }
         if let Some(name) = name {
@@ -253,54 +258,54 @@ impl<'a> Composer<'a> {
         let (chunk, file) = (place / FILES_PER_CHUNK, place % FILES_PER_CHUNK);
         let name = |ending: &str| format!("chunk-{chunk:03}/file-{file:03}.{ending}");
         if let Some(table) = rows {
-            self.aside.write(&format!("data/{}", name("parquet")), &table.finish()?)?;
+            self.staging.write(&format!("data/{}", name("parquet")), &table.finish()?)?;
         }
         if let Some(table) = episodes {
-            self.aside.write(&format!("meta/episodes/{}", name("parquet")), &table.finish()?)?;
+            self.staging.write(&format!("meta/episodes/{}", name("parquet")), &table.finish()?)?;
         }
         for (key, videos) in videos {
             let name = format!("videos/{key}/{}", name("mp4"));
-            let video = video::mux_mp4(&videos).map_err(|error| error.placed(Path::new(&name)))?;
-            self.aside.write(&name, &video)?;
+            let video = video::mux_mp4(&videos).map_err(|error| error.with_path(Path::new(&name)))?;
+            self.staging.write(&name, &video)?;
         }
         Ok(())
     }
 
-    /// Writes what describes the whole; also says how many rows there are.
-    pub(super) fn finish(mut self, card: &str, made: &Made) -> Result<(Finished, usize), DataError> {
+    /// Writes the metadata; also returns the number of rows.
+    pub(super) fn finish(mut self, card: &str, origin: &Origin) -> Result<(Finished, usize), DataError> {
         self.close_file()?;
         let first = &self.sources[0];
         let totals = Totals { episodes: self.episodes, frames: self.frames, tasks: self.sentences.len() };
         let robot = first.info["robot_type"].as_str().unwrap_or_default();
         let (features, has_video) = (first.info["features"].clone(), first.features(true).next().is_some());
-        let info = info::info(robot, &totals, made.fps(), features, has_video);
-        write_json(&self.aside, info::INFO, &info)?;
+        let info = info::info(robot, &totals, origin.fps(), features, has_video);
+        write_json(&self.staging, info::INFO, &info)?;
         let mut stats: serde_json::Map<String, Value> =
             self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
-        if let Value::Object(numbers) = self.collected.finish()? {
+        if let Value::Object(numbers) = self.stats_collector.finish()? {
             stats.extend(numbers);
         }
-        write_json(&self.aside, "meta/stats.json", &Value::Object(stats))?;
-        made.write(
-            &self.aside,
+        write_json(&self.staging, "meta/stats.json", &Value::Object(stats))?;
+        origin.write(
+            &self.staging,
             Some(
                 "numbers exact over all frames; colours from those of the episodes as LeRobot does it, quantiles being \
                  means of theirs; none for depth",
             ),
         )?;
         if let Some(contract) = &first.contract {
-            self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
+            self.staging.write(CONTRACT, contract.to_json().as_bytes())?;
         }
-        self.aside.write("meta/tasks.parquet", &tasks_table(&self.sentences)?)?;
+        self.staging.write("meta/tasks.parquet", &tasks_table(&self.sentences)?)?;
         if !self.subtasks.is_empty() {
-            self.aside.write(SUBTASKS, &subtasks_table(&self.subtasks)?)?;
+            self.staging.write(SUBTASKS, &subtasks_table(&self.subtasks)?)?;
         }
-        self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
-        Ok((Finished(self.aside), self.frames))
+        self.staging.write("README.md", info::card_with_info(card, &info).as_bytes())?;
+        Ok((Finished(self.staging), self.frames))
     }
 }
 
-/// The statistics of a column of single numbers in an episode's row.
+/// Statistics of a scalar column in the episodes table.
 fn statistics_of(columns: &mut Columns, key: &str, values: &[f64]) {
     for (which, values) in Stats::of_vectors(values, 1).named {
         columns.lists::<Float64Type>(&format!("stats/{key}/{which}"), &[&values]);
@@ -311,14 +316,14 @@ fn number(value: usize) -> i64 {
     i64::try_from(value).unwrap_or(i64::MAX)
 }
 
-/// A scenario under another id.
+/// The scenario with another id.
 fn renamed(scenario: &str, name: &str) -> Result<String, DataError> {
     let scenario = Scenario::from_json(scenario)
         .map_err(|error| DataError::mismatch("column scenario_json", "a scenario", error))?;
     Ok(Scenario { id: name.into(), ..scenario }.to_value().to_string())
 }
 
-/// A table with some columns in the place of those of the same name; all others stay as they are.
+/// The table with some columns replaced by new ones of the same name and type.
 fn replaced(batch: &RecordBatch, columns: Columns) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::mismatch("columns", "those of an export", error);
     let new = columns.batch().map_err(|error| fail(&error))?;

@@ -1,7 +1,7 @@
-//! New data sets of the episodes of data sets that are there: merged, split, filtered, without some.
+//! Editing of exported data sets: merge, split, filter, delete episodes.
 //!
-//! Nothing is encoded again: rows are copied with new indices, pictures frame by frame as they are. Columns, the depth
-//! sibling and the record in `extras/record` come along.
+//! Nothing is re-encoded: rows are copied with new indices, video frames as they are. All columns, the depth sibling
+//! and the native record in `extras/record` are kept.
 
 mod choose;
 mod compose;
@@ -13,59 +13,69 @@ use std::path::{Path, PathBuf};
 use genmanip_core::Seed;
 use genmanip_core::names::is_file_name;
 
-use super::made::Made;
+use super::origin::Origin;
 use super::{begin, begin_sibling, card, depth_path, writer::Finished};
 use crate::DataError;
-use crate::aside::Aside;
+use crate::atomic_write::AtomicFolder;
 use crate::export::ExportReport;
 use compose::Composer;
 use source::Source;
 
 pub use choose::{Condition, numbers};
 
-/// Hears of each episode that was copied, and how many there are to copy; those of a depth sibling count too.
-pub type Heard<'a> = &'a mut dyn FnMut(usize);
+/// Progress callback, called after each copied episode with the total number; episodes of the depth sibling count too.
+pub type Progress<'a> = &'a mut dyn FnMut(usize);
 
-/// What stays together when a data set is split.
+/// Unit that stays together in a split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
-    /// Episodes of one sentence, so that no part knows a task of another.
+    /// Episodes with the same instruction, so that the parts share no task.
     Task,
-    /// Nothing: each episode is drawn on its own.
+    /// Single episodes.
     Episode,
 }
 
-/// Writes the episodes of several data sets, one after the other, as one at `out` (and `<out>-depth`).
+/// Merges data sets, in the given order, to `out` (and `<out>-depth`).
 ///
-/// Episodes of different runs that have the same `store_id` get another, with a number behind it.
+/// Episodes of different runs with the same `store_id` are distinguished by a numeric suffix.
 ///
 /// # Errors
-/// When there is none, one was not made by this program as LeRobot v3.0, they differ in what their columns are or mean,
-/// an episode is in two of them, or a file cannot be read or written; nothing is then left at `out`.
-pub fn merge(datasets: &[PathBuf], out: &Path, heard: Heard) -> Result<ExportReport, DataError> {
+/// If there is no data set, one is not a LeRobot v3.0 data set of this program, their columns differ in type or
+/// meaning, an episode occurs twice, or a file cannot be read or written; `out` is then not created.
+pub fn merge(datasets: &[PathBuf], out: &Path, progress: Progress) -> Result<ExportReport, DataError> {
     let sources = Sources::open(datasets)?;
     let picks =
         sources.colors.iter().enumerate().flat_map(|(number, source)| {
             (0..source.episodes.len()).map(move |episode| Pick { source: number, episode })
         });
-    sources.write(&picks.collect::<Vec<_>>(), out, heard)
+    sources.write(&picks.collect::<Vec<_>>(), out, progress)
 }
 
-/// Writes those episodes of a data set that fulfil every condition.
+/// Copies the episodes of a data set that meet all conditions.
 ///
 /// # Errors
-/// As [`merge`]; when a condition names no column, or no episode is left.
-pub fn filter(dataset: &Path, conditions: &[Condition], out: &Path, heard: Heard) -> Result<ExportReport, DataError> {
+/// As [`merge`]; if a condition names no column, or no episode remains.
+pub fn filter(
+    dataset: &Path,
+    conditions: &[Condition],
+    out: &Path,
+    progress: Progress,
+) -> Result<ExportReport, DataError> {
     let sources = Sources::open(&[dataset.to_owned()])?;
     let kept = sources.colors[0].matching(conditions)?;
-    sources.write(&picks(kept), out, heard)
+    sources.write(&picks(kept), out, progress)
 }
 
-/// Writes a data set without some of its episodes, which are named by their indices.
+/// Copies a data set without the episodes of the given indices.
 ///
 /// # Errors
-/// As [`merge`]; when an index is beyond the last, or no episode is left.
-pub fn delete(dataset: &Path, episodes: &BTreeSet<usize>, out: &Path, heard: Heard) -> Result<ExportReport, DataError> {
+/// As [`merge`]; if an index is out of range, or no episode remains.
+pub fn delete(
+    dataset: &Path,
+    episodes: &BTreeSet<usize>,
+    out: &Path,
+    progress: Progress,
+) -> Result<ExportReport, DataError> {
     let sources = Sources::open(&[dataset.to_owned()])?;
     let count = sources.colors[0].episodes.len();
     if let Some(beyond) = episodes.range(count..).next() {
@@ -73,22 +83,22 @@ pub fn delete(dataset: &Path, episodes: &BTreeSet<usize>, out: &Path, heard: Hea
         return Err(DataError::mismatch(format!("episodes of {}", dataset.display()), expected, beyond));
     }
     let kept = (0..count).filter(|episode| !episodes.contains(episode)).collect();
-    sources.write(&picks(kept), out, heard)
+    sources.write(&picks(kept), out, progress)
 }
 
-/// Divides a data set into parts in the folder `out`, which have these names and shares of the episodes.
+/// Splits a data set into parts in the folder `out`, given by name and share of the episodes.
 ///
-/// Which episode goes where follows from the seed. Each part has at least one episode.
+/// The assignment depends only on the seed. Each part has at least one episode.
 ///
 /// # Errors
-/// As [`merge`]; when names are no names of folders or the shares do not add up to 1, or there is too little to divide.
+/// As [`merge`]; if names are not valid folder names, the shares do not add up to 1, or there are too few episodes.
 pub fn split(
     dataset: &Path,
     parts: &[(String, f64)],
     by: By,
     seed: Seed,
     out: &Path,
-    heard: Heard,
+    progress: Progress,
 ) -> Result<Vec<ExportReport>, DataError> {
     check_parts(parts)?;
     let sources = Sources::open(&[dataset.to_owned()])?;
@@ -111,18 +121,18 @@ pub fn split(
         return Err(DataError::mismatch(what, format!("at least {}, one per part", parts.len()), groups.len()));
     }
     let divided = divide(groups, &shares, seed);
-    // All targets are looked at before anything is written.
+    // Check all targets before writing anything.
     for (name, _) in parts {
         super::check_free(&out.join(name))?;
     }
-    parts.iter().zip(divided).map(|((name, _), kept)| sources.write(&picks(kept), &out.join(name), heard)).collect()
+    parts.iter().zip(divided).map(|((name, _), kept)| sources.write(&picks(kept), &out.join(name), progress)).collect()
 }
 
 fn check_parts(parts: &[(String, f64)]) -> Result<(), DataError> {
     for (index, (name, share)) in parts.iter().enumerate() {
         let is_twin = parts[..index].iter().any(|(other, _)| other == name);
         if !is_file_name(name) || is_twin {
-            return Err(DataError::mismatch("name of a part", "the name of a folder, each once", format!("`{name}`")));
+            return Err(DataError::mismatch("name of a part", "a valid and unique folder name", format!("`{name}`")));
         }
         if !(share.is_finite() && *share > 0.0) {
             return Err(DataError::mismatch(format!("share of {name}"), "more than 0", share));
@@ -135,7 +145,7 @@ fn check_parts(parts: &[(String, f64)]) -> Result<(), DataError> {
     Ok(())
 }
 
-/// Gives every group to the part that is farthest from its share, in an order drawn by chance; parts with nothing first.
+/// Assigns the groups, in random order, to the part that lacks most of its share; every part gets at least one group.
 fn divide(groups: BTreeMap<String, Vec<usize>>, shares: &[f64], seed: Seed) -> Vec<Vec<usize>> {
     let total: usize = groups.values().map(Vec::len).sum();
     let mut groups: Vec<(u64, String, Vec<usize>)> =
@@ -156,7 +166,7 @@ fn divide(groups: BTreeMap<String, Vec<usize>>, shares: &[f64], seed: Seed) -> V
     parts
 }
 
-/// An episode of one of several data sets.
+/// Reference to an episode of one of several data sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Pick {
     source: usize,
@@ -167,12 +177,12 @@ fn picks(episodes: Vec<usize>) -> Vec<Pick> {
     episodes.into_iter().map(|episode| Pick { source: 0, episode }).collect()
 }
 
-/// Data sets whose episodes fit into one, with their depth siblings.
+/// Compatible data sets with their depth siblings.
 struct Sources {
     colors: Vec<Source>,
-    /// As many, or none.
+    /// One per data set, or none.
     depths: Vec<Source>,
-    made: Made,
+    origin: Origin,
 }
 
 impl Sources {
@@ -181,9 +191,9 @@ impl Sources {
         let Some(first) = colors.first() else {
             return Err(DataError::mismatch("data sets", "at least one", 0));
         };
-        let made = first.made.clone().without_run();
+        let origin = first.origin.clone().without_run();
         let mut depths = Vec::new();
-        if made.has_depth() {
+        if origin.has_depth() {
             depths = datasets.iter().map(|root| Source::open(&depth_path(root))).collect::<Result<Vec<_>, _>>()?;
         }
         for all in [&colors, &depths] {
@@ -200,13 +210,13 @@ impl Sources {
                 return Err(DataError::mismatch(what, format!("those of {}", color.root.display()), "others"));
             }
         }
-        Ok(Self { colors, depths, made })
+        Ok(Self { colors, depths, origin })
     }
 
-    /// Writes episodes as a data set, and their depth pictures as its sibling, which becomes visible first.
-    fn write(&self, picks: &[Pick], out: &Path, heard: Heard) -> Result<ExportReport, DataError> {
+    /// Writes episodes to a data set, and their depth images to its sibling, which is published first.
+    fn write(&self, picks: &[Pick], out: &Path, progress: Progress) -> Result<ExportReport, DataError> {
         if picks.is_empty() {
-            let what = format!("episodes that are left of {}", self.colors[0].root.display());
+            let what = format!("remaining episodes of {}", self.colors[0].root.display());
             return Err(DataError::mismatch(what, "at least one", 0));
         }
         let names = self.names(picks)?;
@@ -214,15 +224,15 @@ impl Sources {
         let depths = match self.depths.is_empty() {
             true => None,
             false => {
-                let per_file = self.made.episodes_per_depth_file();
+                let per_file = self.origin.episodes_per_depth_file();
                 let card = card::depth(&name);
-                let aside = begin_sibling(out)?;
-                Some(self.compose(&self.depths, (picks, &names), aside, per_file, &card, heard)?.0)
+                let staging = begin_sibling(out)?;
+                Some(self.compose(&self.depths, (picks, &names), staging, per_file, &card, progress)?.0)
             }
         };
-        let (per_file, card) = (self.made.episodes_per_file(), self.made.card(&name, "v3.0"));
+        let (per_file, card) = (self.origin.episodes_per_file(), self.origin.card(&name, "v3.0"));
         let (colors, frames) =
-            self.compose(&self.colors, (picks, &names), begin(out, None)?, per_file, &card, heard)?;
+            self.compose(&self.colors, (picks, &names), begin(out, None)?, per_file, &card, progress)?;
         let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {
             depths.publish()?;
@@ -235,20 +245,20 @@ impl Sources {
         &self,
         sources: &[Source],
         (picks, names): (&[Pick], &[Option<String>]),
-        aside: Aside,
+        staging: AtomicFolder,
         per_file: usize,
         card: &str,
-        heard: Heard,
+        progress: Progress,
     ) -> Result<(Finished, usize), DataError> {
-        let mut composer = Composer::new(aside, sources, per_file)?;
+        let mut composer = Composer::new(staging, sources, per_file)?;
         for (pick, name) in picks.iter().zip(names) {
             composer.push(*pick, name.as_deref())?;
-            heard(picks.len() * (1 + usize::from(!self.depths.is_empty())));
+            progress(picks.len() * (1 + usize::from(!self.depths.is_empty())));
         }
-        composer.finish(card, &self.made)
+        composer.finish(card, &self.origin)
     }
 
-    /// The names that episodes get which another of a different run has already.
+    /// New names for episodes whose name is used by an episode of another run.
     fn names(&self, picks: &[Pick]) -> Result<Vec<Option<String>>, DataError> {
         let listed = |pick: &Pick| &self.colors[pick.source].episodes[pick.episode];
         let mut taken: BTreeSet<String> = picks.iter().map(|pick| listed(pick).store_id.clone()).collect();
@@ -260,7 +270,7 @@ impl Sources {
             if let Some((_, source)) = twins.iter().find(|(origin, _)| *origin == episode.origin) {
                 let [a, b] = [*source, pick.source].map(|source| self.colors[source].root.display());
                 let what = format!("episode {} of {b}", episode.store_id);
-                return Err(DataError::mismatch(what, "each episode once", format!("the same one in {a}")));
+                return Err(DataError::mismatch(what, "each episode only once", format!("the same one in {a}")));
             }
             let free = |number: usize| format!("{}.{number}", episode.store_id);
             let name = (!twins.is_empty()).then(|| (2..).map(free).find(|name| !taken.contains(name))).flatten();
@@ -277,7 +287,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_have_their_shares_and_no_group_is_torn() {
+    fn parts_have_their_shares_and_groups_stay_together() {
         let groups: BTreeMap<String, Vec<usize>> =
             (0..50).map(|group| (format!("sentence {group}"), (group * 6..group * 6 + 6).collect())).collect();
         let shares = [0.8, 0.1, 0.1];
@@ -295,7 +305,7 @@ mod tests {
         }
         assert_eq!(divided, divide(groups.clone(), &shares, Seed::new(7)));
         assert_ne!(divided, divide(groups, &shares, Seed::new(8)));
-        // Nobody is left with nothing, however small a share is.
+        // No part remains empty, however small its share.
         let few: BTreeMap<String, Vec<usize>> = (0..3).map(|group| (format!("{group}"), vec![group])).collect();
         let parts = divide(few, &[0.98, 0.01, 0.01], Seed::new(1));
         assert!(parts.iter().all(|part| part.len() == 1), "{parts:?}");

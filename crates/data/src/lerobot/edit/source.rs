@@ -1,4 +1,4 @@
-//! A data set whose episodes are copied.
+//! A data set opened as source of episodes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,44 +8,44 @@ use genmanip_core::{ActionContract, Document, limits};
 use serde_json::{Value, json};
 
 use super::super::imported::SOURCE_HASH;
-use super::super::made::Made;
+use super::super::origin::Origin;
 use super::super::{CONTRACT, RECORD, SUBTASKS, info};
 use crate::columns::{cell, integer, text};
 use crate::mp4::Video;
 use crate::table::{self, RowGroups, Table};
 use crate::{DataError, EncodedVideo, EpisodeStore, files};
 
-/// A data set of this program.
+/// An exported or imported data set of this program.
 pub(super) struct Source {
     pub(super) root: PathBuf,
-    pub(super) made: Made,
+    pub(super) origin: Origin,
     pub(super) contract: Option<ActionContract>,
     pub(super) info: Value,
-    /// Tables of episodes, in order.
+    /// Episodes tables, in order.
     pub(super) tables: Vec<PathBuf>,
-    pub(super) episodes: Vec<Listed>,
-    /// What its steps are called; empty where it does not tell.
+    pub(super) episodes: Vec<EpisodeEntry>,
+    /// Texts of its steps; empty if it has none.
     pub(super) subtasks: Vec<String>,
-    /// The record that it carries along.
+    /// Native record of the episodes, if included.
     pub(super) record: Option<EpisodeStore>,
-    /// Index of the first row in each file of rows, by chunk and file.
+    /// Index of the first row in each data file, by chunk and file.
     firsts: BTreeMap<[i64; 2], i64>,
 }
 
-/// What is kept of an episode in memory.
+/// Metadata of an episode, kept in memory.
 #[derive(Clone, Debug)]
-pub(super) struct Listed {
+pub(super) struct EpisodeEntry {
     pub(super) sentence: String,
     pub(super) store_id: String,
-    /// What tells it from another of the same name: its seed, or the hash of what it was imported from.
+    /// Distinguishes it from episodes of the same name: its seed, or the hash of its source if imported.
     pub(super) origin: String,
     pub(super) length: usize,
     from: i64,
-    /// Chunk and file of its rows.
+    /// Chunk and file index of its rows.
     data: [i64; 2],
-    /// Of each video, its feature, chunk and file, and where it begins, s.
+    /// Feature, chunk and file index, and start time [s] of each video.
     videos: Vec<(String, [i64; 2], f64)>,
-    /// Its table and row.
+    /// Table index and row of its entry.
     listed_in: (usize, usize),
 }
 
@@ -53,18 +53,18 @@ impl Source {
     pub(super) fn open(root: &Path) -> Result<Self, DataError> {
         let read = |name: &str| files::read(&root.join(name), limits::SETTINGS);
         let document = |name: &str, source| DataError::Document { path: root.join(name), source };
-        let made = Made::read(root)?;
+        let origin = Origin::read(root)?;
         let contract = match read(CONTRACT) {
             Err(error) if error.is_missing() => None,
             bytes => Some(ActionContract::from_bytes(&bytes?).map_err(|error| document(CONTRACT, error))?),
         };
         let info = info::read(root)?;
         let record = root.join(RECORD);
-        let record = if made.has_record() && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
+        let record = if origin.has_record() && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
         let tables = table::files_below(&root.join("meta/episodes"))?;
         let mut source = Self {
             root: root.into(),
-            made,
+            origin,
             contract,
             info,
             tables,
@@ -82,18 +82,18 @@ impl Source {
         Ok(source)
     }
 
-    /// The file of an episode's rows.
-    pub(super) fn data(&self, episode: &Listed) -> PathBuf {
+    /// Path of the data file of an episode.
+    pub(super) fn data(&self, episode: &EpisodeEntry) -> PathBuf {
         let [chunk, file] = episode.data;
         self.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"))
     }
 
-    /// The table that lists an episode.
-    pub(super) fn table(&self, episode: &Listed) -> &Path {
+    /// Path of the episodes table of an episode.
+    pub(super) fn table(&self, episode: &EpisodeEntry) -> &Path {
         &self.tables[episode.listed_in.0]
     }
 
-    /// Features whose columns hold numbers, or are video.
+    /// Numeric features, or video features.
     pub(super) fn features(&self, is_video: bool) -> impl Iterator<Item = &String> {
         let fits = move |entry: &Value| match entry["dtype"].as_str() {
             Some("video") => is_video,
@@ -115,9 +115,9 @@ impl Source {
             let batch = Table::open(path)?.whole(is_light)?;
             for row in 0..batch.num_rows() {
                 let missing = |name: &str| DataError::table(path, format!("no `{name}` in row {row}"));
-                let whole = |name: &str| integer(&batch, name, row).ok_or_else(|| missing(name));
+                let integer_of = |name: &str| integer(&batch, name, row).ok_or_else(|| missing(name));
                 let word = |name: &str| text(&batch, name, row).map(|(text, _)| text).ok_or_else(|| missing(name));
-                let index = whole("episode_index")?;
+                let index = integer_of("episode_index")?;
                 if usize::try_from(index).ok() != Some(self.episodes.len()) {
                     return Err(DataError::table(
                         path,
@@ -129,21 +129,21 @@ impl Source {
                     let place = |name: &str| format!("videos/{key}/{name}");
                     let from = place("from_timestamp");
                     let from_s = cell(&batch, &from, row).and_then(|cell| cell.first().copied());
-                    let file = [whole(&place("chunk_index"))?, whole(&place("file_index"))?];
+                    let file = [integer_of(&place("chunk_index"))?, integer_of(&place("file_index"))?];
                     videos.push((key.clone(), file, from_s.ok_or_else(|| missing(&from))?));
                 }
-                let (from, data) =
-                    (whole("dataset_from_index")?, [whole("data/chunk_index")?, whole("data/file_index")?]);
+                let from = integer_of("dataset_from_index")?;
+                let data = [integer_of("data/chunk_index")?, integer_of("data/file_index")?];
                 let first = self.firsts.entry(data).or_insert(from);
                 *first = from.min(*first);
-                self.episodes.push(Listed {
+                self.episodes.push(EpisodeEntry {
                     sentence: word("tasks")?,
                     store_id: word("store_id")?,
                     origin: match text(&batch, SOURCE_HASH, row) {
                         Some((hash, _)) => hash,
-                        None => whole("seed")?.to_string(),
+                        None => integer_of("seed")?.to_string(),
                     },
-                    length: usize::try_from(whole("length")?).map_err(|_| missing("length"))?,
+                    length: usize::try_from(integer_of("length")?).map_err(|_| missing("length"))?,
                     from,
                     data,
                     videos,
@@ -161,15 +161,15 @@ impl Source {
         Ok(())
     }
 
-    /// Refuses what cannot stand in one data set with the episodes of another.
+    /// Fails if the two data sets cannot be merged.
     pub(super) fn check_fits(&self, first: &Self) -> Result<(), DataError> {
-        let told = |source: &Self, what: &str| format!("{what} of {}", source.root.display());
+        let label = |source: &Self, what: &str| format!("{what} of {}", source.root.display());
         let fits = |what: &str, known: &Value, found: &Value| {
             if known == found {
                 return Ok(());
             }
-            let expected = format!("as in {}: {}", first.root.display(), shortened(known));
-            Err(DataError::mismatch(told(self, what), expected, shortened(found)))
+            let expected = format!("that of {}: {}", first.root.display(), shortened(known));
+            Err(DataError::mismatch(label(self, what), expected, shortened(found)))
         };
         for key in ["robot_type", "fps"] {
             fits(key, &first.info[key], &self.info[key])?;
@@ -183,7 +183,7 @@ impl Source {
         }
         let contract = |source: &Self| source.contract.as_ref().map_or(Value::Null, Document::to_value);
         fits("action contract", &contract(first), &contract(self))?;
-        fits("export settings", &first.made.comparable(), &self.made.comparable())
+        fits("export settings", &first.origin.comparable(), &self.origin.comparable())
     }
 }
 
@@ -193,17 +193,17 @@ fn shortened(value: &Value) -> String {
     text.chars().take(300).collect::<String>() + more
 }
 
-/// Files of a data set that are open, the last of each kind.
+/// Cache of open files: the last one of each kind.
 #[derive(Default)]
-pub(super) struct Opened {
+pub(super) struct OpenFiles {
     rows: Option<(PathBuf, RowGroups)>,
     videos: BTreeMap<String, (PathBuf, Video)>,
     episodes: Option<(PathBuf, RecordBatch)>,
 }
 
-impl Opened {
-    /// The rows of an episode.
-    pub(super) fn rows(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
+impl OpenFiles {
+    /// Rows of an episode.
+    pub(super) fn rows(&mut self, source: &Source, episode: &EpisodeEntry) -> Result<RecordBatch, DataError> {
         let path = source.data(episode);
         if self.rows.as_ref().is_none_or(|(known, _)| *known != path) {
             self.rows = Some((path.clone(), RowGroups::open(&path)?));
@@ -212,12 +212,12 @@ impl Opened {
         let from = usize::try_from(episode.from - first).unwrap_or(usize::MAX);
         match &self.rows {
             Some((_, rows)) => rows.read(from, episode.length),
-            None => Err(DataError::table(&path, "it was not opened")),
+            None => Err(DataError::table(&path, "not opened")),
         }
     }
 
-    /// The row of an episode in its table.
-    pub(super) fn row(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
+    /// Row of an episode in its episodes table.
+    pub(super) fn row(&mut self, source: &Source, episode: &EpisodeEntry) -> Result<RecordBatch, DataError> {
         let (_, row) = episode.listed_in;
         let path = source.table(episode);
         if self.episodes.as_ref().is_none_or(|(known, _)| known != path) {
@@ -225,17 +225,17 @@ impl Opened {
         }
         match &self.episodes {
             Some((_, batch)) if row < batch.num_rows() => Ok(batch.slice(row, 1)),
-            _ => Err(DataError::table(path, "it became shorter meanwhile")),
+            _ => Err(DataError::table(path, "truncated while it was read")),
         }
     }
 
-    /// The pictures of an episode as they lie in their files, by feature.
+    /// Video frames of an episode by feature, not re-encoded.
     pub(super) fn videos(
         &mut self,
         source: &Source,
-        episode: &Listed,
+        episode: &EpisodeEntry,
     ) -> Result<Vec<(String, EncodedVideo)>, DataError> {
-        let fps = source.made.fps();
+        let fps = source.origin.fps();
         let mut videos = Vec::new();
         for (key, [chunk, file], from_s) in &episode.videos {
             let path = source.root.join(format!("videos/{key}/chunk-{chunk:03}/file-{file:03}.mp4"));
@@ -246,10 +246,10 @@ impl Opened {
             let (size, found) = (&source.info["features"][key]["shape"], json!([video.height, video.width, 3]));
             if *size != found {
                 let what = format!("shape of {}", path.display());
-                return Err(DataError::mismatch(what, format!("{size}, as meta/info.json says"), found));
+                return Err(DataError::mismatch(what, format!("{size}, according to meta/info.json"), found));
             }
             let from = (from_s * f64::from(fps)).round() as usize;
-            let unreadable = |frame: usize| DataError::Video(format!("no picture {frame} in {}", path.display()));
+            let unreadable = |frame: usize| DataError::Video(format!("no frame {frame} in {}", path.display()));
             let frame = |frame: usize| video.frame(frame, false).ok_or_else(|| unreadable(frame));
             let frames = (from..from.saturating_add(episode.length)).map(frame).collect::<Result<Vec<_>, _>>()?;
             videos.push((key.clone(), EncodedVideo { width: video.width, height: video.height, fps, frames }));

@@ -1,4 +1,4 @@
-//! Whether an episode is still what it was when it was last looked at, told from the file system alone.
+//! Detects changes of an episode since its last inspection, from file metadata alone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,32 +8,32 @@ use std::time::SystemTime;
 use genmanip_core::EpisodeResult;
 use serde::{Deserialize, Serialize};
 
-/// An attempt that was found sound, with what there is of it on the disk.
+/// A valid attempt and its files on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspected {
-    /// How it went.
+    /// Its result.
     pub result: EpisodeResult,
-    /// Whether its frames were kept.
+    /// True if its frames were stored.
     pub recorded: bool,
-    /// Whether it has a scenario.
+    /// True if it has a scenario.
     pub has_scenario: bool,
-    /// What it consists of; `None` while something unfinished lies among it.
-    pub parts: Option<Parts>,
+    /// Its files; `None` while unfinished files are among them.
+    pub inventory: Option<FileInventory>,
 }
 
-/// The files of an attempt with their sizes, and its groups.
+/// Files of an attempt with their sizes, and its groups.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Parts {
-    /// Bytes of each file, by its path in the folder of the attempt.
+pub struct FileInventory {
+    /// Size of each file in bytes, by path relative to the attempt's folder.
     pub(crate) files: BTreeMap<String, u64>,
     /// Folders of its groups.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) groups: Vec<String>,
 }
 
-impl Parts {
-    /// Whether all of it lies in `folder` with these sizes and nothing there was written, added or taken away at or
-    /// after `since`.
+impl FileInventory {
+    /// True if all files lie in `folder` with these sizes and nothing was written, added or removed at or after
+    /// `since`.
     pub(crate) fn are_unchanged(&self, folder: &Path, since: SystemTime) -> bool {
         let is_older = |about: &fs::Metadata| about.modified().is_ok_and(|modified| modified < since);
         let is_folder = |path: &Path| fs::symlink_metadata(path).is_ok_and(|about| about.is_dir() && is_older(&about));

@@ -1,4 +1,4 @@
-//! What is told of an episode as a whole.
+//! Episode-level metadata of an export.
 
 use genmanip_core::{Document, EpisodeResult, Seed};
 use genmanip_tasks::wording;
@@ -8,17 +8,17 @@ use super::{ExportSettings, Source};
 use crate::CameraTrack;
 use crate::images::look_seed;
 
-/// Paraphrases of an instruction; chosen.
+/// Number of paraphrases of an instruction; chosen.
 const PARAPHRASES: usize = 6;
 
-/// What is told of an episode as a whole, whatever the format.
+/// Metadata of an episode, independent of the format.
 #[derive(Clone, Debug)]
-pub(crate) struct EpisodeFacts {
+pub(crate) struct EpisodeMetadata {
     pub(crate) result: EpisodeResult,
     pub(crate) instruction: String,
-    /// Other sentences that ask for the same in this scene; none where the instruction is not understood.
+    /// Other sentences for the same goal in this scene; empty if the instruction cannot be parsed.
     pub(crate) paraphrases: Vec<String>,
-    /// What its steps are called.
+    /// Steps of the episode and their texts.
     pub(crate) steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
     pub(crate) objects: Vec<String>,
@@ -26,23 +26,23 @@ pub(crate) struct EpisodeFacts {
     pub(crate) scenario_json: String,
     /// Name, and fx, fy, cx, cy in pixels.
     pub(crate) cameras: Vec<(String, [f64; 4])>,
-    /// Of the look of its pictures, if it has one of its own.
+    /// Appearance seed of its images, if the appearance was randomised.
     pub(crate) variation_seed: Option<Seed>,
-    /// Whether it is told who was corrected, and why.
+    /// True if the correction columns are written.
     pub(crate) has_correction_columns: bool,
 }
 
-/// What every writer must know of an episode, whoever made it.
-pub(crate) trait Told {
-    /// Its name, for messages.
+/// Metadata that every writer needs, of our own and of imported episodes.
+pub(crate) trait LanguageLabels {
+    /// Name of the episode, for messages.
     fn name(&self) -> &str;
-    /// What it was to do.
+    /// The task instruction.
     fn instruction(&self) -> &str;
-    /// What its steps are called; empty where that is not told.
+    /// Texts of the steps; empty if the steps are unknown.
     fn steps(&self) -> &[String];
 }
 
-impl Told for EpisodeFacts {
+impl LanguageLabels for EpisodeMetadata {
     fn name(&self) -> &str {
         &self.result.id
     }
@@ -56,7 +56,7 @@ impl Told for EpisodeFacts {
     }
 }
 
-impl EpisodeFacts {
+impl EpisodeMetadata {
     pub(crate) fn of(source: &Source, settings: &ExportSettings) -> Self {
         let scenario = &source.episode.scenario;
         let intrinsics = |track: &CameraTrack| {

@@ -1,4 +1,4 @@
-//! Written aside, synced, renamed: a folder is there whole or not at all.
+//! Atomic publication of folders: written under a temporary name, synced, then renamed.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -12,66 +12,67 @@ use crate::partial::beside;
 
 /// A folder that becomes visible under its name only when it is complete.
 ///
-/// Dropping it before [`Aside::publish`] removes everything written so far.
+/// Dropping it before [`AtomicFolder::publish`] removes everything written so far.
 #[derive(Debug)]
-pub(crate) struct Aside {
+pub(crate) struct AtomicFolder {
     target: PathBuf,
     folder: PathBuf,
-    there: There,
+    on_conflict: OnConflict,
     published: bool,
 }
 
-/// What becomes of a folder that lies at the target already.
+/// Handling of a folder that already exists at the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum There {
-    /// It stays, and nothing is published.
-    Refused,
-    Replaced,
-    /// It counts as published if it holds the same, and stays otherwise.
-    Kept,
+enum OnConflict {
+    /// It stays; publishing fails.
+    Fail,
+    Replace,
+    /// Publishing succeeds if it has the same contents and fails otherwise.
+    AcceptIdentical,
 }
 
-/// Files are compared in pieces of so many bytes.
-const PIECE: u64 = 1 << 20;
-/// How often a folder is moved out of the way that another program keeps putting there.
-const TRIES: usize = 100;
+/// Block size for comparing files, bytes.
+const BLOCK_BYTES: u64 = 1 << 20;
+/// Maximum attempts to replace a folder that another program keeps recreating.
+const MAX_TRIES: usize = 100;
 
-impl Aside {
-    /// Starts a folder that shall appear at `target`. Its parent must exist.
+impl AtomicFolder {
+    /// Starts a folder to be published at `target`, which must not exist. The parent folder must exist.
     pub(crate) fn new(target: &Path) -> Result<Self, DataError> {
         if fs::symlink_metadata(target).is_ok() {
             return Err(DataError::Exists { path: target.to_owned() });
         }
-        Self::begin(target, There::Refused)
+        Self::begin(target, OnConflict::Fail)
     }
 
-    /// As [`Aside::new`], for a target that may exist and is then replaced.
+    /// As [`AtomicFolder::new`], but an existing target is replaced.
     pub(crate) fn replacing(target: &Path) -> Result<Self, DataError> {
-        Self::begin(target, There::Replaced)
+        Self::begin(target, OnConflict::Replace)
     }
 
-    /// As [`Aside::new`], for a target that may exist if it holds the same, as what a call left that was killed later.
-    pub(crate) fn repeating(target: &Path) -> Result<Self, DataError> {
-        Self::begin(target, There::Kept)
+    /// As [`AtomicFolder::new`], but an identical existing target is accepted, e.g. the output of an earlier call that was
+    /// killed later.
+    pub(crate) fn accepting_identical(target: &Path) -> Result<Self, DataError> {
+        Self::begin(target, OnConflict::AcceptIdentical)
     }
 
-    fn begin(target: &Path, there: There) -> Result<Self, DataError> {
+    fn begin(target: &Path, on_conflict: OnConflict) -> Result<Self, DataError> {
         let folder = beside(target);
         fs::create_dir(&folder).map_err(DataError::io("create the folder", &folder))?;
-        Ok(Self { target: target.to_owned(), folder, there, published: false })
+        Ok(Self { target: target.to_owned(), folder, on_conflict, published: false })
     }
 
-    /// The folder until it is published.
+    /// The temporary folder, until it is published.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Where a file of the folder lies until it is published; folders on the way are made.
+    /// Path of a file in the temporary folder; creates its parent folders.
     ///
     /// # Errors
-    /// When the name leads out of the folder, or the disk refuses.
+    /// If the name escapes the folder or a parent folder cannot be created.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf, DataError> {
-        // Names are made of what data sets call their columns.
+        // Names are derived from the column names of data sets, which are user input.
         if name.is_empty() || !Path::new(name).components().all(|part| matches!(part, Component::Normal(_))) {
             return Err(DataError::mismatch("name of a file", "one within the data set", name));
         }
@@ -88,15 +89,15 @@ impl Aside {
         write_synced(&path, bytes)
     }
 
-    /// Makes the folder visible under its name.
+    /// Renames the folder to its final name.
     ///
     /// # Errors
-    /// [`DataError::Exists`] when another program was quicker and nothing is to be replaced, or what lies there differs.
+    /// [`DataError::Exists`] if the target exists and may not be replaced, or is not identical.
     pub(crate) fn publish(mut self) -> Result<(), DataError> {
         sync_tree(&self.folder)?;
         let mut outdated = Vec::new();
-        for _ in 0..TRIES {
-            // A folder that holds something is never replaced by a rename, so that nothing is lost unnoticed.
+        for _ in 0..MAX_TRIES {
+            // A rename never replaces a non-empty folder, so no data is lost unnoticed.
             match fs::rename(&self.folder, &self.target) {
                 Ok(()) => {
                     self.published = true;
@@ -105,8 +106,12 @@ impl Aside {
                 Err(error) if fs::symlink_metadata(&self.target).is_err() => {
                     return Err(DataError::io("rename", &self.target)(error));
                 }
-                Err(_) if self.there == There::Kept && is_same(&self.folder, &self.target)? => return Ok(()),
-                Err(_) if self.there != There::Replaced => return Err(DataError::Exists { path: self.target.clone() }),
+                Err(_) if self.on_conflict == OnConflict::AcceptIdentical && is_same(&self.folder, &self.target)? => {
+                    return Ok(());
+                }
+                Err(_) if self.on_conflict != OnConflict::Replace => {
+                    return Err(DataError::Exists { path: self.target.clone() });
+                }
                 Err(_) => {
                     let old = beside(&self.target);
                     match fs::rename(&self.target, &old) {
@@ -125,39 +130,39 @@ impl Aside {
     }
 }
 
-impl Drop for Aside {
+impl Drop for AtomicFolder {
     fn drop(&mut self) {
         if !self.published {
-            // Nothing more can be done about a failure here: the folder stays marked and is ignored by readers.
+            // A failure here cannot be handled: the folder keeps its temporary name, which readers ignore.
             let _ = fs::remove_dir_all(&self.folder);
         }
     }
 }
 
 /// Writes a JSON file of a data set.
-pub(crate) fn write_json(dataset: &Aside, name: &str, value: &Value) -> Result<(), DataError> {
+pub(crate) fn write_json(dataset: &AtomicFolder, name: &str, value: &Value) -> Result<(), DataError> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
     dataset.write(name, (text + "\n").as_bytes())
 }
 
-/// Writes one file so that it is on the disk when this returns; there must be none.
+/// Writes and syncs a new file; the path must not exist.
 pub(crate) fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     write_new(path, bytes).map_err(DataError::io("write", path))
 }
 
-/// The folder something lies in; a bare name lies in the current one.
+/// The parent folder; `.` for a bare name.
 pub(crate) fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Makes the folder that something shall lie in.
+/// Creates the parent folder of a path.
 pub(crate) fn make_parent(path: &Path) -> Result<(), DataError> {
     let parent = parent(path);
     fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))
 }
 
-/// Whether two folders hold the same files.
+/// True if two folders contain the same files with the same bytes.
 fn is_same(left: &Path, right: &Path) -> Result<bool, DataError> {
     let both = names(left)?;
     if !is_own_folder(right) || both != names(right)? {
@@ -180,12 +185,12 @@ fn has_same_bytes(left: &Path, right: &Path) -> Result<bool, DataError> {
     let open = |path: &Path| File::open(path).map_err(DataError::io("read", path));
     let (mut ours, mut theirs) = (open(left)?, open(right)?);
     loop {
-        let mut pieces = [Vec::new(), Vec::new()];
-        for (piece, (file, path)) in pieces.iter_mut().zip([(&mut ours, left), (&mut theirs, right)]) {
-            file.take(PIECE).read_to_end(piece).map_err(DataError::io("read", path))?;
+        let mut blocks = [Vec::new(), Vec::new()];
+        for (block, (file, path)) in blocks.iter_mut().zip([(&mut ours, left), (&mut theirs, right)]) {
+            file.take(BLOCK_BYTES).read_to_end(block).map_err(DataError::io("read", path))?;
         }
-        if pieces[0] != pieces[1] || pieces[0].is_empty() {
-            return Ok(pieces[0] == pieces[1]);
+        if blocks[0] != blocks[1] || blocks[0].is_empty() {
+            return Ok(blocks[0] == blocks[1]);
         }
     }
 }
@@ -209,14 +214,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_killed_call_left_is_kept_if_it_is_the_same() {
+    fn an_identical_folder_is_accepted() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("made-depth");
         let write = |bytes: &[u8], name: &str| {
-            let aside = Aside::repeating(&target).unwrap();
-            aside.write(name, bytes).unwrap();
-            aside.write("meta/info.json", b"{}").unwrap();
-            aside.publish()
+            let staging = AtomicFolder::accepting_identical(&target).unwrap();
+            staging.write(name, bytes).unwrap();
+            staging.write("meta/info.json", b"{}").unwrap();
+            staging.publish()
         };
         let large = vec![7; 3 << 20];
         write(&large, "data/rows").unwrap();
@@ -225,6 +230,6 @@ mod tests {
             assert!(matches!(write(bytes, name), Err(DataError::Exists { .. })), "{name}, {} bytes", bytes.len());
         }
         assert_eq!(fs::read(target.join("data/rows")).unwrap(), large);
-        assert_eq!(names(folder.path()).unwrap(), ["made-depth"], "nothing else is left");
+        assert_eq!(names(folder.path()).unwrap(), ["made-depth"], "no temporary folder remains");
     }
 }

@@ -1,4 +1,4 @@
-//! Grasps of a catalogue's object, each tried several times as a hand would that is a little off.
+//! Robustness trials: grasps of a catalogue object, each executed several times with errors.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -13,33 +13,33 @@ use serde::{Deserialize, Serialize};
 use super::arm::{self, Ending};
 use super::{GraspTrials, Table, TrialError};
 
-/// How grasps are tried, and by how much every trial is off.
+/// Number of trials per grasp, and the errors of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct TryingSettings {
+pub struct RobustnessSettings {
     /// Trials per grasp.
     pub trials: u32,
-    /// A grasp that was lost so often is not tried further.
+    /// Number of failed trials after which a grasp is not tried further.
     pub most_lost: u32,
-    /// Largest error of the hand's position along each axis, m.
+    /// Maximum position error of the gripper along each axis, m.
     pub offset_m: f64,
-    /// Largest error of the hand's orientation, rad.
+    /// Maximum orientation error of the gripper, rad.
     pub turn_rad: f64,
-    /// Least share of the pads' friction; 0.4 of 0.7.
+    /// Minimum friction of the pads as a share of the nominal; 0.4 of 0.7.
     pub least_friction: f64,
-    /// Largest change of the mass, as a share.
+    /// Maximum relative change of the mass.
     pub mass_spread: f64,
-    /// Turns of the object on the table at which the arm is tried, until it can carry the grasp out.
+    /// Number of object yaws tried until the grasp is feasible for the arm.
     pub yaws: usize,
 }
 
-impl Default for TryingSettings {
+impl Default for RobustnessSettings {
     fn default() -> Self {
         Self {
-            // Five trials, three millimetres, three degrees, friction of 0.4 to 0.7 and 30 % of the mass are what earlier
-            // experiments with this gripper used to tell sound grasps from lucky ones.
+            // Five trials, three millimetres, three degrees, friction of 0.4 to 0.7 and 30 % of the mass are what
+            // earlier experiments with this gripper used to distinguish robust grasps from lucky ones.
             trials: 5,
-            // Chosen: with two of five lost a grasp is below the share of 0.8 that layout and expert ask for.
+            // Chosen: with two of five failed, a grasp is below the share of 0.8 required by layout and expert.
             most_lost: 2,
             offset_m: 0.003,
             turn_rad: 0.052,
@@ -51,9 +51,9 @@ impl Default for TryingSettings {
     }
 }
 
-impl TryingSettings {
-    /// For an object that somebody waits for: three trials on the spot, mass and friction changed by up to 20 %.
-    pub fn brief() -> Self {
+impl RobustnessSettings {
+    /// Faster settings for interactive use: three trials without pose errors, mass and friction changed by up to 20 %.
+    pub fn fast() -> Self {
         Self {
             trials: 3,
             most_lost: 1,
@@ -66,23 +66,22 @@ impl TryingSettings {
     }
 }
 
-/// Grasps that are wanted of an object that somebody waits for, and grasps that may be lost for them: about 2 s of
-/// processor time.
-pub const WANTED: usize = 4;
-/// See [`WANTED`].
-pub const LOST: usize = 8;
+/// Robust grasps to find in interactive use, and failed grasps allowed on the way: about 2 s of processor time.
+pub const WANTED_GRASPS: usize = 4;
+/// See [`WANTED_GRASPS`].
+pub const MAX_FAILED_GRASPS: usize = 8;
 
-/// The candidates of the planner's exact generator for an object that stands upright on the table, with how often they
-/// held: those that held in the largest share first, then by score; object frame.
+/// Success counts of the exact generator's candidates for an object upright on the table: by share of successes, then
+/// by score; object frame.
 ///
-/// Candidates that the arm cannot carry out, however the object is turned, are left out.
+/// Candidates that are infeasible for the arm at all yaws are omitted.
 ///
 /// # Errors
-/// Physics that refused or diverged; an object with a piece that has no volume.
+/// If the physics engine fails, or a piece of the object has no volume.
 pub fn tried_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
-    settings: &TryingSettings,
+    settings: &RobustnessSettings,
     seed: Seed,
 ) -> Result<Vec<TriedGrasp>, TrialError> {
     let (table, candidates) = candidates(trials, model, seed)?;
@@ -94,36 +93,36 @@ pub fn tried_grasps(
     Ok(tried)
 }
 
-/// Of the best candidates those that held in every trial: at most `enough`, and at most `most` others are tried for them.
+/// The best candidates that held in every trial: at most `enough`, trying at most `most` failing ones.
 ///
 /// # Errors
 /// As [`tried_grasps`].
-pub fn sound_grasps(
+pub fn robust_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
-    settings: &TryingSettings,
+    settings: &RobustnessSettings,
     enough: usize,
     most: usize,
     seed: Seed,
 ) -> Result<Vec<TriedGrasp>, TrialError> {
     let (table, candidates) = candidates(trials, model, seed)?;
-    let (mut sound, mut lost) = (Vec::new(), 0);
+    let (mut robust, mut lost) = (Vec::new(), 0);
     for (index, grasp) in candidates.into_iter().enumerate() {
-        if lost == most || sound.len() == enough {
+        if lost == most || robust.len() == enough {
             break;
         }
         let seed = seed.fork("trials").fork_index(index as u64);
         let Some(grasp) = try_out(trials, &table, grasp, settings, seed)? else { continue };
         if grasp.held == settings.trials {
-            sound.push(grasp);
+            robust.push(grasp);
         } else {
             lost += 1;
         }
     }
-    Ok(sound)
+    Ok(robust)
 }
 
-/// The object upright on the table, and the candidates of the planner's exact generator, best first.
+/// The object upright on the table, and the exact generator's candidates, best first.
 fn candidates(trials: &GraspTrials, model: &Arc<ObjectModel>, seed: Seed) -> Result<(Table, Vec<Grasp>), TrialError> {
     let table = Table::with_one(Arc::clone(model), &trials.world)?;
     let object = PosedObject {
@@ -141,7 +140,7 @@ fn try_out(
     trials: &GraspTrials,
     table: &Table,
     grasp: Grasp,
-    settings: &TryingSettings,
+    settings: &RobustnessSettings,
     seed: Seed,
 ) -> Result<Option<TriedGrasp>, TrialError> {
     let mut tried = TriedGrasp { grasp, trials: 0, held: 0 };
@@ -155,12 +154,12 @@ fn try_out(
     Ok(Some(tried))
 }
 
-/// One trial, everything off by as much as the seed says.
+/// One trial with random errors from the seed.
 fn try_once(
     trials: &GraspTrials,
     table: &Table,
     grasp: &Grasp,
-    settings: &TryingSettings,
+    settings: &RobustnessSettings,
     seed: Seed,
 ) -> Result<Ending, TrialError> {
     let mut rng = seed.rng();
@@ -182,20 +181,20 @@ fn try_once(
         let yaw = TAU * (first + yaw as f64 / settings.yaws as f64);
         let table = Table { models: vec![Arc::clone(&heavier)], poses: vec![turned(&table.poses[0], yaw)] };
         let aimed = Grasp { pose: table.poses[0] * grasp.pose * error, ..grasp.clone() };
-        if let Some(ending) = arm::carry_out_one(&trials, &table, &aimed, trials.planner.opening(grasp))? {
+        if let Some(ending) = arm::execute_one(&trials, &table, &aimed, trials.planner.opening(grasp))? {
             return Ok(ending);
         }
     }
     Ok(Ending::OutOfReach)
 }
 
-/// Turned on the table about its own upright axis.
+/// Rotated about the vertical axis through its origin.
 fn turned(world_from_object: &Pose, yaw: f64) -> Pose {
     let turn = DQuat::from_rotation_z(yaw);
     Pose { rotation: turn * world_from_object.rotation, ..*world_from_object }
 }
 
-/// Evenly over the sphere.
+/// Uniformly distributed unit vector.
 fn direction(rng: &mut impl Rng) -> DVec3 {
     let z = 2.0 * rng.random::<f64>() - 1.0;
     let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();

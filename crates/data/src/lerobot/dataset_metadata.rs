@@ -1,31 +1,32 @@
-//! What every version of the format keeps while episodes come in: features, sentences, indices and statistics.
+//! Metadata accumulated while episodes are written, common to all versions of the format: features, instructions,
+//! indices and statistics.
 
 use std::path::Path;
 
 use serde_json::Value;
 
-use super::stats::Collected;
+use super::stats::StatsCollector;
 use crate::DataError;
 use crate::export::EpisodeRows;
-use crate::export::facts::Told;
 use crate::export::features::{Feature, Values};
+use crate::export::metadata::LanguageLabels;
 
-/// The account of a data set under construction.
-pub(crate) struct Ledger {
+/// Metadata of a data set under construction.
+pub(crate) struct DatasetMetadata {
     pub(crate) fps: u32,
-    /// `features` of `info.json`, as the first episode has them; every other must have the same.
+    /// `features` of `info.json` according to the first episode; all others must match.
     pub(crate) features: Option<Value>,
     pub(crate) tasks: Vec<String>,
-    /// What steps are called, each once.
+    /// Distinct texts of the steps.
     pub(crate) subtasks: Vec<String>,
-    /// Episodes and frames before the present one.
+    /// Number of episodes and frames written so far.
     pub(crate) episodes: usize,
     pub(crate) frames: usize,
-    pub(crate) collected: Collected,
+    pub(crate) stats_collector: StatsCollector,
 }
 
-impl Ledger {
-    /// Numbers are kept on the disk of `folder` until their statistics are taken.
+impl DatasetMetadata {
+    /// Values are buffered on the disk of `folder` until their statistics are computed.
     pub(crate) fn new(fps: u32, folder: &Path) -> Self {
         Self {
             fps,
@@ -34,37 +35,38 @@ impl Ledger {
             subtasks: Vec::new(),
             episodes: 0,
             frames: 0,
-            collected: Collected::new(folder),
+            stats_collector: StatsCollector::new(folder),
         }
     }
 
-    /// Gives the rows of the next episode their indices and takes their statistics.
-    pub(crate) fn admit<F: Told>(&mut self, rows: &mut EpisodeRows<F>) -> Result<(), DataError> {
-        let task = place_of(&mut self.tasks, rows.facts.instruction());
-        rows.features.extend(self.bookkeeping(rows.frames, task));
+    /// Adds index columns to the rows of the next episode and accumulates their statistics.
+    pub(crate) fn begin_episode<F: LanguageLabels>(&mut self, rows: &mut EpisodeRows<F>) -> Result<(), DataError> {
+        let task = index_of(&mut self.tasks, rows.metadata.instruction());
+        rows.features.extend(self.index_columns(rows.frames, task));
         if !rows.steps.is_empty() {
-            let places: Vec<usize> = rows.facts.steps().iter().map(|text| place_of(&mut self.subtasks, text)).collect();
+            let places: Vec<usize> =
+                rows.metadata.steps().iter().map(|text| index_of(&mut self.subtasks, text)).collect();
             let indices = rows.steps.iter().map(|step| number(places.get(*step).copied().unwrap_or(0)));
             rows.features.push(Feature::new("subtask_index", &[], Values::I64(indices.collect())));
         }
         self.check_features(rows)?;
         for feature in &rows.features {
-            self.collected.add(&feature.key, feature.length(), &feature.numbers())?;
+            self.stats_collector.add(&feature.key, feature.length(), &feature.numbers())?;
         }
         for video in &rows.videos {
-            self.collected.add_colors(&video.key, &video.colors, rows.frames);
+            self.stats_collector.add_colors(&video.key, &video.colors, rows.frames);
         }
         Ok(())
     }
 
-    /// Counts an episode that was written.
-    pub(crate) fn count(&mut self, frames: usize) {
+    /// Counts a written episode.
+    pub(crate) fn end_episode(&mut self, frames: usize) {
         self.episodes += 1;
         self.frames += frames;
     }
 
-    /// The five columns every data set has.
-    fn bookkeeping(&self, frames: usize, task: usize) -> Vec<Feature> {
+    /// LeRobot's five index columns.
+    fn index_columns(&self, frames: usize, task: usize) -> Vec<Feature> {
         let repeated = |value: usize| Values::I64(vec![number(value); frames]);
         let fps = f64::from(self.fps);
         vec![
@@ -76,7 +78,7 @@ impl Ledger {
         ]
     }
 
-    fn check_features<F: Told>(&mut self, rows: &EpisodeRows<F>) -> Result<(), DataError> {
+    fn check_features<F: LanguageLabels>(&mut self, rows: &EpisodeRows<F>) -> Result<(), DataError> {
         let mut described = serde_json::Map::new();
         described.extend(rows.videos.iter().map(|video| (video.key.clone(), video.describe())));
         described.extend(rows.images.iter().map(|image| (image.key.clone(), image.describe())));
@@ -84,7 +86,7 @@ impl Ledger {
         let described = Value::Object(described);
         match &self.features {
             Some(first) if *first != described => {
-                let what = format!("features of episode {}", rows.facts.name());
+                let what = format!("features of episode {}", rows.metadata.name());
                 Err(DataError::mismatch(what, first, described))
             }
             Some(_) => Ok(()),
@@ -96,8 +98,8 @@ impl Ledger {
     }
 }
 
-/// The place of a sentence in a list, to which it is added where it is missing.
-fn place_of(sentences: &mut Vec<String>, sentence: &str) -> usize {
+/// Index of a sentence in a list; appends it if it is missing.
+fn index_of(sentences: &mut Vec<String>, sentence: &str) -> usize {
     sentences.iter().position(|known| known == sentence).unwrap_or_else(|| {
         sentences.push(sentence.into());
         sentences.len() - 1

@@ -1,4 +1,4 @@
-//! How a data set came about: exported from episodes of this program, or imported from those of another.
+//! Origin of a data set: exported from this program's episodes, or imported from another data set.
 
 use std::path::Path;
 
@@ -7,18 +7,18 @@ use serde_json::{Value, json};
 
 use super::imported::{IMPORTED, Imported};
 use super::{LerobotSettings, SETTINGS, card, info};
-use crate::aside::{Aside, write_json};
+use crate::atomic_write::{AtomicFolder, write_json};
 use crate::{DataError, files};
 
-/// How a data set came about.
+/// Origin of a data set.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Made {
+pub(crate) enum Origin {
     Exported(LerobotSettings),
     Imported(Imported),
 }
 
-impl Made {
-    /// What a data set says of itself.
+impl Origin {
+    /// Reads the origin from the data set's metadata.
     pub(crate) fn read(root: &Path) -> Result<Self, DataError> {
         let document = |name: &str, source| DataError::Document { path: root.join(name), source };
         match files::read(&root.join(SETTINGS), limits::SETTINGS) {
@@ -30,7 +30,7 @@ impl Made {
         }
         match files::read(&root.join(IMPORTED), limits::SETTINGS) {
             Err(error) if error.is_missing() => {
-                let expected = "a LeRobotDataset v3.0 that this program wrote, or `data import`ed";
+                let expected = "a LeRobotDataset v3.0 written by `data export` or `data import`";
                 let got = match root.is_dir() {
                     true => format!("neither {SETTINGS} nor {IMPORTED} in it"),
                     false => "no folder".into(),
@@ -41,8 +41,9 @@ impl Made {
         }
     }
 
-    /// Writes what a data set says of itself; `statistics` where they were not made of the episodes' rows and pictures.
-    pub(crate) fn write(&self, dataset: &Aside, statistics: Option<&str>) -> Result<(), DataError> {
+    /// Writes the metadata of the origin; `statistics` describes how the statistics were computed if not from rows and
+    /// images.
+    pub(crate) fn write(&self, dataset: &AtomicFolder, statistics: Option<&str>) -> Result<(), DataError> {
         match self {
             Self::Exported(settings) => {
                 let mut meaning = info::meaning(settings);
@@ -56,7 +57,7 @@ impl Made {
         }
     }
 
-    /// The card, for a version of the format.
+    /// Data set card for a version of the format.
     pub(crate) fn card(&self, name: &str, version: &str) -> String {
         match self {
             Self::Exported(settings) => card::color(name, settings, version),
@@ -99,7 +100,7 @@ impl Made {
         }
     }
 
-    /// For a data set of its own.
+    /// Without the owning run, for a new independent data set.
     pub(crate) fn without_run(self) -> Self {
         match self {
             Self::Exported(settings) => Self::Exported(LerobotSettings { run: None, ..settings }),
@@ -107,7 +108,7 @@ impl Made {
         }
     }
 
-    /// What must be the same in data sets whose episodes go into one.
+    /// Settings that must be equal in data sets to be merged.
     pub(crate) fn comparable(&self) -> Value {
         match self.clone().without_run() {
             Self::Exported(settings) => {

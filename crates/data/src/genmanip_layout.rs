@@ -1,5 +1,5 @@
-//! The layout of the paper's own recordings: a folder per episode, JPEG colour, 16-bit PNG depth in millimetres, and
-//! states and actions as arrays of numpy; what was pickled there is JSON here.
+//! Recording layout of the original GenManip: one folder per episode, JPEG colour, 16-bit PNG depth in millimetres,
+//! states and actions as NumPy arrays; JSON replaces the original's pickles.
 //!
 //! ```text
 //! EPISODE/meta_info.json                              num_steps, language_instruction, task_data, seed, outcome
@@ -10,7 +10,7 @@
 //! EPISODE/observation/CAMERA/color_image/0000.jpg, depth_image/0000.png
 //! ```
 //!
-//! Arrays have a row per picture; orientations are quaternions, w first; metres and radians in the robot's frame.
+//! Arrays have one row per image; orientations are quaternions, w first; metres and radians in the robot's frame.
 
 use std::path::Path;
 
@@ -19,20 +19,20 @@ use genmanip_core::{Document, Pose, RobotModel};
 use jpeg_encoder::{ColorType, Encoder};
 use serde_json::json;
 
-use crate::aside::{self, Aside};
+use crate::atomic_write::{self, AtomicFolder};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
 use crate::frames::pose_to_row;
 use crate::{DataError, EpisodeStore, files, video};
 
-/// Of JPEG, 1 to 100: the pictures were compressed once before.
+/// JPEG quality, 1 to 100; high because the images have already been compressed once.
 const QUALITY: u8 = 95;
 
-/// Writes the selected episodes into a folder at `target`, which must not exist.
+/// Exports the selected episodes to a folder at `target`, which must not exist.
 ///
-/// Colour is decoded from the store's video. The actions of the layout are fixed; [`ExportSettings::action`] is not used.
+/// Colour is decoded from the store's video. The layout fixes the actions; [`ExportSettings::action`] is not used.
 ///
 /// # Errors
-/// When nothing is selected, pictures are missing, the target exists, or the disk refuses.
+/// If no episode is selected, images are missing, the target exists, or writing fails.
 pub fn export(
     store: &EpisodeStore,
     selection: &Selection,
@@ -41,36 +41,36 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let exporter = Exporter::new(store, selection, robot, settings)?;
-    aside::make_parent(target)?;
-    files::sweep(aside::parent(target))?;
-    let aside = Aside::new(target)?;
+    atomic_write::make_parent(target)?;
+    files::sweep(atomic_write::parent(target))?;
+    let staging = AtomicFolder::new(target)?;
     let (mut episodes, mut frames) = (0, 0);
     let left_out = exporter.each(|source, rows| {
-        let folder = Folder { aside: &aside, name: &rows.facts.result.id, rows: rows.frames };
+        let folder = Folder { staging: &staging, name: &rows.metadata.result.id, rows: rows.frames };
         folder.numbers(source, robot, settings)?;
-        folder.pictures(source, settings)?;
+        folder.images(source, settings)?;
         folder.about(source, &rows, settings)?;
         episodes += 1;
         frames += rows.frames;
         Ok(())
     })?;
-    aside.publish()?;
+    staging.publish()?;
     Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out })
 }
 
-/// The folder of an episode.
+/// Folder of one episode.
 struct Folder<'a> {
-    aside: &'a Aside,
+    staging: &'a AtomicFolder,
     name: &'a str,
     rows: usize,
 }
 
 impl Folder<'_> {
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), DataError> {
-        self.aside.write(&format!("{}/{name}", self.name), bytes)
+        self.staging.write(&format!("{}/{name}", self.name), bytes)
     }
 
-    /// An array with a row per picture.
+    /// An array with one row per image.
     fn array(&self, name: &str, inner: &[usize], values: impl IntoIterator<Item = f64>) -> Result<(), DataError> {
         let values: Vec<f64> = values.into_iter().collect();
         let expected = self.rows * inner.iter().product::<usize>();
@@ -94,7 +94,7 @@ impl Folder<'_> {
         let opening = |target: &Vec<f64>| target.last().copied().unwrap_or_default();
         let is_closed = |target: &Vec<f64>| opening(target) < 0.5 * robot.gripper.max_width;
         self.array("arm_action", &[dof], targets.iter().flat_map(|target| target[..dof].to_vec()))?;
-        // One number per finger.
+        // One value per finger.
         self.array("gripper_action", &[2], targets.iter().flat_map(|target| [0.5 * opening(target); 2]))?;
         self.array("gripper_close", &[], targets.iter().map(|target| if is_closed(target) { 1.0 } else { -1.0 }))?;
         let poses = targets.iter().flat_map(|target| pose_to_row(&robot.tcp_pose(&target[..dof])));
@@ -121,7 +121,7 @@ impl Folder<'_> {
         Ok(())
     }
 
-    fn pictures(&self, source: &Source, settings: &ExportSettings) -> Result<(), DataError> {
+    fn images(&self, source: &Source, settings: &ExportSettings) -> Result<(), DataError> {
         for track in &source.tracks {
             let folder = format!("observation/{}", track.camera.name);
             let poses = (0..self.rows).filter_map(|row| track.pose_at(row)).flat_map(matrix);
@@ -155,7 +155,7 @@ impl Folder<'_> {
             "schema": "genmanip.paper_episode/1",
             "num_steps": rows.frames,
             "rate_hz": settings.fps,
-            "language_instruction": rows.facts.instruction,
+            "language_instruction": rows.metadata.instruction,
             "task_data": {
                 "goal": scenario.task.goal,
                 "initial_layout": placed.collect::<serde_json::Map<_, _>>(),
@@ -174,7 +174,7 @@ impl Folder<'_> {
     }
 }
 
-/// A pose as a matrix, row by row.
+/// Homogeneous matrix of a pose, row-major.
 fn matrix(pose: &Pose) -> [f64; 16] {
     DMat4::from_rotation_translation(pose.rotation, pose.position).transpose().to_cols_array()
 }
@@ -187,11 +187,11 @@ pub(crate) fn jpeg(rgb: &[u8], width: u32, height: u32) -> Result<Vec<u8>, DataE
     Ok(file)
 }
 
-/// A file of numpy, version 1.0, of doubles.
+/// NumPy file, version 1.0, of `f64` values.
 fn npy(shape: &[usize], values: &[f64]) -> Vec<u8> {
     let shape: String = shape.iter().map(|length| format!("{length}, ")).collect();
     let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
-    // Data begins at a multiple of 64 bytes, the header ends with a new line.
+    // The data must begin at a multiple of 64 bytes and the header end with a newline.
     let padding = (64 - (10 + header.len() + 1) % 64) % 64;
     header.extend(std::iter::repeat_n(' ', padding));
     header.push('\n');
