@@ -1,13 +1,13 @@
-//! The assembler that the video encoder is built with where there is one: the same films in less time.
+//! NASM, which halves the time of the video encoder; videos are the same without it.
 
 use crate::process::{self, Workspace};
 use std::fs;
 use std::path::Path;
 
-/// What the encoder's build script prints when it goes without.
+/// Message of the encoder's build script when NASM is missing.
 const WITHOUT: &str = "Failed to compile NASM files";
 
-/// Says what is missing or to be done; a build without it works.
+/// Reports whether NASM is missing or unused; a build without it works.
 pub fn report(workspace: &Workspace) {
     if !cfg!(target_arch = "x86_64") {
         return;
@@ -20,7 +20,7 @@ pub fn report(workspace: &Workspace) {
 fn advice(there: bool, built_without: bool) -> &'static str {
     match (there, built_without) {
         (false, _) => {
-            "nasm:      not there, so films take twice as long to encode (the same films); on Debian and Ubuntu: apt \
+            "nasm:      not there, so videos take twice as long to encode (the same videos); on Debian and Ubuntu: apt \
              install nasm, before the first build"
         }
         (true, true) => {
@@ -31,7 +31,7 @@ fn advice(there: bool, built_without: bool) -> &'static str {
     }
 }
 
-/// Whether a build of the encoder in cargo's folder of builds went without.
+/// True if a build of the encoder in cargo's build folder did not use NASM.
 fn built_without(builds: &Path) -> bool {
     let builds = fs::read_dir(builds).into_iter().flatten().flatten();
     builds
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_to_be_done_is_said() {
+    fn the_advice_fits_the_state() {
         for (there, built_without, expected) in
             [(false, true, "apt install nasm"), (true, true, "cargo clean"), (true, false, "in place")]
         {

@@ -25,7 +25,7 @@ const SEED: &str = "781001";
 const LOST: &str = "genmanip-n1";
 /// The other one; names that no other Slurm of this machine has.
 const KEPT: &str = "genmanip-n0";
-/// For each thing that is waited for.
+/// Timeout of every wait.
 const PATIENCE: Duration = Duration::from_secs(900);
 
 pub fn run(workspace: &Workspace) -> Result {
@@ -146,7 +146,7 @@ impl<'a> Cluster<'a> {
         command
     }
 
-    /// What a program of Slurm answers; nothing while the controller does not listen yet.
+    /// Standard output of a Slurm program; empty while the controller does not listen yet.
     fn asked(&self, program: &str, arguments: &[&str]) -> Result<String> {
         let mut command = self.command(program);
         let answer = command.args(arguments).stdin(Stdio::null()).output();
@@ -213,7 +213,7 @@ impl<'a> Cluster<'a> {
         })
     }
 
-    /// How many jobs ran a second time.
+    /// Number of jobs that ran a second time.
     fn restarted(&self) -> Result<usize> {
         let jobs = self.asked("scontrol", &["show", "job", "-o"])?;
         Ok(jobs.lines().filter(|job| job.contains(" Restarts=") && !job.contains(" Restarts=0 ")).count())
@@ -287,7 +287,7 @@ fn name_of(id: u32) -> Option<String> {
     fs::read_to_string(format!("/proc/{id}/comm")).ok().map(|name| name.trim().to_owned())
 }
 
-/// How many files two runs have, all of them equal but for how long things took.
+/// Number of files of two runs; an error unless all are equal, timings apart.
 pub fn same(left: &Path, right: &Path) -> Result<usize> {
     let [ours, theirs] = [files(left)?, files(right)?];
     let differs = |what: &str| Problem {
@@ -305,7 +305,7 @@ pub fn same(left: &Path, right: &Path) -> Result<usize> {
     }
 }
 
-/// All files below a folder with what they hold, but for how long things took.
+/// Contents of all files below a folder, timings apart.
 pub fn files(root: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
     let (mut found, mut folders) = (BTreeMap::new(), vec![root.to_path_buf()]);
     while let Some(folder) = folders.pop() {

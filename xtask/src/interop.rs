@@ -1,17 +1,19 @@
 //! `cargo xtask test --interop`: published packages of other projects speak with our side of their protocol.
 
+mod environment;
 mod lerobot;
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use crate::wheel;
+use environment::environment;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 const SERVER: &str = "crates/remote-policies/testdata/openpi_server.py";
-/// What is installed into an environment of its own.
+/// Packages of openpi's environment.
 const PACKAGES: [&str; 3] = ["openpi-client==0.1.2", "websockets==17.4", "typing-extensions==4.16.0"];
 /// Records what openpi's own client and packer say to each other, and what it recorded.
 const RECORDER: &str = "crates/remote-policies/testdata/record_conversation.py";
@@ -46,21 +48,6 @@ fn vla_eval(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     fs::create_dir_all(&run).on("make the folder", &run)?;
     let mut command = workspace.command(&python);
     process::visible(command.arg(VLA_EVAL).arg(workspace.genmanip()?).arg(scenario).arg(&run))
-}
-
-/// An environment of this Python with these packages, made once; gives its interpreter. What an installation that was
-/// cut off left is made anew.
-fn environment(workspace: &Workspace, program: &str, folder: &Path, packages: &[&str]) -> Result<PathBuf> {
-    let (python, whole) = (folder.join("bin/python"), folder.join("genmanip-packages.txt"));
-    let wanted = packages.join("\n");
-    if !fs::read_to_string(&whole).is_ok_and(|installed| installed == wanted) {
-        eprintln!("interop: installing {}", packages.join(", "));
-        process::output(workspace.command(program).args(["-m", "venv", "--clear"]).arg(folder))?;
-        let mut pip = workspace.command(&python);
-        process::output(pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:"]).args(packages))?;
-        fs::write(&whole, wanted).on("write", &whole)?;
-    }
-    Ok(python)
 }
 
 /// Evaluates a policy that asks a server made of openpi's own client package.

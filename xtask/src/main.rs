@@ -1,6 +1,6 @@
-//! `cargo xtask <verb>`: everything around the code that is not the code.
+//! `cargo xtask SUBCOMMAND`: everything around the code that is not the code.
 //!
-//! | verb | does |
+//! | subcommand | does |
 //! |---|---|
 //! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
 //! | `demo` | set-up, build, then `genmanip demo` |
@@ -10,8 +10,10 @@
 
 mod assembler;
 mod cluster;
+mod command_line;
 mod demo;
 mod interop;
+mod markdown;
 mod mujoco;
 mod offline;
 mod packs;
@@ -28,20 +30,6 @@ mod wheel;
 use problem::{Problem, Result};
 use process::Workspace;
 use std::process::ExitCode;
-
-const USAGE: &str = "\
-Usage: cargo xtask <verb>
-
-  setup            download and verify the simulator library, make the Python environment of the tests
-  demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
-  test [PHASE…]    everything CI runs, or only the named phases
-  test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
-  test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
-  test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
-  test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
-  tidy             check the rules that the compiler does not know
-
-Example: cargo xtask test fmt clippy";
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -65,14 +53,14 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--s3"] => s3::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
-        Some("tidy") => tidy::run(&workspace.root),
+        Some("tidy") => tidy::run(&workspace.root, rest),
         Some("help" | "--help" | "-h") => {
-            println!("{USAGE}");
+            println!("{}", command_line::USAGE);
             Ok(())
         }
         other => Err(Problem {
-            what: other.map_or("no verb given".into(), |verb| format!("there is no verb `{verb}`")),
-            expected: "setup, demo, test or tidy".into(),
+            what: other.map_or("no subcommand given".into(), |name| format!("there is no subcommand `{name}`")),
+            expected: command_line::SUBCOMMANDS.join(", "),
             hint: "`cargo xtask help` says what each does".into(),
         }),
     }

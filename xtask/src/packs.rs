@@ -21,7 +21,7 @@ struct Wheel {
     files: Vec<String>,
 }
 
-/// What came of files.
+/// Outcome of importing files.
 #[derive(Debug, Default, PartialEq)]
 struct Tally {
     files: usize,
@@ -134,7 +134,7 @@ fn unpacked(workspace: &Workspace, wheel: &Wheel, place: &Path) -> Result<PathBu
     Ok(folder)
 }
 
-/// What the rows of `assets import --json` say; each starts with its file.
+/// Sums over the rows of `assets import --json`; each starts with its file.
 fn count(json: &str, files: usize) -> Tally {
     let dense: String = json.chars().filter(|c| !c.is_whitespace()).collect();
     let mut tally = Tally { files, ..Tally::default() };

@@ -1,4 +1,4 @@
-//! Where the repository is, and how other programs are started from it.
+//! The repository's folder, and other programs started from it.
 
 use crate::problem::{OnPath, Problem, Result};
 use std::ffi::OsStr;
@@ -41,7 +41,7 @@ impl Workspace {
         command
     }
 
-    /// Where cargo puts what it builds; asked of cargo, because variables and settings files may move it.
+    /// Cargo's target folder; cargo is asked, because variables and settings files may move it.
     pub fn target_dir(&self) -> Result<PathBuf> {
         let metadata = output(&mut self.cargo(["metadata", "--no-deps", "--format-version", "1"]))?;
         json_string(&metadata, "target_directory").map(PathBuf::from).ok_or_else(|| Problem {

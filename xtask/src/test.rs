@@ -1,5 +1,6 @@
 //! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure, with the time of each phase.
 
+use crate::command_line::PHASES;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
 use crate::{setup, tidy, wheel};
@@ -7,7 +8,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a phase came to, when it did not fail.
+/// Result of a phase that did not fail.
 enum Outcome {
     Passed(String),
     /// With the reason; never silently.
@@ -17,49 +18,49 @@ enum Outcome {
 /// The tests' own build, the program included, so that nothing is built twice with another choice of features.
 const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 
-type Phase = fn(&Workspace) -> Result<Outcome>;
-
-/// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
-const PHASES: [(&str, Phase); 12] = [
-    ("setup", set_up),
-    ("fmt", |w| {
-        let hint = "run `cargo fmt --all`".to_owned();
-        cargo(w, &["fmt", "--all", "--check"]).map_err(|problem| Problem { hint, ..problem })
-    }),
-    ("tidy", |w| tidy::run(&w.root).map(|()| passed())),
-    ("deny", |w| if_installed(w, "cargo-deny", &["check", "licenses", "bans", "sources"])),
-    ("typos", |w| if_installed(w, "typos", &[])),
-    ("clippy", |w| cargo(w, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"])),
-    ("doc", documentation),
-    ("build", |w| cargo(w, &BUILD)),
-    ("link check", link_check),
-    ("bytes", same_bytes),
-    ("python", python_wheel),
-    ("test", tests),
-];
+/// Runs one phase of [`PHASES`].
+fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
+    match name {
+        "setup" => set_up(workspace),
+        "fmt" => {
+            let hint = "run `cargo fmt --all`".to_owned();
+            cargo(workspace, &["fmt", "--all", "--check"]).map_err(|problem| Problem { hint, ..problem })
+        }
+        "tidy" => tidy::run(&workspace.root, &[]).map(|()| passed()),
+        "deny" => if_installed(workspace, "cargo-deny", &["check", "licenses", "bans", "sources"]),
+        "typos" => if_installed(workspace, "typos", &[]),
+        "clippy" => cargo(workspace, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+        "doc" => documentation(workspace),
+        "build" => cargo(workspace, &BUILD),
+        "link check" => link_check(workspace),
+        "bytes" => same_bytes(workspace),
+        "python" => python_wheel(workspace),
+        "test" => tests(workspace),
+        other => unreachable!("{other} is no phase"),
+    }
+}
 
 /// All phases, or those named; prints the table whether they pass or not.
 pub fn run(workspace: &Workspace, chosen: &[String]) -> Result {
-    let names: Vec<&str> = PHASES.iter().map(|(name, _)| *name).collect();
-    if let Some(wrong) = chosen.iter().find(|name| !names.contains(&name.as_str())) {
+    if let Some(wrong) = chosen.iter().find(|name| !PHASES.contains(&name.as_str())) {
         return Err(Problem {
             what: format!("there is no phase `{wrong}`"),
-            expected: names.join(", "),
+            expected: PHASES.join(", "),
             hint: "without a name all phases run".into(),
         });
     }
     let mut table = Vec::new();
     let mut result = Ok(());
-    for (name, phase) in PHASES.iter().filter(|(name, _)| chosen.is_empty() || chosen.iter().any(|c| c == name)) {
+    for name in PHASES.into_iter().filter(|name| chosen.is_empty() || chosen.iter().any(|one| one == name)) {
         eprintln!("\n== {name}");
         let start = Instant::now();
-        let outcome = phase(workspace);
+        let outcome = phase(name, workspace);
         let said = match &outcome {
             Ok(Outcome::Passed(note)) => note.clone(),
             Ok(Outcome::Skipped(reason)) => format!("skipped: {reason}"),
             Err(_) => "FAILED".into(),
         };
-        table.push((*name, start.elapsed(), said));
+        table.push((name, start.elapsed(), said));
         if let Err(problem) = outcome {
             result = Err(Problem { what: format!("phase `{name}`: {}", problem.what), ..problem });
             break;
@@ -124,8 +125,8 @@ fn link_check(workspace: &Workspace) -> Result<Outcome> {
     Ok(passed())
 }
 
-/// Pictures have the same bytes with registers of any width: those of an example that is built for any processor, against
-/// those of the usual build on this one.
+/// Rendered images have the same bytes with SIMD registers of any width: an example built for any processor, against the
+/// usual build on this one.
 fn same_bytes(workspace: &Workspace) -> Result<Outcome> {
     #[cfg(target_arch = "x86_64")]
     let has_wide = std::arch::is_x86_feature_detected!("avx2");
@@ -145,10 +146,10 @@ fn same_bytes(workspace: &Workspace) -> Result<Outcome> {
     let (wide, plain) = (pictures(usual)?, pictures(other)?);
     match wide.lines().zip(plain.lines()).find(|(wide, plain)| wide != plain) {
         None if wide.lines().count() == plain.lines().count() => {
-            Ok(Outcome::Passed(format!("{} channels of pictures are the same", wide.lines().count())))
+            Ok(Outcome::Passed(format!("{} image channels are the same", wide.lines().count())))
         }
         difference => Err(Problem {
-            what: "pictures depend on the width of the processor's registers".into(),
+            what: "images depend on the width of the processor's registers".into(),
             expected: difference.map_or_else(|| "as many lines".into(), |(_, plain)| plain.into()),
             hint: difference.map_or_else(String::new, |(wide, _)| {
                 format!("with wide registers it is `{wide}`; a sum was taken in another order, or rounded once instead of twice")

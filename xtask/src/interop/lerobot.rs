@@ -1,12 +1,13 @@
 //! The published `lerobot` opens a dataset that was just collected, and trains on it.
 
+use super::environment::environment;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 const READER: &str = "python/tests/interop_lerobot.py";
-/// Whose commands of training are carried out.
+/// Page whose training commands are run.
 const GUIDE: &str = "docs/guides/train-with-lerobot.md";
 /// As the guide installs it.
 const PACKAGES: [&str; 1] = ["lerobot[training,diffusion]==0.6.1"];
@@ -34,7 +35,7 @@ fn interpreter(workspace: &Workspace, place: &Path) -> Result<PathBuf> {
     if let Some(named) = std::env::var_os(INTERPRETER) {
         return Ok(named.into());
     }
-    super::environment(workspace, "python3.12", &place.join("lerobot"), &PACKAGES).map_err(|problem| Problem {
+    environment(workspace, "python3.12", &place.join("lerobot"), &PACKAGES).map_err(|problem| Problem {
         hint: format!("it needs Python 3.12 and 6 GB; {INTERPRETER} may name an interpreter that has the package"),
         ..problem
     })

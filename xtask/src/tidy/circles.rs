@@ -1,21 +1,32 @@
 //! No two files of a crate import each other, directly or through others: such files can only be read, tested and moved
 //! together.
 //!
-//! A module and what lies below it are one thing, so what they import of each other does not count; nor do tests.
+//! Circles between a module and those below it are a rule of their own, [`Kind::Knots`]. A parent that only re-exports a
+//! child does not use it. Tests are exempt.
 
 use super::imports::{self, Imports};
-use super::{Entry, Violation};
+use super::repository::Entry;
+use super::violation::Violation;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Every circle of every crate, with the names that tie it.
-pub fn check(files: &[Entry]) -> Vec<Violation> {
+/// Kind of circle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// Imports between a module and those below it do not count.
+    Circles,
+    /// Circles that only imports between a module and those below it close.
+    Knots,
+}
+
+/// Every circle of one kind in every crate, with the names that tie it.
+pub fn check(files: &[Entry], kind: Kind) -> Vec<Violation> {
     let mut crates: BTreeMap<&str, Vec<&Entry>> = BTreeMap::new();
     for file in files.iter().filter(|file| file.path.ends_with(".rs")) {
         if let Some((root, _)) = file.path.split_once("/src/").filter(|(root, _)| is_package(root)) {
             crates.entry(root).or_default().push(file);
         }
     }
-    crates.into_iter().flat_map(|(root, files)| Crate::read(root, &files).circles()).collect()
+    crates.into_iter().flat_map(|(root, files)| Crate::read(root, &files).circles(kind)).collect()
 }
 
 /// `xtask`, or a folder right below `crates/`.
@@ -34,7 +45,7 @@ struct Crate {
     /// The file that holds a module.
     modules: BTreeMap<Module, usize>,
     definitions: BTreeSet<(Module, String)>,
-    /// What names at the level of a module stand for.
+    /// Paths that imported names at the level of a module stand for.
     names: BTreeMap<(Module, String), Module>,
     /// Modules whose names another module takes over as a whole.
     globs: BTreeMap<Module, Vec<Module>>,
@@ -134,22 +145,30 @@ impl Crate {
         Some(found)
     }
 
-    fn edges(&self) -> Edges {
+    fn edges(&self, kind: Kind) -> Edges {
         let mut edges = Edges::new();
+        let counts = |from: usize, to: usize, is_used: bool| match kind {
+            Kind::Circles => !self.is_below(to, from) && !self.is_below(from, to),
+            Kind::Knots => to != from && (is_used || !self.is_below(to, from)),
+        };
         for (from, (_, _, imports)) in self.files.iter().enumerate() {
-            let uses = imports.uses.iter().filter(|one| one.name != "*").map(|one| (&one.module, one.path.clone()));
-            let paths = imports.paths.iter().map(|(module, path)| (module, path.clone()));
+            let words: BTreeSet<&str> = imports.words.iter().map(String::as_str).collect();
+            // With whether the file itself uses the name: a parent that only hands on what lies below it does not.
+            let is_used = |one: &imports::Use| words.contains(one.name.as_str());
+            let uses = imports.uses.iter().filter(|one| one.name != "*");
+            let uses = uses.map(|one| (&one.module, one.path.clone(), is_used(one)));
+            let paths = imports.paths.iter().map(|(module, path)| (module, path.clone(), true));
             // Of a glob only what is named counts.
             let of_globs = imports.uses.iter().filter(|one| one.name == "*").flat_map(|one| {
                 let below = |word: &String| one.path.iter().chain([word]).cloned().collect::<Module>();
                 let words = imports.words.iter().filter(|word| self.is_known(&one.module, &one.path, word));
-                words.map(move |word| (&one.module, below(word)))
+                words.map(move |word| (&one.module, below(word), true))
             });
-            for (module, path) in uses.chain(paths).chain(of_globs) {
+            for (module, path, is_used) in uses.chain(paths).chain(of_globs) {
                 let Some(path) = self.absolute(module, &path) else { continue };
                 let mut via = BTreeSet::new();
                 let Some((to, name)) = self.file_of(&path, MOST_HOPS, &mut via) else { continue };
-                for to in via.into_iter().chain([to]).filter(|&to| !self.are_related(from, to)) {
+                for to in via.into_iter().chain([to]).filter(|&to| counts(from, to, is_used)) {
                     edges.entry((from, to)).or_default().insert(name.clone());
                 }
             }
@@ -157,26 +176,36 @@ impl Crate {
         edges
     }
 
-    /// Whether a module that is named by `path` in `module` defines or imports a name.
+    /// True if the module that `path` names in `module` defines or imports a name.
     fn is_known(&self, module: &[String], path: &[String], name: &str) -> bool {
         let key = self.absolute(module, path).map(|path| (path, name.to_owned()));
         key.is_some_and(|key| self.definitions.contains(&key) || self.names.contains_key(&key))
     }
 
-    /// Whether one file's module lies below the other's, or both are one.
-    fn are_related(&self, a: usize, b: usize) -> bool {
-        let (a, b) = (&self.files[a].1, &self.files[b].1);
-        a.starts_with(b) || b.starts_with(a)
+    /// True if the first file's module lies below the second's.
+    fn is_below(&self, file: usize, parent: usize) -> bool {
+        self.files[file].1.starts_with(&self.files[parent].1)
     }
 
-    fn circles(&self) -> Vec<Violation> {
-        let edges = self.edges();
-        let reached: Vec<BTreeSet<usize>> = (0..self.files.len()).map(|from| reached(from, &edges)).collect();
+    fn circles(&self, kind: Kind) -> Vec<Violation> {
+        let strict = self.edges(Kind::Circles);
+        let known = self.groups(&strict);
+        match kind {
+            Kind::Circles => known.iter().map(|group| self.violation(group, &strict)).collect(),
+            Kind::Knots => {
+                let edges = self.edges(kind);
+                self.groups(&edges).difference(&known).map(|group| self.violation(group, &edges)).collect()
+            }
+        }
+    }
+
+    /// Groups of files of which each leads to every other.
+    fn groups(&self, edges: &Edges) -> BTreeSet<BTreeSet<usize>> {
+        let reached: Vec<BTreeSet<usize>> = (0..self.files.len()).map(|from| reached(from, edges)).collect();
         let group = |file: usize| -> BTreeSet<usize> {
             reached[file].iter().copied().filter(|&other| reached[other].contains(&file)).collect()
         };
-        let groups: BTreeSet<BTreeSet<usize>> = (0..self.files.len()).map(group).filter(|g| !g.is_empty()).collect();
-        groups.iter().map(|group| self.violation(group, &edges)).collect()
+        (0..self.files.len()).map(group).filter(|group| !group.is_empty()).collect()
     }
 
     fn violation(&self, group: &BTreeSet<usize>, edges: &Edges) -> Violation {
@@ -224,7 +253,7 @@ mod tests {
     use super::*;
 
     /// The circles of a crate, as the names of their files.
-    fn circles(files: &[(&str, &str)]) -> Vec<String> {
+    fn circles(files: &[(&str, &str)], kind: Kind) -> Vec<String> {
         let path = |name: &str| format!("crates/a/src/{name}.rs");
         let entry = |(name, text): &(&str, &str)| Entry { path: path(name), text: Some((*text).to_owned()) };
         let files: Vec<Entry> = files.iter().map(entry).collect();
@@ -232,13 +261,13 @@ mod tests {
             let lines = violation.what.lines().skip(1).map(|line| line.trim().replace("crates/a/src/", ""));
             lines.collect::<Vec<_>>().join("; ").replace(".rs", "")
         };
-        check(&files).into_iter().map(ties).collect()
+        check(&files, kind).into_iter().map(ties).collect()
     }
 
     #[test]
     fn files_that_import_each_other() {
         let check = |name: &str, files: &[(&str, &str)], expected: &[&str]| {
-            assert_eq!(circles(files), expected, "{name}");
+            assert_eq!(circles(files, Kind::Circles), expected, "{name}");
         };
         check(
             "two",
@@ -311,7 +340,9 @@ mod tests {
 
     #[test]
     fn what_is_no_circle() {
-        let check = |name: &str, files: &[(&str, &str)]| assert_eq!(circles(files), Vec::<String>::new(), "{name}");
+        let check = |name: &str, files: &[(&str, &str)]| {
+            assert_eq!(circles(files, Kind::Circles), Vec::<String>::new(), "{name}")
+        };
         check(
             "parent and child",
             &[("lib", "mod x; use x::X; pub struct Y;"), ("x", "use crate::Y; pub struct X(Y);")],
@@ -345,9 +376,67 @@ mod tests {
     }
 
     #[test]
+    fn knots_between_parent_and_child() {
+        let check = |name: &str, files: &[(&str, &str)], expected: &[&str]| {
+            assert_eq!(circles(files, Kind::Knots), expected, "{name}");
+        };
+        check(
+            "a parent that uses its child, which takes a type of the parent",
+            &[("lib", "mod x; use x::f; pub struct Y; fn g() { f() }"), ("x", "use crate::Y; pub fn f(_: Y) {}")],
+            &["lib -> x: f; x -> lib: Y"],
+        );
+        check(
+            "by a path, below the root",
+            &[
+                ("lib", "mod a;"),
+                ("a/mod", "mod x; pub struct Y; fn g() { x::f() }"),
+                ("a/x", "use super::Y; pub fn f(_: Y) {}"),
+            ],
+            &["a/mod -> a/x: f; a/x -> a/mod: Y"],
+        );
+        check(
+            "through a grandchild",
+            &[
+                ("lib", "mod a; pub struct Y; fn g() { a::g() }"),
+                ("a/mod", "mod x; pub fn g() { x::f() }"),
+                ("a/x", "pub fn f(_: crate::Y) {}"),
+            ],
+            &["lib -> a/mod: g; a/mod -> a/x: f; a/x -> lib: Y"],
+        );
+        check(
+            "a parent that re-exports its child",
+            &[("lib", "mod x; pub use x::f; pub struct Y;"), ("x", "use crate::Y; pub fn f(_: Y) {}")],
+            &[],
+        );
+        check(
+            "a child that takes a sibling's type by way of the parent",
+            &[
+                ("lib", "mod x; mod y; pub use y::Y; fn g() { x::f() }"),
+                ("x", "use crate::Y; pub fn f(_: Y) {}"),
+                ("y", "pub struct Y;"),
+            ],
+            &[],
+        );
+        check(
+            "tests of the parent",
+            &[
+                ("lib", "mod x; pub struct Y; #[cfg(test)] mod tests { use super::x::f; fn g() { f() } }"),
+                ("x", "use crate::Y; pub fn f(_: Y) {}"),
+            ],
+            &[],
+        );
+        let siblings = [
+            ("lib", "mod x; mod y;"),
+            ("x", "use crate::y::Y; pub struct X;"),
+            ("y", "use crate::x::X; pub struct Y;"),
+        ];
+        check("a circle of siblings, which is the other kind", &siblings, &[]);
+    }
+
+    #[test]
     fn crates_are_apart() {
         let entry = |path: &str, text: &str| Entry { path: path.into(), text: Some(text.into()) };
         let files = [entry("crates/a/src/x.rs", "use crate::y::Y;"), entry("crates/b/src/y.rs", "use crate::x::X;")];
-        assert!(check(&files).is_empty());
+        assert!(check(&files, Kind::Circles).is_empty());
     }
 }

@@ -1,6 +1,8 @@
-//! What one Rust file names of its own crate, read from its tokens: a compiler would know more, but must not be needed.
+//! Names of its own crate that one Rust file uses, read from its tokens; a compiler would know more, but must not be needed.
 
-/// What a file imports, names, defines and holds.
+use super::lexer;
+
+/// Imports, paths, definitions and modules of a file.
 #[derive(Debug, Default)]
 pub struct Imports {
     /// Every name that a `use` brings in.
@@ -24,22 +26,31 @@ pub struct Use {
     pub module: Vec<String>,
     /// As it is written, from `crate`, `super`, `self` or the name of a module or crate on.
     pub path: Vec<String>,
-    /// The name that it goes by from here on; `*` for all.
+    /// Name in this module; `*` for all.
     pub name: String,
-    /// Whether it stands at the level of the module, where others may name it, too; not in a function.
+    /// True for `pub use`, `pub(crate) use` and the like.
+    pub is_public: bool,
+    /// True at the level of the module, where others may name it, too; not in a function.
     pub is_visible: bool,
 }
 
 /// Reads the file of a module; tests are left out.
 pub fn read(module: &[String], text: &str) -> Imports {
-    let tokens = tokens(text);
+    let tokens = lexer::words_and_marks(text);
     let mut reader = Reader { tokens: &tokens, at: 0, found: Imports::default() };
     reader.module(module, 0);
     reader.found
 }
 
-/// What begins an item and is followed by its name.
+/// Keywords that begin an item and are followed by its name.
 const ITEMS: [&str; 8] = ["fn", "struct", "enum", "trait", "type", "const", "static", "union"];
+
+/// As in [`Use`].
+#[derive(Clone, Copy)]
+struct Place {
+    is_public: bool,
+    is_visible: bool,
+}
 
 struct Reader<'a> {
     tokens: &'a [String],
@@ -74,8 +85,9 @@ impl Reader<'_> {
                     continue;
                 }
                 "use" => {
+                    let is_public = self.at > 0 && matches!(self.tokens[self.at - 1].as_str(), "pub" | ")");
                     self.at += 1;
-                    self.use_tree(module, &[], depth == 0);
+                    self.use_tree(module, &[], Place { is_public, is_visible: depth == 0 });
                     continue;
                 }
                 "mod" if self.name(1).is_some() && self.peek(2) == "{" => {
@@ -118,7 +130,7 @@ impl Reader<'_> {
     }
 
     /// One branch of what follows `use`, below `stem`.
-    fn use_tree(&mut self, module: &[String], stem: &[String], is_visible: bool) {
+    fn use_tree(&mut self, module: &[String], stem: &[String], place: Place) {
         let mut path = stem.to_vec();
         let is_outside = self.peek(0) == "::";
         while self.at < self.tokens.len() {
@@ -127,7 +139,7 @@ impl Reader<'_> {
                 "{" => {
                     self.at += 1;
                     while !matches!(self.peek(0), "}" | "") {
-                        self.use_tree(module, &path, is_visible);
+                        self.use_tree(module, &path, place);
                         if self.peek(0) == "," {
                             self.at += 1;
                         }
@@ -159,11 +171,12 @@ impl Reader<'_> {
             self.at += 2;
         }
         if !is_outside {
-            self.found.uses.push(Use { module: module.to_vec(), path, name, is_visible });
+            let Place { is_public, is_visible } = place;
+            self.found.uses.push(Use { module: module.to_vec(), path, name, is_public, is_visible });
         }
     }
 
-    /// Whether an attribute like `#[cfg(test)]` begins here.
+    /// True if an attribute like `#[cfg(test)]` begins here.
     fn is_for_tests(&self) -> bool {
         let begins = |words: &[&str]| words.iter().enumerate().all(|(ahead, word)| self.peek(ahead) == *word);
         begins(&["#", "[", "cfg", "(", "test"]) || begins(&["#", "[", "cfg", "(", "all", "(", "test"])
@@ -217,89 +230,6 @@ fn child(module: &[String], name: &str) -> Vec<String> {
 
 fn is_name(token: &str) -> bool {
     token.starts_with(|letter: char| letter.is_alphabetic() || letter == '_') && token != "as"
-}
-
-/// Names, `::` and single marks; comments, texts, letters, numbers and lifetimes are left out.
-fn tokens(text: &str) -> Vec<String> {
-    let letters: Vec<char> = text.chars().collect();
-    let at = |index: usize| letters.get(index).copied().unwrap_or('\0');
-    let is_part = |letter: char| letter.is_alphanumeric() || letter == '_';
-    let end_of = |from: usize| (from..letters.len()).find(|&i| !is_part(letters[i])).unwrap_or(letters.len());
-    let mut tokens = Vec::new();
-    let mut i = 0;
-    while i < letters.len() {
-        let letter = letters[i];
-        match letter {
-            '/' if at(i + 1) == '/' => i = (i..letters.len()).find(|&k| letters[k] == '\n').unwrap_or(letters.len()),
-            '/' if at(i + 1) == '*' => i = end_of_comment(&letters, i),
-            '"' => i = end_of_text(&letters, i),
-            '\'' if at(i + 1) == '\\' => {
-                i = (i + 3..letters.len()).find(|&k| letters[k] == '\'').map_or(letters.len(), |k| k + 1);
-            }
-            '\'' if at(i + 2) == '\'' => i += 3,
-            '\'' => i = end_of(i + 1),
-            _ if letter.is_ascii_digit() => i = end_of(i),
-            _ if is_part(letter) => {
-                let end = end_of(i);
-                let word: String = letters[i..end].iter().collect();
-                let is_raw = matches!(word.as_str(), "r" | "br" | "cr") && matches!(at(end), '"' | '#');
-                if is_raw && let Some(behind) = end_of_raw_text(&letters, end) {
-                    i = behind;
-                } else if word == "r" && at(end) == '#' {
-                    // A raw name: the word behind is the name.
-                    i = end + 1;
-                } else {
-                    i = end;
-                    let is_prefix = matches!(word.as_str(), "b" | "c") && matches!(at(end), '"' | '\'');
-                    tokens.extend((!is_prefix).then_some(word));
-                }
-            }
-            ':' if at(i + 1) == ':' => {
-                tokens.push("::".into());
-                i += 2;
-            }
-            _ => {
-                tokens.extend((!letter.is_whitespace()).then(|| letter.to_string()));
-                i += 1;
-            }
-        }
-    }
-    tokens
-}
-
-fn end_of_comment(letters: &[char], from: usize) -> usize {
-    let mut open = 0;
-    let mut i = from;
-    while i + 1 < letters.len() {
-        match [letters[i], letters[i + 1]] {
-            ['/', '*'] => (open, i) = (open + 1, i + 2),
-            ['*', '/'] => (open, i) = (open - 1, i + 2),
-            _ => i += 1,
-        }
-        if open == 0 {
-            return i;
-        }
-    }
-    letters.len()
-}
-
-fn end_of_text(letters: &[char], from: usize) -> usize {
-    let mut i = from + 1;
-    while i < letters.len() && letters[i] != '"' {
-        i += if letters[i] == '\\' { 2 } else { 1 };
-    }
-    i + 1
-}
-
-/// Behind `#"…"#`, with any number of `#`; `None` where no text begins.
-fn end_of_raw_text(letters: &[char], from: usize) -> Option<usize> {
-    let marks = letters[from..].iter().take_while(|letter| **letter == '#').count();
-    let begin = from + marks;
-    if letters.get(begin) != Some(&'"') {
-        return None;
-    }
-    let closes = |&i: &usize| letters[i] == '"' && (1..=marks).all(|ahead| letters.get(i + ahead) == Some(&'#'));
-    Some((begin + 1..letters.len()).find(closes).map_or(letters.len(), |i| i + marks + 1))
 }
 
 #[cfg(test)]

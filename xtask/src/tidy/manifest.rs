@@ -1,6 +1,7 @@
 //! The little that the rules need to know of a Cargo.toml.
 
-use super::{Entry, Violation};
+use super::repository::Entry;
+use super::violation::Violation;
 use std::collections::{BTreeMap, BTreeSet};
 
 const BUILD_SCRIPT: &str = "../../build/rpath.rs";
@@ -34,7 +35,7 @@ pub fn crates(files: &[Entry]) -> Vec<Manifest> {
     manifests.collect()
 }
 
-/// What the root manifest shares with everybody, and which is therefore nobody's own.
+/// Dependencies that the root manifest shares with all crates, and that are therefore confined to none.
 pub fn shared(root_manifest: &str) -> BTreeSet<String> {
     parse("", root_manifest).dependencies.into_keys().collect()
 }

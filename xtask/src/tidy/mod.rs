@@ -3,36 +3,36 @@
 //! The dependency rule is read from the table in ARCHITECTURE.md itself, so the page cannot drift from the code.
 
 mod circles;
+mod exceptions;
 mod imports;
+mod lexer;
+mod links;
 mod manifest;
+mod openings;
+mod quoted;
+mod repository;
 mod structure;
+mod subcommands;
 mod table;
 mod text;
+mod toml;
+mod violation;
+mod words;
 
-use crate::problem::{OnPath, Problem, Result};
-use std::fs;
+use crate::command_line;
+use crate::problem::{Problem, Result};
+use exceptions::Exceptions;
+use repository::{Entry, Tree, text_of};
 use std::path::Path;
-
-/// One broken rule.
-#[derive(Debug, PartialEq)]
-pub struct Violation {
-    /// Path from the root, with a line where there is one.
-    pub place: String,
-    pub what: String,
-    pub hint: String,
-}
-
-/// A file of the repository.
-pub struct Entry {
-    /// From the root, with `/` on every system.
-    pub path: String,
-    /// `None` when it is not text.
-    pub text: Option<String>,
-}
+use subcommands::Subcommands;
+use violation::Violation;
 
 /// Checks everything and fails with the whole list.
-pub fn run(root: &Path) -> Result {
-    let violations = check(root)?;
+///
+/// Arguments are `--rule NAME` and path prefixes; with any, limits of `tidy-exceptions.txt` do not count.
+pub fn run(root: &Path, args: &[String]) -> Result {
+    let choice = Choice::parse(args)?;
+    let violations = check(root, &choice)?;
     if violations.is_empty() {
         eprintln!("tidy: all rules hold");
         return Ok(());
@@ -41,75 +41,99 @@ pub fn run(root: &Path) -> Result {
     Err(Problem {
         what: format!("{} rules are broken{}", violations.len(), list.collect::<String>()),
         expected: "the rules of ARCHITECTURE.md and CONTRIBUTING.md".into(),
-        hint: "mend the code; if the rule is wrong, mend the rule there with its reason".into(),
+        hint: "fix the code; if the rule is wrong, fix the rule there with its reason".into(),
     })
 }
 
+const RULES: [&str; 9] =
+    ["dependencies", "structure", "circles", "knots", "text", "openings", "words", "links", "quoted"];
+
+/// Part of the rules and files.
+#[derive(Debug, Default)]
+pub struct Choice {
+    rule: Option<String>,
+    paths: Vec<String>,
+}
+
+impl Choice {
+    fn parse(args: &[String]) -> Result<Self> {
+        let mut choice = Self::default();
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            if arg != "--rule" {
+                choice.paths.push(arg.trim_start_matches("./").to_owned());
+                continue;
+            }
+            let known = args.next().filter(|rule| RULES.contains(&rule.as_str()));
+            choice.rule = Some(known.cloned().ok_or_else(|| Problem {
+                what: "--rule names no rule".into(),
+                expected: RULES.join(", "),
+                hint: "`cargo xtask tidy --rule openings crates/core` lists those of one folder".into(),
+            })?);
+        }
+        Ok(choice)
+    }
+
+    fn is_everything(&self) -> bool {
+        self.rule.is_none() && self.paths.is_empty()
+    }
+
+    fn has(&self, violation: &Violation) -> bool {
+        self.paths.is_empty() || self.paths.iter().any(|path| violation.place.starts_with(path.as_str()))
+    }
+}
+
 /// Every broken rule, in the order of the paths.
-pub fn check(root: &Path) -> Result<Vec<Violation>> {
-    let files = files(root)?;
-    let exceptions = structure::Exceptions::parse(text_of(&files, structure::EXCEPTIONS)?)?;
-    let crates = manifest::crates(&files);
-    let table = table::parse(text_of(&files, "ARCHITECTURE.md")?)?;
-    let mut found = table::check(&table, &crates, &manifest::shared(text_of(&files, "Cargo.toml")?));
-    found.extend(manifest::check_run_path(&crates));
-    found.extend(structure::check(&files, &exceptions));
-    found.extend(circles::check(&files));
-    found.extend(text::check(&files));
+pub fn check(root: &Path, choice: &Choice) -> Result<Vec<Violation>> {
+    let files = repository::read(root)?;
+    let exceptions = Exceptions::parse(text_of(&files, exceptions::PATH)?)?;
+    let tree = Tree::new(&files);
+    let mut found: Vec<Violation> = Vec::new();
+    for rule in RULES.into_iter().filter(|rule| choice.rule.as_deref().is_none_or(|one| one == *rule)) {
+        let violations = match rule {
+            "dependencies" => dependencies(&files)?,
+            "structure" => structure::check(&files, &exceptions),
+            "circles" => circles::check(&files, circles::Kind::Circles),
+            "knots" => circles::check(&files, circles::Kind::Knots),
+            "openings" => openings::check(&files),
+            "words" => words::Words::parse(text_of(&files, words::PATH)?)?.check(&files),
+            "links" => links::check(&files, &tree),
+            "quoted" => quoted::check(&files, &tree, &known(&files)),
+            _ => text::check(&files),
+        };
+        if choice.is_everything() {
+            found.extend(exceptions.limit(rule, violations));
+        } else {
+            found.extend(violations.into_iter().filter(|violation| choice.has(violation)));
+        }
+    }
     found.sort_by(|a, b| a.place.cmp(&b.place));
     Ok(found)
 }
 
-fn text_of<'a>(files: &'a [Entry], path: &str) -> Result<&'a str> {
-    let found = files.iter().find(|file| file.path == path).and_then(|file| file.text.as_deref());
-    found.ok_or_else(|| Problem {
-        what: format!("the file is missing or not text: {path}"),
-        expected: "a text file that the tidy check reads".into(),
-        hint: "take it from the history: `git log --follow` finds it".into(),
-    })
+/// Manifests against the table of ARCHITECTURE.md.
+fn dependencies(files: &[Entry]) -> Result<Vec<Violation>> {
+    let crates = manifest::crates(files);
+    let table = table::parse(text_of(files, "ARCHITECTURE.md")?)?;
+    let mut found = table::check(&table, &crates, &manifest::shared(text_of(files, "Cargo.toml")?));
+    found.extend(manifest::check_run_path(&crates));
+    Ok(found)
 }
 
-/// All files of the repository but those that .gitignore names; git itself is not needed, so that an unpacked archive
-/// can be checked as well.
-fn files(root: &Path) -> Result<Vec<Entry>> {
-    let path = root.join(".gitignore");
-    let ignored = fs::read_to_string(&path).on("read", &path)?;
-    let ignored: Vec<&str> = ignored.lines().map(str::trim).filter(|line| !line.starts_with('#')).collect();
-    let mut files = Vec::new();
-    walk(root, "", &ignored, &mut files)?;
-    files.sort_by(|a, b| a.path.cmp(&b.path));
-    Ok(files)
-}
-
-fn walk(folder: &Path, prefix: &str, ignored: &[&str], files: &mut Vec<Entry>) -> Result {
-    for entry in fs::read_dir(folder).on("read", folder)? {
-        let entry = entry.on("read", folder)?;
-        let path = format!("{prefix}{}", entry.file_name().to_string_lossy());
-        if path == ".git" || ignored.iter().any(|pattern| is_ignored(&path, pattern)) {
-            continue;
-        }
-        let kind = entry.file_type().on("read", &entry.path())?;
-        if kind.is_dir() {
-            walk(&entry.path(), &format!("{path}/"), ignored, files)?;
-        } else if kind.is_file() {
-            let bytes = fs::read(entry.path()).on("read", &entry.path())?;
-            let text = if bytes.contains(&0) { None } else { String::from_utf8(bytes).ok() };
-            files.push(Entry { path, text });
-        }
-    }
-    Ok(())
-}
-
-/// The few forms of pattern that our .gitignore uses: `/from/the/root`, `/starts-with*`, `*.suffix`, `name`.
-fn is_ignored(path: &str, pattern: &str) -> bool {
-    let pattern = pattern.trim_end_matches('/');
-    if let Some(rooted) = pattern.strip_prefix('/') {
-        return rooted.strip_suffix('*').map_or(path == rooted, |start| path.starts_with(start));
-    }
-    let name = path.rsplit('/').next().unwrap_or(path);
-    match pattern.strip_prefix('*') {
-        Some(suffix) => name.ends_with(suffix),
-        None => !pattern.is_empty() && name == pattern,
+/// Names that commands quoted in Markdown are checked against.
+fn known(files: &[Entry]) -> quoted::Known {
+    let below = |folder: &str| -> Vec<&str> {
+        let inside = files.iter().filter(|file| file.path.starts_with(folder) && file.path.ends_with(".rs"));
+        inside.filter_map(|file| file.text.as_deref()).collect()
+    };
+    let programs = [("genmanip", "crates/cli/src/", "Command"), ("genmanip-lab", "crates/lab/src/", "LabCommand")];
+    let packages = files.iter().filter(|file| file.path.ends_with("Cargo.toml"));
+    let packages = packages.map(|file| manifest::parse("", file.text.as_deref().unwrap_or_default()).package);
+    quoted::Known {
+        programs: programs.map(|(name, folder, root)| (name, Subcommands::read(&below(folder), root))).into(),
+        packages: packages.filter(|package| !package.is_empty()).collect(),
+        xtask: command_line::SUBCOMMANDS.into(),
+        phases: command_line::test_words(),
     }
 }
 
@@ -120,22 +144,7 @@ mod tests {
     /// The rules hold in this repository; so `cargo test` alone finds what `cargo xtask tidy` would.
     #[test]
     fn this_repository_is_tidy() {
-        let problem = run(&crate::process::Workspace::find().root).err();
+        let problem = run(&crate::process::Workspace::find().root, &[]).err();
         assert!(problem.is_none(), "{}", problem.map(|p| p.to_string()).unwrap_or_default());
-    }
-
-    #[test]
-    fn ignore_patterns() {
-        let check = |path: &str, pattern: &str, ignored: bool| {
-            assert_eq!(is_ignored(path, pattern), ignored, "{path} against {pattern}");
-        };
-        check("target", "/target", true);
-        check("crates/target", "/target", false);
-        check("target-ci", "/target-*", true);
-        check("third_party/mujoco", "/third_party/mujoco", true);
-        check("a/b.tmp", "*.tmp", true);
-        check("a/b.rs", "*.tmp", false);
-        check("a/__pycache__", "__pycache__/", true);
-        check("a", "", false);
     }
 }

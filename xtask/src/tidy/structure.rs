@@ -1,49 +1,14 @@
 //! Rules about files: their length, their names, what each crate must have and what is never committed.
 
-use super::{Entry, Violation};
-use crate::problem::{Problem, Result};
+use super::exceptions::{self, Exceptions};
+use super::repository::Entry;
+use super::violation::Violation;
 use std::collections::BTreeMap;
 
-/// Where exceptions are listed, each with its reason.
-pub const EXCEPTIONS: &str = "xtask/tidy-exceptions.txt";
 const LONGEST: usize = 600;
 const VAGUE: [&str; 6] = ["util", "utils", "helper", "helpers", "common", "misc"];
 const MESHES: [&str; 14] =
     ["obj", "mtl", "stl", "dae", "ply", "glb", "gltf", "fbx", "off", "3mf", "usd", "usda", "usdc", "usdz"];
-
-/// `kind path: reason`, one per line.
-#[derive(Debug, Default)]
-pub struct Exceptions(BTreeMap<(String, String), usize>);
-
-impl Exceptions {
-    pub fn parse(text: &str) -> Result<Self> {
-        let mut all = BTreeMap::new();
-        for (number, line) in text.lines().enumerate() {
-            let line = line.trim();
-            if line.is_empty() || line.starts_with('#') {
-                continue;
-            }
-            let parts = line.split_once(": ").and_then(|(what, reason)| Some((what.split_once(' ')?, reason.trim())));
-            match parts {
-                Some(((kind @ ("long" | "mesh"), path), reason)) if !reason.is_empty() => {
-                    all.insert((kind.to_owned(), path.trim().to_owned()), number + 1);
-                }
-                _ => {
-                    return Err(Problem {
-                        what: format!("line {} is not an exception: {line:?}: {EXCEPTIONS}", number + 1),
-                        expected: "`long PATH: reason` or `mesh PATH: reason`".into(),
-                        hint: "the reason is not optional".into(),
-                    });
-                }
-            }
-        }
-        Ok(Self(all))
-    }
-
-    fn has(&self, kind: &str, path: &str) -> bool {
-        self.0.contains_key(&(kind.to_owned(), path.to_owned()))
-    }
-}
 
 pub fn check(files: &[Entry], exceptions: &Exceptions) -> Vec<Violation> {
     let mut found = Vec::new();
@@ -74,17 +39,13 @@ pub fn check(files: &[Entry], exceptions: &Exceptions) -> Vec<Violation> {
             hint: "make them modules of one program: each costs its own linking".into(),
         });
     }
-    for ((kind, path), line) in &exceptions.0 {
-        let needed = files
-            .iter()
-            .find(|file| file.path == *path)
-            .is_some_and(|file| kind == "mesh" || file.text.as_deref().unwrap_or_default().lines().count() > LONGEST);
-        if !needed {
-            found.push(Violation {
-                place: format!("{EXCEPTIONS}:{line}"),
-                what: format!("an exception that nothing needs any more: {kind} {path}"),
-                hint: "delete the line".into(),
-            });
+    for kind in ["long", "mesh"] {
+        for (path, line) in exceptions.of_kind(kind) {
+            let is_long = |file: &Entry| file.text.as_deref().unwrap_or_default().lines().count() > LONGEST;
+            let is_needed = |file: &Entry| file.path == path && (kind == "mesh" || is_long(file));
+            if !files.iter().any(is_needed) {
+                found.push(exceptions::unneeded(format!("{}:{line}", exceptions::PATH), &format!("{kind} {path}")));
+            }
         }
     }
     found
@@ -95,8 +56,8 @@ fn length(file: &Entry, text: &str, exceptions: &Exceptions) -> Option<Violation
     let fine = !file.path.ends_with(".rs") || lines <= LONGEST || exceptions.has("long", &file.path);
     (!fine).then(|| Violation {
         place: file.path.clone(),
-        what: format!("{lines} lines, at most {LONGEST} fit into a head"),
-        hint: format!("split it by what it is about; or list it with a reason in {EXCEPTIONS}"),
+        what: format!("{lines} lines, at most {LONGEST}"),
+        hint: format!("split it by topic, or list it with a reason in {}", exceptions::PATH),
     })
 }
 
@@ -106,7 +67,7 @@ fn introduction(file: &Entry, text: &str) -> Option<Violation> {
     said.is_empty().then(|| Violation {
         place: file.path.clone(),
         what: "the crate does not say what it is for".into(),
-        hint: "begin the file with `//! What it holds, in one sentence.`".into(),
+        hint: "begin the file with `//! ` and one sentence on its subject".into(),
     })
 }
 
@@ -142,7 +103,7 @@ fn mesh(file: &Entry, exceptions: &Exceptions) -> Option<Violation> {
     (MESHES.contains(&ending.as_str()) && !exceptions.has("mesh", &file.path)).then(|| Violation {
         place: file.path.clone(),
         what: "a mesh file: third-party geometry is never committed".into(),
-        hint: format!("make it an optional pack; one that we made ourselves is listed with a reason in {EXCEPTIONS}"),
+        hint: format!("make it an optional pack; list your own with a reason in {}", exceptions::PATH),
     })
 }
 
@@ -164,7 +125,6 @@ mod tests {
         assert_eq!(places(&[(path, &long)], ""), [path]);
         assert!(places(&[(path, &long)], "long crates/a/src/b.rs: a table of the standard").is_empty());
         assert_eq!(places(&[(path, "x")], "long crates/a/src/b.rs: outdated"), ["xtask/tidy-exceptions.txt:1"]);
-        assert!(Exceptions::parse("long crates/a/src/b.rs:").is_err());
     }
 
     #[test]

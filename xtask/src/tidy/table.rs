@@ -1,7 +1,7 @@
 //! The crates table of ARCHITECTURE.md, and whether the manifests obey it.
 
-use super::Violation;
 use super::manifest::Manifest;
+use super::violation::Violation;
 use crate::problem::{Problem, Result};
 use std::collections::{BTreeMap, BTreeSet};
 

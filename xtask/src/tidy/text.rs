@@ -1,6 +1,7 @@
 //! Words that must not be in committed text: they would tie the project to one machine or one network.
 
-use super::{Entry, Violation};
+use super::repository::Entry;
+use super::violation::Violation;
 
 /// Cut in two, so that this file obeys its own rule.
 const FORBIDDEN: [(&str, &str, &str); 8] = [

@@ -1,0 +1,43 @@
+//! Names on the command line of xtask, for `main` and for the check of pages that quote them.
+
+/// Names of the subcommands.
+pub const SUBCOMMANDS: [&str; 5] = ["setup", "demo", "test", "tidy", "help"];
+
+/// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
+pub const PHASES: [&str; 12] =
+    ["setup", "fmt", "tidy", "deny", "typos", "clippy", "doc", "build", "link check", "bytes", "python", "test"];
+
+/// Options of `cargo xtask test`, each of which is a test of its own.
+const OPTIONS: [&str; 4] = ["--packs", "--interop", "--cluster", "--s3"];
+
+/// Words that may follow `cargo xtask test`.
+pub fn test_words() -> Vec<&'static str> {
+    PHASES.iter().flat_map(|name| name.split(' ')).chain(OPTIONS).collect()
+}
+
+pub const USAGE: &str = "\
+Usage: cargo xtask SUBCOMMAND
+
+  setup            download and verify the simulator library, make the Python environment of the tests
+  demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
+  test [PHASE…]    everything CI runs, or only the named phases
+  test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
+  test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
+  test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
+  test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
+  tidy             check the rules that the compiler does not know
+  tidy --rule RULE [PATH…]   list what breaks one rule, limits of xtask/tidy-exceptions.txt aside
+
+Example: cargo xtask test fmt clippy";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_usage_names_every_subcommand_and_option() {
+        for name in SUBCOMMANDS.iter().filter(|name| **name != "help").chain(&OPTIONS) {
+            assert!(USAGE.contains(&format!(" {name} ")), "{name}");
+        }
+    }
+}
