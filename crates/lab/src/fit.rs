@@ -64,7 +64,7 @@ pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<R
             files.join(", "),
             samples.len()
         ))
-        .with_hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
+        .with_hint("expected held and lost grasps; try `genmanip-lab grasp --pick any` with more trials"));
     }
     let old = vector(&Weights::default(), &names);
     let fitted = if constant { shifted(&old, &samples) } else { fit(&samples) };
@@ -119,8 +119,8 @@ fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
 }
 
 fn broken(path: &Path, index: usize, why: &str) -> LabError {
-    LabError::input(format!("line {} of {} is no trial: {why}", index + 1, path.display()))
-        .with_hint("expected a file of `genmanip lab grasp --out`")
+    LabError::input(format!("line {} of {} is not a trial: {why}", index + 1, path.display()))
+        .with_hint("expected a file of `genmanip-lab grasp --out`")
 }
 
 pub(crate) fn chance(weights: &[f64], features: &[f64]) -> f64 {
@@ -217,7 +217,7 @@ pub fn in_words(report: &Report) -> String {
     for (what, reliability) in parts {
         let Some(reliability) = reliability else { continue };
         text += &format!(
-            "\n{what}: {} trials, {:.3} held, Brier {:.4}, {:.4} for a constant\n",
+            "\n{what}: {} trials, {:.3} held, Brier score {:.4}, {:.4} for a constant\n",
             reliability.trials,
             reliability.held,
             reliability.calibration.brier,
