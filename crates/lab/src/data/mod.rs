@@ -167,17 +167,17 @@ fn attempted(
 
 /// Stores an episode and its images as `collect` does, each part timed.
 fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
-    let not_drawn = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
+    let render_failed = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
     let mut clock = cpu_clock();
     store.write(episode, &[]).map_err(broke)?;
     cpu_s.write += clock();
     let pictures = ImageSettings::default();
     let camera = |name: &String| stage.camera(&CameraRequest::new(name, ImageChannels::RGBD));
-    let cameras = pictures.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
+    let cameras = pictures.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>().map_err(render_failed)?;
     let recorder = |camera| TrackRecorder::new(camera, pictures.fps, &pictures.video);
     let mut tracks = cameras.iter().map(recorder).collect::<Result<Vec<_>, _>>().map_err(broke)?;
     let mut clock = cpu_clock();
-    let mut painter = Painter::new(stage).map_err(not_drawn)?;
+    let mut painter = Painter::new(stage).map_err(render_failed)?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let (_, stride) =
         genmanip_data::export::sampling(episode.frames.len(), episode.result.control_rate_hz, pictures.fps)
@@ -192,7 +192,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let exposure = Exposure::of(episode, index);
         let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
-        let images = images.map_err(not_drawn)?;
+        let images = images.map_err(render_failed)?;
         lap(&mut cpu_s.render);
         for (track, image) in tracks.iter_mut().zip(&images) {
             track.push(image).map_err(broke)?;

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::Room;
+use super::Sandbox;
 use crate::LabError;
 
 /// Resource limits of a call.
@@ -74,22 +74,22 @@ impl Ended {
 }
 
 /// Runs the program in the sandbox; `sh` sets the limits, since a library cannot do that safely between fork and exec.
-pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) -> Result<Ended, LabError> {
+pub(super) fn run(program: &Path, call: &[String], sandbox: &Sandbox, limits: Limits) -> Result<Ended, LabError> {
     let script = format!(
         "ulimit -v {}; ulimit -t {}; ulimit -c 0; ulimit -f 2000000; exec \"$0\" \"$@\"",
         limits.memory_mib << 10,
         limits.cpu_s
     );
-    let (out, err) = (room.outside().with_file_name("stdout"), room.outside().with_file_name("stderr"));
+    let (out, err) = (sandbox.outside().with_file_name("stdout"), sandbox.outside().with_file_name("stderr"));
     let create = |path: &Path| File::create(path).map_err(|error| LabError::file("write", path, error));
     let before = children_cpu_s();
     let mut child = Command::new("sh")
         .args(["-c", &script])
         .arg(program)
         .args(call)
-        .current_dir(room.work())
-        .env("HOME", room.outside().join("home"))
-        .env("TMPDIR", room.outside().join("tmp"))
+        .current_dir(sandbox.work())
+        .env("HOME", sandbox.outside().join("home"))
+        .env("TMPDIR", sandbox.outside().join("tmp"))
         .env("RUST_BACKTRACE", "0")
         .stdin(Stdio::null())
         .stdout(create(&out)?)
