@@ -1,4 +1,4 @@
-//! Starts that race for one folder, and calls that are killed and continued.
+//! Simultaneous starts in one folder, and calls that are killed and restarted.
 
 mod kills;
 
@@ -13,40 +13,40 @@ use genmanip_workspace::Progress;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{HostileArguments, Room};
+use super::{HostileArguments, Sandbox};
 use crate::LabError;
 
-/// What came of starts and kills.
+/// Results of starts and kills.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Starts {
-    /// Pairs of starts with different seeds for one new folder, both begun before either had written.
+    /// Pairs of starts with different seeds in one new folder, both begun before either had written.
     pub pairs: usize,
-    /// Pairs of which exactly one won, and the other said why it did not.
+    /// Pairs with exactly one winner, and an explanation from the other.
     pub one_won: usize,
     /// Folders with the record of one run and episodes of the other.
     pub mixed: usize,
-    /// Calls that were killed at a random moment and then made again: `collect` in one of its phases, and the other verbs
-    /// that write runs and data sets, in turn.
+    /// Calls that were killed at a random moment and then repeated: `collect` in each of its phases, and the other
+    /// subcommands that write runs and datasets, in turn.
     pub kills: usize,
-    /// What the killed ones were doing, as far as what lay there told.
+    /// Activity at the moment of the kill, inferred from the files.
     pub killed_while: BTreeMap<&'static str, usize>,
-    /// Those of them that were killed before they had ended by themselves.
+    /// Calls that were killed before they had ended.
     pub killed_in_time: usize,
-    /// Those that ended with the same bytes as a call that was not killed.
+    /// Calls with the same final bytes as an uninterrupted one.
     pub identical: usize,
-    /// What was found wrong.
+    /// Violations.
     pub wrong: Vec<String>,
 }
 
-/// The quickest of the example tasks.
+/// The fastest of the example tasks.
 const TASK: &str = "024_appearance";
-/// How often a pair is started again of which one had written before the other had begun.
+/// Maximum restarts of a pair if one had written before the other had begun.
 const TRIES: usize = 20;
 
 /// Races pairs of starts, and kills and continues runs.
 pub(super) fn measure(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     seed: Seed,
     progress: &dyn Progress,
     stop: &AtomicBool,
@@ -55,30 +55,30 @@ pub(super) fn measure(
     progress.begin("racing", arguments.races);
     for pair in 0..arguments.races {
         let before = starts.clone();
-        race(arguments, room, pair as u64, &mut starts)?;
+        race(arguments, sandbox, pair as u64, &mut starts)?;
         if stop.load(Ordering::Relaxed) {
-            // What stops this program may have ended both, too.
+            // The signal that stops this program may have ended both too.
             return Ok(before);
         }
         progress.advance();
     }
     progress.end();
     if arguments.kills > 0 {
-        kills::measure(arguments, room, seed, &mut starts, (progress, stop))?;
+        kills::measure(arguments, sandbox, seed, &mut starts, (progress, stop))?;
     }
-    room.clear()?;
+    sandbox.clear()?;
     Ok(starts)
 }
 
-fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Starts) -> Result<(), LabError> {
+fn race(arguments: &HostileArguments, sandbox: &Sandbox, pair: u64, starts: &mut Starts) -> Result<(), LabError> {
     let seeds = [2 * pair, 2 * pair + 1];
-    let run = room.work().join("new/run");
+    let run = sandbox.work().join("new/run");
     for _ in 0..TRIES {
-        room.clear()?;
+        sandbox.clear()?;
         let mut both = Vec::new();
         for (index, seed) in seeds.iter().enumerate() {
             let call = ["--no-dataset", "--seed", &seed.to_string(), "--out", "new/run"].map(String::from);
-            both.push(collect(arguments, room, &call, &format!("said{index}"))?);
+            both.push(collect(arguments, sandbox, &call, &format!("said{index}"))?);
         }
         let in_time = !run.join("run.json").exists();
         let codes =
@@ -88,7 +88,7 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
             continue;
         }
         starts.pairs += 1;
-        let said = |index: usize| fs::read_to_string(room.work().join(format!("said{index}"))).unwrap_or_default();
+        let said = |index: usize| fs::read_to_string(sandbox.work().join(format!("said{index}"))).unwrap_or_default();
         let lost: Vec<usize> = (0..2)
             .filter(|&index| codes[index] == Some(1) && said(index).contains("holds another run (its seed is"))
             .collect();
@@ -96,7 +96,7 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
             |path: &Path| -> Value { serde_json::from_slice(&fs::read(path).unwrap_or_default()).unwrap_or_default() };
         let record = value(&run.join("run.json"))["seed"].as_u64();
         let episode = value(&run.join(format!("episodes/{TASK}-000/episode.json")))["result"]["seed"].as_u64();
-        // As `Attempt::all` has it.
+        // As in `Attempt::all`.
         let of_run = |seed: u64| Seed::new(seed).fork("attempt").fork(TASK).fork_index(0).value();
         if episode.is_some() && record.map(of_run) != episode {
             starts.mixed += 1;
@@ -112,9 +112,9 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
     Ok(())
 }
 
-/// Starts `collect` of one attempt; what it says goes into a file.
-fn collect(arguments: &HostileArguments, room: &Room, options: &[String], said: &str) -> Result<Child, LabError> {
-    start(arguments, room, &collect_call(arguments, options), said)
+/// Starts `collect` of one attempt, with its output in a file.
+fn collect(arguments: &HostileArguments, sandbox: &Sandbox, options: &[String], said: &str) -> Result<Child, LabError> {
+    start(arguments, sandbox, &collect_call(arguments, options), said)
 }
 
 fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String> {
@@ -122,13 +122,13 @@ fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String>
     [&["collect".to_owned(), task, "--episodes".into(), "1".into()], options].concat()
 }
 
-/// Starts the program; what it says goes into a file.
-fn start(arguments: &HostileArguments, room: &Room, call: &[String], said: &str) -> Result<Child, LabError> {
-    let said = room.work().join(said);
+/// Starts the program, with its output in a file.
+fn start(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String], said: &str) -> Result<Child, LabError> {
+    let said = sandbox.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;
     Command::new(&arguments.program)
         .args(call)
-        .current_dir(room.work())
+        .current_dir(sandbox.work())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(file)

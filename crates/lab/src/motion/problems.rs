@@ -12,16 +12,16 @@ use serde::{Deserialize, Serialize};
 use crate::LabError;
 use genmanip_workspace::Cause;
 
-/// What such a file holds.
+/// Contents of the file.
 #[derive(Serialize, Deserialize)]
 pub struct File {
     pub problems: Vec<Written>,
 }
 
-/// A problem as it is written.
+/// A problem in the file.
 #[derive(Serialize, Deserialize)]
 pub struct Written {
-    /// What the motion is for; only for the reader.
+    /// Purpose of the motion, informative only.
     #[serde(default)]
     pub kind: String,
     pub start: Vec<f64>,
@@ -47,34 +47,35 @@ pub enum Form {
     Sphere { radius: f64 },
 }
 
-/// Joint positions and what must not be touched.
+/// Start, goal and obstacles.
 pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
     pub world: CollisionWorld,
-    /// Only the tables: boxes whose top is the plane z = 0.
+    /// Only the tables: boxes with their top at z = 0.
     pub tables: CollisionWorld,
-    /// All obstacles, placed in the world.
+    /// All obstacles in the world.
     pub pieces: Vec<Piece>,
 }
 
-/// Most problems of a file, and obstacles of a problem; chosen, ten times what is of use.
-const MOST_PROBLEMS: usize = 10_000;
-const MOST_OBSTACLES: usize = 1_000;
-/// Largest size and distance of an obstacle, m, and joint position, rad or m.
-const LARGEST_M: f64 = 20.0;
-const FARTHEST: f64 = 100.0;
+/// Maximum number of problems in a file, and of obstacles in a problem; chosen, ten times the useful amount.
+const MAX_PROBLEMS: usize = 10_000;
+const MAX_OBSTACLES: usize = 1_000;
+/// Maximum size and distance of an obstacle, m, and joint position, rad or m.
+const MAX_SIZE_M: f64 = 20.0;
+const MAX_POSITION: f64 = 100.0;
 
-/// The first `count` problems of a file for an arm of `dof` joints; all of them are checked.
+/// The first `count` problems of a file for an arm of `dof` joints; all of them are validated.
 pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabError> {
     let no_problems = |error: Cause| {
-        LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
+        LabError::input(format!("{} is not a file of motion problems", path.display())).because(error).with_hint(
             "expected {\"problems\": [{\"start\": [rad], \"goal\": [rad], \"obstacles\": [{\"type\": \"box\", \
              \"size\": [m], \"pos\": [m], \"yaw\": rad}]}]}",
         )
     };
     let text = documents::read_text(path, limits::PROBLEMS)?;
-    // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
+    // Parsed twice, since only the second pass knows the location of a value, and only the first detects duplicate
+    // keys.
     json::parse(&text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
         no_problems(error.into()).with_hint(hint)
@@ -89,11 +90,11 @@ pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabEr
 }
 
 impl File {
-    /// The first thing that no problem of an arm with `dof` joints has.
+    /// The first field that is invalid for an arm with `dof` joints.
     fn fault(&self, dof: usize) -> Option<String> {
         let within = |value: f64, most: f64| value.abs() <= most;
-        if self.problems.len() > MOST_PROBLEMS {
-            return Some(format!("problems: expected at most {MOST_PROBLEMS}, got {}", self.problems.len()));
+        if self.problems.len() > MAX_PROBLEMS {
+            return Some(format!("problems: expected at most {MAX_PROBLEMS}, got {}", self.problems.len()));
         }
         for (index, problem) in self.problems.iter().enumerate() {
             for (name, config) in [("start", &problem.start), ("goal", &problem.goal)] {
@@ -101,13 +102,15 @@ impl File {
                 if config.len() != dof {
                     return Some(format!("{place}: expected {dof} joint positions, got {}", config.len()));
                 }
-                if let Some(q) = config.iter().find(|q| !within(**q, FARTHEST)) {
-                    return Some(format!("{place}: expected joint positions from -{FARTHEST} to {FARTHEST}, got {q}"));
+                if let Some(q) = config.iter().find(|q| !within(**q, MAX_POSITION)) {
+                    return Some(format!(
+                        "{place}: expected joint positions from -{MAX_POSITION} to {MAX_POSITION}, got {q}"
+                    ));
                 }
             }
             let count = problem.obstacles.len();
-            if count > MOST_OBSTACLES {
-                return Some(format!("problems[{index}].obstacles: expected at most {MOST_OBSTACLES}, got {count}"));
+            if count > MAX_OBSTACLES {
+                return Some(format!("problems[{index}].obstacles: expected at most {MAX_OBSTACLES}, got {count}"));
             }
             for (number, obstacle) in problem.obstacles.iter().enumerate() {
                 let place = format!("problems[{index}].obstacles[{number}]");
@@ -116,18 +119,22 @@ impl File {
                     Form::Cylinder { radius, length } => vec![radius, length],
                     Form::Sphere { radius } => vec![radius],
                 };
-                if let Some(size) = sizes.iter().find(|size| !(1e-6..=LARGEST_M).contains(*size)) {
-                    return Some(format!("{place}: expected sizes from 1e-6 to {LARGEST_M} m, got {size}"));
+                if let Some(size) = sizes.iter().find(|size| !(1e-6..=MAX_SIZE_M).contains(*size)) {
+                    return Some(format!("{place}: expected sizes from 1e-6 to {MAX_SIZE_M} m, got {size}"));
                 }
-                if let Some(far) = obstacle.pos.iter().chain([&obstacle.yaw]).find(|value| !within(**value, FARTHEST)) {
-                    return Some(format!("{place}: expected pos and yaw from -{FARTHEST} to {FARTHEST}, got {far}"));
+                if let Some(far) =
+                    obstacle.pos.iter().chain([&obstacle.yaw]).find(|value| !within(**value, MAX_POSITION))
+                {
+                    return Some(format!(
+                        "{place}: expected pos and yaw from -{MAX_POSITION} to {MAX_POSITION}, got {far}"
+                    ));
                 }
             }
         }
         None
     }
 
-    /// The problems in the form the planner takes.
+    /// The problems as input of the planner.
     pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
         let problem = |Written { start, goal, obstacles, .. }: Written| {
             let tables: Vec<Obstacle> = obstacles.iter().filter(|obstacle| obstacle.is_table()).cloned().collect();
