@@ -36,7 +36,7 @@ pub(crate) struct Pad {
 
 /// One mesh of one material, in the frame of its body.
 #[derive(Debug)]
-pub(crate) struct Part {
+pub struct Part {
     /// Index into the frame's body poses; `None` is fixed in the world.
     pub body: Option<usize>,
     pub instance: u16,
@@ -51,7 +51,7 @@ pub(crate) struct Part {
 
 /// A material ready for shading: linear colour, no optional parameters.
 #[derive(Clone, Debug)]
-pub(crate) struct Surface {
+pub struct Surface {
     pub base: Vec3A,
     pub roughness: f32,
     pub metallic: f32,
@@ -122,6 +122,12 @@ impl RenderAssets {
         let shapes = shapes(&parts, body);
         let pads = robot.as_ref().map_or_else(Vec::new, |robot| pads(&parts, robot));
         Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads }))
+    }
+
+    /// Meshes of one material each; see [`crate::internals`].
+    #[doc(hidden)]
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
     }
 
     /// Number of poses in a [`FrameState`]: links of the robot and of all objects.

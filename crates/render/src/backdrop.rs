@@ -25,7 +25,7 @@ const KEY_SHARE: f32 = 0.4;
 
 /// What is seen where nothing stands, developed.
 #[derive(Debug)]
-pub(crate) struct Backdrop {
+pub struct Backdrop {
     plain: Vec3A,
     room: Option<Lit>,
 }

@@ -7,7 +7,7 @@ const START: f32 = 0.8 - 0.04;
 
 /// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
 #[inline(always)]
-pub(crate) fn tone_map(color: [f32; 3]) -> [f32; 3] {
+pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     const DESATURATION: f32 = 0.15;
     const D: f32 = 1.0 - START;
     let color = tone_map_dark(color);

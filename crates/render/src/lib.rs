@@ -20,10 +20,8 @@
 pub mod assets;
 pub mod encode;
 pub mod error;
-pub mod flip;
 pub mod job;
 pub mod posed;
-pub mod reference;
 pub mod renderer;
 pub mod sampling;
 pub mod sensor;
@@ -62,6 +60,25 @@ mod texture;
 mod tops;
 mod view;
 mod walls;
+
+/// Colour conversions.
+pub mod color {
+    pub use crate::sky::luminance;
+    pub use crate::texture::{linear_from_srgb8, srgb8_from_linear};
+}
+
+/// Meshes, materials and lights as the path tracer of `genmanip-render-reference` needs them; no stable interface.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::assets::{Part, Surface};
+    pub use crate::backdrop::Backdrop;
+    pub use crate::develop::tone_map;
+    pub use crate::lighting::Lighting;
+    pub use crate::mesh::{Face, Mesh};
+    pub use crate::sky::Sky;
+    pub use crate::texture::MipTexture;
+    pub use crate::view::{Lens, rotation};
+}
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use crate::variation::RenderVariation;
 
 /// All light of a scene.
 #[derive(Debug)]
-pub(crate) struct Lighting {
+pub struct Lighting {
     pub sky: Sky,
     pub to_light: Vec3A,
     /// Brightness of a white diffuse surface that faces the light.

@@ -22,11 +22,11 @@ const NORMAL_ERROR: f32 = 0.1;
 
 /// A mesh in the frame of its body, with what shading wants to know of each triangle.
 #[derive(Debug)]
-pub(crate) struct Mesh {
+pub struct Mesh {
     pub positions: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
     pub faces: Vec<Face>,
-    pub planes: Planes,
+    pub(crate) planes: Planes,
     /// Coarse direction of each triangle's normal: triangles of different directions are different surfaces to
     /// anti-aliasing.
     pub directions: Vec<u8>,
@@ -44,7 +44,7 @@ pub(crate) struct Mesh {
 /// A triangle: what is interpolated over it as linear functions of the place in the body's frame.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(crate) struct Face {
+pub struct Face {
     /// Columns of the map from `[x, y, z, 1]` to the normal between the corners' normals, and u.
     pub columns: [Vec4; 4],
     /// v is the scalar product with `[x, y, z, 1]`.

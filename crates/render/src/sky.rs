@@ -26,7 +26,7 @@ const NEAR_SIDE: f32 = 0.2;
 
 /// Ambient light for diffuse and for glossy surfaces.
 #[derive(Debug)]
-pub(crate) struct Sky {
+pub struct Sky {
     /// Nine coefficients of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
     harmonics: [[f32; 3]; 9],
     studio: Studio,
@@ -106,7 +106,7 @@ impl Sky {
     }
 
     /// The surroundings for surfaces of a roughness.
-    pub fn glossy(&self, roughness: f32) -> Glossy {
+    pub(crate) fn glossy(&self, roughness: f32) -> Glossy {
         let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {
             let blurred = sharpness / (1.0 + sharpness * 0.5 * roughness * roughness);
             (axis.to_array(), blurred, brightness * blurred / sharpness)
@@ -230,7 +230,7 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
 }
 
 /// Brightness of a linear colour.
-pub(crate) fn luminance(color: Vec3A) -> f32 {
+pub fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
 }
 

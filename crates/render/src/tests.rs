@@ -1,7 +1,6 @@
 //! The rasteriser against analytic geometry, an independent ray caster, the camera model and itself.
 
 pub(crate) mod fixture;
-mod glass;
 
 use std::sync::Arc;
 

@@ -13,7 +13,7 @@ use crate::lanes::{CHUNK, Lane, ZERO, floor, lerp, nearest_integer, polynomial, 
 
 /// A texture and its smaller copies; they are made when the first pixel asks for them.
 #[derive(Debug)]
-pub(crate) struct MipTexture {
+pub struct MipTexture {
     texture: Arc<Texture>,
     levels: OnceLock<Pyramid>,
 }
@@ -117,7 +117,7 @@ impl MipTexture {
     }
 
     /// Linear colours of `count` points at texture coordinates, times a tint.
-    pub fn sample(
+    pub(crate) fn sample(
         &self,
         count: usize,
         place: [&Lane; 2],
@@ -281,14 +281,14 @@ fn halved([width, height]: [usize; 2], texels: &[[u8; 3]]) -> ([usize; 2], Vec<[
 
 /// Linear light of an 8-bit sRGB colour.
 #[inline]
-pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
+pub fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
     Vec3A::from_array(rgb.map(|code| table[code as usize]))
 }
 
 /// 8-bit sRGB of linear light; clips.
 #[inline]
-pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
+pub fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     let table = srgb_table();
     let code = |value: f32| table[nearest_integer(within(value, 0.0, 1.0) * 4095.0) as usize & 4095];
     [code(linear.x), code(linear.y), code(linear.z)]

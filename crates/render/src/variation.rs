@@ -70,7 +70,8 @@ pub struct ObjectVariation {
 
 impl RenderVariation {
     /// What the parts of the assets are made of.
-    pub(crate) fn surfaces(&self, assets: &RenderAssets) -> Vec<Surface> {
+    #[doc(hidden)]
+    pub fn surfaces(&self, assets: &RenderAssets) -> Vec<Surface> {
         let top = Surface { is_table: true, ..Surface::new(&self.table_top.material()) };
         let surface = |part: &crate::assets::Part| match part.surface.is_table {
             true => Surface { base: top.base * linear_from_srgb(self.table_color), ..top.clone() },

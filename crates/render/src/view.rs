@@ -16,7 +16,7 @@ pub(crate) const NEAR_M: f32 = 0.01;
 
 /// A pinhole at a place, single precision, ready for drawing.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Lens {
+pub struct Lens {
     pub width: usize,
     pub height: usize,
     pub focal: Vec2,
@@ -369,7 +369,7 @@ fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Target)
 }
 
 /// Rotation of a pose as a matrix.
-pub(crate) fn rotation(pose: &Pose) -> Mat3A {
+pub fn rotation(pose: &Pose) -> Mat3A {
     Mat3A::from(glam::DMat3::from_quat(pose.rotation).as_mat3())
 }
 

@@ -25,7 +25,7 @@ use genmanip_core::world::camera_faults;
 use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Seed};
 use genmanip_data::images::variation_seed;
 pub use genmanip_render::Vary;
-use genmanip_render::reference::ReferenceSettings;
+use genmanip_render_reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;

@@ -6,8 +6,7 @@ use super::lamps::Arrival;
 use super::reflection::{Reflection, dielectric};
 use super::samples::Samples;
 use super::{Body, Reference};
-use crate::assets::Surface;
-use crate::mesh::Face;
+use genmanip_render::internals::{Face, Surface};
 
 /// Borders that a path may cross or leave, the transparent ones included.
 const LONGEST: usize = 24;
@@ -88,7 +87,7 @@ impl Reference<'_> {
                 }
             }
             is_view = false;
-            let reflection = surface.reflection(point.base, side);
+            let reflection = reflection_of(surface, point.base, side);
             let least = if scattered > 0 { DULLEST } else { 0.0 };
             let reflection = Reflection { alpha: reflection.alpha.max(least), ..reflection };
             let (right, up) = point.smooth.any_orthonormal_pair();
@@ -199,15 +198,14 @@ impl Point {
     }
 }
 
-impl Surface {
-    /// The border of something transparent mirrors by itself; what it scatters is dull.
-    fn reflection(&self, base: Vec3A, side: f32) -> Reflection {
-        let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(self.reflectance) };
-        Reflection {
-            albedo: base * (1.0 - self.metallic),
-            f0: head_on.lerp(base, self.metallic),
-            alpha: (self.roughness * self.roughness).max(1e-3),
-        }
+/// BSDF of a material at a point; a transparent interface reflects specularly in [`Reference::follow`], so only its rough
+/// part is left here.
+fn reflection_of(material: &Surface, base: Vec3A, side: f32) -> Reflection {
+    let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(material.reflectance) };
+    Reflection {
+        albedo: base * (1.0 - material.metallic),
+        f0: head_on.lerp(base, material.metallic),
+        alpha: (material.roughness * material.roughness).max(1e-3),
     }
 }
 

@@ -4,8 +4,8 @@ use genmanip_core::glam::{DVec3, Vec2, Vec3};
 use genmanip_core::{Camera, Intrinsics, Material, ObjectModel, Pose, TriMesh};
 
 use super::*;
-use crate::tests::fixture::{ball, block, object};
-use crate::{Channels, FrameState};
+use crate::fixture::{ball, block, object};
+use genmanip_render::{Channels, FrameState};
 
 fn sheet() -> TriMesh {
     let corner = |x: f32, y: f32| Vec3::new(x, y, 0.0);

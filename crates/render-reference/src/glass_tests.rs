@@ -7,14 +7,14 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DVec3, Vec3A};
 use genmanip_core::{Camera, Intrinsics, Pose, Seed};
 
-use crate::reference::{ReferenceSettings, trace};
-use crate::texture::linear_from_srgb;
-use crate::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::color::linear_from_srgb8;
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+
+use crate::{ReferenceSettings, trace};
 
 /// Mean linear display colour of a picture.
 fn mean(rgb: &[u8]) -> Vec3A {
-    let sum: Vec3A =
-        rgb.chunks_exact(3).map(|rgb| linear_from_srgb([0, 1, 2].map(|i| f32::from(rgb[i]) / 255.0))).sum();
+    let sum: Vec3A = rgb.as_chunks::<3>().0.iter().map(|&rgb| linear_from_srgb8(rgb)).sum();
     sum / (rgb.len() / 3) as f32
 }
 

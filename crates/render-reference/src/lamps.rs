@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::lighting::Lighting;
+use genmanip_render::internals::Lighting;
 
 /// All light of a scene, to be drawn by chance.
 #[derive(Debug)]

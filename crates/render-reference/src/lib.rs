@@ -6,6 +6,10 @@
 //! behind glass.
 
 mod bvh;
+#[cfg(test)]
+mod fixture;
+#[cfg(test)]
+mod glass_tests;
 mod lamps;
 mod path;
 mod reflection;
@@ -19,18 +23,10 @@ use genmanip_core::{Pose, Seed};
 use glam::{Affine3A, Vec2, Vec3A};
 use rand::RngExt;
 
-use crate::assets::{RenderAssets, Surface};
-use crate::backdrop::Backdrop;
-use crate::develop::tone_map;
-use crate::error::RenderError;
-use crate::job::ViewJob;
-use crate::lighting::Lighting;
-use crate::mesh::Mesh;
-use crate::sky::luminance;
-use crate::texture::{linear_from_srgb8, srgb8_from_linear};
-use crate::variation::RenderVariation;
-use crate::view::{Lens, rotation};
 use bvh::{Bvh, Triangle};
+use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
+use genmanip_render::internals::{Backdrop, Lens, Lighting, Mesh, Surface, rotation, tone_map};
+use genmanip_render::{RenderAssets, RenderError, RenderVariation, ViewJob};
 use lamps::Lamps;
 use path::Brought;
 use samples::Samples;
@@ -88,10 +84,10 @@ pub fn trace(
     let surfaces = variation.surfaces(assets);
     let lighting = Lighting::new(variation, &surfaces);
     let poses: Vec<Pose> =
-        assets.parts.iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
+        assets.parts().iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
     let reference = Reference {
         bvh: Bvh::new(triangles(assets, &poses)),
-        bodies: assets.parts.iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
+        bodies: assets.parts().iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
         surfaces,
         lamps: Lamps::new(&lighting, variation.light_angular_radius),
         backdrop: Backdrop::new(variation, &lighting),
@@ -190,7 +186,7 @@ impl<'a> Body<'a> {
 
 fn triangles(assets: &RenderAssets, poses: &[Pose]) -> Vec<Triangle> {
     let mut triangles = Vec::with_capacity(assets.triangle_count());
-    for (index, (part, pose)) in assets.parts.iter().zip(poses).enumerate() {
+    for (index, (part, pose)) in assets.parts().iter().zip(poses).enumerate() {
         let (turn, shift) = (rotation(pose), pose.position.as_vec3a());
         let lift = Vec3A::Z * if part.is_transparent() { LIFTED_M } else { 0.0 };
         let placed: Vec<Vec3A> = part.mesh.positions.iter().map(|&at| turn * Vec3A::from(at) + shift + lift).collect();

@@ -6,7 +6,7 @@
 
 use glam::Vec3A;
 
-use crate::texture::linear_from_srgb8;
+use genmanip_render::color::linear_from_srgb8;
 
 /// Pixels per degree of the paper's observer: 0.7 m before a screen that shows 3840 pixels on 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 0.7 * 3840.0 / 0.7 * (std::f32::consts::PI / 180.0);

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::sky::luminance;
+use genmanip_render::color::luminance;
 
 /// Opaque surface at a point, directions in a frame whose z axis is the normal.
 #[derive(Clone, Copy, Debug)]
