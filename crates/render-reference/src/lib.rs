@@ -25,7 +25,7 @@ use rand::RngExt;
 
 use bvh::{Bvh, Triangle};
 use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
-use genmanip_render::internals::{Backdrop, Lens, Lighting, Mesh, Surface, rotation, tone_map};
+use genmanip_render::internals::{Backdrop, CameraView, Lighting, Material, Mesh, rotation, tone_map};
 use genmanip_render::{RenderAssets, RenderError, RenderVariation, ViewJob};
 use lamps::Lamps;
 use path::Brought;
@@ -57,7 +57,7 @@ pub struct Exposed {
 struct Reference<'a> {
     bvh: Bvh,
     bodies: Vec<Body<'a>>,
-    surfaces: Vec<Surface>,
+    surfaces: Vec<Material>,
     lamps: Lamps<'a>,
     backdrop: Backdrop,
 }
@@ -80,7 +80,7 @@ pub fn trace(
     job: &ViewJob<'_>,
     settings: &ReferenceSettings,
 ) -> Result<Exposed, RenderError> {
-    let lens = Lens::of(assets, job)?;
+    let camera = CameraView::of(assets, job)?;
     let surfaces = variation.surfaces(assets);
     let lighting = Lighting::new(variation, &surfaces);
     let poses: Vec<Pose> =
@@ -92,27 +92,27 @@ pub fn trace(
         lamps: Lamps::new(&lighting, variation.light_angular_radius),
         backdrop: Backdrop::new(variation, &lighting),
     };
-    let mut pixels = vec![Brought::default(); lens.width * lens.height];
-    let threads = settings.threads.clamp(1, lens.height);
+    let mut pixels = vec![Brought::default(); camera.width * camera.height];
+    let threads = settings.threads.clamp(1, camera.height);
     let mut rows: Vec<Vec<_>> = (0..threads).map(|_| Vec::new()).collect();
-    for (row, line) in pixels.chunks_exact_mut(lens.width).enumerate() {
+    for (row, line) in pixels.chunks_exact_mut(camera.width).enumerate() {
         rows[row % threads].push((row, line));
     }
     std::thread::scope(|scope| {
         for own in rows {
-            let (reference, lens) = (&reference, &lens);
+            let (reference, camera) = (&reference, &camera);
             scope.spawn(move || {
                 for (row, line) in own {
-                    let first = (row * lens.width) as u64;
+                    let first = (row * camera.width) as u64;
                     for (column, pixel) in line.iter_mut().enumerate() {
                         let seed = settings.seed.fork_index(first + column as u64);
-                        *pixel = reference.pixel(lens, [column, row], seed, settings.paths.max(1));
+                        *pixel = reference.pixel(camera, [column, row], seed, settings.paths.max(1));
                     }
                 }
             });
         }
     });
-    Ok(Exposed { width: lens.width, exposure: variation.exposure, pixels })
+    Ok(Exposed { width: camera.width, exposure: variation.exposure, pixels })
 }
 
 impl Exposed {
@@ -154,14 +154,14 @@ impl Exposed {
 
 impl Reference<'_> {
     /// The mean of the paths around a pixel's centre, by the rasteriser's tent two pixels wide.
-    fn pixel(&self, lens: &Lens, [column, row]: [usize; 2], seed: Seed, paths: u32) -> Brought {
+    fn pixel(&self, camera: &CameraView, [column, row]: [usize; 2], seed: Seed, paths: u32) -> Brought {
         let seed = seed.rng().random();
         let mut sum = Brought::default();
         for path in 0..paths {
             let mut samples = Samples::new(seed, path);
             let place = Vec2::new(column as f32, row as f32) + samples.two().map(tent);
-            let ray = lens.turn * Vec3A::from(((place - lens.center) / lens.focal).extend(1.0));
-            let brought = self.follow(lens.eye, ray.normalize(), &mut samples);
+            let ray = camera.turn * Vec3A::from(((place - camera.center) / camera.focal).extend(1.0));
+            let brought = self.follow(camera.viewpoint, ray.normalize(), &mut samples);
             sum.radiance += brought.radiance;
             sum.behind += brought.behind;
             sum.background += brought.background;

@@ -6,7 +6,7 @@ use super::lamps::Arrival;
 use super::reflection::{Reflection, dielectric};
 use super::samples::Samples;
 use super::{Body, Reference};
-use genmanip_render::internals::{Face, Surface};
+use genmanip_render::internals::{Face, Material};
 
 /// Borders that a path may cross or leave, the transparent ones included.
 const LONGEST: usize = 24;
@@ -173,7 +173,7 @@ impl Brought {
 }
 
 impl Body<'_> {
-    fn point(&self, surface: &Surface, face: &Face, place: Vec3A, direction: Vec3A) -> Point {
+    fn point(&self, surface: &Material, face: &Face, place: Vec3A, direction: Vec3A) -> Point {
         let local = self.body_from_world.transform_point3a(place);
         let [a, b, c, d] = face.columns;
         let mixed = a * local.x + b * local.y + c * local.z + d;
@@ -200,7 +200,7 @@ impl Point {
 
 /// BSDF of a material at a point; a transparent interface reflects specularly in [`Reference::follow`], so only its rough
 /// part is left here.
-fn reflection_of(material: &Surface, base: Vec3A, side: f32) -> Reflection {
+fn reflection_of(material: &Material, base: Vec3A, side: f32) -> Reflection {
     let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(material.reflectance) };
     Reflection {
         albedo: base * (1.0 - material.metallic),
