@@ -4,6 +4,7 @@
 //! objects move by a nanometre as they do in a simulation.
 
 mod baselines;
+mod flip;
 mod judge;
 
 use std::collections::BTreeMap;

@@ -11,67 +11,61 @@
 //! ```
 //!
 //! One [`Renderer`] per worker thread; an image is drawn by one thread, and the same job gives the same bytes.
-//! A picture continues the one before of the same camera: `layers` finds the tiles that may have changed, `canvas`
+//! A picture continues the one before of the same camera: `layers` finds the tiles that may have changed, `cache`
 //! draws these again, and nobody can tell.
 //! Light, exposure, background, table top and paint are data ([`RenderVariation`]), drawn from a seed by [`sampling`]:
 //! recorded episodes are drawn again with others.
 //! What a real camera would make of such a perfect picture, [`sensor`] adds afterwards, for cameras that ask for it.
 
-pub mod assets;
-pub mod encode;
 pub mod error;
-pub mod flip;
 pub mod job;
-pub mod posed;
-pub mod reference;
-pub mod renderer;
-pub mod sampling;
 pub mod sensor;
-pub mod variation;
 
-mod arrival;
-mod backdrop;
-mod canvas;
-mod develop;
-mod edges;
-mod glass;
-mod key_light;
-mod lanes;
-mod layers;
-mod lighting;
-mod mesh;
-mod normals;
-mod occluders;
-mod occlusion;
-mod panes;
-mod patterns;
-mod points;
+mod ambient;
+mod frame;
+mod gbuffer;
+mod light_buffer;
+mod lights;
 mod raster;
-mod refine;
-mod reflectance;
+mod render_scene;
+mod resolve;
 mod scene;
-mod shade;
+mod shading;
 mod shadow;
-mod shape;
-mod sky;
-mod surroundings;
-mod table_light;
-mod table_tops;
-mod taps;
-mod texture;
-mod tops;
-mod view;
-mod walls;
+mod simd;
+mod transparency;
+
+/// Colour conversions.
+pub mod color {
+    pub use crate::lights::sky::luminance;
+    pub use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
+}
+
+/// Meshes, materials and lights as the path tracer of `genmanip-render-reference` needs them; no stable interface.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::gbuffer::view::{CameraView, rotation};
+    pub use crate::lights::lighting::Lighting;
+    pub use crate::lights::sky::Sky;
+    pub use crate::scene::assets::Part;
+    pub use crate::scene::material::Material;
+    pub use crate::scene::mesh::{Face, Mesh};
+    pub use crate::scene::texture::MipTexture;
+    pub use crate::shading::backdrop::Backdrop;
+    pub use crate::shading::tone_map::tone_map;
+}
 
 #[cfg(test)]
 mod tests;
 
-pub use assets::RenderAssets;
 pub use error::RenderError;
+pub use frame::encode;
+pub use frame::renderer::Renderer;
 pub use genmanip_core::{Look, Vary};
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
-pub use posed::PosedMesh;
-pub use renderer::Renderer;
-pub use table_tops::TableTop;
-pub use variation::{ObjectVariation, RenderVariation};
-pub use walls::{Room, Wall};
+pub use scene::assets::RenderAssets;
+pub use scene::posed::PosedMesh;
+pub use scene::sampling;
+pub use scene::table_tops::TableTop;
+pub use scene::variation::{ObjectVariation, RenderVariation};
+pub use scene::walls::{Room, Wall};

@@ -1,7 +1,6 @@
 //! The rasteriser against analytic geometry, an independent ray caster, the camera model and itself.
 
 pub(crate) mod fixture;
-mod glass;
 
 use std::sync::Arc;
 
@@ -43,9 +42,9 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
 }
 
 /// Depth in the middle of the picture against a formula; `analytic` gets the ray of a pixel in camera axes.
-fn check_depth(model: Arc<ObjectModel>, pose: Pose, eye: DVec3, analytic: impl Fn(DVec3, DVec3) -> Option<f64>) {
+fn check_depth(model: Arc<ObjectModel>, pose: Pose, viewpoint: DVec3, analytic: impl Fn(DVec3, DVec3) -> Option<f64>) {
     let k = Intrinsics::from_vertical_fov(256, 144, 0.7);
-    let camera = Camera::looking_at("c", eye, pose.position, k);
+    let camera = Camera::looking_at("c", viewpoint, pose.position, k);
     let (assets, state) = alone(model, pose);
     let out = draw(&assets, &state, &camera, Channels::GEOMETRY);
     let world_from_camera = camera.world_from_camera(&Pose::IDENTITY);

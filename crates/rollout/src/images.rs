@@ -5,12 +5,12 @@ use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageC
 use genmanip_data::images::look_seed;
 use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
-use genmanip_render::reference::{ReferenceSettings, trace};
 use genmanip_render::sensor::shutter::{self, Past};
 use genmanip_render::{
     Channels, FrameBuffers, FrameState, Look, RenderAssets, RenderError, RenderVariation, Renderer, Vary, ViewJob,
     sampling, sensor,
 };
+use genmanip_render_reference::{ReferenceSettings, trace};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

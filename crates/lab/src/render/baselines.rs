@@ -13,7 +13,7 @@ use std::sync::Arc;
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{Camera, Seed};
-use genmanip_render::posed::PosedMesh;
+use genmanip_render::PosedMesh;
 use genmanip_render::{FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_workspace::Progress;
 use serde::{Deserialize, Serialize};

@@ -8,12 +8,12 @@ use std::sync::Arc;
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::Seed;
-use genmanip_render::flip::mean_flip;
-use genmanip_render::reference::{ReferenceSettings, trace};
 use genmanip_render::{FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
+use genmanip_render_reference::{ReferenceSettings, trace};
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
+use super::flip::mean_flip;
 use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
 

@@ -9,7 +9,7 @@ use zune_jpeg::JpegDecoder;
 
 use super::bell;
 use crate::encode;
-use crate::texture::{linear_from_srgb8, srgb8_from_linear};
+use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
 /// What the imager gives of a perfect picture in 8-bit sRGB, whose light is taken for linear light again.
 pub(super) fn exposed(

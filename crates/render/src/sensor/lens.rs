@@ -7,7 +7,12 @@ use crate::job::FrameBuffers;
 
 /// The picture of a lens from that of a larger pinhole: colours between the four nearest pixels, everything else from
 /// the nearest one.
-pub(super) fn bent(lens: &Distortion, seen: &Intrinsics, pinhole: &Intrinsics, picture: &FrameBuffers) -> FrameBuffers {
+pub(super) fn distorted(
+    lens: &Distortion,
+    seen: &Intrinsics,
+    pinhole: &Intrinsics,
+    picture: &FrameBuffers,
+) -> FrameBuffers {
     let (width, height) = (pinhole.width as usize, pinhole.height as usize);
     let shift = DVec2::new(pinhole.cx, pinhole.cy);
     let focal = DVec2::new(seen.fx, seen.fy);

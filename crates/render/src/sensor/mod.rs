@@ -18,11 +18,11 @@ mod tests;
 use genmanip_core::{Camera, Intrinsics, Seed};
 use rand::Rng;
 
-use crate::assets::Surface;
 use crate::error::RenderError;
+use crate::frame::renderer::Renderer;
 use crate::job::{Channels, FrameBuffers};
-use crate::renderer::Renderer;
-use crate::sky::luminance;
+use crate::lights::sky::luminance;
+use crate::scene::material::Material;
 
 /// The pinhole camera whose picture holds all that the camera shows through its lens; the camera itself without a lens.
 ///
@@ -83,7 +83,7 @@ pub fn developed(
     if !wanted.normal {
         picture.normal.clear();
     }
-    picture = bent(camera, &pinhole, picture);
+    picture = distorted(camera, &pinhole, picture);
     if let Some(settings) = sensor.color.filter(|_| wanted.rgb) {
         let size = [picture.width, picture.height];
         picture.rgb = color::exposed(&settings, size, &picture.rgb, seed.fork("color"))
@@ -97,12 +97,12 @@ pub fn developed(
 /// # Errors
 /// As [`pinhole`].
 pub fn through_lens(camera: &Camera, picture: FrameBuffers) -> Result<FrameBuffers, RenderError> {
-    Ok(bent(camera, &pinhole(camera)?.intrinsics, picture))
+    Ok(distorted(camera, &pinhole(camera)?.intrinsics, picture))
 }
 
-fn bent(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> FrameBuffers {
+fn distorted(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> FrameBuffers {
     match camera.distortion {
-        Some(lens) => lens::bent(&lens, &camera.intrinsics, pinhole, &picture),
+        Some(lens) => lens::distorted(&lens, &camera.intrinsics, pinhole, &picture),
         None => picture,
     }
 }
@@ -110,7 +110,7 @@ fn bent(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> FrameBu
 /// Share of the light that a surface throws back to where it came from when it faces it, taken for all colours alike:
 /// diffuse paint its albedo, metal the blunt part of its mirror image, glass nearly nothing (chosen: the third power of
 /// its opacity).
-fn returned(surface: &Surface) -> f32 {
+fn returned(surface: &Material) -> f32 {
     const TEXELS: u32 = 8;
     let texture = surface.texture.as_ref().map_or(1.0, |texture| {
         let places = (0..TEXELS * TEXELS).map(|index| glam::UVec2::new(index % TEXELS, index / TEXELS).as_vec2());

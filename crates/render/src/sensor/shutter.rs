@@ -9,9 +9,9 @@ mod tests;
 use genmanip_core::{Camera, Pose};
 use glam::{DVec2, DVec3};
 
-use crate::assets::RenderAssets;
 use crate::job::{FrameBuffers, FrameState};
-use crate::texture::{linear_from_srgb8, srgb8_from_linear};
+use crate::scene::assets::RenderAssets;
+use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
 /// What moves less on the image while the shutter is open is sharp, pixels.
 const SHARP_PX: f64 = 0.5;

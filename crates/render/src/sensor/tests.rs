@@ -110,7 +110,7 @@ fn colour_noise_grows_with_the_light_and_the_corners_are_darker() {
     let deviation = |grey: u8| {
         let flat = ColorSensor { vignetting: 0.0, ..settings };
         let seen = color::exposed(&flat, [100, 100], &vec![grey; 30_000], Seed::new(2)).unwrap();
-        let light = |code: u8| f64::from(crate::texture::linear_from_srgb8([code; 3]).x);
+        let light = |code: u8| f64::from(crate::scene::texture::linear_from_srgb8([code; 3]).x);
         let mean = seen.iter().map(|code| light(*code)).sum::<f64>() / 30_000.0;
         (seen.iter().map(|code| (light(*code) - mean).powi(2)).sum::<f64>() / 30_000.0).sqrt()
     };
@@ -170,8 +170,8 @@ fn without_sensors_pictures_are_perfect_and_with_them_the_seed_decides() {
 fn a_lens_moves_pixels_where_its_formula_says() {
     let lens = Distortion { k1: -0.25, k2: 0.05, p1: 0.002, p2: -0.001, k3: 0.0 };
     let straight = camera(256, 144);
-    let bent = Camera { distortion: Some(lens), ..straight.clone() };
-    let [straight_picture, bent_picture] = [&straight, &bent].map(|camera| shot(camera, Channels::GEOMETRY, 1));
+    let distorted = Camera { distortion: Some(lens), ..straight.clone() };
+    let [straight_picture, bent_picture] = [&straight, &distorted].map(|camera| shot(camera, Channels::GEOMETRY, 1));
     let (k, mut compared) = (straight.intrinsics, 0);
     for index in (0..256 * 144).step_by(7) {
         let at = DVec2::new(f64::from(index % 256), f64::from(index / 256));

@@ -8,8 +8,8 @@ use genmanip_core::{
     ObjectModel, Pose, RobotJoint, RobotLink, RobotModel, Texture, TriMesh, VisualPart,
 };
 
-use crate::assets::{Part, RenderAssets};
 use crate::job::FrameState;
+use crate::scene::assets::{Part, RenderAssets};
 
 pub const NO_MASS: MassProperties = MassProperties { mass_kg: 1.0, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
 
@@ -47,7 +47,7 @@ pub fn ball(radius: f32, rings: u32) -> TriMesh {
 /// A box with flat faces.
 pub fn block(half: Vec3) -> TriMesh {
     let mut mesh = TriMesh::default();
-    crate::surroundings::push_box(&mut mesh, -half, half);
+    crate::scene::fixtures::push_box(&mut mesh, -half, half);
     mesh
 }
 

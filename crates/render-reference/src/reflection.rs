@@ -1,0 +1,75 @@
+//! How a surface scatters light: the metallic-roughness reflection of the rasteriser, with samples and their chances.
+
+use glam::{Vec2, Vec3A};
+
+use genmanip_render::color::luminance;
+
+/// Opaque surface at a point, directions in a frame whose z axis is the normal.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reflection {
+    /// What is scattered everywhere.
+    pub albedo: Vec3A,
+    /// Reflectance head-on.
+    pub f0: Vec3A,
+    /// Square of the roughness.
+    pub alpha: f32,
+}
+
+impl Reflection {
+    /// Share of light from one direction that leaves in another, times the cosine, and the chance per solid angle with
+    /// which [`Reflection::sample`] draws it.
+    pub fn evaluate(&self, out: Vec3A, into: Vec3A) -> (Vec3A, f32) {
+        if out.z <= 0.0 || into.z <= 0.0 {
+            return (Vec3A::ZERO, 0.0);
+        }
+        let half = (out + into).normalize_or(Vec3A::Z);
+        let square = self.alpha * self.alpha;
+        let denominator = half.z * half.z * (square - 1.0) + 1.0;
+        let distribution = square / (std::f32::consts::PI * denominator * denominator);
+        // Hammon's approximation, as in the rasteriser.
+        let smith = into.z * out.z * 2.0 * (1.0 - self.alpha) + (into.z + out.z) * self.alpha;
+        let fresnel = self.fresnel(out.dot(half));
+        let value = self.albedo / std::f32::consts::PI + fresnel * (distribution * 0.5 / smith.max(1e-6));
+        let mirror_chance = self.mirror_chance(out.z);
+        let mirror = distribution / (2.0 * (out.z + (square + (1.0 - square) * out.z * out.z).sqrt()));
+        let diffuse = into.z / std::f32::consts::PI;
+        (value * into.z, mirror_chance * mirror + (1.0 - mirror_chance) * diffuse)
+    }
+
+    /// Where light comes from that leaves in a direction; below the surface sometimes, then it counts nothing.
+    pub fn sample(&self, out: Vec3A, choice: f32, at: Vec2) -> Vec3A {
+        if choice >= self.mirror_chance(out.z) {
+            let radius = at.x.sqrt();
+            return Vec3A::from((Vec2::from_angle(std::f32::consts::TAU * at.y) * radius).extend((1.0 - at.x).sqrt()));
+        }
+        // A normal that the viewer sees (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
+        let stretched = (out * Vec3A::new(self.alpha, self.alpha, 1.0)).normalize();
+        let z = (1.0 - at.x) * (1.0 + stretched.z) - stretched.z;
+        let flat = Vec2::from_angle(std::f32::consts::TAU * at.y) * (1.0 - z * z).max(0.0).sqrt();
+        let cap = Vec3A::from(flat.extend(z)) + stretched;
+        let half = (cap * Vec3A::new(self.alpha, self.alpha, 1.0)).normalize_or(Vec3A::Z);
+        half * (2.0 * out.dot(half)) - out
+    }
+
+    fn fresnel(&self, cosine: f32) -> Vec3A {
+        self.f0 + (1.0 - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
+    }
+
+    /// Share of the samples that are drawn as a mirror image.
+    fn mirror_chance(&self, cosine: f32) -> f32 {
+        let (mirror, diffuse) = (luminance(self.fresnel(cosine)), luminance(self.albedo));
+        if diffuse <= 0.0 { 1.0 } else { (mirror / (mirror + diffuse)).clamp(0.1, 0.9) }
+    }
+}
+
+/// Share of light that a smooth border mirrors; `ratio` is the index of refraction before it over the one behind.
+pub(crate) fn dielectric(cosine: f32, ratio: f32) -> f32 {
+    let behind = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
+    if behind <= 0.0 {
+        return 1.0;
+    }
+    let behind = behind.sqrt();
+    let along = (cosine - ratio * behind) / (cosine + ratio * behind);
+    let across = (ratio * cosine - behind) / (ratio * cosine + behind);
+    (along * along + across * across) * 0.5
+}

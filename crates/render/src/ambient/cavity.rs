@@ -1,0 +1,121 @@
+//! Things that light enters from above: what reaches their walls.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use glam::{Vec3, Vec3A};
+use multiversion::multiversion;
+
+use super::proxies::{AoProxies, AoProxy, unoccluded_sky};
+use crate::gbuffer::points::Points;
+use crate::simd::{BatchColumn, dot, smooth_step, whole_registers};
+
+/// Share of the ambient light in their part of the sky that the walls of a cavity hold back. Fitted to traced pictures.
+const WALLS: f32 = 0.7;
+/// Key light that enters a cavity over that which arrives on a surface that faces the lamp. Fitted likewise.
+const CAVITY_KEY: f32 = 0.65;
+/// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
+/// opening at which nothing enters, and from which all does. Chosen.
+const UPRIGHT: f32 = 0.5;
+const COVERED: f32 = 0.5;
+const HALF_OPEN: f32 = 0.75;
+
+/// The inside of a body that light enters.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cavity {
+    /// Its middle in the body's frame, metres.
+    pub middle: Vec3,
+    /// Share of the sky that is seen from its bottom.
+    pub open: f32,
+    /// Key light that enters, over that which arrives on a surface that faces the lamp.
+    pub light: f32,
+}
+
+impl AoProxies {
+    /// The cavity of a body, if light enters it.
+    pub fn cavity_of(&self, body: usize) -> Option<Cavity> {
+        let own = self.of_body(body)?;
+        (own.entering > 0.0).then(|| {
+            let [x, y, z] = own.axes[2];
+            let half = 1.0 / (x * x + y * y + z * z).sqrt();
+            Cavity { middle: own.middle, open: open_share(own.volume, half), light: own.entering * CAVITY_KEY }
+        })
+    }
+
+    /// How much of the light from above, from around the lamp, enters a body on the side of its third axis, on which things
+    /// are open.
+    pub(super) fn entering(&self, own: &AoProxy) -> f32 {
+        let axis = Vec3A::from_array(own.axes[2]);
+        let (up, half) = (axis.normalize(), axis.length_recip());
+        if up.z < UPRIGHT || !own.has_inside {
+            return 0.0;
+        }
+        let place = own.center() + up * half;
+        let counting = if self.count { &*self.bodies } else { &[] };
+        let share = unoccluded_sky(counting, own.body, place.to_array(), up.to_array());
+        self.lit(own.body, place) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
+    }
+}
+
+/// The share of the sky that is seen from the middle of the bottom of a round cavity, from the product of its half axes and
+/// the half axis along its height.
+#[inline(always)]
+fn open_share(volume: f32, half: f32) -> f32 {
+    let section = volume / half;
+    section / (section + 4.0 * half * half)
+}
+
+/// How far inside a cavity a point is whose normal has a cosine to the direction of the cavity's middle.
+#[inline(always)]
+pub(crate) fn facing_middle(cosine: f32) -> f32 {
+    smooth_step((cosine - 0.2) * (1.0 / 0.6))
+}
+
+/// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
+/// on that side; no point of a convex body does.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn enclose(own: &AoProxy, points: &Points, share: &mut BatchColumn) {
+    let (center, axes, volume) = (own.center, own.axes, own.volume);
+    let end = whole_registers(points.count);
+    let mut faces_middle = false;
+    for i in 0..end {
+        let along = |axis: usize| points.normal[axis][i] * (center[axis] - points.place[axis][i]);
+        faces_middle |= along(0) + along(1) + along(2) > 0.0;
+    }
+    if !faces_middle {
+        return;
+    }
+    for i in 0..end {
+        let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
+        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        let cosine = dot(normal, toward) / (dot(toward, toward) + 1e-12).sqrt();
+        let along = axes.map(|axis| dot(axis, normal));
+        let open = open_share(volume, 1.0 / (dot(along, along).sqrt() + 1e-6));
+        let passes = 1.0 - (1.0 - open) * facing_middle(cosine) * WALLS;
+        share[i] = if share[i] < passes { share[i] } else { passes };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::proxies::tests::{ball, looking_up};
+    use super::*;
+    use crate::simd::CHUNK;
+
+    /// The bottom of a mug is darker than that of a plate; the outside of either is as open as it was.
+    #[test]
+    fn deep_hollows_are_darker() {
+        let bottom = |half: [f32; 3], turned: bool| {
+            let mut points = looking_up([0.0, 0.0, 0.0]);
+            if turned {
+                points.normal[2][0] = -1.0;
+            }
+            let mut share = [1.0; CHUNK];
+            enclose(&ball([0.0, 0.0, half[2]], half), &points, &mut share);
+            share[0]
+        };
+        let (mug, plate) = ([0.04, 0.04, 0.045], [0.1, 0.1, 0.01]);
+        assert!(bottom(mug, false) < 0.55, "{}", bottom(mug, false));
+        assert!(bottom(plate, false) > 0.9, "{}", bottom(plate, false));
+        assert_eq!(bottom(mug, true), 1.0);
+    }
+}

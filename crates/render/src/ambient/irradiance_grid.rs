@@ -1,0 +1,432 @@
+//! Ambient light on the table: what bodies keep from it, and what they throw on it in their own colour.
+//!
+//! Every body is the ellipsoid of [`crate::proxies`], lit like its surroundings and by the key light on the side that
+//! faces it. The table's top has a grid of points, and a place on it takes what is linear between the four around it: the
+//! light varies slowly, and its sum does not depend on who looks.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3A, Vec4};
+use multiversion::multiversion;
+
+use crate::ambient::proxies::{AoProxies, AoProxy, form_factor, penumbra};
+use crate::gbuffer::view::CameraView;
+use crate::lights::lighting::Lighting;
+use crate::scene::assets::RenderAssets;
+use crate::scene::variation::RenderVariation;
+use crate::shadow::planar::horizontal_top;
+use crate::simd::within;
+
+/// Between points of the grid, metres, for large and for small images. Chosen: a sixth of the width of a small thing, and
+/// about a pixel.
+const STEP_M: [f32; 2] = [0.01, 0.02];
+/// Points of a row that are computed at once, and kept or changed together.
+const RUN: usize = 16;
+/// Ambient light that a body takes away, of its part of the sky. Fitted to traced pictures.
+const STRENGTH: f32 = 1.7;
+/// Share of the ambient light that comes from the side of the lamp, and how far above the lamp's its direction is: a unit
+/// vector and so much upwards. Fitted likewise.
+const LAMP: f32 = 0.32;
+const LAMP_UP: f32 = 1.065;
+/// What a white body throws back of the ambient light on the table, and of the key light on its bright side. Fitted
+/// likewise.
+const AMBIENT_BACK: f32 = 0.616;
+const KEY_BACK: f32 = 1.8;
+/// Of the light on that side: what arrives on a side across to the lamp's direction, what the lamp's direction along the
+/// table adds to it, and how much of it is lost next to the table. Fitted likewise.
+const KEY_BESIDE: f32 = 0.625;
+const KEY_SIDE: f32 = 0.45;
+const KEY_SHADED: f32 = 0.156;
+/// Height above the table from which a body that is seen by a fixed camera counts less, and over which it comes to nothing,
+/// metres. Chosen: what is carried changes nothing, what stands on the table does.
+const STANDING_M: f32 = 0.01;
+const FADING_M: f32 = 0.03;
+/// How much a body above that counts for the hand's camera: less of it is near the table. Fitted likewise.
+const HANGING: f32 = 0.75;
+/// Depth of the table beyond which all of it is lit for a camera, metres: larger than any table.
+const LONGEST_M: f32 = 10.0;
+
+/// The light on the table of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct IrradianceGrid {
+    /// Height of the table's top, metres.
+    top: Option<f32>,
+    grid: Option<Grid>,
+    /// Number of the table's surface; 0 without one.
+    surface: u16,
+    /// By number of a surface: whether it is another fixed thing.
+    is_fixed: Vec<bool>,
+    bodies: Vec<Body>,
+    version: u64,
+}
+
+#[derive(Debug)]
+struct Grid {
+    height: f32,
+    /// World frame, metres.
+    first: Vec2,
+    step: f32,
+    /// Points per row, whole runs.
+    columns: usize,
+    /// Column and row of the last point that has one beyond it.
+    last: Vec2,
+    /// By which the light of the surroundings is multiplied, in three components; row by row.
+    points: Vec<Vec4>,
+    /// Version in which each run of points changed last.
+    changed_in: Vec<u64>,
+}
+
+/// An ellipsoid and the light that it throws back.
+#[derive(Clone, Debug, PartialEq)]
+struct Body {
+    proxy: AoProxy,
+    /// How much it counts, 0-1.
+    weight: f32,
+    /// Light that it throws back as it comes from everywhere, and from the key light, over the ambient light on the table.
+    ambient: [f32; 3],
+    key: [f32; 3],
+    /// Where the ambient light on the lamp's side comes from, as of [`AoProxy::stretched`].
+    lamp: [f32; 3],
+}
+
+impl IrradianceGrid {
+    /// The table among the parts of a scene, for small images or for others; without ambient occlusion its light is left as
+    /// it is.
+    pub fn new(assets: &RenderAssets, variation: &RenderVariation, is_small: bool) -> Self {
+        let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
+        let table = assets.parts.iter().position(|part| part.surface.is_table && part.body.is_none());
+        let table = table.and_then(|table| Some((table, horizontal_top(&assets.parts[table])?)));
+        let top = table.map(|(_, (height, ..))| height);
+        let Some((table, (height, low, high))) = table.filter(|_| is_on) else {
+            return Self { top, ..Self::default() };
+        };
+        // Larger tables have fewer points per metre.
+        let step = STEP_M[usize::from(is_small)].max((high - low).max_element() / 256.0);
+        let [columns, rows] = ((high - low) / step).to_array().map(|steps| steps.ceil() as usize + 2);
+        let columns = columns.next_multiple_of(RUN);
+        let grid = Grid {
+            height,
+            first: low,
+            step,
+            columns,
+            last: Vec2::new((columns - 2) as f32, (rows - 2) as f32) + 0.999,
+            points: vec![Vec4::ONE; columns * rows],
+            changed_in: vec![0; columns / RUN * rows],
+        };
+        let is_fixed = assets.parts.iter().enumerate().map(|(part, own)| own.body.is_none() && part != table);
+        Self {
+            top,
+            grid: Some(grid),
+            surface: table as u16 + 1,
+            is_fixed: std::iter::once(false).chain(is_fixed).collect(),
+            ..Self::default()
+        }
+    }
+}
+
+impl IrradianceGrid {
+    /// Height of the table's top, metres, if there is one.
+    pub fn top(&self) -> Option<f32> {
+        self.top
+    }
+
+    /// Number of the table's surface; 0 where its light is left as it is.
+    pub fn surface(&self) -> u16 {
+        self.surface
+    }
+
+    /// Whether a surface is a fixed thing other than the table.
+    pub fn is_fixed(&self, surface: u16) -> bool {
+        self.is_fixed.get(usize::from(surface)).copied().unwrap_or(false)
+    }
+
+    /// Counts the changes of the light.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Follows the bodies of a frame; for a fixed camera those that stand on the table, and for the hand's, which does not
+    /// continue a picture, all of them where it looks.
+    pub fn update(
+        &mut self,
+        proxies: &AoProxies,
+        variation: &RenderVariation,
+        lighting: &Lighting,
+        camera: &CameraView,
+    ) {
+        let Some(grid) = &mut self.grid else { return };
+        let up = lighting.around(Vec3A::Z).max(Vec3A::splat(1e-3));
+        let bodies = proxies.bodies().iter().filter_map(|proxy| {
+            let height = (proxy.lowest() - grid.height - STANDING_M) / FADING_M;
+            let standing = 1.0 - height.clamp(0.0, 1.0);
+            let weight = if proxies.count() { standing + (1.0 - standing) * HANGING } else { standing };
+            let color = proxy.color();
+            let key = (color * lighting.key / up * (KEY_BACK * proxy.lit())).to_array();
+            let lamp = proxy.stretched(lighting.to_light + Vec3A::Z * LAMP_UP).to_array();
+            (weight > 0.0).then(|| Body {
+                proxy: proxy.clone(),
+                weight,
+                ambient: (color * AMBIENT_BACK).to_array(),
+                key,
+                lamp,
+            })
+        });
+        let bodies: Vec<Body> = bodies.collect();
+        let seen = if proxies.count() { grid.seen_by(camera) } else { None };
+        if bodies == self.bodies && self.version > 0 && !proxies.count() {
+            return;
+        }
+        let version = self.version + 1;
+        let toward = lighting.to_light.truncate().to_array();
+        // Relative to the default, to which all was fitted.
+        let strength = STRENGTH * variation.occlusion_strength / RenderVariation::default().occlusion_strength;
+        let [runs, rows] = seen.unwrap_or([0..grid.columns / RUN, 0..grid.points.len() / grid.columns]);
+        let per_row = grid.columns / RUN;
+        for run in rows.flat_map(|row| runs.clone().map(move |run| row * per_row + run)) {
+            let place = grid.place_of(run);
+            let points = light_run(&bodies, place, toward, strength);
+            let known = &mut grid.points[run * RUN..][..RUN];
+            if known != points {
+                known.copy_from_slice(&points);
+                grid.changed_in[run] = version;
+                self.version = version;
+            }
+        }
+        self.bodies = bodies;
+    }
+
+    /// By which the light of the surroundings at a place, metres, is multiplied.
+    #[inline(always)]
+    pub fn at(&self, x: f32, y: f32) -> Vec4 {
+        let Some(grid) = &self.grid else { return Vec4::ONE };
+        let [column, row] = grid.on_grid(Vec2::new(x, y));
+        let (left, top) = (column as usize, row as usize);
+        let index = top * grid.columns + left;
+        let (Some([a, b]), Some([c, d])) =
+            (grid.points[index..].first_chunk::<2>(), grid.points[index + grid.columns..].first_chunk::<2>())
+        else {
+            return Vec4::ONE;
+        };
+        let (x, y) = (column - left as f32, row - top as f32);
+        let (upper, lower) = (*a + (*b - *a) * x, *c + (*d - *c) * x);
+        upper + (lower - upper) * y
+    }
+
+    /// Whether the light anywhere between pixels that show the table changed after a version.
+    pub fn changed_between(&self, version: u64, camera: &CameraView, pixels: [Vec2; 4]) -> bool {
+        let places = pixels.map(|pixel| self.grid.as_ref().and_then(|grid| grid.seen_at(camera, pixel)));
+        places.contains(&None) || self.changed_after(version, places.into_iter().flatten())
+    }
+
+    /// Whether the light anywhere between places, metres, changed after a version.
+    fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
+        let Some(grid) = &self.grid else { return false };
+        let (low, high) =
+            places.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        let ([left, top], [right, bottom]) = (grid.on_grid(low), grid.on_grid(high));
+        let runs = left as usize / RUN..=(right as usize + 1) / RUN;
+        let per_row = grid.columns / RUN;
+        (top as usize..=bottom as usize + 1)
+            .any(|row| runs.clone().any(|run| run < per_row && grid.changed_in[row * per_row + run] > version))
+    }
+}
+
+impl Grid {
+    /// Column and row of a place, metres, moved to where there are points beyond it.
+    #[inline(always)]
+    fn on_grid(&self, place: Vec2) -> [f32; 2] {
+        let at = (place - self.first) / self.step;
+        [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
+    }
+
+    /// The place, metres, that a camera sees at a pixel; `None` towards the horizon.
+    fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
+        let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
+        let distance = (self.height - camera.viewpoint.z) / ray.z;
+        (0.0..LONGEST_M).contains(&distance).then(|| (camera.viewpoint + ray * distance).truncate())
+    }
+
+    /// Runs and rows of the points that a camera may see; `None` for any, when it sees the horizon.
+    fn seen_by(&self, camera: &CameraView) -> Option<[Range<usize>; 2]> {
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for corner in [Vec2::splat(-1.0), Vec2::new(width, -1.0), Vec2::new(-1.0, height), Vec2::new(width, height)] {
+            let place = self.seen_at(camera, corner)?;
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let ([left, top], [right, bottom]) = (self.on_grid(low), self.on_grid(high));
+        let runs = left as usize / RUN..((right as usize + 1) / RUN + 1).min(self.columns / RUN);
+        Some([runs, top as usize..bottom as usize + 2])
+    }
+
+    /// Where a run of points begins, metres, and the way from one to the next along x.
+    fn place_of(&self, run: usize) -> [f32; 4] {
+        let per_row = self.columns / RUN;
+        let (column, row) = (run % per_row * RUN, run / per_row);
+        [self.first.x + column as f32 * self.step, self.first.y + row as f32 * self.step, self.height, self.step]
+    }
+}
+
+/// By which the light of the surroundings at points of a level plane beside each other is multiplied.
+fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], strength: f32) -> [Vec4; RUN] {
+    let (mut share, mut back) = ([1.0; RUN], [[0.0; RUN]; 3]);
+    for body in bodies {
+        let [to_x, to_y, to_z] = body.proxy.center().to_array();
+        let beside = within(to_x, x, x + (RUN - 1) as f32 * step) - to_x;
+        let square = beside * beside + (to_y - y) * (to_y - y) + (to_z - z) * (to_z - z);
+        if body.proxy.reaches(square) {
+            add_body(body, [x, y, z, step], to_light, strength, &mut share, &mut back);
+        }
+    }
+    std::array::from_fn(|i| Vec4::new(share[i] + back[0][i], share[i] + back[1][i], share[i] + back[2][i], 0.0))
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_body(
+    body: &Body,
+    [x, y, z, step]: [f32; 4],
+    to_light: [f32; 2],
+    strength: f32,
+    share: &mut [f32; RUN],
+    back: &mut [[f32; RUN]; 3],
+) {
+    let center = body.proxy.center().to_array();
+    for i in 0..RUN {
+        let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
+        let cover = body.weight * form_factor(&body.proxy, toward, [0.0, 0.0, 1.0]);
+        // How far the light comes from the side on which the point lies: the sides of most things are upright.
+        let flat = 1.0 / toward[0].mul_add(toward[0], toward[1].mul_add(toward[1], 1e-12)).sqrt();
+        let across = to_light[0].mul_add(toward[0], to_light[1] * toward[1]);
+        let lit = (across * flat).mul_add(-KEY_SIDE, KEY_BESIDE);
+        let lit = if lit > 0.0 { lit } else { 0.0 };
+        // Where it touches the table it lies in its own shade.
+        let lit = lit * cover.mul_add(-KEY_SHADED, 1.0);
+        let arriving = share[i] * cover;
+        for channel in 0..3 {
+            let light = body.key[channel].mul_add(lit, body.ambient[channel]);
+            back[channel][i] = arriving.mul_add(light, back[channel][i]);
+        }
+        let left = cover.mul_add(-strength, 1.0);
+        share[i] *= if left > 0.0 { left } else { 0.0 };
+    }
+    // Apart, since the compiler makes scalars of a longer loop.
+    for i in 0..RUN {
+        let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
+        share[i] *= 1.0 - LAMP * body.weight * penumbra(&body.proxy, toward, body.lamp);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_assets::worlds::default_world;
+    use genmanip_core::glam::{DVec3, Vec3};
+    use genmanip_core::{CameraMount, Material, Pose};
+
+    use super::*;
+    use crate::ambient::proxies::colors_of;
+    use crate::gbuffer::static_layer::TILE;
+    use crate::gbuffer::view::View;
+    use crate::job::{Channels, FrameState, ViewJob};
+    use crate::tests::fixture;
+
+    /// A red and a white block above a table without anything else.
+    struct Scene {
+        assets: std::sync::Arc<RenderAssets>,
+        variation: RenderVariation,
+        lighting: Lighting,
+        colors: Vec<Vec3A>,
+    }
+
+    impl Scene {
+        fn new() -> Self {
+            let block =
+                |color| fixture::object("block", fixture::block(Vec3::splat(0.03)), Material::plain(color, 0.6));
+            let objects = [block([0.9, 0.1, 0.1]), block([0.9; 3])];
+            let assets = RenderAssets::without_robot(&objects, Some(&default_world())).unwrap();
+            let variation = RenderVariation::default();
+            let surfaces = variation.surfaces(&assets);
+            let (lighting, colors) = (Lighting::new(&variation, &surfaces), colors_of(&assets, &surfaces));
+            Self { assets, variation, lighting, colors }
+        }
+
+        fn follow(&self, irradiance_grid: &mut IrradianceGrid, mount: CameraMount, places: [DVec3; 2]) {
+            let mut proxies = AoProxies::default();
+            let frame = FrameState { body_poses: places.map(Pose::from_position).to_vec() };
+            proxies.place(&self.assets, &self.colors, &frame, mount, self.lighting.to_light);
+            irradiance_grid.update(&proxies, &self.variation, &self.lighting, &View::default().camera);
+        }
+
+        fn anew(&self, mount: CameraMount, places: [DVec3; 2]) -> IrradianceGrid {
+            let mut irradiance_grid = IrradianceGrid::new(&self.assets, &self.variation, false);
+            self.follow(&mut irradiance_grid, mount, places);
+            irradiance_grid
+        }
+    }
+
+    const FAR: DVec3 = DVec3::new(0.9, -0.4, 0.03);
+
+    /// A red block beside a place makes it redder and darker, less so farther away; what hangs high does so for the hand's
+    /// camera only.
+    #[test]
+    fn bodies_darken_and_colour_the_table_around_them() {
+        let scene = Scene::new();
+        let at = |height: f64, mount| scene.anew(mount, [DVec3::new(0.5, 0.0, height), FAR]);
+        let near = at(0.03, CameraMount::World).at(0.5, 0.05);
+        assert!(near.x > near.y && near.y < 0.9, "{near}");
+        let away = at(0.03, CameraMount::World).at(0.5, 0.3);
+        assert!((away - Vec4::ONE.with_w(0.0)).abs().max_element() < 0.05, "{away}");
+        assert_eq!(
+            at(0.13, CameraMount::World).at(0.5, 0.05),
+            scene.anew(CameraMount::World, [DVec3::Z, FAR]).at(0.5, 0.05)
+        );
+        assert!(at(0.13, CameraMount::Hand).at(0.5, 0.05).y < 0.97);
+    }
+
+    /// What changed is told, what did not is not; a followed light is that of one made anew.
+    #[test]
+    fn following_is_lighting_anew() {
+        let scene = Scene::new();
+        let start = [DVec3::new(0.3, 0.0, 0.03), FAR];
+        let mut followed = scene.anew(CameraMount::World, start);
+        let version = followed.version();
+        scene.follow(&mut followed, CameraMount::World, start);
+        assert_eq!(followed.version(), version);
+        let moved = [DVec3::new(0.35, 0.02, 0.03), FAR];
+        scene.follow(&mut followed, CameraMount::World, moved);
+        let around = |x: f32, y: f32| [Vec2::new(x - 0.02, y), Vec2::new(x + 0.02, y)].into_iter();
+        assert!(followed.changed_after(version, around(0.3, 0.05)));
+        assert!(!followed.changed_after(followed.version(), around(0.3, 0.05)));
+        let anew = scene.anew(CameraMount::World, moved);
+        assert_eq!(followed.grid.map(|grid| grid.points), anew.grid.map(|grid| grid.points));
+    }
+
+    /// Every tile of a picture in which the light changed, up to a pixel beyond it, is told by its corners.
+    #[test]
+    fn tiles_are_told_where_the_light_changed() {
+        let scene = Scene::new();
+        let places = |x: f64| [DVec3::new(x, 0.0, 0.03), FAR];
+        let before = scene.anew(CameraMount::World, places(0.5));
+        let mut after = scene.anew(CameraMount::World, places(0.5));
+        scene.follow(&mut after, CameraMount::World, places(0.53));
+        let frame = FrameState { body_poses: places(0.53).map(Pose::from_position).to_vec() };
+        let camera = fixture::camera(320, 184);
+        let camera = CameraView::of(&scene.assets, &ViewJob::new(&frame, &camera, Channels::RGB)).unwrap();
+        let grid = after.grid.as_ref().unwrap();
+        let (mut changed, mut told) = (0, 0);
+        for (column, row) in (0..320 / TILE).flat_map(|column| (0..184 / TILE).map(move |row| (column, row))) {
+            let first = Vec2::new((column * TILE) as f32, (row * TILE) as f32);
+            let corner = |x: f32, y: f32| first + Vec2::new(x, y);
+            let corners = [corner(-1.5, -1.5), corner(8.5, -1.5), corner(-1.5, 8.5), corner(8.5, 8.5)];
+            let is_told = after.changed_between(before.version(), &camera, corners);
+            let differs = (0..=36).flat_map(|x| (0..=36).map(move |y| [x, y])).any(|[x, y]| {
+                let place = grid.seen_at(&camera, corner(x as f32 * 0.25 - 1.0, y as f32 * 0.25 - 1.0));
+                place.is_some_and(|Vec2 { x, y }| before.at(x, y) != after.at(x, y))
+            });
+            assert!(is_told || !differs, "tile {column}, {row}");
+            (changed, told) = (changed + usize::from(differs), told + usize::from(is_told));
+        }
+        assert!(changed > 20 && told < 320 * 184 / TILE / TILE, "{changed} changed, {told} told");
+    }
+}

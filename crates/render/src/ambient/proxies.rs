@@ -1,0 +1,423 @@
+//! What holds back ambient light and cannot be read from the depth of a picture: the hand behind its own camera, and the
+//! walls of a cavity thing beyond the picture's border.
+//!
+//! Every body is an ellipsoid, whose share of the sky above a point has a closed form.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use genmanip_core::{CameraMount, Pose};
+use glam::{Vec3, Vec3A};
+use multiversion::multiversion;
+
+use super::cavity::enclose;
+use crate::gbuffer::points::Points;
+use crate::gbuffer::view::rotation;
+use crate::job::FrameState;
+use crate::scene::assets::{Pad, RenderAssets};
+use crate::scene::body_shape::BodyShape;
+use crate::scene::material::Material;
+use crate::simd::{BatchColumn, dot, smooth_step, whole_registers, within};
+
+pub(crate) use super::cavity::{Cavity, facing_middle};
+pub(crate) use super::reflection_proxies::ReflectionProxy;
+#[cfg(test)]
+pub(crate) use super::reflection_proxies::held_cube;
+
+/// Half axes of an ellipsoid over those of the box that it stands for. Fitted to traced pictures.
+pub(super) const FULLNESS: f32 = 0.875;
+/// Share of the ambient light in its part of the sky that a body holds back: it throws back some itself. Fitted likewise.
+const STRENGTH: f32 = 0.578;
+/// How far a broad lamp's shadow widens over the distance, its width next to what casts it, both over the half axes, and how
+/// much less dark a wider one is. Fitted likewise.
+const LAMP_WIDTH: f32 = 0.58;
+const LAMP_EDGE: f32 = 0.1;
+const LAMP_BEYOND: f32 = 0.21;
+/// Share of the lamp's light that a body and the table beside it lose in the middle of others' shadow. Fitted likewise.
+const SHADED: f32 = 0.55;
+/// Width of the edge of a body's shadow on another as a whole, over the body's radius. Chosen: the other is as large.
+const LAMP_BLUR: f32 = 0.3;
+/// Thinnest half axis, metres. Chosen.
+const THINNEST_M: f32 = 0.005;
+/// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
+const LEAST: f32 = 0.01;
+/// A body counts less over the last part of the square of that distance, one by this. Chosen.
+const FADE: f32 = 4.0;
+
+/// All bodies of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct AoProxies {
+    pub(super) bodies: Vec<AoProxy>,
+    /// Pads of the robot's fingers, for the hand's camera.
+    pub(super) pads: Vec<(usize, ReflectionProxy)>,
+    /// Whether bodies hold back each other's light. Only for the hand's camera: it is near things, is form_factor by the hand,
+    /// and has no picture before to continue, whose every tile would change with the arm.
+    pub(super) count: bool,
+}
+
+/// An ellipsoid.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct AoProxy {
+    /// Index into the frame's body poses.
+    pub(super) body: usize,
+    /// World frame, metres.
+    pub(super) center: [f32; 3],
+    /// Unit axes in the world, each over the length of the half axis.
+    pub(super) axes: [[f32; 3]; 3],
+    /// Product of the half axes.
+    pub(super) volume: f32,
+    /// Linear colour on average.
+    pub(super) color: [f32; 3],
+    /// Distance of the centre beyond which it does not count, metres.
+    pub(super) reach: f32,
+    /// Its centre in the body's frame, metres.
+    pub(super) middle: Vec3,
+    /// The unit direction to the lamp where it is the unit sphere.
+    pub(super) to_lamp: [f32; 3],
+    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1, for the hand's own camera.
+    pub(super) lit: f32,
+    /// How much of the light from above enters on the side of its third axis, 0-1.
+    pub(super) entering: f32,
+    /// As of [`BodyShape`].
+    pub(super) is_box: bool,
+    pub(super) has_inside: bool,
+    pub(super) is_concave: bool,
+    /// How far it is in the hand, 0-1, for the hand's own camera.
+    pub(super) in_gripper: f32,
+}
+
+impl AoProxies {
+    /// Becomes the bodies of a frame that is seen by a camera, with their linear colours, under a lamp in a unit direction;
+    /// transparent ones hold nothing back.
+    pub fn place(
+        &mut self,
+        assets: &RenderAssets,
+        colors: &[Vec3A],
+        frame: &FrameState,
+        mount: CameraMount,
+        to_light: Vec3A,
+    ) {
+        self.count = mount == CameraMount::Hand;
+        self.bodies.clear();
+        for (body, pose) in frame.body_poses.iter().enumerate() {
+            let Some(&BodyShape { low, high, is_box, has_inside, is_concave }) = assets.shape_of(body) else {
+                continue;
+            };
+            let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
+            let middle = (low + high) * 0.5;
+            let (center, axes) = placed(pose, middle, half);
+            let volume = half.x * half.y * half.z;
+            // From far away it covers no more than its largest section does.
+            let reach = (volume / half.min_element() / LEAST).sqrt();
+            let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
+            self.bodies.push(AoProxy {
+                body,
+                center,
+                axes,
+                volume,
+                color,
+                reach,
+                middle,
+                to_lamp: stretched(axes, to_light).to_array(),
+                lit: 1.0,
+                entering: 0.0,
+                is_box,
+                has_inside,
+                is_concave,
+                in_gripper: 0.0,
+            });
+        }
+        self.pads.clear();
+        if self.count {
+            let at_pose = |pad: &Pad| (pad.body, ReflectionProxy::pad(pad, &frame.body_poses[pad.body]));
+            self.pads.extend(assets.pads().iter().map(at_pose));
+        }
+        for index in 0..self.bodies.len() {
+            let own = &self.bodies[index];
+            let (entering, in_gripper) = (self.entering(own), self.in_gripper(own, assets.robot_bodies()));
+            // The arm and what it holds hang in the light, whatever their parts keep from each other.
+            let is_arm = own.body < assets.robot_bodies() || in_gripper > 0.0;
+            let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
+            let lit = 1.0 - SHADED * (1.0 - lit);
+            let own = &mut self.bodies[index];
+            (own.lit, own.entering, own.in_gripper) = (lit, entering, in_gripper);
+        }
+    }
+
+    pub(super) fn of_body(&self, body: usize) -> Option<&AoProxy> {
+        // They are in the order of the bodies.
+        let index = self.bodies.binary_search_by_key(&body, |proxy| proxy.body).ok()?;
+        Some(&self.bodies[index])
+    }
+
+    /// All of them.
+    pub fn bodies(&self) -> &[AoProxy] {
+        &self.bodies
+    }
+
+    /// How much of the lamp's light reaches a place past all bodies but one, where they count.
+    pub(super) fn lit(&self, but: usize, place: Vec3A) -> f32 {
+        unoccluded_lamp(if self.count { &self.bodies } else { &[] }, but, place.to_array())
+    }
+
+    /// How much of the lamp's light reaches a body and the table beside it, 0-1.
+    pub fn lit_of(&self, body: usize) -> f32 {
+        self.of_body(body).map_or(1.0, |own| own.lit)
+    }
+
+    /// Whether bodies hold back each other's light.
+    pub fn count(&self) -> bool {
+        self.count
+    }
+
+    /// Whether the light that reaches points at rest may differ from what it was among others.
+    pub fn differ(&self, before: &Self) -> bool {
+        (self.count || before.count) && self != before
+    }
+
+    /// Lowers shares of the ambient light that reach points of a body to what comes past the others, and out of its own
+    /// cavity.
+    pub fn darken(&self, points: &Points, of_body: Option<usize>, share: &mut BatchColumn) {
+        if let Some(own) = of_body.and_then(|body| self.of_body(body)) {
+            enclose(own, points, share);
+        }
+        if !self.count {
+            return;
+        }
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for i in 0..points.count {
+            let place = Vec3A::new(points.place[0][i], points.place[1][i], points.place[2][i]);
+            (low, high) = (low.min(place), high.max(place));
+        }
+        for proxy in self.bodies.iter().filter(|proxy| Some(proxy.body) != of_body) {
+            let center = proxy.center();
+            if proxy.reaches(center.distance_squared(center.clamp(low, high))) {
+                occlude(proxy, points, share);
+            }
+        }
+    }
+}
+
+impl AoProxy {
+    /// World frame, metres.
+    pub fn center(&self) -> Vec3A {
+        Vec3A::from_array(self.center)
+    }
+
+    /// The unit vector along a direction where the ellipsoid is the unit sphere.
+    pub fn stretched(&self, direction: Vec3A) -> Vec3A {
+        stretched(self.axes, direction)
+    }
+
+    /// Height of its lowest point, metres.
+    pub fn lowest(&self) -> f32 {
+        let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
+        self.center[2] - self.axes.into_iter().map(|axis| half(axis) * half(axis)).sum::<f32>().sqrt()
+    }
+
+    /// Linear colour on average.
+    pub fn color(&self) -> Vec3A {
+        Vec3A::from_array(self.color)
+    }
+
+    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1.
+    pub fn lit(&self) -> f32 {
+        self.lit
+    }
+
+    /// Whether it counts at a distance, square metres, of its centre.
+    pub fn reaches(&self, square: f32) -> bool {
+        square < self.reach * self.reach
+    }
+}
+
+/// Centre in the world of a body's box or ellipsoid at a pose, from its middle in the body's frame and its half axes, metres;
+/// and its unit axes in the world, each over the length of the half axis.
+pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32; 3]; 3]) {
+    let turn = rotation(pose);
+    let center = turn * Vec3A::from(middle) + pose.position.as_vec3a();
+    let axes = [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array());
+    (center.to_array(), axes)
+}
+
+/// The unit vector along a direction where an ellipsoid of such axes is the unit sphere.
+fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
+    Vec3A::from_array(axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
+}
+
+/// Linear colours of bodies on average over the surfaces of their opaque parts.
+pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec3A> {
+    let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
+    for (part, surface) in assets.parts.iter().zip(surfaces) {
+        let Some((color, area)) = part.body.and_then(|body| sums.get_mut(body)) else { continue };
+        if surface.opacity >= 1.0 {
+            let own = part.mesh.area();
+            *color += surface.mean_color() * own;
+            *area += own;
+        }
+    }
+    sums.into_iter().map(|(color, area)| color / area).collect()
+}
+
+/// What ellipsoids let pass to points.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn) {
+    let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
+    for i in 0..whole_registers(points.count) {
+        let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
+        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        // Nothing beyond its reach, where whether it is asked depends on the other points.
+        let near = within(dot(toward, toward).mul_add(-FADE * per_reach, FADE), 0.0, 1.0);
+        share[i] *= (form_factor(proxy, toward, normal) * near).mul_add(-STRENGTH, 1.0);
+    }
+}
+
+/// What is left of the sky above a point beside all bodies but one, as if each form_factor its share of what the others leave.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
+    let mut left = 1.0;
+    for other in bodies {
+        let [x, y, z] = other.center;
+        if other.body != but {
+            left *= 1.0 - form_factor(other, [x - place[0], y - place[1], z - place[2]], normal);
+        }
+    }
+    left
+}
+
+/// What is left of the lamp's light at a place past all bodies but one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
+    let mut left = 1.0;
+    for other in bodies {
+        let toward = [other.center[0] - x, other.center[1] - y, other.center[2] - z];
+        // Where the ellipsoid is the unit sphere.
+        let along = other.axes.map(|axis| dot(axis, toward));
+        let nearest = dot(along, other.to_lamp);
+        if nearest > 0.0 && other.body != but {
+            let square = nearest.mul_add(-nearest, dot(along, along));
+            let beside = (if square > 0.0 { square } else { 0.0 }).sqrt();
+            left *= smooth_step((beside - 1.0) * (0.5 / LAMP_BLUR) + 0.5);
+        }
+    }
+    left
+}
+
+/// Share of a broad lamp that an ellipsoid in a direction covers: `lamp` is the lamp's direction where the ellipsoid is the
+/// unit sphere.
+#[inline(always)]
+pub(crate) fn penumbra(proxy: &AoProxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
+    let along = proxy.axes.map(|axis| dot(axis, toward));
+    let (square, nearest) = (dot(along, along), dot(along, lamp));
+    let beside = nearest.mul_add(-nearest, square);
+    let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
+    let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(LAMP_WIDTH, LAMP_EDGE);
+    // Far away the lamp is wider than the ellipsoid.
+    let full = 1.0 / (spread * spread).mul_add(LAMP_BEYOND, 1.0);
+    smooth_step(((1.0 - beside) / spread).mul_add(0.5, 0.5)) * full * within(nearest + 0.5, 0.0, 1.0)
+}
+
+/// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:
+/// exact for small and distant ones above the horizon, and nearly all of it where one touches the point from above.
+#[inline(always)]
+pub(crate) fn form_factor(proxy: &AoProxy, toward: [f32; 3], normal: [f32; 3]) -> f32 {
+    let square = dot(toward, toward) + 1e-12;
+    let inverse = 1.0 / square.sqrt();
+    let cosine = dot(normal, toward) * inverse;
+    // Where the ellipsoid is the unit sphere.
+    let along = proxy.axes.map(|axis| dot(axis, toward));
+    let stretched = dot(along, along);
+    let away = stretched.sqrt();
+    // Partly below the horizon: a smooth step between none and all of it.
+    let rise = within((cosine * away).mul_add(0.5, 0.5), 0.0, 1.0);
+    let around = away + 1.0;
+    let (above, edge) = (cosine * around, rise * rise);
+    let facing = if above > edge { above } else { edge };
+    // Area over π of its outline seen from the point, over the square distance to the unit sphere's centre.
+    let per_radius = away * inverse;
+    let section = proxy.volume * per_radius * per_radius * per_radius;
+    let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
+    let cover = facing * section / ((beyond + section) * around);
+    // Boxes are fuller than ellipsoids, and cavity: inside one nothing is known.
+    let outside = within(stretched.mul_add(2.0, -1.0), 0.0, 1.0);
+    within(cover * outside, 0.0, 0.95)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::simd::CHUNK;
+
+    pub(in crate::ambient) fn ball(place: [f32; 3], half: [f32; 3]) -> AoProxy {
+        let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
+        AoProxy {
+            body: 0,
+            color: [0.0; 3],
+            middle: Vec3::ZERO,
+            to_lamp: [0.0, 0.0, 1.0],
+            lit: 1.0,
+            entering: 0.0,
+            is_box: false,
+            has_inside: false,
+            is_concave: false,
+            in_gripper: 0.0,
+            center: place,
+            axes,
+            volume: half.iter().product(),
+            reach: f32::INFINITY,
+        }
+    }
+
+    /// A point of the plane z = 0 that looks up.
+    pub(in crate::ambient) fn looking_up(place: [f32; 3]) -> Points {
+        let mut points = Points::default();
+        points.count = 1;
+        for axis in 0..3 {
+            (points.place[axis][0], points.normal[axis][0]) = (place[axis], f32::from(u8::from(axis == 2)));
+        }
+        points
+    }
+
+    /// A lamp overhead behind a ball, before it, beside it and far below it.
+    #[test]
+    fn balls_veil_a_broad_lamp() {
+        let up = [0.0, 0.0, 1.0];
+        for (center, low, high) in [
+            ([0.0, 0.0, 0.2], 0.7, 0.9),
+            ([0.0, 0.0, 3.0], 0.002, 0.02),
+            ([0.0, 0.0, -0.2], 0.0, 1e-6),
+            ([0.5, 0.0, 0.1], 0.0, 1e-6),
+        ] {
+            let got = penumbra(&ball(center, [0.1; 3]), center, up);
+            assert!((low..=high).contains(&got), "{got}, expected {low} to {high} at {center:?}");
+        }
+    }
+
+    /// A small lamp overhead behind a ball, half of it, before it and beside it.
+    #[test]
+    fn balls_hold_back_a_small_lamp() {
+        for (center, expected) in
+            [([0.0, 0.0, 0.5], 0.0), ([0.1, 0.0, 0.5], 0.5), ([0.0, 0.0, -0.5], 1.0), ([0.2, 0.0, 0.5], 1.0)]
+        {
+            let got = unoccluded_lamp(&[ball(center, [0.1; 3])], usize::MAX, [0.0; 3]);
+            assert!((got - expected).abs() < 1e-5, "{got}, expected {expected} at {center:?}");
+        }
+    }
+
+    /// What is above, beside and below a point: shares of the sky in closed form.
+    #[test]
+    fn ellipsoids_cover_their_share_of_the_sky() {
+        for (center, half, expected, tolerance) in [
+            ([0.0, 0.0, 1.0], [0.1; 3], 0.01, 0.001),
+            ([0.6, 0.0, 0.8], [0.1; 3], 0.008, 0.001),
+            ([0.0, 0.0, 1.0], [0.2, 0.1, 0.05], 0.02, 0.002),
+            ([0.0, 0.0, 0.1], [0.1; 3], 0.95, 0.01),
+            ([0.0, 0.0, -1.0], [0.1; 3], 0.0, 1e-6),
+            ([5.0, 0.0, 0.0], [0.1; 3], 0.0, 1e-4),
+        ] {
+            let mut share = [1.0; CHUNK];
+            occlude(&ball(center, half), &looking_up([0.0; 3]), &mut share);
+            let got = (1.0 - share[0]) / STRENGTH;
+            assert!((got - expected).abs() < tolerance, "{got}, expected {expected}: {half:?} at {center:?}");
+        }
+    }
+}

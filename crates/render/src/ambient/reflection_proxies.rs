@@ -1,0 +1,219 @@
+//! The thing in the hand, for the hand's own camera: the fingers, which are of metal, mirror it and their pads, and what is
+//! dark around it throws no light on it.
+
+use genmanip_core::Pose;
+use glam::Vec3;
+
+use super::proxies::{AoProxies, AoProxy, FULLNESS, placed, unoccluded_sky};
+use crate::scene::assets::Pad;
+use crate::scene::body_shape::BodyShape;
+use crate::simd::{dot, within};
+
+/// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
+/// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
+const BESIDE: f32 = 0.2;
+const BETWEEN: f32 = 0.4;
+/// Light on a thing in the hand, which lies in its shade, over that without the hand: of the surroundings, and of the lamp.
+/// Fitted to traced pictures.
+const AROUND: f32 = 0.32;
+const KEY: f32 = 0.35;
+/// Width of the edge of a mirror image over the length of the ray: metal of fingers is brushed. Fitted likewise.
+const BLUR: f32 = 0.425;
+/// What is added to the length of a ray, metres, and to the width of the edge of an ellipsoid's image, of its radius. Chosen:
+/// images of what touches the metal are sharp, but smooth.
+const NEAR_M: f32 = 0.01;
+const EDGE: f32 = 0.05;
+
+/// A thing close to metal, which mirrors it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ReflectionProxy {
+    /// World frame, metres.
+    center: [f32; 3],
+    /// Unit axes in the world, each over half the side of its box.
+    axes: [[f32; 3]; 3],
+    is_box: bool,
+    /// Linear colour on average.
+    color: [f32; 3],
+    /// How much of it there is, 0-1: as far as it is in the hand.
+    share: f32,
+}
+
+impl AoProxies {
+    /// How much of the light that a thing throws on what is around it comes back, 0-1: less from the hand, which is dark,
+    /// but all from its own inside.
+    pub fn bounce_of(&self, body: usize) -> f32 {
+        self.of_body(body).filter(|own| !own.is_concave).map_or(1.0, |own| 1.0 - own.in_gripper)
+    }
+
+    /// What metal of a robot's body mirrors although it is near, the farther first: the thing in the hand, and a finger's pad.
+    pub fn reflection_proxies_of(&self, body: usize) -> [Option<ReflectionProxy>; 2] {
+        [self.held(), self.pads.iter().find(|(own, _)| *own == body).map(|(_, pad)| *pad)]
+    }
+
+    fn held(&self) -> Option<ReflectionProxy> {
+        let own = self
+            .bodies
+            .iter()
+            .max_by(|a, b| a.in_gripper.total_cmp(&b.in_gripper))
+            .filter(|own| own.in_gripper > 0.0)?;
+        Some(ReflectionProxy {
+            center: own.center,
+            axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
+            is_box: own.is_box,
+            color: own.color,
+            share: own.in_gripper,
+        })
+    }
+
+    /// How far a thing is in the hand of a robot, whose bodies come first.
+    pub(super) fn in_gripper(&self, own: &AoProxy, robot_bodies: usize) -> f32 {
+        if !self.count || own.body < robot_bodies {
+            return 0.0;
+        }
+        let robot = &self.bodies[..self.bodies.partition_point(|other| other.body < robot_bodies)];
+        let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
+        ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
+    }
+}
+
+impl ReflectionProxy {
+    /// The pad of a finger at a pose.
+    pub(super) fn pad(pad: &Pad, pose: &Pose) -> Self {
+        let BodyShape { low, high, .. } = pad.shape;
+        let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
+        let (center, axes) = placed(pose, (low + high) * 0.5, half);
+        Self { center, axes, is_box: true, color: pad.color.to_array(), share: 1.0 }
+    }
+
+    /// How much of a bundle of rays from a place in a unit direction meets the thing, 0-1, and its unit normal there.
+    #[inline(always)]
+    pub fn meet(&self, place: [f32; 3], direction: [f32; 3]) -> (f32, [f32; 3]) {
+        let from = [place[0] - self.center[0], place[1] - self.center[1], place[2] - self.center[2]];
+        let start = self.axes.map(|axis| dot(axis, from));
+        let step = self.axes.map(|axis| dot(axis, direction));
+        let (share, normal) = if self.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
+        (share * self.share, normal)
+    }
+
+    /// The light of such a share of the thing where it has a normal; `around` is the light of the surroundings on a white
+    /// surface with that normal, and the lamp has a direction and a light.
+    #[inline(always)]
+    pub fn light(&self, share: f32, normal: [f32; 3], around: [f32; 3], [to_light, key]: [[f32; 3]; 2]) -> [f32; 3] {
+        let lit = dot(normal, to_light);
+        let lit = if lit > 0.0 { lit * KEY } else { 0.0 };
+        let light = |channel: usize| share * self.color[channel] * around[channel].mul_add(AROUND, key[channel] * lit);
+        [light(0), light(1), light(2)]
+    }
+
+    /// How much of a bundle of rays meets the box, 0-1, and the normal of the side where it does.
+    #[inline(always)]
+    fn meet_box(&self, start: [f32; 3], step: [f32; 3]) -> (f32, [f32; 3]) {
+        let (mut entry, mut exit, mut normal) = (f32::NEG_INFINITY, f32::INFINITY, [0.0; 3]);
+        for axis in 0..3 {
+            let along = if step[axis].abs() > 1e-6 { step[axis] } else { 1e-6 };
+            let side = if along > 0.0 { -1.0 } else { 1.0 };
+            let (first, last) = ((side - start[axis]) / along, (-side - start[axis]) / along);
+            let is_later = first > entry;
+            entry = if is_later { first } else { entry };
+            for component in 0..3 {
+                normal[component] = if is_later { self.axes[axis][component] * side } else { normal[component] };
+            }
+            exit = if last < exit { last } else { exit };
+        }
+        let entry = if entry > 0.0 { entry } else { 0.0 };
+        (within((exit - entry) / (BLUR * (entry + NEAR_M)), 0.0, 1.0), unit(normal))
+    }
+
+    /// The same of the ellipsoid in the box.
+    #[inline(always)]
+    fn meet_ellipsoid(&self, start: [f32; 3], step: [f32; 3]) -> (f32, [f32; 3]) {
+        // Where the ellipsoid is the unit sphere.
+        let (along, square) = (dot(start, step), dot(step, step) + 1e-12);
+        let beside = (along / square).mul_add(-along, dot(start, start));
+        let beside = if beside > 0.0 { beside } else { 0.0 };
+        let length = square.sqrt();
+        let nearest = -along / length;
+        let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(BLUR, EDGE);
+        let share = within((1.0 - beside.sqrt()) / spread * 0.5 + 0.5, 0.0, 1.0) * within(nearest + 0.5, 0.0, 1.0);
+        let inside = if beside < 1.0 { (1.0 - beside).sqrt() } else { 0.0 };
+        let distance = nearest - inside;
+        let distance = (if distance > 0.0 { distance } else { 0.0 }) / length;
+        let mut normal = [0.0; 3];
+        for axis in 0..3 {
+            let at = distance.mul_add(step[axis], start[axis]);
+            for component in 0..3 {
+                normal[component] = self.axes[axis][component].mul_add(at, normal[component]);
+            }
+        }
+        (share, unit(normal))
+    }
+}
+
+#[inline(always)]
+fn unit(vector: [f32; 3]) -> [f32; 3] {
+    let inverse = 1.0 / (dot(vector, vector) + 1e-12).sqrt();
+    vector.map(|value| value * inverse)
+}
+
+/// A red cube of 0.2 m around the world's origin, or the ball in it, fully in the hand.
+#[cfg(test)]
+pub(crate) fn held_cube(is_box: bool) -> ReflectionProxy {
+    let axes = std::array::from_fn(|row| std::array::from_fn(|axis| if row == axis { 10.0 } else { 0.0 }));
+    ReflectionProxy { center: [0.0; 3], axes, is_box, color: [0.8, 0.0, 0.0], share: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_assets::panda;
+
+    use super::*;
+    use crate::scene::assets::RenderAssets;
+
+    /// Each finger of the robot has one dark pad, which meets rays from the metal beside it.
+    #[test]
+    fn fingers_mirror_their_pads() {
+        let assets = RenderAssets::new(panda(), &[], None).unwrap();
+        assert_eq!(assets.pads().len(), 2);
+        for pad in assets.pads() {
+            assert!(pad.color.max_element() < 0.1, "{}", pad.color);
+            let (low, high) = (pad.shape.low, pad.shape.high);
+            let below = (low + high) * 0.5 - Vec3::Z * (high - low).z;
+            let (share, normal) = ReflectionProxy::pad(pad, &Pose::IDENTITY).meet(below.to_array(), [0.0, 0.0, 1.0]);
+            assert_eq!((share, normal), (1.0, [0.0, 0.0, -1.0]));
+        }
+    }
+
+    /// Rays that meet a cube or the ball in it, pass it, or lead away; the normal where they meet it, and how much is met.
+    #[test]
+    fn rays_meet_what_is_held() {
+        let diagonal = [std::f32::consts::FRAC_1_SQRT_2, 0.0, std::f32::consts::FRAC_1_SQRT_2];
+        let (right, left) = ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+        for (is_box, from, direction, expected, normal) in [
+            (true, [-0.3, 0.0, 0.0], right, 1.0, Some(left)),
+            (false, [-0.12, 0.0, 0.0], right, 1.0, Some(left)),
+            // Farther away the image is less than the ball.
+            (false, [-0.3, 0.0, 0.0], right, 0.877, None),
+            (true, [-0.3, 0.0, 0.0], left, 0.0, None),
+            (false, [-0.3, 0.0, 0.0], left, 0.0, None),
+            (true, [-0.3, 0.3, 0.0], right, 0.0, None),
+            (false, [-0.15, 0.5, 0.0], right, 0.0, None),
+            // Through an upper corner of the cube, where only the blurred edge of the ball is.
+            (true, [-0.101, 0.09, 0.09], right, 1.0, Some(left)),
+            (false, [-0.101, 0.09, 0.09], right, 0.215, None),
+            // Near the edge of the ball the image is blurred.
+            (false, [-0.3, 0.1, 0.0], right, 0.5, None),
+            (true, [-0.2, 0.0, -0.2], diagonal, 1.0, None),
+        ] {
+            let held = held_cube(is_box);
+            let (share, met) = held.meet(from, direction);
+            assert!((share - expected).abs() < 1e-3, "{share} is met, {is_box} {from:?} {direction:?}");
+            if let Some(normal) = normal {
+                let apart: f32 = (0..3).map(|axis| (met[axis] - normal[axis]).abs()).sum();
+                assert!(apart < 1e-3, "{met:?}, expected {normal:?}");
+            }
+            let light = held.light(share, met, [0.5; 3], [[0.0, 0.0, 1.0], [0.0; 3]]);
+            assert!((light[0] - share * 0.8 * 0.5 * AROUND).abs() < 1e-6, "{light:?}");
+            assert_eq!([light[1], light[2]], [0.0; 2], "it is red");
+        }
+    }
+}

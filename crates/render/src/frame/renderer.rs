@@ -1,0 +1,241 @@
+//! The renderer: jobs in, pictures out.
+
+use std::sync::Arc;
+
+use genmanip_core::{CameraMount, Intrinsics, Pose};
+use glam::{DQuat, Vec3A};
+
+use crate::ambient::irradiance_grid::IrradianceGrid;
+use crate::ambient::proxies::{AoProxies, colors_of};
+use crate::error::RenderError;
+use crate::frame::cache::{FrameCache, write_geometry};
+use crate::gbuffer::view::{CameraView, View};
+use crate::job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, ViewJob};
+use crate::lights::lighting::Lighting;
+use crate::raster::VisibilityBuffer;
+use crate::render_scene::RenderScene;
+use crate::scene::assets::RenderAssets;
+use crate::scene::material::Material;
+use crate::scene::variation::RenderVariation;
+use crate::shading::backdrop::Backdrop;
+use crate::shadow::map::ShadowMap;
+
+/// Pixels of the pictures that are kept to be continued; beyond it the one that was not drawn for longest goes.
+const KEPT_PIXELS: usize = 4 << 20;
+/// Images with no more pixels along the longer side get by with coarser shadows.
+const SMALL_PX: u32 = 128;
+/// Texels per side of the shadow map of small images.
+const SMALL_SHADOW: usize = 192;
+
+/// Draws jobs on the thread that calls it; keeps its memory from job to job.
+///
+/// The same job gives the same bytes, whatever was drawn before and whatever other threads do.
+/// A camera that stands still is cheaper than one that moves: what did not change since its last picture is kept.
+#[derive(Debug)]
+pub struct Renderer {
+    assets: Arc<RenderAssets>,
+    variation: RenderVariation,
+    /// What the parts of the assets are made of under the variation.
+    surfaces: Vec<Material>,
+    lighting: Lighting,
+    backdrop: Backdrop,
+    /// Shadows of large and of small images, and the frame that each was drawn for.
+    shadows: [(ShadowMap, Option<FrameState>); 2],
+    /// What holds back ambient light in the last job.
+    proxies: AoProxies,
+    /// Linear colours of the bodies on average.
+    body_colors: Vec<Vec3A>,
+    /// Ambient light on the table in large and in small images, for fixed cameras and for the hand's.
+    irradiance_grids: [[IrradianceGrid; 2]; 2],
+    /// Pictures by camera, the one drawn last at the end.
+    kept: Vec<(CacheKey, FrameCache)>,
+    /// Depth and ids without colour.
+    view: View,
+    solid: VisibilityBuffer,
+    shaded_pixels: usize,
+}
+
+/// A camera on its mount, and the samples per pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct CacheKey {
+    mount: CameraMount,
+    mount_from_camera: Pose,
+    intrinsics: Intrinsics,
+    scale: usize,
+}
+
+impl Renderer {
+    /// A renderer of these assets under a light.
+    pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
+        let surfaces = variation.surfaces(&assets);
+        let lighting = Lighting::new(&variation, &surfaces);
+        let body_colors = colors_of(&assets, &surfaces);
+        let irradiance_grids = irradiance_grids(&assets, &variation);
+        Self {
+            assets,
+            backdrop: Backdrop::new(&variation, &lighting),
+            lighting,
+            surfaces,
+            variation,
+            shadows: Default::default(),
+            proxies: AoProxies::default(),
+            body_colors,
+            irradiance_grids,
+            kept: Vec::new(),
+            view: View::default(),
+            solid: VisibilityBuffer::default(),
+            shaded_pixels: 0,
+        }
+    }
+
+    /// What is drawn.
+    pub fn assets(&self) -> &Arc<RenderAssets> {
+        &self.assets
+    }
+
+    /// The light and look that it draws in.
+    pub fn variation(&self) -> &RenderVariation {
+        &self.variation
+    }
+
+    /// What the parts of the assets are made of in that look.
+    pub(crate) fn surfaces(&self) -> &[Material] {
+        &self.surfaces
+    }
+
+    /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
+    pub fn forget(&mut self) {
+        self.shadows = Default::default();
+        self.irradiance_grids = irradiance_grids(&self.assets, &self.variation);
+        self.kept.clear();
+    }
+
+    /// How many pixels of the last picture in colour were shaded rather than kept from the one before.
+    pub fn shaded_pixels(&self) -> usize {
+        self.shaded_pixels
+    }
+
+    /// Draws all jobs, `out[i]` for `jobs[i]`.
+    ///
+    /// Draw all views of a frame one after the other, in one call or in several: they share the shadow map.
+    ///
+    /// # Errors
+    /// A frame of other assets, a pose or camera that cannot be drawn, or too few buffers; nothing is drawn then.
+    pub fn render(&mut self, jobs: &[ViewJob<'_>], out: &mut [FrameBuffers]) -> Result<(), RenderError> {
+        if jobs.len() != out.len() {
+            return Err(RenderError::BufferCount { expected: jobs.len(), got: out.len() });
+        }
+        let cameras = jobs.iter().map(|job| CameraView::of(&self.assets, job)).collect::<Result<Vec<_>, _>>()?;
+        for ((job, camera), buffers) in jobs.iter().zip(cameras).zip(out) {
+            (buffers.width, buffers.height) = (camera.width as u32, camera.height as u32);
+            let frame = snapped(job.frame);
+            if job.channels.rgb {
+                self.draw(job, &frame, camera, buffers);
+            } else {
+                buffers.rgb.clear();
+                self.solid.reset::<true>(camera.width, camera.height, 1);
+                self.view.place(&self.assets, &frame, camera);
+                for part in 0..self.assets.parts.len() {
+                    self.view.draw_opaque(&self.assets, part, &mut self.solid);
+                }
+                self.view.draw_transparent(&self.assets, [true, true], &mut self.solid);
+                write_geometry(&self.assets, &self.view, &self.solid, job.channels, buffers);
+            }
+        }
+        Ok(())
+    }
+
+    /// What a view would show of each object with nothing before it: `take` gets the instance id of an object, and the
+    /// channel `instance`, which holds that id where the object would be seen; for the objects in their order.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`], and what `take` says.
+    pub fn alone(
+        &mut self,
+        job: &ViewJob<'_>,
+        take: &mut dyn FnMut(u16, FrameBuffers) -> Result<(), RenderError>,
+    ) -> Result<(), RenderError> {
+        let camera = CameraView::of(&self.assets, job)?;
+        let (width, height) = (camera.width, camera.height);
+        self.view.place(&self.assets, &snapped(job.frame), camera);
+        let mut parts = self.assets.parts.iter().map(|part| part.instance).enumerate().peekable();
+        while let Some((first, instance)) = parts.next() {
+            let mut end = first + 1;
+            while parts.next_if(|(_, next)| *next == instance).is_some() {
+                end += 1;
+            }
+            if instance < FIRST_OBJECT {
+                continue;
+            }
+            self.solid.reset::<true>(width, height, 1);
+            for part in first..end {
+                self.view.draw_whole(&self.assets, part, &mut self.solid);
+            }
+            let mut out = FrameBuffers { width: width as u32, height: height as u32, ..FrameBuffers::default() };
+            let ids = Channels { instance: true, ..Channels::default() };
+            write_geometry(&self.assets, &self.view, &self.solid, ids, &mut out);
+            take(instance, out)?;
+        }
+        Ok(())
+    }
+
+    fn draw(&mut self, job: &ViewJob<'_>, frame: &FrameState, camera: CameraView, out: &mut FrameBuffers) {
+        let intrinsics = job.camera.intrinsics;
+        let is_small = intrinsics.width.max(intrinsics.height) <= SMALL_PX;
+        let full = self.variation.shadow_resolution.min(8192) as usize;
+        let size = if is_small { full.min(SMALL_SHADOW) } else { full };
+        let (shadow, shadow_of) = &mut self.shadows[usize::from(is_small)];
+        if shadow_of.as_ref() != Some(frame) {
+            shadow.update(&self.assets, frame, &self.variation, size, is_small);
+            shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
+        }
+        let (colors, to_light) = (&self.body_colors, self.lighting.to_light);
+        self.proxies.place(&self.assets, colors, frame, job.camera.mount, to_light);
+        let irradiance_grid =
+            &mut self.irradiance_grids[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
+        irradiance_grid.update(&self.proxies, &self.variation, &self.lighting, &camera);
+        let key = CacheKey {
+            mount: job.camera.mount,
+            mount_from_camera: job.camera.mount_from_camera,
+            intrinsics,
+            scale: match job.supersample {
+                0 | 1 => 1,
+                2 => 2,
+                _ => 4,
+            },
+        };
+        let scale = key.scale;
+        let (key, mut cache) = match self.kept.iter().position(|(known, _)| *known == key) {
+            Some(index) => self.kept.remove(index),
+            None => (key, FrameCache::default()),
+        };
+        let (assets, surfaces) = (&*self.assets, &*self.surfaces);
+        let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
+        let (proxies, irradiance_grid) = (&self.proxies, &*irradiance_grid);
+        let scene = RenderScene { assets, surfaces, variation, lighting, backdrop, shadow, proxies, irradiance_grid };
+        cache.draw(&scene, frame, camera, scale);
+        cache.write(&self.assets, job.channels, out);
+        self.shaded_pixels = cache.shaded_pixels;
+        self.kept.push((key, cache));
+        while self.kept.len() > 1 && self.kept.iter().map(|(_, cache)| cache.pixels()).sum::<usize>() > KEPT_PIXELS {
+            self.kept.remove(0);
+        }
+    }
+}
+
+fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[IrradianceGrid; 2]; 2] {
+    [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrid::new(assets, variation, is_small)))
+}
+
+/// A frame whose poses lie on a fine grid, so that the trembling of things at rest in a simulation, nanometres, does not
+/// change a picture: 8 µm and 8 µrad, far below what a depth image holds.
+fn snapped(frame: &FrameState) -> FrameState {
+    const STEPS: f64 = 131_072.0;
+    // Adding 0 turns -0 into 0.
+    let snap = |value: f64| (value * STEPS).round() / STEPS + 0.0;
+    let body_poses = frame.body_poses.iter().map(|pose| {
+        let [x, y, z, w] = pose.rotation.to_array().map(snap);
+        Pose { position: pose.position.to_array().map(snap).into(), rotation: DQuat::from_xyzw(x, y, z, w) }
+    });
+    FrameState { body_poses: body_poses.collect() }
+}

@@ -1,0 +1,71 @@
+//! Pixels by the part they show.
+
+use std::ops::Range;
+
+use crate::gbuffer::points::{PixelCenters, Pixels, packed};
+use crate::simd::CHUNK;
+
+/// Pixels by the part they show, [`packed`].
+#[derive(Debug, Default)]
+pub(crate) struct MaterialBins {
+    parts: Vec<Bin>,
+}
+
+/// Pixels of a part.
+#[derive(Debug, Default)]
+struct Bin {
+    /// First pixels of tiles that show nothing else.
+    tiles: Vec<u32>,
+    /// The others.
+    pixels: Vec<u32>,
+}
+
+impl MaterialBins {
+    pub fn clear(&mut self, parts: usize) {
+        self.parts.resize_with(parts, Bin::default);
+        for bin in &mut self.parts {
+            bin.tiles.clear();
+            bin.pixels.clear();
+        }
+    }
+
+    /// Adds a pixel that shows a surface; 0 is none.
+    pub fn push(&mut self, surface: u16, place: u32) {
+        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
+            bin.pixels.push(place);
+        }
+    }
+
+    /// Adds the pixels at every so many rows and columns of a tile that shows one surface.
+    pub fn push_every<const STEP: usize>(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
+        for row in rows.clone().step_by(STEP) {
+            bin.pixels.extend(columns.clone().step_by(STEP).map(|column| packed(column, row)));
+        }
+    }
+
+    /// Adds a whole tile of one surface by its first pixel.
+    pub fn push_whole(&mut self, surface: u16, place: u32) {
+        self.parts[surface as usize - 1].tiles.push(place);
+    }
+
+    /// The parts that are seen, the first pixels of tiles that show nothing else, and their other pixels.
+    pub fn parts(&self) -> impl Iterator<Item = (usize, &[u32], &[u32])> {
+        let is_seen = |(_, tiles, pixels): &(usize, &[u32], &[u32])| !tiles.is_empty() || !pixels.is_empty();
+        self.parts.iter().enumerate().map(|(part, bin)| (part, &*bin.tiles, &*bin.pixels)).filter(is_seen)
+    }
+
+    /// Calls with each part that is seen and some of its pixels, until all had their turn.
+    pub fn for_each(&self, pixels: &mut Pixels, centers: PixelCenters<'_>, mut call: impl FnMut(usize, &Pixels)) {
+        for (part, tiles, places) in self.parts() {
+            for &place in tiles {
+                pixels.tile(place, centers);
+                call(part, pixels);
+            }
+            for places in places.chunks(CHUNK) {
+                pixels.list(places, centers);
+                call(part, pixels);
+            }
+        }
+    }
+}

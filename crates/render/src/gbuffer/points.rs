@@ -1,0 +1,252 @@
+//! Pixels of one part as points of its surface, a chunk at a time, one component of all points beside each other:
+//! loops over them are compiled for the widest registers of the machine, and give the same bits on all.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use multiversion::multiversion;
+
+use crate::gbuffer::static_layer::TILE;
+use crate::gbuffer::view::{CameraView, PartView};
+use crate::scene::assets::{Part, TRIANGLE_BITS};
+use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, turned, whole_registers};
+
+/// A pixel as one number: its column in the lower half, its row in the upper.
+#[inline(always)]
+pub(crate) fn packed(column: usize, row: usize) -> u32 {
+    column as u32 | (row as u32) << 16
+}
+
+/// Column and row of a [`packed`] pixel.
+#[inline(always)]
+pub(crate) fn unpacked(place: u32) -> [u32; 2] {
+    [place & 0xffff, place >> 16]
+}
+
+/// In place of the one visibility id of a tile's samples.
+pub(crate) const MIXED: u32 = u32::MAX;
+
+/// What the centres of an image's pixels see of what is opaque.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelCenters<'a> {
+    /// Pixels per row.
+    pub width: usize,
+    /// Visibility ids.
+    pub ids: &'a [u32],
+    pub depth: &'a [f32],
+    /// Tiles per row, and the one id of all samples of each, [`MIXED`] for several.
+    pub columns: usize,
+    pub only: &'a [u32],
+}
+
+impl PixelCenters<'_> {
+    /// The one id of the tile of which this is the first pixel.
+    pub fn only(&self, place: u32) -> Option<u32> {
+        let [column, row] = unpacked(place).map(|at| at as usize);
+        Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != MIXED)
+    }
+
+    /// Whether two tiles, given by their first pixels, show one triangle.
+    pub fn show_one(&self, a: u32, b: u32) -> bool {
+        let only = self.only(a);
+        only.is_some() && only == self.only(b)
+    }
+
+    fn first_id(&self, place: u32) -> u32 {
+        let [column, row] = unpacked(place).map(|at| at as usize);
+        self.ids[row * self.width + column]
+    }
+}
+
+/// Pixels whose centres show one part: a whole tile, or listed ones.
+#[derive(Clone, Debug)]
+pub(crate) struct Pixels {
+    pub count: usize,
+    /// Whether they are a whole tile, row by row.
+    pub is_tile: bool,
+    pub pixel: [u32; CHUNK],
+    pub column: BatchColumn,
+    pub row: BatchColumn,
+    pub depth: BatchColumn,
+    /// Only the first where all are the same.
+    pub triangle: [u32; CHUNK],
+    /// Whether all show the same triangle.
+    pub is_flat: bool,
+}
+
+impl Default for Pixels {
+    fn default() -> Self {
+        let none = [0; CHUNK];
+        Self {
+            count: 0,
+            is_tile: false,
+            pixel: none,
+            column: ZERO,
+            row: ZERO,
+            depth: ZERO,
+            triangle: none,
+            is_flat: false,
+        }
+    }
+}
+
+/// The bits of a visibility id that tell the triangle.
+pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
+
+impl Pixels {
+    /// Becomes [`packed`] pixels.
+    pub fn list(&mut self, places: &[u32], centers: PixelCenters<'_>) {
+        self.count = places.len().min(CHUNK);
+        self.is_tile = false;
+        place_pixels(self, &places[..self.count], centers.width as u32);
+        for i in 0..self.count {
+            let pixel = self.pixel[i] as usize;
+            (self.depth[i], self.triangle[i]) = (centers.depth[pixel], centers.ids[pixel] & TRIANGLE);
+        }
+        let first = self.triangle[0];
+        self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
+    }
+
+    /// Becomes the tile of which this is the first pixel, of which nothing is known but where its rows begin.
+    pub fn begin_tile(&mut self, first: usize, centers: PixelCenters<'_>) {
+        (self.count, self.is_tile) = (CHUNK, true);
+        for step in 0..TILE {
+            self.pixel[step * TILE] = (first + step * centers.width) as u32;
+        }
+    }
+
+    /// Becomes the tile of which this is the first pixel.
+    pub fn tile(&mut self, place: u32, centers: PixelCenters<'_>) {
+        (self.count, self.is_tile) = (CHUNK, true);
+        match centers.only(place) {
+            Some(id) => fill_tile::<true>(self, place, centers, id),
+            None => fill_tile::<false>(self, place, centers, centers.first_id(place)),
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
+    for (i, &place) in places.iter().enumerate().take(CHUNK) {
+        let [column, row] = unpacked(place);
+        pixels.pixel[i] = row * width + column;
+        (pixels.column[i], pixels.row[i]) = (column as i32 as f32, row as i32 as f32);
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: PixelCenters<'_>, first_id: u32) {
+    let [column, row] = unpacked(place).map(|at| at as usize);
+    let mut differ = 0;
+    let first_triangle = first_id & TRIANGLE;
+    for step in 0..TILE {
+        let first = (row + step) * centers.width + column;
+        let depths = &centers.depth[first..][..TILE];
+        let ids = if IS_ONE { &[0; TILE] } else { &centers.ids[first..][..TILE] };
+        let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
+        for x in 0..TILE {
+            let i = step * TILE + x;
+            pixels.pixel[i] = first + x as u32;
+            pixels.column[i] = (column + x as u32) as i32 as f32;
+            pixels.row[i] = row;
+            pixels.depth[i] = depths[x];
+            if !IS_ONE {
+                pixels.triangle[i] = ids[x] & TRIANGLE;
+                differ |= pixels.triangle[i] ^ first_triangle;
+            }
+        }
+    }
+    pixels.triangle[0] = first_triangle;
+    pixels.is_flat = differ == 0;
+}
+
+/// Points of one part and the planes they lie in.
+#[derive(Clone, Debug)]
+pub(crate) struct Points {
+    pub count: usize,
+    pub pixel: [u32; CHUNK],
+    pub column: BatchColumn,
+    pub row: BatchColumn,
+    /// World frame.
+    pub place: [BatchColumn; 3],
+    /// Unit normals of the triangles, towards the viewer, world frame.
+    pub normal: [BatchColumn; 3],
+    /// Camera axes.
+    pub place_in_camera: [BatchColumn; 3],
+    pub normal_in_camera: [BatchColumn; 3],
+    plane: [BatchColumn; 3],
+}
+
+impl Default for Points {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            count: 0,
+            pixel: [0; CHUNK],
+            column: ZERO,
+            row: ZERO,
+            place: lanes,
+            normal: lanes,
+            place_in_camera: lanes,
+            normal_in_camera: lanes,
+            plane: lanes,
+        }
+    }
+}
+
+impl Points {
+    /// Becomes what pixels show of a part.
+    pub fn fill(&mut self, pixels: &Pixels, part: &Part, placed: &PartView, camera: &CameraView) {
+        let faces = &placed.mesh(part).faces;
+        self.count = pixels.count;
+        self.pixel = pixels.pixel;
+        (self.column, self.row) = (pixels.column, pixels.row);
+        if pixels.is_flat {
+            let [x, y, z, _] = faces[pixels.triangle[0] as usize].plane.to_array();
+            self.plane = [[x; CHUNK], [y; CHUNK], [z; CHUNK]];
+        } else {
+            for (i, &triangle) in pixels.triangle.iter().enumerate().take(pixels.count) {
+                let [x, y, z, _] = faces[triangle as usize].plane.to_array();
+                (self.plane[0][i], self.plane[1][i], self.plane[2][i]) = (x, y, z);
+            }
+        }
+        locate(self, &pixels.depth, placed, camera);
+    }
+
+    /// Which of sixteen turns the taps of a point get.
+    #[inline(always)]
+    pub fn turn(&self, point: usize) -> u8 {
+        let pixel = |lane: &BatchColumn| nearest_integer(lane[point]) as usize;
+        let (row, column) = (pixel(&self.row), pixel(&self.column));
+        PATTERN[row / 2 % 4][column / 2 % 4] + WITHIN[row % 2][column % 2]
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: &CameraView) {
+    let camera_from_body = placed.body_from_camera.transpose();
+    let columns = [camera_from_body.x_axis, camera_from_body.y_axis, camera_from_body.z_axis].map(|c| c.to_array());
+    let turn = [camera.turn.x_axis, camera.turn.y_axis, camera.turn.z_axis].map(|column| column.to_array());
+    let viewpoint = camera.viewpoint.to_array();
+    let (inverse_x, inverse_y) = (1.0 / camera.focal.x, 1.0 / camera.focal.y);
+    for i in 0..whole_registers(points.count) {
+        let depth = depths[i];
+        let ray =
+            [(points.column[i] - camera.center.x) * inverse_x, (points.row[i] - camera.center.y) * inverse_y, 1.0];
+        let plane = [points.plane[0][i], points.plane[1][i], points.plane[2][i]];
+        let normal = [turned(&columns, 0, plane), turned(&columns, 1, plane), turned(&columns, 2, plane)];
+        let side = if dot(normal, ray) > 0.0 { -1.0 } else { 1.0 };
+        let normal = [normal[0] * side, normal[1] * side, normal[2] * side];
+        let place = [ray[0] * depth, ray[1] * depth, depth];
+        for axis in 0..3 {
+            points.place_in_camera[axis][i] = place[axis];
+            points.normal_in_camera[axis][i] = normal[axis];
+            points.place[axis][i] = turned(&turn, axis, place) + viewpoint[axis];
+            points.normal[axis][i] = turned(&turn, axis, normal);
+        }
+    }
+}
+
+/// Turns of blocks of 2×2 pixels: neighbours get far-apart ones, and all sixteen come in every 4×4 blocks.
+const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+/// What each pixel of a block adds, modulo 16, so that nearly all turns come in 4×4 pixels too.
+const WITHIN: [[u8; 2]; 2] = [[0, 2], [3, 1]];

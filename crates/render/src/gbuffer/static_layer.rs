@@ -1,0 +1,237 @@
+//! Drawings that follow a scene from frame to frame: what rests is kept, what moves is drawn over it.
+//!
+//! Exact: the order of drawing does not matter to a [`VisibilityBuffer`], so it holds the same bits as one that is drawn anew.
+
+use std::ops::Range;
+
+use crate::raster::{SIDE, VisibilityBuffer};
+
+/// Pixels per side of the tiles whose changes are tracked.
+pub(crate) const TILE: usize = 8;
+
+/// The places of a tile's pixels in bits, row by row, that are set.
+#[inline(always)]
+pub(crate) fn each_place(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = (bits != 0).then_some(bits.trailing_zeros() as usize & (TILE * TILE - 1))?;
+        bits &= bits - 1;
+        Some(place)
+    })
+}
+
+/// Pixels, ends excluded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Rectangle {
+    pub columns: Range<usize>,
+    pub rows: Range<usize>,
+}
+
+impl Rectangle {
+    /// The pixels whose samples bounds in pixel coordinates may touch, within an image.
+    pub fn around(low: [f32; 2], high: [f32; 2], width: usize, height: usize) -> Self {
+        let span = |low: f32, high: f32, limit: usize| {
+            let from = (low - 1.0).max(0.0) as usize;
+            let to = (high + 2.0).max(0.0) as usize;
+            from.min(limit)..to.min(limit)
+        };
+        Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty() || self.rows.is_empty()
+    }
+
+    /// Columns of the tiles that it touches.
+    pub fn tile_columns(&self) -> Range<usize> {
+        if self.is_empty() { 0..0 } else { self.columns.start / TILE..self.columns.end.div_ceil(TILE) }
+    }
+
+    /// Rows of these tiles.
+    pub fn tile_rows(&self) -> Range<usize> {
+        if self.is_empty() { 0..0 } else { self.rows.start / TILE..self.rows.end.div_ceil(TILE) }
+    }
+}
+
+/// What becomes of a part between two frames.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Motion {
+    pub moved: bool,
+    /// Where it was drawn, and where it is.
+    pub before: Rectangle,
+    pub now: Rectangle,
+}
+
+/// A target and its layer of parts at rest.
+#[derive(Debug, Default)]
+pub(crate) struct LayeredBuffer {
+    pub target: VisibilityBuffer,
+    layer: VisibilityBuffer,
+    in_layer: Vec<bool>,
+    is_layered: bool,
+    /// Tiles in which something is drawn over the layer.
+    over: Vec<bool>,
+    pub tile_columns: usize,
+    pub tile_rows: usize,
+    /// Tiles that the last update may have changed.
+    pub changed: Vec<bool>,
+}
+
+impl LayeredBuffer {
+    /// Draws everything anew, `width` × `height` pixels with `scale`² samples each.
+    pub fn redraw<const IDS: bool>(
+        &mut self,
+        [width, height]: [usize; 2],
+        scale: usize,
+        parts: usize,
+        mut draw: impl FnMut(usize, &mut VisibilityBuffer),
+    ) {
+        clear::<IDS>(&mut self.target, [width, height], scale);
+        (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        self.changed.clear();
+        self.changed.resize(self.tile_columns * self.tile_rows, true);
+        self.is_layered = false;
+        for part in 0..parts {
+            draw(part, &mut self.target);
+        }
+    }
+
+    /// Draws what moved since the last drawing.
+    pub fn follow<const IDS: bool>(&mut self, motions: &[Motion], mut draw: impl FnMut(usize, &mut VisibilityBuffer)) {
+        self.changed.fill(false);
+        if !motions.iter().any(|motion| motion.moved) {
+            return;
+        }
+        let scale = self.target.scale;
+        let (width, height) = (self.target.width / scale, self.target.height / scale);
+        let leaves = |(motion, in_layer): (&Motion, &bool)| motion.moved && *in_layer;
+        let is_new = !self.is_layered || motions.iter().zip(&self.in_layer).any(leaves);
+        if is_new {
+            self.in_layer.clear();
+            self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
+            clear::<IDS>(&mut self.layer, [width, height], scale);
+            self.is_layered = true;
+            for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
+                draw(part, &mut self.layer);
+            }
+            self.over.clear();
+            self.over.resize(self.changed.len(), false);
+            self.target.share_covers(&self.layer);
+        }
+        for motion in motions.iter().filter(|motion| motion.moved) {
+            self.mark(&motion.before);
+            self.mark(&motion.now);
+        }
+        self.restore(is_new);
+        for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
+            draw(part, &mut self.target);
+        }
+        // Rectangles are generous: a tile that shows the layer alone as it did before has not changed.
+        for tile in 0..self.changed.len() {
+            if !self.changed[tile] {
+                continue;
+            }
+            let (column, row) = (tile % self.tile_columns * TILE, tile / self.tile_columns * TILE);
+            let columns = column * scale..(column + TILE).min(width) * scale;
+            let rows = row * scale..(row + TILE).min(height) * scale;
+            let differs = || self.target.differs(&self.layer, columns, rows);
+            let is_over = self.target.differs_from_cover(&self.layer, tile).unwrap_or_else(differs);
+            self.changed[tile] = is_new || is_over || self.over[tile];
+            self.over[tile] = is_over;
+        }
+    }
+
+    /// Takes the tiles that change from the layer; all of a new one, whose covers the others would not know.
+    fn restore(&mut self, is_new: bool) {
+        let scale = self.target.scale;
+        let (width, height) = (self.target.width, self.target.height);
+        for row in 0..self.tile_rows {
+            let rows = row * TILE * scale..((row + 1) * TILE * scale).min(height);
+            let mut column = 0;
+            while column < self.tile_columns {
+                let first = column;
+                // A tile with nothing drawn over it still shows the layer.
+                let mut is_copied = |column: usize| {
+                    let tile = row * self.tile_columns + column;
+                    let is_other = is_new || (self.changed[tile] && self.over[tile]);
+                    is_other && !self.target.take_cover(&self.layer, tile)
+                };
+                while column < self.tile_columns && is_copied(column) {
+                    column += 1;
+                }
+                if first < column {
+                    let columns = first * TILE * scale..(column * TILE * scale).min(width);
+                    self.target.copy_rectangle(&self.layer, columns, rows.clone());
+                }
+                column += 1;
+            }
+        }
+    }
+
+    /// Marks the tiles of a rectangle as changed.
+    pub fn mark(&mut self, rectangle: &Rectangle) {
+        for row in rectangle.tile_rows() {
+            self.changed[row * self.tile_columns..][rectangle.tile_columns()].fill(true);
+        }
+    }
+}
+
+/// Pixels along the longer side up to which nothing is gained by covers: few tiles show one triangle alone. Measured.
+const SMALL_PX: usize = 128;
+
+/// Clears a target to nothing; one whose tiles are those of covers holds these.
+pub(crate) fn clear<const IDS: bool>(target: &mut VisibilityBuffer, [width, height]: [usize; 2], scale: usize) {
+    if IDS && scale * TILE == SIDE && width.max(height) > SMALL_PX {
+        target.reset_covered(width, height);
+    } else {
+        target.reset::<IDS>(width, height, scale);
+    }
+}
+
+/// The tiles of some, whole rows of them, that are marked or next to one that is; so many stand in a row.
+pub(crate) fn marked_around(marks: &[bool], columns: usize, tiles: Range<usize>) -> Vec<usize> {
+    let mut found = Vec::new();
+    let mut near = vec![false; columns];
+    for first in tiles.step_by(columns.max(1)) {
+        near.fill(false);
+        for marks in marks[first.saturating_sub(columns)..(first + 2 * columns).min(marks.len())].chunks(columns) {
+            near.iter_mut().zip(marks).for_each(|(near, mark)| *near |= mark);
+        }
+        let is_near = |column: &usize| near[column.saturating_sub(1)..(column + 2).min(columns)].contains(&true);
+        found.extend((0..columns).filter(is_near).map(|column| first + column));
+    }
+    found
+}
+
+/// How many tiles of any rectangle are marked, in constant time (a summed-area table).
+#[derive(Debug, Default)]
+pub(crate) struct MarkCount {
+    columns: usize,
+    rows: usize,
+    sums: Vec<u32>,
+}
+
+impl MarkCount {
+    /// Counts the marks of a grid of tiles.
+    pub fn count(&mut self, marks: impl IntoIterator<Item = bool>, columns: usize, rows: usize) {
+        (self.columns, self.rows) = (columns, rows);
+        self.sums.clear();
+        self.sums.resize((columns + 1) * (rows + 1), 0);
+        let mut marks = marks.into_iter();
+        for row in 1..=rows {
+            let mut sum = 0;
+            for column in 1..=columns {
+                sum += u32::from(marks.next().unwrap_or(false));
+                self.sums[row * (columns + 1) + column] = self.sums[(row - 1) * (columns + 1) + column] + sum;
+            }
+        }
+    }
+
+    /// Whether any tile from column and row `from` to `to`, both included and cut at the grid's border, is marked.
+    pub fn any(&self, from: [isize; 2], to: [isize; 2]) -> bool {
+        let cut = |value: isize, limit: usize| value.clamp(0, limit as isize) as usize;
+        let (x0, x1) = (cut(from[0], self.columns), cut(to[0] + 1, self.columns));
+        let (y0, y1) = (cut(from[1], self.rows), cut(to[1] + 1, self.rows));
+        let at = |x: usize, y: usize| self.sums[y * (self.columns + 1) + x];
+        x0 < x1 && y0 < y1 && at(x1, y1) + at(x0, y0) > at(x0, y1) + at(x1, y0)
+    }
+}

@@ -1,0 +1,285 @@
+//! What the pixels' centres see, and what follows from it for each tile.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use std::ops::Range;
+
+use glam::Vec3A;
+use multiversion::multiversion;
+
+use super::{COARSE_TEXELS, LightBuffer, SAME_DEPTH, SEVERAL, TileSummary};
+use crate::ambient::ssao::MAX_REACH;
+use crate::gbuffer::points::MIXED;
+use crate::gbuffer::static_layer::TILE;
+use crate::gbuffer::view::{CameraView, View};
+use crate::raster::{TileCover, VisibilityBuffer};
+use crate::render_scene::RenderScene;
+use crate::scene::assets::TRIANGLE_BITS;
+use crate::shadow::map::MapFootprint;
+
+/// Kinds of surfaces, in bits: with a level top, and fixed ones other than the table.
+const WITH_TOP: u8 = 1;
+const FIXED: u8 = 2;
+
+impl LightBuffer {
+    /// Takes over what is seen in the tiles that changed.
+    pub fn see(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
+        let RenderScene { assets, shadow, variation, irradiance_grid, .. } = *scene;
+        self.changed.begin(changed);
+        let (camera, rays) = (&view.camera, Rays::new(&view.camera));
+        let kind = |surface: u16| {
+            let with_top = if shadow.planar_receivers().of(surface).is_some() { WITH_TOP } else { 0 };
+            with_top | if irradiance_grid.is_fixed(surface) { FIXED } else { 0 }
+        };
+        let kinds: Vec<u8> = (0..=assets.parts.len() as u16).map(kind).collect();
+        for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
+            let [columns, rows] = self.pixels_of(tile);
+            let TileContents { reversed_z: [low, high], first, differ, differ_all } =
+                self.see_tile(opaque, tile, columns.clone(), rows.clone());
+            let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
+            let mut kind = 0;
+            if surface != SEVERAL {
+                kind = kinds[usize::from(surface)];
+            } else {
+                for row in rows.clone() {
+                    let surfaces = &self.surface[row * self.width..][columns.clone()];
+                    kind = surfaces.iter().fold(kind, |kind, &surface| kind | kinds[usize::from(surface)]);
+                }
+            }
+            // What the pixels at the corners see.
+            let corners = || {
+                let (right, bottom) = (columns.end - 1, rows.end - 1);
+                [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
+                    .map(|(x, y)| rays.point_at(x, y, self.depth[y * self.width + x]))
+            };
+            let top = shadow.planar_receivers().of(surface).and_then(|top| {
+                let corners = corners();
+                let is_whole = corners.iter().all(|place| top.holds(place.z));
+                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
+            });
+            // The light on a level top is read from the top.
+            let footprint = if top.is_some() || !shadow.is_on() || high == 0.0 {
+                MapFootprint::default()
+            } else if differ == 0
+                && let Some(normal) = view.normal_of(assets, first)
+            {
+                shadow.footprint_of_plane(corners().into_iter(), normal)
+            } else {
+                let depths = [1.0 / low, 1.0 / high];
+                let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
+                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| rays.point_at(x, y, depth)))
+                });
+                shadow.footprint_of(corners)
+            };
+            let reach = (variation.occlusion_radius_m * camera.focal.x * high).clamp(3.0, MAX_REACH);
+            self.only[tile] = if differ_all == 0 { first } else { MIXED };
+            self.tiles[tile] = TileSummary {
+                surface,
+                reach: reach as u16 + 2,
+                footprint,
+                top,
+                has_top: top.is_none() && kind & WITH_TOP != 0,
+                has_fixed: kind & FIXED != 0,
+                is_coarse: high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * camera.focal.x * low,
+                is_planar: surface != SEVERAL && high < (1.0 + SAME_DEPTH) * low,
+                low,
+            };
+        }
+        self.find_alike();
+    }
+
+    /// Takes over what is seen in a tile.
+    fn see_tile(
+        &mut self,
+        opaque: &VisibilityBuffer,
+        tile: usize,
+        columns: Range<usize>,
+        rows: Range<usize>,
+    ) -> TileContents {
+        let first = rows.start * self.width + columns.start;
+        let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
+        let seen = Seen {
+            width: self.width,
+            depth: &mut self.depth[first..],
+            ids: &mut self.ids[first..],
+            surface: &mut self.surface[first..],
+        };
+        if columns.len() != TILE || rows.len() != TILE {
+            return see_part(opaque, columns, rows, seen);
+        }
+        let Some(cover) = opaque.cover(tile) else {
+            let samples = (&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride);
+            return match opaque.scale {
+                1 => see_stored::<1>(samples, seen),
+                2 => see_stored::<2>(samples, seen),
+                _ => see_stored::<4>(samples, seen),
+            };
+        };
+        let reversed_z = see_cover(cover, columns.start, self.width, &mut self.depth[first..]);
+        // What shows the same triangle as before everywhere has its ids.
+        if self.only[tile] != cover.id {
+            for row in rows {
+                let pixels = row * self.width + columns.start..row * self.width + columns.end;
+                self.ids[pixels.clone()].fill(cover.id);
+                self.surface[pixels].fill((cover.id >> TRIANGLE_BITS) as u16);
+            }
+        }
+        TileContents { reversed_z, first: cover.id, differ: 0, differ_all: 0 }
+    }
+}
+
+/// Directions in which a camera sees, in the world.
+#[derive(Clone, Copy)]
+struct Rays {
+    viewpoint: Vec3A,
+    /// At the pixel at the origin, and what a column and a row add.
+    first: Vec3A,
+    across: Vec3A,
+    down: Vec3A,
+}
+
+impl Rays {
+    fn new(camera: &CameraView) -> Self {
+        let origin = (-camera.center / camera.focal).extend(1.0);
+        let [across, down] = [camera.turn.x_axis / camera.focal.x, camera.turn.y_axis / camera.focal.y];
+        Self { viewpoint: camera.viewpoint, first: camera.turn * Vec3A::from(origin), across, down }
+    }
+
+    fn point_at(&self, column: usize, row: usize, depth: f32) -> Vec3A {
+        let [x, y] = [column, row].map(|at| at as i32 as f32);
+        self.viewpoint + (self.first + self.across * x + self.down * y) * depth
+    }
+}
+
+/// What the centres of the pixels of a tile see.
+struct TileContents {
+    /// Smallest and largest reversed_z of what is there.
+    reversed_z: [f32; 2],
+    /// Id of the first pixel's centre.
+    first: u32,
+    /// The bits in which ids of centres, and of all samples, differ from it.
+    differ: u32,
+    differ_all: u32,
+}
+
+/// What the centres of pixels see, from the first one of a tile on, to be written.
+struct Seen<'a> {
+    /// Pixels per row.
+    width: usize,
+    depth: &'a mut [f32],
+    ids: &'a mut [u32],
+    surface: &'a mut [u16],
+}
+
+/// Writes the depths of a tile, which begins at a column of the picture, that a triangle covers; returns the smallest and
+/// largest reversed_z of what is there.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn see_cover(cover: &TileCover, column: usize, width: usize, depth: &mut [f32]) -> [f32; 2] {
+    let mut extent = Extent::default();
+    for row in 0..TILE {
+        let near = cover.line::<TILE, 2>(2 * row, 2 * column);
+        extent.widen(&near);
+        if let Some(out) = depth[row * width..].first_chunk_mut() {
+            *out = depths_of(&near);
+        }
+    }
+    extent.reversed_z()
+}
+
+/// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn see_stored<const SCALE: usize>((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
+    let first = ids[0];
+    let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
+    for row in 0..TILE {
+        let (mut own, mut near) = ([0; TILE], [0.0; TILE]);
+        for step in 0..SCALE {
+            let line = &ids[(row * SCALE + step) * stride..][..TILE * SCALE];
+            for ids in line.as_chunks::<TILE>().0 {
+                (0..TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first);
+            }
+        }
+        let at = row * SCALE * stride;
+        let (line, reversed_z) = (&ids[at..][..TILE * SCALE], &reversed_z[at..][..TILE * SCALE]);
+        for column in 0..TILE {
+            (own[column], near[column]) = (line[column * SCALE], reversed_z[column * SCALE]);
+        }
+        extent.widen(&near);
+        let pixel = row * seen.width;
+        let (depth, ids, surface) = (
+            seen.depth[pixel..].first_chunk_mut(),
+            seen.ids[pixel..].first_chunk_mut(),
+            seen.surface[pixel..].first_chunk_mut::<TILE>(),
+        );
+        if let (Some(depth), Some(ids), Some(surface)) = (depth, ids, surface) {
+            (*depth, *ids) = (depths_of(&near), own);
+            for column in 0..TILE {
+                surface[column] = (own[column] >> TRIANGLE_BITS) as u16;
+                differ[column] |= own[column] ^ first;
+            }
+        }
+    }
+    let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);
+    TileContents { reversed_z: extent.reversed_z(), first, differ: any(&differ), differ_all: any(&differ_all) }
+}
+
+/// Takes over what is seen in a tile that ends where the picture does.
+#[cold]
+fn see_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
+    let scale = opaque.scale;
+    let (first, _) = opaque.sample(columns.start * scale, rows.start * scale);
+    let (mut extent, mut differ, mut differ_all) = (Extent::default(), 0, 0);
+    for (y, row) in rows.enumerate() {
+        for (x, column) in columns.clone().enumerate() {
+            let (id, near) = opaque.sample(column * scale, row * scale);
+            let pixel = y * seen.width + x;
+            (seen.depth[pixel], seen.ids[pixel]) = (depths_of(&[near])[0], id);
+            seen.surface[pixel] = (id >> TRIANGLE_BITS) as u16;
+            extent.widen(&[near; TILE]);
+            differ |= id ^ first;
+            for step in 0..scale * scale {
+                differ_all |= opaque.sample(column * scale + step % scale, row * scale + step / scale).0 ^ first;
+            }
+        }
+    }
+    TileContents { reversed_z: extent.reversed_z(), first, differ, differ_all }
+}
+
+/// Depths where the reversed_z is known, 0 for nothing.
+#[inline(always)]
+fn depths_of<const N: usize>(near: &[f32; N]) -> [f32; N] {
+    let mut depths = [0.0; N];
+    for i in 0..N {
+        depths[i] = if near[i] > 0.0 { 1.0 / near[i] } else { 0.0 };
+    }
+    depths
+}
+
+/// Smallest and largest reversed_z of what is there, column by column.
+struct Extent {
+    low: [f32; TILE],
+    high: [f32; TILE],
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self { low: [f32::INFINITY; TILE], high: [0.0; TILE] }
+    }
+}
+
+impl Extent {
+    #[inline(always)]
+    fn widen(&mut self, near: &[f32; TILE]) {
+        for column in 0..TILE {
+            let (near, low, high) = (near[column], self.low[column], self.high[column]);
+            self.low[column] = if (near > 0.0) & (near < low) { near } else { low };
+            self.high[column] = if near > high { near } else { high };
+        }
+    }
+
+    #[inline(always)]
+    fn reversed_z(&self) -> [f32; 2] {
+        let low = self.low.iter().fold(f32::INFINITY, |low, &near| if near < low { near } else { low });
+        [low, self.high.iter().fold(0.0, |high, &near| if near > high { near } else { high })]
+    }
+}

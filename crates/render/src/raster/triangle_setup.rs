@@ -1,0 +1,235 @@
+//! Triangles made ready for drawing, many at a time.
+
+use std::ops::Range;
+
+use super::span::{DepthGradient, Span};
+use super::{Corner, area_of, extremes, first_sample};
+
+/// Corners of triangles, component by component.
+pub(super) struct Corners<const N: usize> {
+    pub x: [[f32; N]; 3],
+    pub y: [[f32; N]; 3],
+    pub reversed_z: [[f32; N]; 3],
+}
+
+/// Sides of triangles, and their reversed_z as a linear function of the place.
+pub(super) struct TriangleSetup<const N: usize> {
+    /// The upper end of the long side, and that of the lower short side.
+    pub top: [[f32; N]; 2],
+    pub middle: [[f32; N]; 2],
+    /// Columns per row: of the long side, and of the upper and lower short one.
+    pub slopes: [[f32; N]; 3],
+    /// All bits where the long side is on the left, else none.
+    pub long_is_left: [u32; N],
+    /// First row, first row of the lower short side, and the row after the last.
+    pub rows: [[u32; N]; 3],
+    /// First column, and the column after the last.
+    pub columns: [[u32; N]; 2],
+    /// Reversed z at the origin of the image, in double precision: corners may lie far outside it.
+    pub constant: [f64; N],
+    pub dx: [f32; N],
+    pub dy: [f32; N],
+    /// Bounds over the corners: rounding on a sliver must not leave them.
+    pub low: [f32; N],
+    pub high: [f32; N],
+}
+
+impl<const N: usize> Default for Corners<N> {
+    fn default() -> Self {
+        Self { x: [[0.0; N]; 3], y: [[0.0; N]; 3], reversed_z: [[0.0; N]; 3] }
+    }
+}
+
+impl<const N: usize> Corners<N> {
+    #[inline(always)]
+    pub fn put(&mut self, at: usize, corners: [&Corner; 3]) {
+        for (index, corner) in corners.into_iter().enumerate() {
+            self.x[index][at] = corner.x;
+            self.y[index][at] = corner.y;
+            self.reversed_z[index][at] = corner.reversed_z;
+        }
+    }
+
+    /// With so many samples per pixel, on an image of so many columns and rows of samples.
+    #[inline(always)]
+    pub fn setup(&self, scale: f32, [width, height]: [usize; 2]) -> TriangleSetup<N> {
+        let (none, no_rows) = ([0.0; N], [0; N]);
+        let mut out = TriangleSetup {
+            top: [none; 2],
+            middle: [none; 2],
+            slopes: [none; 3],
+            long_is_left: no_rows,
+            rows: [no_rows; 3],
+            columns: [no_rows; 2],
+            constant: [0.0; N],
+            dx: none,
+            dy: none,
+            low: none,
+            high: none,
+        };
+        for i in 0..N {
+            let corner = |index: usize| Corner {
+                x: self.x[index][i] * scale,
+                y: self.y[index][i] * scale,
+                reversed_z: self.reversed_z[index][i],
+            };
+            let (a, b, c) = (corner(0), corner(1), corner(2));
+            let area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
+            let (a, b, area) = sorted(a, b, area);
+            let (a, c, area) = sorted(a, c, area);
+            let (b, c, area) = sorted(b, c, area);
+            let slope = |from: Corner, to: Corner| (to.x - from.x) / (to.y - from.y);
+            (out.top[0][i], out.top[1][i]) = (a.x, a.y);
+            (out.middle[0][i], out.middle[1][i]) = (b.x, b.y);
+            (out.slopes[0][i], out.slopes[1][i], out.slopes[2][i]) = (slope(a, c), slope(a, b), slope(b, c));
+            out.long_is_left[i] = if area > 0.0 { u32::MAX } else { 0 };
+            let (first, end) = (first_sample(a.y, height), first_sample(c.y, height));
+            out.rows[0][i] = first;
+            out.rows[1][i] = first_sample(b.y, height);
+            out.rows[2][i] = if area == 0.0 { first } else { end };
+            // The crossing of a side with a row is rounded.
+            let (left, right) = extremes(a.x, b.x, c.x);
+            (out.columns[0][i], out.columns[1][i]) =
+                (first_sample(left - 1.0, width), first_sample(right + 1.0, width));
+            let inverse = 1.0 / area;
+            let (ab, ac) = (b.reversed_z - a.reversed_z, c.reversed_z - a.reversed_z);
+            (out.low[i], out.high[i]) = extremes(a.reversed_z, b.reversed_z, c.reversed_z);
+            let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
+            let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
+            let [x, y] = [a.x, a.y].map(f64::from);
+            out.constant[i] = (-x).mul_add(f64::from(dx), (-y).mul_add(f64::from(dy), f64::from(a.reversed_z)));
+            (out.dx[i], out.dy[i]) = (dx, dy);
+        }
+        out
+    }
+}
+
+/// Two corners, the upper one first, and the area, whose sign follows their order.
+#[inline(always)]
+fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
+    let swap = b.y < a.y;
+    let pick = |first: f32, second: f32| if swap { second } else { first };
+    let upper = Corner { x: pick(a.x, b.x), y: pick(a.y, b.y), reversed_z: pick(a.reversed_z, b.reversed_z) };
+    let lower = Corner { x: pick(b.x, a.x), y: pick(b.y, a.y), reversed_z: pick(b.reversed_z, a.reversed_z) };
+    (upper, lower, pick(area, -area))
+}
+
+/// A triangle ready for drawing.
+pub(super) struct Triangle {
+    top: [f32; 2],
+    middle: [f32; 2],
+    slopes: [f32; 3],
+    long_is_left: u32,
+    /// As of [`TriangleSetup`].
+    pub rows: [u32; 3],
+    pub columns: [u32; 2],
+    pub gradient: DepthGradient,
+}
+
+impl<const N: usize> TriangleSetup<N> {
+    /// One of them.
+    #[inline(always)]
+    pub fn triangle(&self, i: usize) -> Triangle {
+        Triangle {
+            top: self.top.each_ref().map(|list| list[i]),
+            middle: self.middle.each_ref().map(|list| list[i]),
+            slopes: self.slopes.each_ref().map(|list| list[i]),
+            long_is_left: self.long_is_left[i],
+            rows: self.rows.each_ref().map(|list| list[i]),
+            columns: self.columns.each_ref().map(|list| list[i]),
+            gradient: DepthGradient {
+                constant: self.constant[i],
+                dx: self.dx[i],
+                dy: self.dy[i],
+                low: self.low[i],
+                high: self.high[i],
+            },
+        }
+    }
+}
+
+/// Some rows of a triangle.
+pub(super) struct Spans<const ROWS: usize> {
+    /// Samples.
+    pub starts: [u32; ROWS],
+    counts: [u32; ROWS],
+    /// Samples from where the reversed_z is that of `values` to the first one.
+    pub offsets: [f32; ROWS],
+    pub values: [f32; ROWS],
+}
+
+impl Triangle {
+    /// Its rows from one on, in a target so many samples wide with so many per pixel along an axis; what lies beyond its
+    /// own rows means nothing.
+    #[inline(always)]
+    pub fn spans_from<const ROWS: usize>(&self, first: u32, width: usize, scale: u32) -> Spans<ROWS> {
+        let (dx, dy) = (f64::from(self.gradient.dx), f64::from(self.gradient.dy));
+        let ([top_x, top_y], [middle_x, middle_y]) = (self.top, self.middle);
+        let [long_slope, upper_slope, lower_slope] = self.slopes;
+        let (none, zero) = ([0; ROWS], [0.0; ROWS]);
+        let mut rows = Spans { starts: none, counts: none, offsets: zero, values: zero };
+        for i in 0..ROWS {
+            let row = first + i as u32;
+            let y = row as i32 as f32;
+            let long_x = (y - top_y).mul_add(long_slope, top_x);
+            let upper_x = (y - top_y).mul_add(upper_slope, top_x);
+            let lower_x = (y - middle_y).mul_add(lower_slope, middle_x);
+            let short_x = if row < self.rows[1] { upper_x } else { lower_x };
+            // Exchanged bit by bit: a branch would be taken for every other triangle.
+            let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & self.long_is_left;
+            let left = f32::from_bits(short_x.to_bits() ^ exchanged);
+            let right = f32::from_bits(long_x.to_bits() ^ exchanged);
+            let start = first_sample(left, width);
+            rows.starts[i] = start;
+            rows.counts[i] = first_sample(right, width).max(start) - start;
+            // Counted from the same pixel whatever the number of samples.
+            let pixel = (start + scale - 1) & !(scale - 1);
+            rows.offsets[i] = (start as i32 - pixel as i32) as f32;
+            let begin = f64::from(row as i32).mul_add(dy, self.gradient.constant);
+            rows.values[i] = f64::from(pixel as i32).mul_add(dx, begin) as f32;
+        }
+        rows
+    }
+}
+
+impl<const ROWS: usize> Spans<ROWS> {
+    /// One of them, which begins at a sample of the target.
+    #[inline(always)]
+    pub fn row(&self, i: usize, at: usize) -> Span {
+        Span {
+            first: at + self.starts[i] as usize,
+            count: self.counts[i] as usize,
+            offset: self.offsets[i],
+            value: self.values[i],
+        }
+    }
+
+    /// The same between two columns.
+    #[inline(always)]
+    pub fn part(&self, i: usize, at: usize, [left, right]: [u32; 2]) -> Span {
+        let start = self.starts[i].max(left);
+        let end = (self.starts[i] + self.counts[i]).min(right);
+        Span {
+            first: at + start as usize,
+            count: end.saturating_sub(start) as usize,
+            offset: self.offsets[i] + (start - self.starts[i]) as i32 as f32,
+            value: self.values[i],
+        }
+    }
+
+    /// First and last column, the latter excluded, that any of some rows cover, and those that all rows cover.
+    #[inline(always)]
+    pub fn extent(&self, own: &Range<usize>) -> [[u32; 2]; 2] {
+        let (mut outer, mut inner) = ([u32::MAX, 0], [0, u32::MAX]);
+        let own = own.start as u32..own.end as u32;
+        for i in 0..ROWS {
+            let is_own = (i as u32 >= own.start) & ((i as u32) < own.end) & (self.counts[i] > 0);
+            let (start, end) = (self.starts[i], self.starts[i] + self.counts[i]);
+            outer[0] = outer[0].min(if is_own { start } else { u32::MAX });
+            outer[1] = outer[1].max(if is_own { end } else { 0 });
+            inner[0] = inner[0].max(if is_own { start } else { u32::MAX });
+            inner[1] = inner[1].min(if is_own { end } else { 0 });
+        }
+        [outer, inner]
+    }
+}

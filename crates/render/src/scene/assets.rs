@@ -1,0 +1,235 @@
+//! Everything that can be drawn and does not change during a scenario.
+
+use std::sync::Arc;
+
+use genmanip_core::{Frame, ObjectModel, Pose, RobotModel, VisualPart, World};
+use glam::Vec3A;
+
+use crate::error::RenderError;
+use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
+use crate::scene::body_shape::BodyShape;
+use crate::scene::fixtures;
+use crate::scene::material::Material;
+use crate::scene::mesh::Mesh;
+
+/// Meshes, materials and textures of a robot, its objects and the table: immutable, shared by all frames of a scenario.
+#[derive(Debug)]
+pub struct RenderAssets {
+    pub(crate) parts: Vec<Part>,
+    robot: Option<Arc<RobotModel>>,
+    objects: Vec<Arc<ObjectModel>>,
+    body_count: usize,
+    /// By body.
+    shapes: Vec<Option<BodyShape>>,
+    pads: Vec<Pad>,
+}
+
+/// A part of a finger that is not of metal.
+#[derive(Debug)]
+pub(crate) struct Pad {
+    pub body: usize,
+    /// Box around it in the body's frame.
+    pub shape: BodyShape,
+    /// Linear.
+    pub color: Vec3A,
+}
+
+/// One mesh of one material, in the frame of its body.
+#[derive(Debug)]
+pub struct Part {
+    /// Index into the frame's body poses; `None` is fixed in the world.
+    pub body: Option<usize>,
+    pub instance: u16,
+    pub mesh: Arc<Mesh>,
+    /// Known to be convex: cannot darken itself.
+    pub convex: bool,
+    pub casts_shadow: bool,
+    /// Whether something transparent faces outwards, as the outside of a cup does, but not its inside or rim.
+    pub faces_out: bool,
+    pub surface: Material,
+}
+
+/// Bits of a visibility id that name the triangle; the others name the part, plus one.
+pub(crate) const TRIANGLE_BITS: u32 = 20;
+
+impl RenderAssets {
+    /// Collects what a scenario shows; without a world, nothing but robot and objects. Object `i` gets instance id [`FIRST_OBJECT`]` + i`.
+    ///
+    /// # Errors
+    /// A mesh with an index beyond its corners, or more parts or triangles than ids can tell apart.
+    pub fn new(
+        robot: Arc<RobotModel>,
+        objects: &[Arc<ObjectModel>],
+        world: Option<&World>,
+    ) -> Result<Arc<Self>, RenderError> {
+        Self::collect(Some(robot), objects, world)
+    }
+
+    /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
+    ///
+    /// # Errors
+    /// As [`RenderAssets::new`].
+    pub fn without_robot(objects: &[Arc<ObjectModel>], world: Option<&World>) -> Result<Arc<Self>, RenderError> {
+        Self::collect(None, objects, world)
+    }
+
+    fn collect(
+        robot: Option<Arc<RobotModel>>,
+        objects: &[Arc<ObjectModel>],
+        world: Option<&World>,
+    ) -> Result<Arc<Self>, RenderError> {
+        let mut parts = Vec::new();
+        for fixed in world.map(fixtures::visuals).unwrap_or_default() {
+            let part = Part::new(&fixed.visual, "surroundings", None, TABLE)?;
+            let surface = Material { is_table: fixed.is_table, ..part.surface };
+            parts.push(Part { surface, convex: true, casts_shadow: fixed.casts_shadow, ..part });
+        }
+        let mut body = 0;
+        for link in robot.iter().flat_map(|robot| &robot.links) {
+            for visual in &link.visual {
+                parts.push(Part::new(visual, &link.name, Some(body), ROBOT)?);
+            }
+            body += 1;
+        }
+        for (index, object) in objects.iter().enumerate() {
+            let too_many = RenderError::TooLarge { what: "objects", got: objects.len(), limit: 60_000 };
+            let instance = u16::try_from(index).ok().filter(|&i| i < 60_000).ok_or(too_many)? + FIRST_OBJECT;
+            for link in &object.links {
+                for visual in &link.visual {
+                    parts.push(Part::new(visual, &object.card.uid, Some(body), instance)?);
+                }
+                body += 1;
+            }
+        }
+        let limit = (1 << (32 - TRIANGLE_BITS)) - 2;
+        if parts.len() > limit {
+            return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
+        }
+        let shapes = shapes(&parts, body);
+        let pads = robot.as_ref().map_or_else(Vec::new, |robot| pads(&parts, robot));
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads }))
+    }
+
+    /// Meshes of one material each; see [`crate::internals`].
+    #[doc(hidden)]
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Number of poses in a [`FrameState`]: links of the robot and of all objects.
+    pub fn body_count(&self) -> usize {
+        self.body_count
+    }
+
+    /// What the opaque parts of a body are like; `None` without any.
+    pub(crate) fn shape_of(&self, body: usize) -> Option<&BodyShape> {
+        self.shapes[body].as_ref()
+    }
+
+    /// Of the robot's fingers, whose metal mirrors them.
+    pub(crate) fn pads(&self) -> &[Pad] {
+        &self.pads
+    }
+
+    /// Number of the robot's bodies, which come first.
+    pub(crate) fn robot_bodies(&self) -> usize {
+        self.robot.as_ref().map_or(0, |robot| robot.links.len())
+    }
+
+    /// Number of triangles of everything together.
+    pub fn triangle_count(&self) -> usize {
+        self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
+    }
+
+    /// Poses of all bodies from joint positions, the opening width between the pads,
+    /// and `world_from_object` with joint positions for each object.
+    ///
+    /// # Errors
+    /// When the number of objects is not that of the assets.
+    pub fn frame_state<'a>(
+        &self,
+        arm: &[f64],
+        gripper_width: f64,
+        objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
+    ) -> Result<FrameState, RenderError> {
+        let mut body_poses = self.robot.as_ref().map_or_else(Vec::new, |robot| robot.link_poses(arm, gripper_width));
+        let mut count = 0;
+        for (world_from_object, joint_positions) in objects {
+            if let Some(model) = self.objects.get(count) {
+                let links = model.link_poses(joint_positions);
+                body_poses.extend(links.into_iter().map(|object_from_link| world_from_object * object_from_link));
+            }
+            count += 1;
+        }
+        if count != self.objects.len() {
+            return Err(RenderError::ObjectCount { expected: self.objects.len(), got: count });
+        }
+        Ok(FrameState { body_poses })
+    }
+
+    /// Poses of all bodies at a recorded frame whose objects are those of the assets, in the same order.
+    ///
+    /// # Errors
+    /// As [`RenderAssets::frame_state`].
+    pub fn frame_state_of(&self, frame: &Frame) -> Result<FrameState, RenderError> {
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        self.frame_state(&frame.joint_position, frame.gripper_width, objects)
+    }
+
+    /// `world_from_hand` at a frame, to which hand cameras are mounted; the world's origin without a robot.
+    pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
+        let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
+        hand.copied().unwrap_or_default()
+    }
+}
+
+/// Of the opaque parts of each body.
+fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
+    let mut meshes = vec![Vec::new(); bodies];
+    for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
+        if let Some(own) = part.body.and_then(|body| meshes.get_mut(body)) {
+            own.push(&*part.mesh);
+        }
+    }
+    meshes.iter().map(|meshes| BodyShape::of(meshes)).collect()
+}
+
+fn pads(parts: &[Part], robot: &RobotModel) -> Vec<Pad> {
+    let pads = parts.iter().filter(|part| part.surface.metallic == 0.0 && !part.is_transparent()).filter_map(|part| {
+        let body = part.body.filter(|body| robot.gripper.fingers.contains(body))?;
+        Some(Pad { body, shape: BodyShape::of(&[&part.mesh])?, color: part.surface.mean_color() })
+    });
+    pads.collect()
+}
+
+impl Part {
+    fn new(visual: &VisualPart, body_name: &str, body: Option<usize>, instance: u16) -> Result<Self, RenderError> {
+        let mesh = &*visual.render_mesh;
+        let corners = mesh.positions.len();
+        if let Some(&index) = mesh.triangles.iter().flatten().find(|&&index| index as usize >= corners) {
+            return Err(RenderError::BadMesh { body: body_name.into(), part: visual.name.clone(), index, corners });
+        }
+        let limit = 1 << TRIANGLE_BITS;
+        if mesh.triangles.len() > limit {
+            return Err(RenderError::TooLarge { what: "triangles in one mesh", got: mesh.triangles.len(), limit });
+        }
+        if !mesh.positions.iter().all(|position| position.is_finite()) {
+            return Err(RenderError::NotFinite {
+                what: format!("a corner of part `{}` of `{body_name}`", visual.name),
+            });
+        }
+        let mesh = Mesh::shared(&visual.render_mesh, &visual.link_from_part);
+        let surface = Material::new(&visual.material);
+        let faces_out = surface.opacity < 1.0 && mesh.faces_out();
+        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })
+    }
+
+    /// Whether only the sides of triangles that face the viewer can be seen, at a level of detail.
+    pub fn hides_back(&self, mesh: &Mesh) -> bool {
+        mesh.closed && !self.is_transparent()
+    }
+
+    pub fn is_transparent(&self) -> bool {
+        self.surface.opacity < 1.0
+    }
+}

@@ -1,0 +1,80 @@
+//! What a body's opaque parts are like as a whole.
+
+use glam::Vec3;
+
+use crate::scene::mesh::Mesh;
+
+/// The box around a body's opaque parts, in its frame, and how they fill it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BodyShape {
+    /// Corners, metres.
+    pub low: Vec3,
+    pub high: Vec3,
+    /// Whether its corners reach those of the box.
+    pub is_box: bool,
+    /// Whether any of it faces its own middle, and whether much of it does, as the inside of a bowl.
+    pub has_inside: bool,
+    pub is_concave: bool,
+}
+
+/// Sum of the distances of the outermost corner from the middle along the axes, each as a share of half the side, from
+/// which a body is a box: 3 for a box, 2.4 for an upright cylinder, 1.7 for an ellipsoid. Chosen.
+const BOX: f32 = 2.7;
+/// Share of the surface that faces the middle from which a body is cavity: none of a box or a ball, half of a bowl. Chosen.
+const HOLLOW: f32 = 0.3;
+/// The same for any: more than rounding, less than the dimple of an apple. Chosen.
+const INSIDE: f32 = 1e-3;
+
+impl BodyShape {
+    /// Of a body of these meshes; `None` without any.
+    pub fn of(meshes: &[&Mesh]) -> Option<Self> {
+        let corners = || meshes.iter().flat_map(|mesh| &mesh.positions).copied();
+        let (low, high) = corners().map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
+        let (middle, half) = ((low + high) * 0.5, ((high - low) * 0.5).max(Vec3::splat(1e-4)));
+        let outermost = corners().map(|at| ((at - middle) / half).abs().element_sum()).fold(0.0, f32::max);
+        let (mut inward, mut all) = (0.0, 0.0);
+        for mesh in meshes {
+            for triangle in &mesh.triangles {
+                let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
+                let across = (b - a).cross(c - a);
+                let area = across.length();
+                all += area;
+                inward += if across.dot(middle - (a + b + c) / 3.0) > 0.0 { area } else { 0.0 };
+            }
+        }
+        let (has_inside, is_concave) = (inward > INSIDE * all, inward > HOLLOW * all);
+        Some(Self { low, high, is_box: outermost > BOX, has_inside, is_concave })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use genmanip_assets::Catalogue;
+    use genmanip_core::ObjectModel;
+
+    use crate::RenderAssets;
+
+    /// Things of the catalogue by what they are called.
+    #[test]
+    fn boxes_and_bowls_are_told_by_their_meshes() {
+        let catalogue = Catalogue::builtin();
+        let shape_of = |kind: &str| {
+            let card = catalogue.cards().iter().find(|card| card.category == kind).expect(kind);
+            let model: Arc<ObjectModel> = catalogue.build(&card.uid).unwrap();
+            *RenderAssets::without_robot(&[model], None).unwrap().shape_of(0).unwrap()
+        };
+        for (kind, is_box, is_concave) in [
+            ("cube", true, false),
+            ("book", true, false),
+            ("apple", false, false),
+            ("food tin", false, false),
+            ("bowl", false, true),
+            ("mug", false, true),
+        ] {
+            let shape = shape_of(kind);
+            assert_eq!([shape.is_box, shape.is_concave], [is_box, is_concave], "{kind}: {shape:?}");
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! What stands around the robot: the support surfaces of a world.
+
+use genmanip_core::{Material, SupportSurface, TriMesh, VisualPart, World};
+use glam::{Vec2, Vec3};
+
+use crate::scene::table_tops::{TOP_SIZE_M, TableTop};
+
+/// Radius of the rounded edges of a slab, metres.
+const EDGE_RADIUS_M: f32 = 0.012;
+/// Half the width of a leg, and how far its middle is inside the edges, metres.
+const LEG_HALF_M: f32 = 0.03;
+const LEG_INSET_M: f32 = 0.08;
+
+/// Something fixed that is drawn.
+pub(crate) struct Fixture {
+    /// Where it lies in the world is its `link_from_part`.
+    pub visual: VisualPart,
+    /// Whether it is the table's slab, which takes the top of a variation.
+    pub is_table: bool,
+    /// Whether it casts shadows; the table does not, since nothing is seen below it.
+    pub casts_shadow: bool,
+}
+
+/// Surfaces to draw, in the world frame.
+pub(crate) fn visuals(world: &World) -> Vec<Fixture> {
+    let mut fixed = Vec::new();
+    for (index, surface) in world.surfaces.iter().enumerate() {
+        let is_table = index == 0;
+        let mut add = |mesh: TriMesh, material: Material, is_slab: bool| {
+            fixed.push(Fixture {
+                visual: VisualPart::new(&surface.id, mesh, material, surface.world_from_surface()),
+                is_table: is_table && is_slab,
+                casts_shadow: !is_table,
+            });
+        };
+        let paint = || Material::plain([0.80, 0.81, 0.82], 0.5);
+        add(slab(surface), if is_table { TableTop::default().material() } else { paint() }, true);
+        for board in &surface.boards {
+            let (center, half) = (board.center_m.as_vec3(), board.size_m.as_vec3() * 0.5);
+            let mut mesh = TriMesh::default();
+            push_box(&mut mesh, center - half, center + half);
+            add(mesh, paint(), false);
+        }
+        if surface.legs {
+            add(legs(surface, world.floor_z_m), Material::plain([0.32, 0.33, 0.35], 0.5), false);
+        }
+    }
+    fixed
+}
+
+/// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by flat faces.
+/// In the surface's frame; the texture is fixed in the world, as long as the slab is not turned.
+fn slab(surface: &SupportSurface) -> TriMesh {
+    const QUARTER: usize = 8;
+    let size = surface.size_m.as_vec3();
+    let radius = EDGE_RADIUS_M.min(size.min_element() / 5.0).max(1e-4);
+    let corner_radius = radius * 2.5;
+    let (low, high) = (size.truncate() * -0.5, size.truncate() * 0.5);
+    let texture_offset = surface.top_center_m.as_vec3().truncate();
+    let quarter_angle = |step: usize| step as f32 / QUARTER as f32 * std::f32::consts::FRAC_PI_2;
+    let outline: Vec<(Vec2, Vec2)> = [(1.0, 1.0, 0.0), (-1.0, 1.0, 1.0), (-1.0, -1.0, 2.0), (1.0, -1.0, 3.0)]
+        .iter()
+        .flat_map(|&(sx, sy, quarter)| {
+            let x = if sx > 0.0 { high.x - corner_radius } else { low.x + corner_radius };
+            let y = if sy > 0.0 { high.y - corner_radius } else { low.y + corner_radius };
+            (0..=QUARTER).map(move |step| {
+                let outward = Vec2::from_angle(quarter * std::f32::consts::FRAC_PI_2 + quarter_angle(step));
+                (Vec2::new(x, y), outward)
+            })
+        })
+        .collect();
+    // Rings from the upper face over the edge to the lower face: (inset from the side, z, slope of the normal).
+    let upper = (0..=QUARTER).map(|step| (quarter_angle(step), -radius));
+    let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - size.z));
+    let mut mesh = TriMesh::default();
+    let mut push = |position: Vec3, normal: Vec3| {
+        // The lower side and the edge continue the picture of the top.
+        let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
+        mesh.positions.push(position);
+        mesh.normals.push(normal);
+        mesh.uvs.push((position.truncate() + along + texture_offset) / TOP_SIZE_M);
+    };
+    let count = outline.len() as u32;
+    let mut rings = 0;
+    for (angle, center_z) in upper.chain(lower) {
+        let (out, up) = (angle.sin(), angle.cos());
+        for &(center, outward) in &outline {
+            let flat = center + outward * (corner_radius - radius + radius * out);
+            push(flat.extend(center_z + radius * up), (outward * out).extend(up));
+        }
+        rings += 1;
+    }
+    let last = (rings - 1) * count;
+    for [a, b, c] in face(QUARTER as u32 + 1) {
+        mesh.triangles.push([a, b, c]);
+        mesh.triangles.push([last + a, last + c, last + b]);
+    }
+    for i in 0..count {
+        let next = (i + 1) % count;
+        for ring in 0..rings - 1 {
+            let (a, b) = (ring * count, (ring + 1) * count);
+            mesh.triangles.push([a + i, b + i, b + next]);
+            mesh.triangles.push([a + i, b + next, a + next]);
+        }
+    }
+    mesh
+}
+
+/// Triangles between an outline of four round corners of so many points each. Most of the face is two of them: the others
+/// lie along its border, where a camera over the middle sees no seams.
+fn face(corner: u32) -> Vec<[u32; 3]> {
+    let mut triangles = Vec::new();
+    for first in [0, corner, 2 * corner, 3 * corner] {
+        triangles.extend((first + 1..first + corner - 1).map(|point| [first, point, point + 1]));
+        triangles.push([first, first + corner - 1, (first + corner) % (4 * corner)]);
+    }
+    triangles.extend([[0, corner, 2 * corner], [0, 2 * corner, 3 * corner]]);
+    triangles
+}
+
+/// Four legs from the slab down to the floor, in the surface's frame.
+fn legs(surface: &SupportSurface, floor_z_m: f64) -> TriMesh {
+    let half_size = surface.size_m.as_vec3() * 0.5;
+    let bottom = (floor_z_m - surface.top_center_m.z) as f32;
+    let inset = LEG_INSET_M.min(half_size.x.min(half_size.y) * 0.5);
+    let mut mesh = TriMesh::default();
+    for x in [inset - half_size.x, half_size.x - inset] {
+        for y in [inset - half_size.y, half_size.y - inset] {
+            let (low, high) = (Vec2::new(x, y) - LEG_HALF_M, Vec2::new(x, y) + LEG_HALF_M);
+            push_box(&mut mesh, low.extend(bottom), high.extend(-2.0 * half_size.z));
+        }
+    }
+    mesh
+}
+
+/// A box with flat faces.
+pub(crate) fn push_box(mesh: &mut TriMesh, low: Vec3, high: Vec3) {
+    for axis in 0..3 {
+        for sign in [-1.0_f32, 1.0] {
+            let mut normal = Vec3::ZERO;
+            normal[axis] = sign;
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let first = mesh.positions.len() as u32;
+            for (at_u, at_v) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
+                let mut corner = if sign > 0.0 { high } else { low };
+                corner[u] = if at_u == 0 { low[u] } else { high[u] };
+                corner[v] = if at_v == 0 { low[v] } else { high[v] };
+                mesh.positions.push(corner);
+                mesh.normals.push(normal);
+                mesh.uvs.push(Vec2::ZERO);
+            }
+            let quad = if sign > 0.0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
+            mesh.triangles.extend(quad.map(|triangle| triangle.map(|index| first + index)));
+        }
+    }
+}

@@ -1,0 +1,328 @@
+//! Meshes ready for drawing, shared by all scenarios of a process.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, Weak};
+
+use genmanip_core::{Pose, TriMesh};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_and_locks_decoder};
+
+use crate::raster::Planes;
+
+/// How far the surfaces of the coarser copies of a mesh may lie from its own, metres.
+pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
+/// The same of the copies that cast shadows in large and in small images: at most half a texel of the shadow map.
+const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
+/// The same of the former, over the radius of the mesh. Measured: with 1 mm for all, shadows of small things show corners
+/// and the cavity of a bowl shades itself.
+const CASTER_SHARE: f32 = 0.01;
+
+/// How far the unit normals of the former may lie from its own. Chosen: shades that differ by a few levels of 255.
+const NORMAL_ERROR: f32 = 0.1;
+
+/// A mesh in the frame of its body, with what shading wants to know of each triangle.
+#[derive(Debug)]
+pub struct Mesh {
+    pub positions: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
+    pub faces: Vec<Face>,
+    pub(crate) planes: Planes,
+    /// Coarse direction of each triangle's normal: triangles of different directions are different surfaces to
+    /// anti-aliasing.
+    pub directions: Vec<u8>,
+    pub bounds_center: Vec3,
+    pub bounds_radius: f32,
+    /// Closed and consistently wound: its back faces can never be seen from outside.
+    pub closed: bool,
+    /// Corners' normals and texture coordinates, for the coarser copies.
+    normals: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    coarser: [OnceLock<Arc<Mesh>>; ERRORS_M.len()],
+    casters: [OnceLock<Arc<Mesh>>; CASTER_ERRORS_M.len()],
+}
+
+/// A triangle: what is interpolated over it as linear functions of the place in the body's frame.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Face {
+    /// Columns of the map from `[x, y, z, 1]` to the normal between the corners' normals, and u.
+    pub columns: [Vec4; 4],
+    /// v is the scalar product with `[x, y, z, 1]`.
+    pub v: Vec4,
+    /// Unit normal of the plane, zero for a triangle without area, and square texture units per square metre.
+    pub plane: Vec4,
+}
+
+impl Mesh {
+    /// Area of all triangles, square metres.
+    pub fn area(&self) -> f32 {
+        let area = |triangle| {
+            let [a, b, c] = self.corners(triangle);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        (0..self.triangles.len()).map(area).sum()
+    }
+
+    /// Whether its sides face away from its middle: of a closed mesh, or of the outside of a cavity one.
+    pub fn faces_out(&self) -> bool {
+        let (mut out, mut all) = (0.0, 0.0);
+        for triangle in 0..self.triangles.len() {
+            let [a, b, c] = self.corners(triangle);
+            let (area, from_middle) = ((b - a).cross(c - a), (a + b + c) / 3.0 - self.bounds_center);
+            out += area.dot(from_middle);
+            all += area.length() * from_middle.length();
+        }
+        // A flat rim faces neither way.
+        out > 0.25 * all
+    }
+
+    /// The mesh of a part, made once per process while its source lives; indices must be valid and places finite.
+    pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
+        type Key = (usize, [u64; 7]);
+        type Known = BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>;
+        static KNOWN: Mutex<Known> = Mutex::new(BTreeMap::new());
+        let [x, y, z] = body_from_part.position.to_array();
+        let [i, j, k, w] = body_from_part.rotation.to_array();
+        let key = (Arc::as_ptr(source) as usize, [x, y, z, i, j, k, w].map(f64::to_bits));
+        // A thread that panicked while it held the lock left a whole map behind.
+        let known = || KNOWN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((from, made)) = known().get(&key)
+            && from.strong_count() > 0
+        {
+            return Arc::clone(made);
+        }
+        let made = Arc::new(Self::new(source, body_from_part));
+        let mut known = known();
+        known.retain(|_, (from, _)| from.strong_count() > 0);
+        known.insert(key, (Arc::downgrade(source), Arc::clone(&made)));
+        made
+    }
+
+    fn new(source: &TriMesh, body_from_part: &Pose) -> Self {
+        let corners = source.positions.len();
+        let place = |point: Vec3| body_from_part.transform_point(point.as_dvec3()).as_vec3();
+        let turn = |vector: Vec3| body_from_part.transform_vector(vector.as_dvec3()).as_vec3();
+        let positions: Vec<Vec3> = source.positions.iter().copied().map(place).collect();
+        let normals = if source.normals.len() == corners {
+            source.normals.iter().copied().map(turn).collect()
+        } else {
+            smooth_normals(&positions, &source.triangles)
+        };
+        let uvs = if source.uvs.len() == corners { source.uvs.clone() } else { vec![Vec2::ZERO; corners] };
+        Self::of(positions, normals, uvs, source.triangles.clone(), is_closed(source))
+    }
+
+    fn of(positions: Vec<Vec3>, normals: Vec<Vec3>, uvs: Vec<Vec2>, triangles: Vec<[u32; 3]>, closed: bool) -> Self {
+        let (low, high) = positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)));
+        let bounds_center = if positions.is_empty() { Vec3::ZERO } else { (low + high) * 0.5 };
+        let bounds_radius = positions.iter().map(|point| point.distance(bounds_center)).fold(0.0, f32::max);
+        let corner = |index: u32| index as usize;
+        let face = |triangle: &[u32; 3]| {
+            Face::new(
+                triangle.map(|index| positions[corner(index)]),
+                triangle.map(|index| normals[corner(index)]),
+                triangle.map(|index| uvs[corner(index)]),
+            )
+        };
+        let faces: Vec<Face> = triangles.iter().map(face).collect();
+        let directions = faces.iter().map(|face| direction_code(face.plane.truncate())).collect();
+        Self {
+            planes: Planes::new(faces.iter().zip(&triangles).map(|(face, triangle)| {
+                let normal = face.plane.truncate();
+                (normal.to_array(), normal.dot(positions[corner(triangle[0])]))
+            })),
+            positions,
+            triangles,
+            faces,
+            directions,
+            bounds_center,
+            bounds_radius,
+            closed,
+            normals,
+            uvs,
+            coarser: Default::default(),
+            casters: Default::default(),
+        }
+    }
+
+    /// The copy for a level: 0 is the mesh itself, `n` the one within `ERRORS_M[n - 1]` of it.
+    pub fn at_level(&self, level: usize) -> &Self {
+        match level.checked_sub(1).and_then(|index| Some((*ERRORS_M.get(index)?, self.coarser.get(index)?))) {
+            Some((error_m, copy)) => {
+                copy.get_or_init(|| Arc::new(self.simplified(error_m, NORMAL_ERROR, SimplifyOptions::None)))
+            }
+            None => self,
+        }
+    }
+
+    /// The copy that casts shadows in large or in small images; its normals and texture coordinates mean nothing.
+    pub fn caster(&self, is_small: bool) -> &Self {
+        let index = usize::from(is_small);
+        let share = if is_small { f32::INFINITY } else { CASTER_SHARE };
+        let error_m = CASTER_ERRORS_M[index].min(share * self.bounds_radius);
+        self.casters[index]
+            .get_or_init(|| Arc::new(self.simplified(error_m, f32::INFINITY, SimplifyOptions::Permissive)))
+    }
+
+    /// Edges are collapsed while the surface stays within a distance, and its normals within another (Garland and Heckbert,
+    /// "Surface Simplification Using Quadric Error Metrics", 1997); what was closed stays closed. Corners keep their places,
+    /// normals and texture coordinates, and seams remain unless the options permit otherwise.
+    fn simplified(&self, error_m: f32, normal_error: f32, options: SimplifyOptions) -> Self {
+        let corners: Vec<u32> = self.triangles.iter().flatten().copied().collect();
+        let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
+        let normals: Vec<f32> = self.normals.iter().flat_map(Vec3::to_array).collect();
+        let extent_m = simplify_scale_decoder(&positions);
+        // Distances count over the extent. A mesh without one has nothing to collapse.
+        let weight = if extent_m > 0.0 { error_m / extent_m / normal_error } else { 0.0 };
+        let mut kept = simplify_with_attributes_and_locks_decoder(
+            &corners,
+            &positions,
+            &normals,
+            &[weight; 3],
+            size_of::<[f32; 3]>(),
+            &vec![false; positions.len()],
+            0,
+            error_m,
+            options | SimplifyOptions::ErrorAbsolute,
+            None,
+        );
+        // Corners that are left are numbered in their order.
+        let mut numbers = vec![0; positions.len()];
+        kept.iter().for_each(|&corner| numbers[corner as usize] = 1);
+        let own: Vec<usize> = (0..positions.len()).filter(|&corner| numbers[corner] > 0).collect();
+        (0..).zip(&own).for_each(|(number, &corner)| numbers[corner] = number);
+        kept.iter_mut().for_each(|corner| *corner = numbers[*corner as usize]);
+        let triangles = kept.as_chunks().0.to_vec();
+        let [positions, normals] = [&self.positions, &self.normals].map(|all| own.iter().map(|&at| all[at]).collect());
+        let uvs = own.iter().map(|&corner| self.uvs[corner]).collect();
+        Self::of(positions, normals, uvs, triangles, self.closed)
+    }
+
+    /// Corners of a triangle in the body's frame.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|index| self.positions[index as usize])
+    }
+}
+
+impl Face {
+    /// In double precision: small triangles have large gradients.
+    fn new(corners: [Vec3; 3], normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
+        /// A triangle lower than this is taken for a line, metres: beyond single precision at a metre's distance.
+        const LINE_M: f64 = 1e-6;
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let (ab, ac, bc) = (b - a, c - a, c - b);
+        let area = ab.cross(ac);
+        let longest = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
+        let normal = area.normalize_or_zero();
+        let is_line = area.length_squared() <= longest * LINE_M * LINE_M;
+        let inverse = if is_line { 0.0 } else { area.length_squared().recip() };
+        let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
+        // Value at the corners → gradient and constant.
+        let linear = |values: [f32; 3]| -> (DVec3, f64) {
+            let [first, second, third] = values.map(f64::from);
+            let gradient = weight1 * (second - first) + weight2 * (third - first);
+            (gradient, first - gradient.dot(a))
+        };
+        let component = |axis: usize| linear(normals.map(|normal| normal[axis]));
+        let outputs = [component(0), component(1), component(2), linear(uvs.map(|uv| uv.x))];
+        let row = |pick: &dyn Fn(&(DVec3, f64)) -> f64| Vec4::from_array(outputs.each_ref().map(|o| pick(o) as f32));
+        let (v, v0) = linear(uvs.map(|uv| uv.y));
+        let uv_area = (uvs[1] - uvs[0]).perp_dot(uvs[2] - uvs[0]).abs();
+        let density = uv_area / (area.length() as f32).max(1e-12);
+        Self {
+            columns: [row(&|o| o.0.x), row(&|o| o.0.y), row(&|o| o.0.z), row(&|o| o.1)],
+            v: v.as_vec3().extend(v0 as f32),
+            plane: normal.as_vec3().extend(density),
+        }
+    }
+}
+
+/// One of 150 directions: the side of a cube and a field of 5×5 on it, each about 20 degrees wide.
+fn direction_code(normal: Vec3) -> u8 {
+    let size = normal.abs();
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+    let field = |other: usize| ((normal[(axis + other) % 3] / size[axis].max(1e-12) * 2.0 + 2.5) as u8).min(4);
+    (axis * 2 + usize::from(normal[axis] < 0.0)) as u8 * 25 + field(1) * 5 + field(2)
+}
+
+fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for &triangle in triangles {
+        let [a, b, c] = triangle.map(|index| positions[index as usize]);
+        let area = (b - a).cross(c - a);
+        triangle.iter().for_each(|&index| normals[index as usize] += area);
+    }
+    normals.into_iter().map(Vec3::normalize_or_zero).collect()
+}
+
+/// Whether every edge, after joining corners at equal places, is walked as often forwards as backwards,
+/// and the mesh is not inside out.
+fn is_closed(mesh: &TriMesh) -> bool {
+    // Corners by their place, and edges, each as one number, which is quickly sorted.
+    let key = |position: &Vec3| {
+        let [x, y, z] = position.to_array().map(|value| u128::from((value + 0.0).to_bits()));
+        x << 64 | y << 32 | z
+    };
+    let mut corners: Vec<u128> =
+        mesh.positions.iter().zip(0..).map(|(place, index)| key(place) << 32 | index).collect();
+    corners.sort_unstable();
+    let mut joined = vec![0_u64; corners.len()];
+    let mut place = 0;
+    for (rank, corner) in corners.iter().enumerate() {
+        if rank > 0 && corners[rank - 1] >> 32 != corner >> 32 {
+            place += 1;
+        }
+        joined[*corner as u32 as usize] = place;
+    }
+    // The lowest bit tells the direction.
+    let mut edges: Vec<u64> = mesh
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+        .map(|edge| edge.map(|index| joined[index as usize]))
+        .filter(|[from, to]| from != to)
+        .map(|[from, to]| if from < to { from << 32 | to << 1 | 1 } else { to << 32 | from << 1 })
+        .collect();
+    edges.sort_unstable();
+    let forwards = |same: &[u64]| same.iter().filter(|edge| *edge & 1 == 1).count();
+    let balanced = edges.chunk_by(|a, b| a >> 1 == b >> 1).all(|same| forwards(same) * 2 == same.len());
+    let volume: f64 = mesh.corners().map(|[a, b, c]| a.dot(b.cross(c))).sum();
+    balanced && volume > 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::fixture::{ball, block};
+
+    /// Copies of a ball of 5 cm: how far its surface moves, how far normals turn, whether it is still closed, how many
+    /// triangles are left.
+    #[test]
+    fn coarser_copies_stay_close() {
+        let radius = 0.05;
+        let mesh = Mesh::new(&ball(radius, 48), &Pose::IDENTITY);
+        let levels = ERRORS_M.iter().enumerate().map(|(index, &error_m)| (mesh.at_level(index + 1), error_m, true));
+        let casters =
+            [false, true].map(|is_small| (mesh.caster(is_small), CASTER_ERRORS_M[usize::from(is_small)], false));
+        for (copy, error_m, has_normals) in levels.chain(casters) {
+            let count = copy.triangles.len();
+            assert!(count * 10 < mesh.triangles.len(), "{count} triangles within {error_m}");
+            let own =
+                TriMesh { positions: copy.positions.clone(), triangles: copy.triangles.clone(), ..TriMesh::default() };
+            assert!(is_closed(&own), "not closed within {error_m}");
+            for triangle in 0..count {
+                let corners = copy.corners(triangle);
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                // The quadric error is a mean over a triangle's surroundings.
+                assert!(radius - middle.length() < 2.0 * error_m, "{} within {error_m}", middle.length());
+                let [a, b, c] = copy.triangles[triangle].map(|corner| copy.normals[corner as usize]);
+                let turned = ((a + b + c).normalize() - middle.normalize()).length();
+                assert!(!has_normals || turned < 2.0 * NORMAL_ERROR, "{turned} within {error_m}");
+            }
+        }
+        let block = Mesh::new(&block(Vec3::splat(0.1)), &Pose::IDENTITY);
+        assert_eq!(block.at_level(ERRORS_M.len()).triangles.len(), block.triangles.len());
+    }
+}

@@ -1,0 +1,14 @@
+//! Meshes, materials, fixtures and appearance of what is rendered.
+
+pub(crate) mod assets;
+pub(crate) mod body_shape;
+pub(crate) mod fixtures;
+pub(crate) mod material;
+pub(crate) mod mesh;
+pub(crate) mod patterns;
+pub(crate) mod posed;
+pub mod sampling;
+pub(crate) mod table_tops;
+pub(crate) mod texture;
+pub(crate) mod variation;
+pub(crate) mod walls;

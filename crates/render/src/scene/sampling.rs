@@ -1,0 +1,182 @@
+//! Variations drawn by chance: the same seed gives the same picture, whatever else is varied.
+
+use genmanip_core::glam::{DQuat, DVec3, EulerRot};
+use genmanip_core::{Camera, CameraMount, Look, Pose, Seed, Vary};
+use rand::{Rng, RngExt};
+
+use crate::scene::table_tops::TableTop;
+use crate::scene::variation::{ObjectVariation, RenderVariation};
+use crate::scene::walls::{Room, Wall};
+
+/// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
+/// put up again by viewpoint, and a bracket with some play.
+const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
+/// Largest change of an object's colour channels, of its roughness and of how metallic a metal is, shares; chosen so that pictures beside each other
+/// show it and no colour gets another name.
+const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
+
+/// A variation of what is named, drawn from a seed, as far as can be; the rest is as usual.
+pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
+    varied(&RenderVariation::default(), &Look::new(seed, vary.to_vec()))
+}
+
+/// What a look makes of a variation; what it does not vary stays.
+///
+/// Light comes from 35 to 80 degrees above the table, from any side, with the colour of lamps between 3000 K and 7500 K.
+/// All ranges are chosen around the usual picture so that everything in it can still be told. Numbers go from the given
+/// to the drawn variation by the strength of the look; a table top and a room are others at any strength.
+pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
+    let mut variation = usual.clone();
+    let share = look.strength as f32;
+    for &part in &look.vary {
+        // A stream for each part: what is varied beside it changes nothing.
+        let own = look.seed.fork(part.name());
+        let rng = &mut own.rng();
+        match part {
+            Vary::Light => light(&mut variation, share, rng),
+            Vary::Background => {
+                let drawn = background(rng);
+                let mixed =
+                    |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
+                variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
+                // A room is there or not.
+                variation.room = if share > 0.0 { room(rng) } else { usual.room };
+            }
+            Vary::Material => {
+                let index = rng.random_range(0..TableTop::all().len());
+                variation.table_top = TableTop::all().nth(index).unwrap_or_default();
+                variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
+            }
+            Vary::Objects => {
+                let (tint, roughness, metallic) = PAINT.map(|most| share * most).into();
+                variation.objects = Some(ObjectVariation { seed: own, tint, roughness, metallic });
+            }
+            Vary::Camera => {}
+        }
+    }
+    variation
+}
+
+/// The camera as it stands in a drawing from that seed; where it was when cameras are not varied.
+#[must_use]
+pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
+    let tremble = TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&Vary::Camera));
+    let Some(&(_, shift_m, turn_rad)) = tremble else { return camera.clone() };
+    jittered(camera, shift_m, turn_rad, &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng())
+}
+
+/// The camera shifted by up to so much along each of its axes, m, and turned by up to so much about each, rad.
+#[must_use]
+pub fn jittered(camera: &Camera, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Camera {
+    let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
+    let shift = DVec3::new(within(shift_m), within(shift_m), within(shift_m));
+    let turn = DQuat::from_euler(EulerRot::XYZ, within(turn_rad), within(turn_rad), within(turn_rad));
+    Camera { mount_from_camera: camera.mount_from_camera * Pose::new(shift, turn), ..camera.clone() }
+}
+
+fn light(variation: &mut RenderVariation, share: f32, rng: &mut impl Rng) {
+    let usual = variation.clone();
+    let mixed = |from: [f32; 3], to: [f32; 3]| [0, 1, 2].map(|axis| mix(from[axis], to[axis], share));
+    let (azimuth, elevation) = (between(rng, 0.0, std::f32::consts::TAU), between(rng, 0.61, 1.40));
+    let direction = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+    variation.light_direction = mixed(usual.light_direction, direction);
+    variation.light_color = mixed(usual.light_color, lamp(between(rng, 3000.0, 7500.0)));
+    variation.light_intensity = mix(usual.light_intensity, between(rng, 0.40, 0.72), share);
+    variation.light_angular_radius = mix(usual.light_angular_radius, between(rng, 0.02, 0.16), share);
+    variation.sky_color = mixed(usual.sky_color, lamp(between(rng, 4500.0, 9000.0)));
+    variation.ambient_intensity = mix(usual.ambient_intensity, between(rng, 0.28, 0.52), share);
+    variation.exposure = mix(usual.exposure, between(rng, 0.9, 1.2), share);
+}
+
+/// Exactly the ends at 0 and 1.
+fn mix(from: f32, to: f32, share: f32) -> f32 {
+    (1.0 - share) * from + share * to
+}
+
+/// A wall of a room: any hue, hardly saturated, rarely dark.
+fn background(rng: &mut impl Rng) -> [u8; 3] {
+    let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
+    [5.0, 3.0, 1.0].map(|offset: f32| {
+        let k = (offset + hue) % 6.0;
+        let channel = value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0));
+        (channel * 255.0) as u8
+    })
+}
+
+/// A room in three looks of four.
+fn room(rng: &mut impl Rng) -> Option<Room> {
+    let wall = Wall::all().nth(rng.random_range(0..Wall::all().len()))?;
+    let floor = TableTop::all().nth(rng.random_range(0..TableTop::all().len()))?;
+    (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
+}
+
+/// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
+fn lamp(kelvin: f32) -> [f32; 3] {
+    let t = kelvin / 100.0;
+    let red = if t <= 66.0 { 255.0 } else { 329.7 * (t - 60.0).powf(-0.133_2) };
+    let green = if t <= 66.0 { 99.47 * t.ln() - 161.12 } else { 288.12 * (t - 60.0).powf(-0.075_5) };
+    let blue = if t >= 66.0 { 255.0 } else { 138.52 * (t - 10.0).ln() - 305.04 };
+    let color = [red, green, blue].map(|channel| (channel / 255.0).clamp(0.0, 1.0));
+    let brightest = color.into_iter().fold(0.0, f32::max);
+    color.map(|channel| channel / brightest)
+}
+
+fn between(rng: &mut impl Rng, low: f32, high: f32) -> f32 {
+    low + (high - low) * rng.random::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_core::Intrinsics;
+
+    #[test]
+    fn each_part_has_its_own_chance() {
+        let all = sampled(Seed::new(7), &Vary::ALL);
+        assert_eq!(all, sampled(Seed::new(7), &Vary::ALL));
+        assert_ne!(all, sampled(Seed::new(8), &Vary::ALL));
+        let light = sampled(Seed::new(7), &[Vary::Light]);
+        assert_eq!(light.light_direction, all.light_direction);
+        assert_eq!(light.table_top, TableTop::default());
+        assert_eq!(sampled(Seed::new(7), &[]), RenderVariation::default());
+        assert_eq!(sampled(Seed::new(7), &[Vary::Camera]), RenderVariation::default());
+    }
+
+    #[test]
+    fn strength_goes_from_the_usual_to_the_drawn() {
+        let (usual, drawn) = (RenderVariation::default(), sampled(Seed::new(7), &[Vary::Light, Vary::Background]));
+        let at = |strength| {
+            varied(&usual, &Look { strength, ..Look::new(Seed::new(7), vec![Vary::Light, Vary::Background]) })
+        };
+        assert_eq!(at(0.0), usual);
+        assert_eq!(at(1.0), drawn);
+        let half = at(0.5);
+        assert!((half.exposure - 0.5 * (usual.exposure + drawn.exposure)).abs() < 1e-6);
+        let other = varied(&drawn, &Look::new(Seed::new(3), vec![Vary::Material]));
+        assert_eq!((other.exposure, other.background), (drawn.exposure, drawn.background), "the rest stays");
+    }
+
+    #[test]
+    fn lamps_are_warm_white_and_cold() {
+        let [warm, white, cold] = [3000.0, 6600.0, 9000.0].map(lamp);
+        assert!(warm[0] > warm[1] && warm[1] > warm[2], "{warm:?}");
+        assert!(white.iter().all(|channel| *channel > 0.97), "{white:?}");
+        assert!(cold[2] > cold[1] && cold[1] > cold[0], "{cold:?}");
+    }
+
+    #[test]
+    fn cameras_stay_near_where_they_were() {
+        let intrinsics = Intrinsics::from_vertical_fov(64, 36, 0.7);
+        for (mount, shift_m, turn_rad) in TREMBLE {
+            let usual = Camera::looking_at("viewpoint", DVec3::new(0.4, 0.3, 1.0), DVec3::ZERO, intrinsics);
+            let (camera, pose) = (Camera { mount, ..usual.clone() }, usual.mount_from_camera);
+            assert_eq!(moved(&camera, Seed::new(3), &[Vary::Light]), camera);
+            for seed in 0..100 {
+                let moved = moved(&camera, Seed::new(seed), &[Vary::Camera]).mount_from_camera;
+                let (shift, turn) =
+                    (moved.position - pose.position, (pose.rotation.inverse() * moved.rotation).to_axis_angle().1);
+                assert!(shift.length() > 0.0 && shift.length() < 1.8 * shift_m && turn < 1.8 * turn_rad);
+            }
+        }
+    }
+}

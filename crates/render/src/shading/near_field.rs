@@ -1,0 +1,99 @@
+//! PartLight from what is near: the table below, bodies around it, the walls of a cavity, and what metal mirrors.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use super::points::ShadingPoints;
+use super::reflect::{PartLight, ShadingTerms, mirrored};
+use crate::ambient::irradiance_grid::IrradianceGrid;
+use crate::ambient::proxies::{Cavity, ReflectionProxy, facing_middle};
+use crate::gbuffer::view::{CameraView, PartView};
+use crate::lights::lighting::Lighting;
+use crate::simd::{BatchColumn, CHUNK, dot};
+
+/// PartLight of the table, so many metres above which the viewpoint is, on what is close above it.
+#[inline(always)]
+pub(super) fn ground_bounce<const LANES: usize>(
+    light: &PartLight<'_>,
+    eye_height: f32,
+    points: &ShadingPoints,
+    placed: &PartView,
+    out: &mut ShadingTerms,
+) {
+    let (sky, lit) = (&light.lighting.sky, light.table_lit);
+    let up = placed.world_from_body.row(2);
+    let at_zero = eye_height - up.dot(placed.viewpoint_in_body);
+    let up = up.to_array();
+    for i in 0..LANES {
+        let place = [points.place[0][i], points.place[1][i], points.place[2][i]];
+        let height = dot(up, place) + at_zero;
+        let seen = sky.near_table([out.normal[0][i], out.normal[1][i], out.normal[2][i]], height);
+        for channel in 0..3 {
+            out.around[channel][i] = seen[channel].mul_add(lit, out.around[channel][i]);
+        }
+    }
+}
+
+/// What metal mirrors of a near thing instead of the surroundings.
+#[inline(always)]
+pub(super) fn proxy_reflection<const LANES: usize>(
+    thing: &ReflectionProxy,
+    points: &ShadingPoints,
+    camera: &CameraView,
+    lighting: &Lighting,
+    out: &mut ShadingTerms,
+) {
+    let (viewpoint, axis) = (camera.viewpoint.to_array(), camera.turn.z_axis.to_array());
+    let (mut shares, mut normals) = ([0.0; LANES], [[0.0; LANES]; 3]);
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let distance = points.pixels.depth[i] / dot(viewer, axis);
+        let along = |axis: usize| viewer[axis].mul_add(distance, viewpoint[axis]);
+        let place = [along(0), along(1), along(2)];
+        let twice = 2.0 * dot(normal, viewer);
+        let (share, [x, y, z]) = thing.meet(place, mirrored(normal, viewer, twice));
+        shares[i] = share;
+        (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
+    }
+    // Most of the hand mirrors nothing of it.
+    if shares.iter().fold(true, |none, &share| none & (share <= 0.0)) {
+        return;
+    }
+    let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
+    for i in 0..LANES {
+        let (share, normal) = (shares[i], [normals[0][i], normals[1][i], normals[2][i]]);
+        let light = thing.light(share, normal, lighting.sky.diffuse(normal), lamp);
+        for channel in 0..3 {
+            out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(1.0 - share, light[channel]);
+        }
+    }
+}
+
+/// How much of the key light that enters a cavity reaches places in it.
+#[inline(always)]
+pub(super) fn cavity_term<const LANES: usize>(cavity: Option<Cavity>, points: &ShadingPoints, out: &mut ShadingTerms) {
+    let Some(cavity) = cavity else { return };
+    let middle = cavity.middle.to_array();
+    for i in 0..LANES {
+        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        let toward = [middle[0] - points.place[0][i], middle[1] - points.place[1][i], middle[2] - points.place[2][i]];
+        let lengths = dot(normal, normal) * dot(toward, toward) + 1e-20;
+        out.cavity[i] = cavity.light * facing_middle(dot(normal, toward) / lengths.sqrt());
+    }
+}
+
+/// The light of the surroundings at some places on the table among bodies.
+#[inline(always)]
+pub(super) fn apply_irradiance_grid(
+    irradiance_grid: &IrradianceGrid,
+    count: usize,
+    place: &[BatchColumn; 3],
+    around: &mut [BatchColumn; 3],
+) {
+    for i in 0..count.min(CHUNK) {
+        let [r, g, b, _] = irradiance_grid.at(place[0][i], place[1][i]).to_array();
+        around[0][i] *= r;
+        around[1][i] *= g;
+        around[2][i] *= b;
+    }
+}

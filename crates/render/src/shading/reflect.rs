@@ -1,0 +1,515 @@
+//! PartLight that points throw towards the viewer.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use multiversion::multiversion;
+
+use super::ShadedPart;
+use super::grid_cell::GridCell;
+use super::points::ShadingPoints;
+use crate::ambient::irradiance_grid::IrradianceGrid;
+use crate::ambient::proxies::{Cavity, ReflectionProxy};
+use crate::gbuffer::view::{CameraView, PartView};
+use crate::lights::lighting::Lighting;
+use crate::lights::sky::{Glossy, Sky};
+use crate::scene::material::Material;
+use crate::shading::reflectance::{ambient_fresnel, cavity_interreflection, multibounce_ao, schlick_weight};
+use crate::shading::tone_map::{is_compressed, tone_map, tone_map_dark};
+use crate::simd::{BatchColumn, CHUNK, REGISTER, ZERO, dot, lerp, turned, within};
+
+use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce, proxy_reflection};
+
+/// What is computed multibounce_ao the loops of [`reflect`], and its result.
+#[derive(Clone, Debug)]
+pub(super) struct ShadingTerms {
+    pub normal: [BatchColumn; 3],
+    pub(super) viewer: [BatchColumn; 3],
+    /// Cosine multibounce_ao them.
+    pub facing: BatchColumn,
+    /// From the surroundings: diffuse, and mirrored.
+    pub(super) around: [BatchColumn; 3],
+    pub(super) mirrored: [BatchColumn; 3],
+    /// Scale and bias of the reflectance head-on, for light from everywhere.
+    pub(super) scale: BatchColumn,
+    pub(super) bias: BatchColumn,
+    /// Cosine multibounce_ao normal and lamp, 0 where it faces away; its light that arrives; and the size and Fresnel weight of its highlight.
+    pub(super) lit: BatchColumn,
+    pub(super) strength: BatchColumn,
+    /// How much of the ambient light is held back by what holds back the lamp's.
+    pub(super) occluded_ambient: BatchColumn,
+    /// How much of the key light the sides of a corner throw on each other is there.
+    pub(super) corner: BatchColumn,
+    /// Key light that enters the cavity that is seen, over that which arrives on a surface that faces it.
+    pub(super) cavity: BatchColumn,
+    pub(super) lobe: BatchColumn,
+    pub(super) weight: BatchColumn,
+    pub color: [BatchColumn; 3],
+}
+
+impl Default for ShadingTerms {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            normal: lanes,
+            viewer: lanes,
+            facing: ZERO,
+            around: lanes,
+            mirrored: lanes,
+            scale: ZERO,
+            bias: ZERO,
+            lit: ZERO,
+            strength: ZERO,
+            occluded_ambient: ZERO,
+            corner: ZERO,
+            cavity: ZERO,
+            lobe: ZERO,
+            weight: ZERO,
+            color: lanes,
+        }
+    }
+}
+
+/// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
+/// to traced pictures.
+const CORNER_KEY: f32 = 0.845;
+/// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
+/// the sky that is seen it is at most: what enters a deep cavity is little. Fitted likewise.
+const CORNER_SHADE: f32 = 1.0;
+const CORNER_OPEN: f32 = 2.0;
+
+/// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
+/// it: on things, and on the table, whose own light knows of most of it. Fitted to traced pictures.
+const WITH_KEY: f32 = 0.1725;
+const WITH_KEY_ON_TABLE: f32 = 0.091;
+
+/// The light on a part.
+#[derive(Debug)]
+pub(super) struct PartLight<'a> {
+    pub lighting: &'a Lighting,
+    /// The surroundings for surfaces of its roughness.
+    pub glossy: Glossy,
+    /// Of the table among bodies, and within walls.
+    pub irradiance_grid: Option<&'a IrradianceGrid>,
+    /// Height of the table that throws light on it, metres, and how much of it is lit, 0-1.
+    pub table_top: Option<f32>,
+    pub table_lit: f32,
+    pub cavity: Option<Cavity>,
+    /// What is mirrored although it is near, the farther first.
+    pub mirrored: [Option<ReflectionProxy>; 2],
+    /// How much of the light that a surface throws back comes back from what is around it, 0-1.
+    pub bounce: f32,
+}
+
+impl PartLight<'_> {
+    /// Share of the sky that is seen from the cavity, if there is one.
+    fn open(&self) -> f32 {
+        self.cavity.map_or(1.0, |cavity| cavity.open)
+    }
+
+    fn with_key(&self) -> f32 {
+        if self.irradiance_grid.is_some() { WITH_KEY_ON_TABLE } else { WITH_KEY }
+    }
+}
+
+/// PartLight reflected towards the viewer, developed.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
+    if points.pixels.count <= REGISTER {
+        reflect_chunk::<REGISTER>(points, part, out);
+    } else {
+        reflect_chunk::<CHUNK>(points, part, out);
+    }
+}
+
+/// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
+#[inline(always)]
+fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
+    let &ShadedPart { surface, placed, camera, ref light, .. } = part;
+    face_viewer::<LANES>(points, placed, camera, out);
+    environment_term::<LANES>(&light.lighting.sky, &light.glossy, out);
+    if let Some(top) = light.table_top {
+        ground_bounce::<LANES>(light, camera.viewpoint.z - top, points, placed, out);
+    }
+    for thing in light.mirrored.iter().flatten() {
+        proxy_reflection::<LANES>(thing, points, camera, light.lighting, out);
+    }
+    if let Some(irradiance_grid) = light.irradiance_grid {
+        apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
+    }
+    find_highlights::<LANES>(surface.roughness, light.lighting, out);
+    apply_shadow::<LANES>(&points.key, light.with_key(), out);
+    if surface.metallic > 0.0 {
+        sum_terms::<LANES>(points, surface, light, out);
+    } else {
+        cavity_term::<LANES>(light.cavity, points, out);
+        mirror::<LANES>(surface.reflectance, out);
+        sum_terms_dielectric::<LANES>(points, surface.scatters(), light, out);
+    }
+    tone_map_all::<LANES>(surface.opacity < 1.0, out);
+}
+
+/// What is reflected at the nodes of an opaque dielectric, before the key light is held back.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn reflect_nodes(nodes: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
+    let &ShadedPart { surface, placed, camera, ref light, .. } = part;
+    face_viewer::<REGISTER>(nodes, placed, camera, out);
+    environment_term::<REGISTER>(&light.lighting.sky, &light.glossy, out);
+    if let Some(top) = light.table_top {
+        ground_bounce::<REGISTER>(light, camera.viewpoint.z - top, nodes, placed, out);
+    }
+    cavity_term::<REGISTER>(light.cavity, nodes, out);
+    if let Some(irradiance_grid) = light.irradiance_grid {
+        apply_irradiance_grid(irradiance_grid, nodes.pixels.count, &nodes.place, &mut out.around);
+    }
+    find_highlights::<REGISTER>(surface.roughness, light.lighting, out);
+    mirror::<REGISTER>(surface.reflectance, out);
+}
+
+/// [`reflect`] for a tile multibounce_ao nodes at which [`reflect_nodes`] found the light, which is linear multibounce_ao them.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+pub(super) fn reflect_flat(
+    points: &ShadingPoints,
+    nodes: &ShadingTerms,
+    around: &GridCell,
+    part: &ShadedPart<'_>,
+    out: &mut ShadingTerms,
+) {
+    let light = &part.light;
+    for channel in 0..3 {
+        around.bilinear(&nodes.around[channel], &mut out.around[channel]);
+        around.bilinear(&nodes.mirrored[channel], &mut out.mirrored[channel]);
+    }
+    around.bilinear(&nodes.lit, &mut out.lit);
+    if light.cavity.is_some() {
+        around.bilinear(&nodes.cavity, &mut out.cavity);
+    }
+    around.bilinear(&nodes.lobe, &mut out.lobe);
+    apply_shadow::<CHUNK>(&points.key, light.with_key(), out);
+    sum_terms_dielectric::<CHUNK>(points, 1.0, light, out);
+    tone_map_all::<CHUNK>(false, out);
+}
+
+/// Unit normals and directions to the viewer.
+#[inline(always)]
+fn face_viewer<const LANES: usize>(
+    points: &ShadingPoints,
+    placed: &PartView,
+    camera: &CameraView,
+    out: &mut ShadingTerms,
+) {
+    let turn = [placed.world_from_body.x_axis, placed.world_from_body.y_axis, placed.world_from_body.z_axis]
+        .map(|column| column.to_array());
+    let camera_axes = [camera.turn.x_axis, camera.turn.y_axis, camera.turn.z_axis].map(|column| column.to_array());
+    let (inverse_x, inverse_y) = (1.0 / camera.focal.x, 1.0 / camera.focal.y);
+    let (center_x, center_y) = (camera.center.x, camera.center.y);
+    for i in 0..LANES {
+        let (ray_x, ray_y) =
+            ((points.pixels.column[i] - center_x) * inverse_x, (points.pixels.row[i] - center_y) * inverse_y);
+        let inverse = -1.0 / ray_x.mul_add(ray_x, ray_y.mul_add(ray_y, 1.0)).sqrt();
+        for axis in 0..3 {
+            out.viewer[axis][i] = turned(&camera_axes, axis, [ray_x, ray_y, 1.0]) * inverse;
+        }
+    }
+    for i in 0..LANES {
+        let mixed = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        let normal = [turned(&turn, 0, mixed), turned(&turn, 1, mixed), turned(&turn, 2, mixed)];
+        let inverse = 1.0 / (dot(normal, normal) + 1e-20).sqrt();
+        for axis in 0..3 {
+            out.normal[axis][i] = normal[axis] * inverse;
+        }
+    }
+}
+
+/// PartLight of the surroundings.
+#[inline(always)]
+fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut ShadingTerms) {
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let around = sky.diffuse(normal);
+        out.around[0][i] = around[0];
+        out.around[1][i] = around[1];
+        out.around[2][i] = around[2];
+    }
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let cosine = dot(normal, viewer);
+        out.facing[i] = within(cosine, 1e-3, 1.0);
+        let twice = cosine + cosine;
+        let mirrored = mirrored(normal, viewer, twice);
+        let light = glossy.at(mirrored);
+        out.mirrored[0][i] = light[0];
+        out.mirrored[1][i] = light[1];
+        out.mirrored[2][i] = light[2];
+    }
+}
+
+/// The unit direction that is seen in a mirror, from twice the cosine multibounce_ao its normal and the direction to the viewer.
+#[inline(always)]
+pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
+    let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);
+    [along(0), along(1), along(2)]
+}
+
+/// Highlights of the lamp. Its width adds to that of the lobe, as variances do, so that polished things show the lamp in its
+/// size.
+#[inline(always)]
+fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out: &mut ShadingTerms) {
+    let to_light = lighting.to_light.to_array();
+    let square = roughness * roughness;
+    let square_alpha = square.mul_add(square, lighting.key_turn_squared);
+    let alpha = square_alpha.sqrt();
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let facing = out.facing[i];
+        let lit = dot(normal, to_light);
+        let lit = if lit > 0.0 { lit } else { 0.0 };
+        out.lit[i] = lit;
+        let half = [viewer[0] + to_light[0], viewer[1] + to_light[1], viewer[2] + to_light[2]];
+        let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
+        let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
+        let n_h = within(dot(normal, half), 0.0, 1.0);
+        let denominator = (n_h * n_h).mul_add(square_alpha - 1.0, 1.0);
+        let smith = (lit * facing).mul_add(2.0 * (1.0 - alpha), (lit + facing) * alpha);
+        let smith = if smith > 1e-4 { smith } else { 1e-4 };
+        // The lamp's strength is its irradiance over π, hence without the π of the distribution.
+        out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
+        out.weight[i] = schlick_weight(dot(viewer, half));
+    }
+    for i in 0..LANES {
+        (out.scale[i], out.bias[i]) = ambient_fresnel(roughness, out.facing[i]);
+    }
+}
+
+/// What is left of the lamp's light behind what holds it back, and what that does to other light.
+#[inline(always)]
+fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut ShadingTerms) {
+    for i in 0..LANES {
+        let lit = out.lit[i];
+        out.strength[i] = lit * key[i];
+        out.occluded_ambient[i] = (lit - out.strength[i]) * with_key;
+        out.corner[i] = within((lit - out.strength[i]) * 4.0, 0.0, 1.0).mul_add(-CORNER_SHADE, 1.0);
+    }
+}
+
+/// The sum of all light.
+#[inline(always)]
+fn sum_terms<const LANES: usize>(
+    points: &ShadingPoints,
+    surface: &Material,
+    light: &PartLight<'_>,
+    out: &mut ShadingTerms,
+) {
+    let (lighting, bounce) = (light.lighting, light.bounce);
+    let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
+    let key = lighting.key.to_array();
+    let side = surface.scatters();
+    for channel in 0..3 {
+        let lamp = key[channel];
+        for i in 0..LANES {
+            let (base, ambient_share) = (points.base[channel][i], points.ambient[i]);
+            let around = out.around[channel][i] * (1.0 - out.occluded_ambient[i]);
+            let f0 = lerp(reflectance, base, metallic);
+            let albedo = base * (1.0 - metallic);
+            let arriving = lamp * out.strength[i];
+            let [ambient, direct] = mirrored_shares(f0, out, i);
+            let diffuse = scattered([albedo, bounce], ambient_share, around, arriving, [out.corner[i], lamp]);
+            let specular = arriving.mul_add(direct, out.mirrored[channel][i] * ambient * ambient_share);
+            out.color[channel][i] = diffuse.mul_add(side, specular) * exposure;
+        }
+    }
+}
+
+/// What a surface with a reflectance head-on mirrors of the surroundings and of the lamp, as shares of the light that
+/// arrives from there.
+#[inline(always)]
+fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
+    let ambient = f0.mul_add(out.scale[i], out.bias[i]);
+    let direct = lerp(f0, 1.0, out.weight[i]) * out.lobe[i];
+    [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
+}
+
+/// PartLight that a surface of an albedo scatters: of the surroundings, of which a share is open, of the lamp as it arrives, and
+/// of the lamp, by the share that is there in a corner, as its sides throw it on each other.
+#[inline(always)]
+fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
+    let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
+    let corner = enclosed * corner * albedo * albedo * albedo * lamp * CORNER_KEY;
+    albedo * around.mul_add(multibounce_ao(open, albedo * bounce), corner + arriving)
+}
+
+/// What a dielectric mirrors, over `mirrored` and, of the lamp, over `lobe`: it does not depend on the colour.
+#[inline(always)]
+fn mirror<const LANES: usize>(reflectance: f32, out: &mut ShadingTerms) {
+    for i in 0..LANES {
+        let [ambient, direct] = mirrored_shares(reflectance, out, i);
+        out.lobe[i] = direct;
+        for channel in 0..3 {
+            out.mirrored[channel][i] *= ambient;
+        }
+    }
+}
+
+/// [`sum_terms`] of a dielectric, after [`mirror`]: a share of one side scatters, and a share of the sky is seen from its cavity.
+#[inline(always)]
+fn sum_terms_dielectric<const LANES: usize>(
+    points: &ShadingPoints,
+    side: f32,
+    light: &PartLight<'_>,
+    out: &mut ShadingTerms,
+) {
+    let (mut is_open, mut has_cavity) = (true, false);
+    for i in 0..LANES {
+        is_open &= points.ambient[i] == 1.0;
+    }
+    if light.cavity.is_some() {
+        for i in 0..LANES {
+            has_cavity |= out.cavity[i] > 0.0;
+        }
+    }
+    // What is zero is not computed; the sums have the same bits.
+    match [is_open, has_cavity] {
+        [true, false] => sum_terms_of::<LANES, true, false>(points, side, light, out),
+        [false, false] => sum_terms_of::<LANES, false, false>(points, side, light, out),
+        [_, true] => sum_terms_of::<LANES, false, true>(points, side, light, out),
+    }
+}
+
+/// [`sum_terms_dielectric`] where all of the surroundings is seen, and where light is in a cavity.
+#[inline(always)]
+fn sum_terms_of<const LANES: usize, const IS_OPEN: bool, const HAS_CAVITY: bool>(
+    points: &ShadingPoints,
+    side: f32,
+    light: &PartLight<'_>,
+    out: &mut ShadingTerms,
+) {
+    let (key, exposure, bounce, open) =
+        (light.lighting.key.to_array(), light.lighting.exposure, light.bounce, light.open());
+    for channel in 0..3 {
+        let lamp = key[channel];
+        for i in 0..LANES {
+            let around = out.around[channel][i] * (1.0 - out.occluded_ambient[i]);
+            let arriving = lamp * out.strength[i];
+            let albedo = points.base[channel][i];
+            let mirrored = out.mirrored[channel][i];
+            let (mut diffuse, ambient) = if IS_OPEN {
+                (albedo * around.mul_add(multibounce_ao(1.0, albedo * bounce), arriving), mirrored)
+            } else {
+                let share = points.ambient[i];
+                (scattered([albedo, bounce], share, around, arriving, [out.corner[i], lamp]), mirrored * share)
+            };
+            if HAS_CAVITY {
+                diffuse = (cavity_interreflection(albedo, open) * out.cavity[i]).mul_add(lamp, diffuse);
+            }
+            let specular = arriving.mul_add(out.lobe[i], ambient);
+            out.color[channel][i] = diffuse.mul_add(side, specular) * exposure;
+        }
+    }
+}
+
+/// PartLight as a display shows it.
+#[inline(always)]
+fn tone_map_all<const LANES: usize>(is_transparent: bool, out: &mut ShadingTerms) {
+    if is_transparent {
+        // Added to what is behind, which is developed: only the sum has dark tones.
+        for i in 0..LANES {
+            for channel in 0..3 {
+                let color = out.color[channel][i];
+                out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
+            }
+        }
+        return;
+    }
+    let mut is_bright = false;
+    for i in 0..LANES {
+        is_bright |= is_compressed([out.color[0][i], out.color[1][i], out.color[2][i]]);
+    }
+    if !is_bright {
+        for i in 0..LANES {
+            let color = tone_map_dark([out.color[0][i], out.color[1][i], out.color[2][i]]);
+            out.color[0][i] = color[0];
+            out.color[1][i] = color[1];
+            out.color[2][i] = color[2];
+        }
+        return;
+    }
+    for i in 0..LANES {
+        let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
+        out.color[0][i] = color[0];
+        out.color[1][i] = color[1];
+        out.color[2][i] = color[2];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Vec2, Vec3A};
+
+    use super::*;
+    use crate::ambient::proxies::held_cube as held;
+    use crate::raster::Planes;
+    use crate::scene::variation::RenderVariation;
+
+    /// Whatever registers the machine has, the bits are those of the plain loop.
+    #[test]
+    fn wide_registers_give_the_same_bits() {
+        let variation = RenderVariation::default();
+        let lighting = Lighting::new(&variation, &[]);
+        let camera =
+            CameraView { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..CameraView::default() };
+        let mut state = 1_u32;
+        let mut draw = |low: f32, high: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
+        };
+        for _ in 0..50 {
+            let mut shading = ShadingPoints::default();
+            for i in 0..CHUNK {
+                let pixels = &mut shading.pixels;
+                (pixels.column[i], pixels.row[i], pixels.depth[i]) =
+                    (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
+                (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
+                shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
+                shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
+            }
+            let surface = Material {
+                base: Vec3A::ONE,
+                roughness: draw(0.05, 1.0),
+                metallic: draw(0.0, 1.0),
+                opacity: draw(0.2, 1.2).min(1.0),
+                reflectance: 0.04,
+                texture: None,
+                is_table: false,
+            };
+            let glossy = lighting.sky.glossy(surface.roughness);
+            let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]
+                [(draw(0.0, 3.0) as usize).min(2)];
+            let (bounce, table_top) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
+            let light = PartLight {
+                lighting: &lighting,
+                glossy,
+                irradiance_grid: None,
+                table_top,
+                table_lit: 1.0,
+                cavity: None,
+                mirrored,
+                bounce,
+            };
+            let (surface, placed, camera) = (&surface, &PartView::default(), &camera);
+            let part =
+                ShadedPart { faces: &[], planes: &Planes::default(), viewpoint: None, surface, placed, camera, light };
+            let [mut wide, mut plain] = [ShadingTerms::default(), ShadingTerms::default()];
+            let bits = |lanes: &[BatchColumn; 3]| lanes.map(|channel| channel.map(f32::to_bits));
+            shading.pixels.count = CHUNK;
+            reflect_chunk::<CHUNK>(&shading, &part, &mut plain);
+            reflect(&shading, &part, &mut wide);
+            assert_eq!(bits(&wide.color), bits(&plain.color));
+            shading.pixels.count = REGISTER;
+            let mut few = ShadingTerms::default();
+            reflect(&shading, &part, &mut few);
+            let first = |lanes: &[BatchColumn; 3]| bits(lanes).map(|channel| channel[..REGISTER].to_vec());
+            assert_eq!(first(&few.color), first(&plain.color));
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! How much light surfaces throw back: Fresnel terms, and light multibounce_ao the sides of a corner.
+
+use crate::simd::{polynomial, within};
+
+/// Share of the ambient light in a corner that is open to a share of it, with the light that its sides of an albedo throw
+/// on each other (Jimenez, Wu, Pesce and Jarabo, "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016).
+#[inline(always)]
+pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
+    let cubic = albedo.mul_add(2.0404, -0.3324);
+    let square = albedo.mul_add(-4.7951, 0.6417);
+    let linear = albedo.mul_add(2.7552, 0.6903);
+    let share = polynomial([cubic, square, linear, 0.0], open);
+    if share > open { share } else { open }
+}
+
+/// PartLight of a cavity's walls, of an albedo, that came from its other walls, over that which enters; the cavity is open to a
+/// share of what its walls see. PartLight goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
+#[inline(always)]
+pub(crate) fn cavity_interreflection(albedo: f32, open: f32) -> f32 {
+    let walls = 1.0 - open;
+    albedo * albedo * open * walls / albedo.mul_add(-walls, 1.0)
+}
+
+/// What Schlick's approximation adds to the reflectance head-on, as a share of what is missing to all.
+#[inline(always)]
+pub(crate) fn schlick_weight(cosine: f32) -> f32 {
+    let x = 1.0 - within(cosine, 0.0, 1.0);
+    let square = x * x;
+    square * square * x
+}
+
+/// Scale and bias of the reflectance head-on for light from everywhere (Karis, "Physically Based Shading on Mobile", 2014).
+#[inline(always)]
+pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
+    let smoothness = 1.0 - roughness;
+    let limit = smoothness * smoothness;
+    let power = exp2_of_negative(facing);
+    let edge = (if limit < power { limit } else { power }).mul_add(smoothness, 0.0425 - 0.0275 * roughness);
+    (edge.mul_add(-1.04, 1.04 - 0.572 * roughness), edge.mul_add(1.04, 0.022 * roughness - 0.04))
+}
+
+/// 2 to the power of `-9.28 x` for `x` 0-1, to a thousandth of its value: the series of an eighth of it, squared thrice.
+#[inline(always)]
+fn exp2_of_negative(x: f32) -> f32 {
+    const RATE: f32 = -9.28 / 8.0 * std::f32::consts::LN_2;
+    let u = x * RATE;
+    let series = polynomial([1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0], u);
+    let square = series * series;
+    let fourth = square * square;
+    fourth * fourth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An open place and a black corner keep their share; a white corner passes on nearly all that enters.
+    #[test]
+    fn bright_corners_are_brighter() {
+        for (open, albedo, low, high) in
+            [(1.0, 0.5, 0.99, 1.01), (0.4, 0.0, 0.4, 0.4), (0.4, 0.9, 0.7, 0.85), (0.2, 0.5, 0.2, 0.35)]
+        {
+            let got = multibounce_ao(open, albedo);
+            assert!((low..=high).contains(&got), "{got} of a corner open to {open} with an albedo of {albedo}");
+        }
+    }
+
+    /// A black cavity throws nothing back, a white one all that its walls see of each other, an open place nothing: it has no
+    /// other walls.
+    #[test]
+    fn hollows_throw_back_what_their_walls_do_not_absorb() {
+        for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 0.8), (0.5, 1.0, 0.0), (0.5, 0.2, 0.04 / 0.6)] {
+            let got = cavity_interreflection(albedo, open);
+            assert!((got - expected).abs() < 1e-6, "{got} with an albedo of {albedo}, open to {open}");
+        }
+    }
+
+    #[test]
+    fn the_series_is_good_to_a_thousandth() {
+        for step in 0..=100 {
+            let x = step as f32 / 100.0;
+            let (got, expected) = (exp2_of_negative(x), (-9.28 * x).exp2());
+            assert!((got / expected - 1.0).abs() < 1e-3, "{got} instead of {expected} at {x}");
+        }
+    }
+}

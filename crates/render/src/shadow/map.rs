@@ -1,0 +1,495 @@
+//! Shadows of the key light: a depth map seen from the light, read with contact-hardening soft edges
+//! (Fernando, "Percentage-Closer Soft Shadows", 2005).
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use genmanip_core::Pose;
+use glam::Vec3A;
+use multiversion::multiversion;
+
+use crate::gbuffer::points::Points;
+use crate::gbuffer::static_layer::{LayeredBuffer, Motion, Rectangle, TILE};
+use crate::gbuffer::view::rotation;
+use crate::job::FrameState;
+use crate::lights::key_light::{KeyLight, MAX_RADIUS};
+use crate::lights::sky::luminance;
+use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh};
+use crate::scene::assets::RenderAssets;
+use crate::scene::material::Material;
+use crate::scene::mesh::Mesh;
+use crate::scene::variation::RenderVariation;
+use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, near_pattern, tap, turn_of};
+use crate::shadow::planar::PlanarReceivers;
+use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, whole_registers, within};
+
+/// What the key light sees.
+#[derive(Debug, Default)]
+pub(crate) struct ShadowMap {
+    layers: LayeredBuffer,
+    casters: Vec<Caster>,
+    motions: Vec<Motion>,
+    /// Smallest reversed_z of each tile and, over its surroundings, whatever a point there may look up.
+    lowest: Vec<f32>,
+    /// Largest one likewise.
+    highest: Vec<f32>,
+    own: [Vec<f32>; 2],
+    /// Counts the updates.
+    version: u64,
+    /// The version in which each tile changed last.
+    changed_in: Vec<u64>,
+    light: KeyLight,
+    clear: Clear,
+    /// What arrives on level tops.
+    planar_receivers: PlanarReceivers,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Caster {
+    pose: Pose,
+    /// In its body's frame, unit length.
+    to_light: [f32; 3],
+    corners: Vec<Corner>,
+}
+
+/// What a tile of an image covers on the map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MapFootprint {
+    /// First and last column and row of the map's tiles; first after last for nothing.
+    tiles: [[i32; 2]; 2],
+    /// Where a shadow that is nearer to the light than the first covers nothing, and one beyond the second covers all.
+    reversed_z: [f32; 2],
+    /// Whether it faces away from the light.
+    is_turned: bool,
+}
+
+impl Default for MapFootprint {
+    fn default() -> Self {
+        Self { tiles: [[0; 2], [-1; 2]], reversed_z: UNCERTAIN, is_turned: false }
+    }
+}
+
+const UNCERTAIN: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+/// Tiles of the map beyond its own on which a point depends: the largest radius, rounded up.
+const REACH_TILES: isize = 4;
+
+impl MapFootprint {
+    /// The tiles, first and last column and row, on which the shadow anywhere in it depends.
+    pub fn reach(&self) -> [[isize; 2]; 2] {
+        let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
+        if from[0] > to[0] {
+            return [from, to];
+        }
+        [from.map(|tile| tile - REACH_TILES), to.map(|tile| tile + REACH_TILES)]
+    }
+}
+
+/// Points that may lie in a soft edge, first those that look for blockers, then those that have found some.
+#[derive(Debug, Default)]
+pub(crate) struct UnresolvedSamples {
+    places: MapPoints,
+    search: SampleQueue,
+    filter: SampleQueue,
+    taps: PcfTaps,
+}
+
+impl ShadowMap {
+    /// Whether there is a map at all.
+    pub fn is_on(&self) -> bool {
+        self.light.size > 0
+    }
+
+    /// Size of a texel, metres.
+    pub fn texel_m(&self) -> f32 {
+        self.light.texel_m()
+    }
+
+    /// Counts the updates so far.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Draws everything that casts a shadow at a frame, `size` texels wide; what rests is kept from the last time.
+    pub fn update(
+        &mut self,
+        assets: &RenderAssets,
+        frame: &FrameState,
+        variation: &RenderVariation,
+        size: usize,
+        is_coarse: bool,
+    ) {
+        self.version += 1;
+        let size = size / TILE * TILE;
+        let is_new = self.version == 1;
+        self.light = KeyLight::new(variation, size);
+        if size == 0 {
+            return;
+        }
+        self.casters.resize_with(assets.parts.len(), Caster::default);
+        self.motions.resize_with(assets.parts.len(), Motion::default);
+        for ((part, caster), motion) in assets.parts.iter().zip(&mut self.casters).zip(&mut self.motions) {
+            if !part.casts_shadow {
+                continue;
+            }
+            let pose = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
+            motion.moved = is_new || caster.pose != pose;
+            motion.before.clone_from(&motion.now);
+            if motion.moved {
+                motion.now = caster.place(part.mesh.caster(is_coarse), pose, &self.light);
+            }
+        }
+        let (casters, motions, clear) = (&self.casters, &self.motions, &mut self.clear);
+        let draw = |index: usize, target: &mut VisibilityBuffer| {
+            let part = &assets.parts[index];
+            let mesh = part.mesh.caster(is_coarse);
+            if is_clear(&part.surface) {
+                clear.draw(mesh, &casters[index], &motions[index].now, target);
+            } else {
+                draw_caster(mesh, &casters[index], target);
+            }
+        };
+        if is_new {
+            self.layers.redraw::<false>([size, size], 1, casters.len(), draw);
+            self.changed_in.resize(self.layers.changed.len(), 0);
+        } else {
+            self.layers.follow::<false>(&self.motions, draw);
+        }
+        if self.layers.changed.contains(&true) {
+            for (changed_in, _) in self.changed_in.iter_mut().zip(&self.layers.changed).filter(|(_, changed)| **changed)
+            {
+                *changed_in = self.version;
+            }
+            self.summarise();
+            if is_new {
+                self.planar_receivers = PlanarReceivers::new(assets, &self.light);
+            }
+            self.planar_receivers.update(&self.layers.target, &self.layers.changed, self.version);
+        }
+    }
+
+    /// The level tops and the light that arrives there.
+    pub fn planar_receivers(&self) -> &PlanarReceivers {
+        &self.planar_receivers
+    }
+
+    /// Tiles that changed after a version, row by row, and the number of tiles per row.
+    pub fn changed_after(&self, version: u64) -> (impl Iterator<Item = bool>, usize) {
+        (self.changed_in.iter().map(move |&changed_in| changed_in > version), self.layers.tile_columns)
+    }
+
+    /// What points between some points cover.
+    pub fn footprint_of(&self, points: impl Iterator<Item = Vec3A>) -> MapFootprint {
+        // The lift along the normal is at most two texels.
+        MapFootprint { tiles: self.box_of(points, 2.0).0, ..MapFootprint::default() }
+    }
+
+    /// The same for points of a plane with a unit normal towards the viewer.
+    pub fn footprint_of_plane(&self, points: impl Iterator<Item = Vec3A>, normal: Vec3A) -> MapFootprint {
+        let slope = self.light.light_from_world * normal;
+        let (lift, [tilt_x, tilt_y]) = self.light.lift_and_tilt(slope.to_array());
+        let (tiles, [low, high]) = self.box_of(points.map(|point| point + normal * lift), 0.01);
+        // Texels beside the point, and the rounding of single precision at metres.
+        let slack = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS + 1e-5;
+        MapFootprint { tiles, reversed_z: [low - slack, high + slack], is_turned: slope.z >= 0.0 }
+    }
+
+    /// Tiles of the map around points and so many texels, and the extremes of the points' reversed_z.
+    fn box_of(&self, points: impl Iterator<Item = Vec3A>, margin: f32) -> ([[i32; 2]; 2], [f32; 2]) {
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for point in points {
+            let Corner { x, y, reversed_z } = self.light.on_map(self.light.light_from_world * point);
+            let place = Vec3A::new(x, y, reversed_z);
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
+        let tiles = [[tile(low.x - margin), tile(low.y - margin)], [tile(high.x + margin), tile(high.y + margin)]];
+        (tiles, [low.z, high.z])
+    }
+
+    /// Share of the key light that reaches all of a footprint, if it is one and certain; negative where nothing faces it.
+    pub fn certain_share(&self, footprint: &MapFootprint) -> Option<f32> {
+        let [from, to] = footprint.tiles;
+        let tiles = self.layers.tile_columns as i32;
+        if footprint.is_turned {
+            return Some(-1.0);
+        }
+        if from[0] < 0 || from[1] < 0 || to[0] >= tiles || to[1] >= tiles {
+            return None;
+        }
+        let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
+        for row in from[1]..=to[1] {
+            for tile in row * tiles + from[0]..=row * tiles + to[0] {
+                low = low.min(self.lowest[tile as usize]);
+                high = high.max(self.highest[tile as usize]);
+            }
+        }
+        if high <= footprint.reversed_z[0] {
+            Some(1.0)
+        } else if low >= footprint.reversed_z[1] {
+            Some(0.0)
+        } else {
+            None
+        }
+    }
+
+    /// Share of the key light that reaches points, 0-1, where it is certain; takes up the others as unresolved.
+    /// Points that face away keep what they have.
+    pub fn classify(&self, points: &Points, share: &mut [f32], unresolved: &mut UnresolvedSamples) {
+        place_points(&self.light, points, &mut unresolved.places);
+        let UnresolvedSamples { places, search: queue, filter, taps } = unresolved;
+        let limit = self.light.size as f32 - 1.0;
+        for i in 0..points.count {
+            let pixel = points.pixel[i] as usize;
+            if places.facing[i] <= 0.0 {
+                share[pixel] = UNKNOWN;
+                continue;
+            }
+            let (x, y) = (places.x[i], places.y[i]);
+            if !(x >= 0.0 && y >= 0.0 && x <= limit && y <= limit) {
+                share[pixel] = 1.0;
+                continue;
+            }
+            let tile = places.tile_y[i] as usize * self.layers.tile_columns + places.tile_x[i] as usize;
+            let (reversed_z, slack) = (places.reversed_z[i], places.slack[i]);
+            share[pixel] = if self.highest[tile] <= reversed_z - slack {
+                1.0
+            } else if self.lowest[tile] >= reversed_z + slack {
+                0.0
+            } else {
+                let to = queue.count;
+                queue.pixel[to] = points.pixel[i];
+                (queue.x[to], queue.y[to], queue.reversed_z[to]) = (x, y, reversed_z);
+                (queue.tilt_x[to], queue.tilt_y[to]) = (places.tilt_x[i], places.tilt_y[i]);
+                (queue.sine[to], queue.cosine[to]) = turn_of(points.turn(i));
+                queue.count += 1;
+                if queue.count == CHUNK {
+                    self.search(queue, filter, taps, share);
+                }
+                continue;
+            };
+        }
+    }
+
+    /// Resolves the unresolved that are left.
+    pub fn resolve(&self, unresolved: &mut UnresolvedSamples, share: &mut [f32]) {
+        let UnresolvedSamples { search, filter, taps, .. } = unresolved;
+        self.search(search, filter, taps, share);
+        self.filter(filter, taps, share);
+    }
+
+    /// Looks for what is between points and the light.
+    fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
+        let widest = self.light.search_radius();
+        search.radius = [widest; CHUNK];
+        tap(search, &self.layers.target, near_pattern(), taps);
+        let (blockers, distance) = (taps.blockers, taps.distance);
+        for i in 0..search.count {
+            let found = blockers[i];
+            let mean = distance[i] / if found > 0.0 { found } else { 1.0 };
+            let radius = within(mean * self.light.spread * self.light.texels_per_m, 1.2, MAX_RADIUS);
+            let pixel = search.pixel[i] as usize;
+            if found == 0.0 {
+                share[pixel] = 1.0;
+            } else if found == TAPS as f32 && radius <= widest {
+                // In the middle of a shadow: a smaller radius finds nothing else.
+                share[pixel] = 0.0;
+            } else if filter.push(search, i, radius) {
+                self.filter(filter, taps, share);
+            }
+        }
+        search.count = 0;
+    }
+
+    /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
+    fn filter(&self, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
+        tap(filter, &self.layers.target, even_pattern(), taps);
+        for i in 0..filter.count {
+            share[filter.pixel[i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
+        }
+        filter.count = 0;
+    }
+
+    /// Extremes per tile, then over the surroundings of each tile.
+    fn summarise(&mut self) {
+        let tiles = self.layers.tile_columns;
+        // A point looks for blockers within half the light's spread, and filters within the largest radius.
+        let search = self.light.search_radius();
+        let [low, high] = &mut self.own;
+        low.resize(tiles * tiles, 0.0);
+        high.resize(tiles * tiles, 0.0);
+        summarise_tiles(&self.layers.target, &self.layers.changed, low, high);
+        let reach = |radius: f32| (radius as usize + 1).div_ceil(TILE);
+        spread(low, tiles, reach(MAX_RADIUS), &mut self.lowest, |a, b| if a < b { a } else { b });
+        spread(high, tiles, reach(search), &mut self.highest, |a, b| if a > b { a } else { b });
+    }
+}
+
+impl Caster {
+    /// Moves to a pose; returns the texels that it may cover.
+    fn place(&mut self, mesh: &Mesh, pose: Pose, light: &KeyLight) -> Rectangle {
+        self.pose = pose;
+        self.corners.clear();
+        let turn = light.light_from_world * rotation(&pose);
+        let shift = light.light_from_world * pose.position.as_vec3a();
+        self.to_light = (-turn.row(2)).to_array();
+        let center = turn * Vec3A::from(mesh.bounds_center) + shift - light.center;
+        if center.x.abs().max(center.y.abs()) > light.radius + mesh.bounds_radius {
+            return Rectangle::default();
+        }
+        self.corners.extend(mesh.positions.iter().map(|&position| light.on_map(turn * Vec3A::from(position) + shift)));
+        let first = Corner { x: f32::MAX, y: f32::MAX, reversed_z: f32::MAX };
+        let last = Corner { x: f32::MIN, y: f32::MIN, reversed_z: f32::MIN };
+        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
+            (
+                low.joined(corner, |a, b| if a < b { a } else { b }),
+                high.joined(corner, |a, b| if a > b { a } else { b }),
+            )
+        });
+        Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
+    }
+}
+
+/// Draws the sides that face the light, or both of a mesh that is not closed.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
+    if caster.corners.is_empty() {
+        return;
+    }
+    let viewpoint = Viewpoint::Towards(caster.to_light);
+    draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, viewpoint, [true, !mesh.closed], 0, target);
+}
+
+/// Whether something lets most light pass.
+fn is_clear(surface: &Material) -> bool {
+    luminance((surface.tint(surface.base, 1.0, true) * surface.passing(1.0)).powf(2.0)) > 0.4
+}
+
+/// A map of what is transparent, empty but while a part is drawn.
+#[derive(Debug, Default)]
+struct Clear {
+    target: VisibilityBuffer,
+}
+
+impl Clear {
+    /// Draws a caster's texels into a map, marked as transparent.
+    fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, map: &mut VisibilityBuffer) {
+        if (self.target.width, self.target.height) != (map.width, map.height) {
+            self.target.reset::<false>(map.width, map.height, 1);
+        }
+        draw_caster(mesh, caster, &mut self.target);
+        for row in covered.rows.clone() {
+            let texels = row * map.stride + covered.columns.start..row * map.stride + covered.columns.end;
+            for (own, texel) in self.target.reversed_z[texels.clone()].iter_mut().zip(&mut map.reversed_z[texels]) {
+                let reversed_z = f32::from_bits(std::mem::take(own).to_bits() | 1);
+                *texel = if reversed_z > 1e-3 && reversed_z > *texel { reversed_z } else { *texel };
+            }
+        }
+    }
+}
+
+/// Points on the map.
+#[derive(Debug)]
+struct MapPoints {
+    x: BatchColumn,
+    y: BatchColumn,
+    /// Tile of the map.
+    tile_x: [u32; CHUNK],
+    tile_y: [u32; CHUNK],
+    reversed_z: BatchColumn,
+    /// Cosine between the surface's normal and the light.
+    facing: BatchColumn,
+    /// How much nearer the receiving plane is per texel.
+    tilt_x: BatchColumn,
+    tilt_y: BatchColumn,
+    /// By how much it may be nearer anywhere in reach.
+    slack: BatchColumn,
+}
+
+impl Default for MapPoints {
+    fn default() -> Self {
+        let none = [0; CHUNK];
+        Self {
+            x: ZERO,
+            y: ZERO,
+            tile_x: none,
+            tile_y: none,
+            reversed_z: ZERO,
+            facing: ZERO,
+            tilt_x: ZERO,
+            tilt_y: ZERO,
+            slack: ZERO,
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
+    let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
+        .map(|axis| axis.to_array());
+    let center = light.center.to_array();
+    let (texels_per_m, radius) = (light.texels_per_m, light.radius);
+    let limit = (light.size - 1) as i32 as f32;
+    for i in 0..whole_registers(points.count) {
+        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        let slope = |row: usize| axes[0][row] * normal[0] + axes[1][row] * normal[1] + axes[2][row] * normal[2];
+        let slopes = [slope(0), slope(1), slope(2)];
+        let (lift, [tilt_x, tilt_y]) = light.lift_and_tilt(slopes);
+        let at = [
+            points.place[0][i] + normal[0] * lift,
+            points.place[1][i] + normal[1] * lift,
+            points.place[2][i] + normal[2] * lift,
+        ];
+        let local = |row: usize| axes[0][row] * at[0] + axes[1][row] * at[1] + axes[2][row] * at[2] - center[row];
+        let x = (local(0) + radius) * texels_per_m - 0.5;
+        let y = (local(1) + radius) * texels_per_m - 0.5;
+        (places.x[i], places.y[i]) = (x, y);
+        places.tile_x[i] = nearest_integer(floor(within(x, 0.0, limit) * (1.0 / TILE as f32)));
+        places.tile_y[i] = nearest_integer(floor(within(y, 0.0, limit) * (1.0 / TILE as f32)));
+        places.reversed_z[i] = 3.0 * radius - local(2);
+        places.facing[i] = -slopes[2];
+        (places.tilt_x[i], places.tilt_y[i]) = (tilt_x, tilt_y);
+        places.slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
+    }
+}
+
+/// Extremes of the tiles that changed.
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
+    let tiles = target.width / TILE;
+    for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
+        // One pair of extremes per column of the tile: columns are independent, so this runs in vectors.
+        let (mut lows, mut highs) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
+        for row in 0..TILE {
+            let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
+            let texels = &target.reversed_z[first..first + TILE];
+            for column in 0..TILE {
+                let value = texels[column];
+                // What is transparent never covers all.
+                let solid = if value.to_bits() & 1 == 0 { value } else { 0.0 };
+                lows[column] = if solid < lows[column] { solid } else { lows[column] };
+                highs[column] = if value > highs[column] { value } else { highs[column] };
+            }
+        }
+        low[tile] = lows.into_iter().fold(f32::INFINITY, f32::min);
+        high[tile] = highs.into_iter().fold(0.0, f32::max);
+    }
+}
+
+/// The extreme within so many tiles of each tile, along rows and then along columns.
+fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: impl Fn(f32, f32) -> f32 + Copy) {
+    // Each value of one list with the one beside it in the other.
+    let widen = |list: &mut [f32], others: &[f32]| {
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = join(*value, other));
+    };
+    let mut rows = own.to_vec();
+    for step in (1..=reach).filter(|&step| step < tiles) {
+        for (row, own) in rows.chunks_exact_mut(tiles).zip(own.chunks_exact(tiles)) {
+            widen(row, &own[step..]);
+            widen(&mut row[step..], own);
+        }
+    }
+    out.clone_from(&rows);
+    for step in (1..=reach).filter(|&step| step < tiles) {
+        widen(out, &rows[step * tiles..]);
+        widen(&mut out[step * tiles..], &rows);
+    }
+}

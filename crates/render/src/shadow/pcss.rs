@@ -1,0 +1,161 @@
+//! PcfTaps of soft shadows: places around points on the shadow map.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use std::sync::OnceLock;
+
+use glam::Vec2;
+use multiversion::multiversion;
+
+use crate::raster::VisibilityBuffer;
+use crate::simd::{BatchColumn, CHUNK, ZERO, nearest_integer, whole_registers, within};
+
+/// Shadow mask where it is not known, or nothing is lit.
+pub(crate) const UNKNOWN: f32 = -1.0;
+/// PcfTaps of the search for blockers and of the filter.
+pub(crate) const TAPS: usize = 8;
+/// Share of the key light that something transparent holds back; its texels have their last bit set. Fitted to traced
+/// pictures: more than the walls of clear glass mirror, since its edges are seen at a grazing angle.
+pub(crate) const GLASS_SHADE: f32 = 0.5;
+/// Power by which taps of a search lie nearer to the middle. Fitted to traced pictures.
+const NEAR: f32 = 2.0;
+/// Turns of the taps.
+const TURNS: usize = 16;
+
+/// A chunk of unresolved.
+#[derive(Debug)]
+pub(crate) struct SampleQueue {
+    pub count: usize,
+    pub pixel: [u32; CHUNK],
+    /// Place on the map, tilt of the plane, cosine and sine of the taps' turn, and radius of the taps.
+    pub x: BatchColumn,
+    pub y: BatchColumn,
+    pub reversed_z: BatchColumn,
+    pub tilt_x: BatchColumn,
+    pub tilt_y: BatchColumn,
+    pub cosine: BatchColumn,
+    pub sine: BatchColumn,
+    pub radius: BatchColumn,
+}
+
+impl Default for SampleQueue {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            pixel: [0; CHUNK],
+            x: ZERO,
+            y: ZERO,
+            reversed_z: ZERO,
+            tilt_x: ZERO,
+            tilt_y: ZERO,
+            cosine: ZERO,
+            sine: ZERO,
+            radius: ZERO,
+        }
+    }
+}
+
+impl SampleQueue {
+    /// Adds a doubt of another queue with a radius; says whether the queue is full.
+    #[inline(always)]
+    pub fn push(&mut self, other: &Self, from: usize, radius: f32) -> bool {
+        let to = self.count;
+        self.pixel[to] = other.pixel[from];
+        (self.x[to], self.y[to], self.reversed_z[to]) = (other.x[from], other.y[from], other.reversed_z[from]);
+        (self.tilt_x[to], self.tilt_y[to]) = (other.tilt_x[from], other.tilt_y[from]);
+        (self.cosine[to], self.sine[to], self.radius[to]) = (other.cosine[from], other.sine[from], radius);
+        self.count += 1;
+        self.count == CHUNK
+    }
+}
+
+/// Where taps lie on the unit disc.
+pub(crate) type Pattern = [[f32; 2]; TAPS];
+
+/// How many taps of a pattern on a square map are nearer to the light than the receiving plane, and by how much together.
+pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern, taps: &mut PcfTaps) {
+    place_taps(queue, [map.width, map.stride], pattern, taps);
+    for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
+        for i in 0..queue.count {
+            stored[i] = map.reversed_z[index[i] as usize];
+        }
+    }
+    add_taps(taps, queue.count);
+}
+
+/// PcfTaps of a chunk of unresolved.
+#[derive(Debug)]
+pub(crate) struct PcfTaps {
+    index: [[u32; CHUNK]; TAPS],
+    /// Reversed z of the receiving plane under the taps.
+    plane: [BatchColumn; TAPS],
+    stored: [BatchColumn; TAPS],
+    pub blockers: BatchColumn,
+    pub distance: BatchColumn,
+}
+
+impl Default for PcfTaps {
+    fn default() -> Self {
+        let zero = [ZERO; TAPS];
+        Self { index: [[0; CHUNK]; TAPS], plane: zero, stored: zero, blockers: ZERO, distance: ZERO }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn place_taps(queue: &SampleQueue, [width, stride]: [usize; 2], pattern: &Pattern, taps: &mut PcfTaps) {
+    let limit = (width - 1) as i32 as f32;
+    let stride = stride as u32;
+    for ((offset, index), plane) in pattern.iter().zip(&mut taps.index).zip(&mut taps.plane) {
+        for i in 0..whole_registers(queue.count) {
+            let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
+            let dx = offset[0].mul_add(cosine, -offset[1] * sine) * radius;
+            let dy = offset[0].mul_add(sine, offset[1] * cosine) * radius;
+            let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
+            let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
+            index[i] = row * stride + column;
+            plane[i] = dx.mul_add(queue.tilt_x[i], dy.mul_add(queue.tilt_y[i], queue.reversed_z[i]));
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn add_taps(taps: &mut PcfTaps, count: usize) {
+    for i in 0..whole_registers(count) {
+        let (mut blockers, mut distance) = (0.0, 0.0);
+        for (stored, plane) in taps.stored.iter().zip(&taps.plane) {
+            let ahead = stored[i] - plane[i];
+            let weight = if stored[i].to_bits() & 1 == 1 { GLASS_SHADE } else { 1.0 };
+            blockers += if ahead > 0.0 { weight } else { 0.0 };
+            distance = (if ahead > 0.0 { ahead } else { 0.0 }).mul_add(weight, distance);
+        }
+        (taps.blockers[i], taps.distance[i]) = (blockers, distance);
+    }
+}
+
+/// A vogel_spiral, even on the disc, as a filter needs it.
+pub(crate) fn even_pattern() -> &'static Pattern {
+    static PATTERN: OnceLock<Pattern> = OnceLock::new();
+    PATTERN.get_or_init(|| vogel_spiral(0.5))
+}
+
+/// The same with most taps near the middle, for a search: near a point are the blockers that matter most, since what is
+/// close to it casts a sharp shadow.
+pub(crate) fn near_pattern() -> &'static Pattern {
+    static PATTERN: OnceLock<Pattern> = OnceLock::new();
+    PATTERN.get_or_init(|| vogel_spiral(NEAR))
+}
+
+/// PcfTaps by the golden angle, at distances that are powers of their shares of all.
+fn vogel_spiral(power: f32) -> Pattern {
+    std::array::from_fn(|tap| {
+        (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).powf(power)).to_array()
+    })
+}
+
+/// Sine and cosine of one of the turns.
+pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
+    static TABLE: OnceLock<[(f32, f32); TURNS]> = OnceLock::new();
+    let turns = TABLE
+        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
+    turns[turn as usize % TURNS]
+}

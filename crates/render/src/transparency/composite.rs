@@ -1,0 +1,313 @@
+//! What is seen through transparent things: two sides per pixel, the nearest and the farthest.
+
+use glam::Vec3A;
+use multiversion::multiversion;
+
+use super::refraction::{RefractedRays, refract};
+use crate::gbuffer::view::{View, surface_of};
+use crate::light_buffer::LightBuffer;
+use crate::render_scene::RenderScene;
+use crate::scene::assets::Part;
+use crate::scene::material::Material;
+use crate::scene::texture::{find_codes, srgb_table};
+use crate::shading::{ShadedPart, Shading, ShadingPoint};
+use crate::simd::{BatchColumn, CHUNK, ZERO, lerp, within};
+
+/// Sides of a thing that colour the light on what it touches: those of two walls of a cup; as many fit solid feet.
+const LIT_THROUGH: f32 = 4.0;
+/// How far from a thing others are no longer lit through it, metres. Chosen.
+const LIT_THROUGH_M: f32 = 0.02;
+
+/// All pixels with something transparent before them; memory kept from frame to frame.
+#[derive(Debug, Default)]
+pub(crate) struct TransparencyLayers {
+    groups: Vec<Group>,
+    /// The one of the last pixel: most have that of the pixel beside them.
+    last: usize,
+    work: Box<Work>,
+}
+
+/// Pixels before which the same surfaces are.
+#[derive(Debug)]
+struct Group {
+    /// The farther one first; 0 in its place where there is only one.
+    surfaces: [u32; 2],
+    pixels: Vec<Covered>,
+}
+
+/// A pixel with something transparent before it.
+#[derive(Clone, Copy, Debug)]
+struct Covered {
+    pixel: u32,
+    /// Index of the pixel among those that show several opaque surfaces.
+    edge_pixel: Option<u32>,
+    layers: [LayerSample; 2],
+}
+
+/// A transparent surface in front of a pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LayerSample {
+    pub spot: ShadingPoint,
+    /// Share of the pixel that it is in front of.
+    pub coverage: f32,
+}
+
+/// A picture without what is transparent.
+pub(crate) struct Opaque<'a> {
+    pub scene: &'a RenderScene<'a>,
+    pub view: &'a View,
+    pub light_buffer: &'a LightBuffer,
+    /// Linear display colours of the pixels, and of those that show several surfaces.
+    pub colors: &'a [Vec3A],
+    pub edge_pixels: &'a [(u32, Vec3A)],
+}
+
+/// Memory for a chunk of pixels.
+#[derive(Debug, Default)]
+struct Work {
+    shading: Shading,
+    /// The farther one first.
+    sides: [Interface; 2],
+    rays: RefractedRays,
+}
+
+/// The layers of one surface in front of a chunk of pixels.
+#[derive(Debug)]
+pub(super) struct Interface {
+    /// Whether its mesh encloses a solid.
+    pub(super) is_solid: bool,
+    /// Pixels, and metres.
+    pub(super) place: [BatchColumn; 2],
+    pub(super) depth: BatchColumn,
+    pub(super) coverage: BatchColumn,
+    /// Unit normals in the world, towards the viewer.
+    pub(super) normal: [BatchColumn; 3],
+    /// What leaves it towards the viewer, and the share of what is behind that passes.
+    pub(super) color: [BatchColumn; 3],
+    pub(super) passes: [BatchColumn; 3],
+}
+
+impl Default for Interface {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            is_solid: false,
+            place: [ZERO; 2],
+            depth: ZERO,
+            coverage: ZERO,
+            normal: lanes,
+            color: lanes,
+            passes: lanes,
+        }
+    }
+}
+
+impl TransparencyLayers {
+    /// Forgets all pixels.
+    pub fn clear(&mut self) {
+        self.groups.retain(|group| !group.pixels.is_empty());
+        self.groups.iter_mut().for_each(|group| group.pixels.clear());
+        self.last = 0;
+    }
+
+    /// Adds a pixel, which may be among those that show several opaque surfaces, with one or two layers in front of it.
+    pub fn add(&mut self, pixel: u32, edge_pixel: Option<u32>, [one, other]: [Option<LayerSample>; 2]) {
+        let mut layers = [one.or(other).unwrap_or_default(), other.or(one).unwrap_or_default()];
+        if layers[0].spot.depth < layers[1].spot.depth {
+            layers.swap(0, 1);
+        }
+        let [far, near] = layers.map(|pane| surface_of(pane.spot.id));
+        let surfaces = [if one.is_some() && other.is_some() { far } else { 0 }, near];
+        let is_same = |group: &Group| group.surfaces == surfaces;
+        if !self.groups.get(self.last).is_some_and(is_same) {
+            self.last = self.groups.iter().position(is_same).unwrap_or_else(|| {
+                self.groups.push(Group { surfaces, pixels: Vec::new() });
+                self.groups.len() - 1
+            });
+        }
+        self.groups[self.last].pixels.push(Covered { pixel, edge_pixel, layers });
+    }
+
+    /// Writes the bytes of all pixels.
+    pub fn show(&mut self, opaque: &Opaque<'_>, rgb: &mut [u8]) {
+        let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
+        for Group { surfaces, pixels } in &self.groups {
+            // Without a farther side only the nearer one counts.
+            let first = usize::from(surfaces[0] == 0);
+            let crossings = crossings(&opaque.scene.assets.parts, *surfaces);
+            let lit_through = lit_through(opaque.scene, surfaces[0]);
+            for pixels in pixels.chunks(CHUNK) {
+                self.work.shade(opaque, *surfaces, pixels);
+                self.work.look_behind(opaque, *surfaces, pixels, &mut seen);
+                let Work { sides, rays, .. } = &*self.work;
+                see_through(&sides[first..], &crossings[first..], lit_through, rays, &mut seen);
+                find_codes(&seen, &mut codes);
+                for (i, covered) in pixels.iter().enumerate() {
+                    let bytes = [0, 1, 2].map(|channel| srgb_table()[codes[channel][i] as usize & 4095]);
+                    rgb[covered.pixel as usize * 3..][..3].copy_from_slice(&bytes);
+                }
+            }
+        }
+    }
+}
+
+impl Work {
+    /// Shades the sides of a chunk of pixels and follows the rays that they refract.
+    fn shade(&mut self, opaque: &Opaque<'_>, surfaces: [u32; 2], pixels: &[Covered]) {
+        let Opaque { scene, view, light_buffer, .. } = opaque;
+        for (index, surface) in surfaces.into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
+            self.sides[index].shade(pixels, index, surface, &mut self.shading, scene, view);
+        }
+        let [far, near] = surfaces;
+        for (gap, (covered, depth)) in self.rays.gap.iter_mut().zip(pixels.iter().zip(&self.sides[0].depth)) {
+            let behind = light_buffer.depth[covered.pixel as usize];
+            *gap = if far > 0 && behind > 0.0 { (behind - depth).max(0.0) } else { f32::INFINITY };
+        }
+        self.rays.are_bent = far == near && self.sides[1].is_solid;
+        if self.rays.are_bent {
+            let index_of_refraction = scene.surfaces[near as usize - 1].index_of_refraction();
+            refract(&self.sides, index_of_refraction, &view.camera, scene.lighting, &mut self.rays);
+        }
+    }
+
+    /// Finds what is behind the sides of a chunk of pixels.
+    fn look_behind(
+        &mut self,
+        opaque: &Opaque<'_>,
+        [_, near]: [u32; 2],
+        pixels: &[Covered],
+        seen: &mut [BatchColumn; 3],
+    ) {
+        let Opaque { scene, light_buffer, colors, edge_pixels, .. } = opaque;
+        let body_of = |surface: u32| surface.checked_sub(1).and_then(|part| scene.assets.parts[part as usize].body);
+        let own_body = body_of(near);
+        for (i, covered) in pixels.iter().enumerate() {
+            let pixel = covered.pixel as usize;
+            let aside = self.rays.pixel[i] as usize;
+            // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is bent to.
+            let is_aside = self.rays.are_bent && {
+                let (depth, body) = (light_buffer.depth[aside], body_of(u32::from(light_buffer.surface[pixel])));
+                (depth <= 0.0 || depth > self.sides[1].depth[i]) && (body.is_none() || body != own_body)
+            };
+            let straight = || covered.edge_pixel.map_or(colors[pixel], |index| edge_pixels[index as usize].1);
+            let behind = if is_aside { colors[aside] } else { straight() };
+            self.rays.share[i] = if is_aside { self.rays.share[i] } else { 0.0 };
+            (seen[0][i], seen[1][i], seen[2][i]) = behind.into();
+        }
+    }
+}
+
+impl Interface {
+    /// Shades the farther or the nearer layers, which are of a surface, of at most a chunk of pixels.
+    fn shade(
+        &mut self,
+        pixels: &[Covered],
+        index: usize,
+        surface: u32,
+        shading: &mut Shading,
+        scene: &RenderScene<'_>,
+        view: &View,
+    ) {
+        shading.clear();
+        let [column, row] = &mut self.place;
+        for (i, LayerSample { spot, coverage }) in pixels.iter().map(|pixel| &pixel.layers[index]).enumerate() {
+            shading.push(*spot);
+            (column[i], row[i], self.depth[i], self.coverage[i]) = (spot.x, spot.y, spot.depth, *coverage);
+        }
+        let part = surface as usize - 1;
+        let material = &scene.surfaces[part];
+        self.is_solid = scene.assets.parts[part].mesh.closed;
+        shading.shade(&ShadedPart::new(scene, view, part));
+        let (normal, facing) = shading.normals();
+        let base = shading.bases();
+        (self.color, self.normal) = (*shading.colors(), *normal);
+        let is_shell = !self.is_solid;
+        if material.texture.is_none() && !is_shell {
+            let tint = material.tint(material.base, 1.0, is_shell).to_array();
+            self.passes = tint.map(|tint| [tint; CHUNK]);
+        } else {
+            for i in 0..pixels.len() {
+                let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);
+                let tint = material.tint(base, facing[i], is_shell);
+                (self.passes[0][i], self.passes[1][i], self.passes[2][i]) = tint.into();
+            }
+        }
+        attenuate(material, facing, &mut self.passes);
+    }
+}
+
+/// How often a sight passes sides like the farther and the nearer one that are known: others, which they hide, lie behind
+/// the nearer and before the farther one.
+fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
+    let near = &parts[near as usize - 1];
+    let Some(far) = far.checked_sub(1).map(|part| &parts[part as usize]) else {
+        // What is in a cup hides the rest of it.
+        return [1, if near.faces_out && !near.mesh.closed { 2 } else { 1 }];
+    };
+    if std::ptr::eq(far, near) {
+        return if near.mesh.closed { [1, 1] } else { [2, 2] };
+    }
+    // Of a wall around a cavity both sides are passed, and those of the wall across.
+    let of = |part: &Part| if part.faces_out && !part.mesh.closed { 4 } else { 2 };
+    if near.body.is_none() || far.body != near.body {
+        [of(far), of(near)]
+    } else if near.faces_out {
+        [2, if near.mesh.closed { 1 } else { 4 }]
+    } else {
+        // Into a cup from above: its inside, then its outside.
+        [1, 1]
+    }
+}
+
+/// Colour of light on what touches the thing of the farther surface, white without one.
+fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
+    let Some(part) = far.checked_sub(1).map(|part| part as usize) else { return [1.0; 3] };
+    let material = &scene.surfaces[part];
+    let is_shell = !scene.assets.parts[part].mesh.closed;
+    material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
+}
+
+/// Takes off the light that a surface mirrors and scatters.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColumn; 3]) {
+    for i in 0..CHUNK {
+        let share = material.passing(facing[i]);
+        passes[0][i] *= share;
+        passes[1][i] *= share;
+        passes[2][i] *= share;
+    }
+}
+
+/// What is seen through layers, the farther ones first, of what is behind. Behind the near side of a cavity thing and before its
+/// far side lie those of its cavity.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn see_through(
+    sides: &[Interface],
+    crossings: &[usize],
+    lit_through: [f32; 3],
+    rays: &RefractedRays,
+    colors: &mut [BatchColumn; 3],
+) {
+    let mut near_by = ZERO;
+    for (near_by, gap) in near_by.iter_mut().zip(&rays.gap) {
+        *near_by = within(1.0 - gap / LIT_THROUGH_M, 0.0, 1.0);
+    }
+    for (channel, (seen, around)) in colors.iter_mut().zip(&rays.around).enumerate() {
+        for i in 0..CHUNK {
+            let lit = seen[i] * lerp(1.0, lit_through[channel], near_by[i]);
+            seen[i] = lerp(lit, around[i], rays.share[i]);
+        }
+        for (index, side) in sides.iter().enumerate() {
+            let (color, passes) = (&side.color[channel], &side.passes[channel]);
+            for i in 0..CHUNK {
+                let mut passed = seen[i];
+                for crossing in 0..crossings[index] {
+                    // The bottom of a cup, which touches the table, mirrors and holds back nothing.
+                    let touches = if index + crossing == 0 && !side.is_solid { near_by[i] } else { 0.0 };
+                    passed = lerp(color[i] + passed * passes[i], passed, touches);
+                }
+                seen[i] += (passed - seen[i]) * side.coverage[i];
+            }
+        }
+    }
+}

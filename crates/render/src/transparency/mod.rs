@@ -1,0 +1,5 @@
+//! Transparent interfaces: visibility, refraction and compositing.
+
+pub(crate) mod composite;
+mod refraction;
+pub(crate) mod visibility;
