@@ -23,7 +23,7 @@ mod error;
 pub mod export;
 pub mod files;
 mod frames;
-pub mod genmanip_layout;
+pub mod genmanip_format;
 pub mod hdf5;
 pub mod images;
 pub mod import;

@@ -21,7 +21,7 @@ use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, genmanip_layout,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, genmanip_format,
     hdf5, zarr,
 };
 use serde_json::{Value, json};
@@ -554,7 +554,7 @@ fn the_original_genmanip_layout_holds_the_same_data() {
     let [v30, paper] = ["v30", "paper"].map(|name| folder.path().join(name));
     let settings = LerobotSettings::default();
     export(&store, &v30, &settings).unwrap();
-    let report = genmanip_layout::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap();
+    let report = genmanip_format::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap();
     assert_eq!((report.episodes, report.frames), (3, 12 + 15 + 10));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_genmanip_layout.py");
     let output = Command::new(python).arg(script).args([&v30, &paper]).output().unwrap();
@@ -563,7 +563,7 @@ fn the_original_genmanip_layout_holds_the_same_data() {
     let compared: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&compared["episodes"], &compared["pictures"]), (&3.into(), &74.into()), "{compared}");
     assert!(compared["worst_color"].as_f64().unwrap() < 3.0, "of 255, hard edges included: {compared}");
-    let again = genmanip_layout::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap_err();
+    let again = genmanip_format::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap_err();
     assert!(matches!(again, DataError::Exists { .. }), "{again}");
 }
 

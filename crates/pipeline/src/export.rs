@@ -11,7 +11,7 @@ use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{
-    DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_layout, hdf5, mcap, zarr,
+    DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_format, hdf5, mcap, zarr,
 };
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
@@ -68,7 +68,7 @@ impl Format {
             Self::Zarr => zarr::export(store, selection, robot, rows, target),
             Self::Hdf5 => hdf5::export(store, selection, robot, rows, target),
             Self::Mcap => mcap::export(store, selection, robot, rows, target),
-            Self::Paper => genmanip_layout::export(store, selection, robot, rows, target),
+            Self::Paper => genmanip_format::export(store, selection, robot, rows, target),
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::book::{Book, EpisodeEntry, VideoSpan};
 use crate::mp4::Video;
-use crate::{DataError, EncodedVideo, genmanip_layout, video};
+use crate::{DataError, EncodedVideo, genmanip_format, video};
 
 /// Maximum episodes on a sheet, evenly spaced.
 const EPISODES: usize = 12;
@@ -71,7 +71,7 @@ fn moments(book: &Book, episode: &EpisodeEntry, span: &VideoSpan) -> Result<Vec<
     video::decode(&encoded, &mut |rgb| {
         if wanted.contains(&at) {
             let (small, width, height) = downscale(rgb, encoded.width as usize, encoded.height as usize);
-            pictures.push(genmanip_layout::jpeg(&small, width, height)?);
+            pictures.push(genmanip_format::jpeg(&small, width, height)?);
         }
         at += 1;
         Ok(())
