@@ -14,7 +14,7 @@ use crate::partial::beside;
 ///
 /// Dropping it before [`AtomicFolder::publish`] removes everything written so far.
 #[derive(Debug)]
-pub(crate) struct AtomicFolder {
+pub struct AtomicFolder {
     target: PathBuf,
     folder: PathBuf,
     on_conflict: OnConflict,
@@ -38,7 +38,7 @@ const MAX_TRIES: usize = 100;
 
 impl AtomicFolder {
     /// Starts a folder to be published at `target`, which must not exist. The parent folder must exist.
-    pub(crate) fn new(target: &Path) -> Result<Self, DataError> {
+    pub fn new(target: &Path) -> Result<Self, DataError> {
         if fs::symlink_metadata(target).is_ok() {
             return Err(DataError::Exists { path: target.to_owned() });
         }
@@ -46,13 +46,13 @@ impl AtomicFolder {
     }
 
     /// As [`AtomicFolder::new`], but an existing target is replaced.
-    pub(crate) fn replacing(target: &Path) -> Result<Self, DataError> {
+    pub fn replacing(target: &Path) -> Result<Self, DataError> {
         Self::begin(target, OnConflict::Replace)
     }
 
     /// As [`AtomicFolder::new`], but an identical existing target is accepted, e.g. the output of an earlier call that was
     /// killed later.
-    pub(crate) fn accepting_identical(target: &Path) -> Result<Self, DataError> {
+    pub fn accepting_identical(target: &Path) -> Result<Self, DataError> {
         Self::begin(target, OnConflict::AcceptIdentical)
     }
 
@@ -63,7 +63,7 @@ impl AtomicFolder {
     }
 
     /// The temporary folder, until it is published.
-    pub(crate) fn folder(&self) -> &Path {
+    pub fn folder(&self) -> &Path {
         &self.folder
     }
 
@@ -71,7 +71,7 @@ impl AtomicFolder {
     ///
     /// # Errors
     /// If the name escapes the folder or a parent folder cannot be created.
-    pub(crate) fn path(&self, name: &str) -> Result<PathBuf, DataError> {
+    pub fn path(&self, name: &str) -> Result<PathBuf, DataError> {
         // Names are derived from the column names of data sets, which are user input.
         if name.is_empty() || !Path::new(name).components().all(|part| matches!(part, Component::Normal(_))) {
             return Err(DataError::mismatch("name of a file", "one within the data set", name));
@@ -84,7 +84,7 @@ impl AtomicFolder {
     }
 
     /// Writes and syncs one file.
-    pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), DataError> {
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), DataError> {
         let path = self.path(name)?;
         write_synced(&path, bytes)
     }
@@ -93,7 +93,7 @@ impl AtomicFolder {
     ///
     /// # Errors
     /// [`DataError::Exists`] if the target exists and may not be replaced, or is not identical.
-    pub(crate) fn publish(mut self) -> Result<(), DataError> {
+    pub fn publish(mut self) -> Result<(), DataError> {
         sync_tree(&self.folder)?;
         let mut outdated = Vec::new();
         for _ in 0..MAX_TRIES {
@@ -140,24 +140,24 @@ impl Drop for AtomicFolder {
 }
 
 /// Writes a JSON file of a data set.
-pub(crate) fn write_json(dataset: &AtomicFolder, name: &str, value: &Value) -> Result<(), DataError> {
+pub fn write_json(dataset: &AtomicFolder, name: &str, value: &Value) -> Result<(), DataError> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
     dataset.write(name, (text + "\n").as_bytes())
 }
 
 /// Writes and syncs a new file; the path must not exist.
-pub(crate) fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+pub fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     write_new(path, bytes).map_err(DataError::io("write", path))
 }
 
 /// The parent folder; `.` for a bare name.
-pub(crate) fn parent(path: &Path) -> &Path {
+pub fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Creates the parent folder of a path.
-pub(crate) fn make_parent(path: &Path) -> Result<(), DataError> {
+pub fn make_parent(path: &Path) -> Result<(), DataError> {
     let parent = parent(path);
     fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))
 }

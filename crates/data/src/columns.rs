@@ -8,21 +8,21 @@ use arrow_array::{Array, RecordBatch};
 use arrow_schema::DataType;
 
 /// Numeric columns of one episode by name.
-pub(crate) type Rows = BTreeMap<String, Column>;
+pub type Rows = BTreeMap<String, Column>;
 
 /// Column of vectors, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Column {
+pub struct Column {
     /// Element type, as in `info.json`.
-    pub(crate) dtype: &'static str,
+    pub dtype: &'static str,
     /// Elements per row.
-    pub(crate) width: usize,
-    pub(crate) values: Vec<f64>,
+    pub width: usize,
+    pub values: Vec<f64>,
 }
 
 impl Column {
     /// `None` if the array is not numeric or its rows differ in length.
-    pub(crate) fn of(array: &dyn Array) -> Option<Self> {
+    pub fn of(array: &dyn Array) -> Option<Self> {
         let rows = array.len();
         if array.null_count() > 0 {
             return None;
@@ -62,19 +62,19 @@ impl Column {
     }
 
     /// Vector of one row.
-    pub(crate) fn row(&self, row: usize) -> &[f64] {
+    pub fn row(&self, row: usize) -> &[f64] {
         self.values.get(row * self.width..(row + 1) * self.width).unwrap_or_default()
     }
 }
 
 /// Numbers of one cell, nested lists flattened; `None` for text and null cells.
-pub(crate) fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
+pub fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() { None } else { Some(Column::of(&column.slice(row, 1))?.values) }
 }
 
 /// Text of a cell with the count 1; for a list of texts, the first one and the length of the list.
-pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
+pub fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() || column.is_null(row) {
         return None;
@@ -92,7 +92,7 @@ pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(Strin
 }
 
 /// All texts of a list cell.
-pub(crate) fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>> {
+pub fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>> {
     let lists = batch.column_by_name(name)?.as_list_opt::<i32>()?;
     if row >= lists.len() || lists.is_null(row) {
         return None;
@@ -102,7 +102,7 @@ pub(crate) fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<S
 }
 
 /// Integer of a cell.
-pub(crate) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
+pub fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
     let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;
     (row < column.len() && !column.is_null(row)).then(|| column.value(row))
 }

@@ -50,7 +50,7 @@ fn to_mm(depth_m: &[f32], depth_mm: &mut [u16]) {
 }
 
 /// Encodes a depth image in millimetres (row-major, `width · height` values) as PNG.
-pub(crate) fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
+pub fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, width, height);
     encoder.set_color(ColorType::Grayscale);

@@ -189,7 +189,7 @@ impl DataError {
     }
 
     /// Adds the path to errors that lack it; a table error gets this path instead of the temporary one.
-    pub(crate) fn with_path(self, path: &Path) -> Self {
+    pub fn with_path(self, path: &Path) -> Self {
         let shown = path.display();
         match self {
             Self::Mismatch { what, expected, got } => Self::mismatch(format!("{what} in {shown}"), expected, got),
@@ -200,16 +200,16 @@ impl DataError {
         }
     }
 
-    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+    pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }
     }
 
-    pub(crate) fn table(path: &Path, error: impl ToString) -> Self {
+    pub fn table(path: &Path, error: impl ToString) -> Self {
         Self::Table { path: path.to_owned(), message: error.to_string() }
     }
 
-    pub(crate) fn mismatch(what: impl Into<String>, expected: impl ToString, got: impl ToString) -> Self {
+    pub fn mismatch(what: impl Into<String>, expected: impl ToString, got: impl ToString) -> Self {
         Self::Mismatch { what: what.into(), expected: expected.to_string(), got: got.to_string() }
     }
 }

@@ -52,7 +52,7 @@ pub fn open_list(path: &Path) -> Result<impl BufRead + use<>, DataError> {
 const BUFFER_BYTES: usize = 256 << 10;
 
 /// Opens a regular file for streaming; symbolic links are followed.
-pub(crate) fn open(path: &Path) -> Result<File, DataError> {
+pub fn open(path: &Path) -> Result<File, DataError> {
     check_is_file(path, &fs::metadata(path).map_err(DataError::io("read", path))?)?;
     let file = File::open(path).map_err(DataError::io("read", path))?;
     // The file may have been replaced between the two calls.
@@ -273,7 +273,7 @@ impl Drop for Writing {
 }
 
 /// Writes and syncs a new file; the path must not exist, and links are not followed.
-pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+pub fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     write_new_with(path, &mut |out| out.write_all(bytes))
 }
 
@@ -284,7 +284,7 @@ fn write_new_with(path: &Path, write: &mut WritePieces) -> std::io::Result<()> {
 }
 
 /// Hard-links a file, or copies it if the file system does not support that; `to` must not exist.
-pub(crate) fn link_or_copy(from: &Path, to: &Path) -> Result<(), DataError> {
+pub fn link_or_copy(from: &Path, to: &Path) -> Result<(), DataError> {
     if fs::hard_link(from, to).is_ok() {
         return Ok(());
     }
@@ -313,7 +313,7 @@ pub fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
 }
 
 /// Sorted names of the entries of a folder; names that are not UTF-8 are skipped.
-pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
+pub fn names(folder: &Path) -> Result<Vec<String>, DataError> {
     let entries = fs::read_dir(folder).map_err(DataError::io("list", folder))?;
     let mut names = Vec::new();
     for entry in entries {
@@ -327,7 +327,7 @@ pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
 }
 
 /// Removes a file, a link or a folder tree; links are not followed.
-pub(crate) fn remove(path: &Path) -> Result<(), DataError> {
+pub fn remove(path: &Path) -> Result<(), DataError> {
     let removed = if is_own_folder(path) { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     match removed {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(DataError::io("remove", path)(error)),

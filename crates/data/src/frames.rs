@@ -27,7 +27,7 @@ use crate::DataError;
 use crate::table::{self, Columns, Purpose};
 
 /// Encodes `frames.parquet`; every frame must hold `objects` objects.
-pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, DataError> {
+pub fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, DataError> {
     for (index, frame) in frames.iter().enumerate() {
         if frame.objects.len() != objects {
             return Err(DataError::mismatch(format!("objects in frame {index}"), objects, frame.objects.len()));
@@ -60,7 +60,7 @@ pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, Data
 }
 
 /// Decodes `frames.parquet`.
-pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usize) -> Result<Vec<Frame>, DataError> {
+pub fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usize) -> Result<Vec<Frame>, DataError> {
     let batch = table::from_parquet(path, bytes, rows)?;
     let numbers = |name: &str| -> Result<Vec<f64>, DataError> {
         Ok(table::column::<Float64Array>(path, &batch, name)?.values().to_vec())
@@ -113,12 +113,12 @@ pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usiz
 }
 
 /// Encodes `f64` values as little-endian bytes.
-pub(crate) fn state_to_bytes(state: &[f64]) -> Vec<u8> {
+pub fn state_to_bytes(state: &[f64]) -> Vec<u8> {
     state.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// Decodes little-endian bytes as `f64` values.
-pub(crate) fn state_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<f64>, DataError> {
+pub fn state_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<f64>, DataError> {
     let (values, rest) = bytes.as_chunks::<8>();
     if !rest.is_empty() {
         let what = format!("length of {}", path.display());
@@ -128,7 +128,7 @@ pub(crate) fn state_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<f64>, Da
 }
 
 /// Position x, y, z, then quaternion w, x, y, z.
-pub(crate) fn pose_to_row(pose: &Pose) -> [f64; 7] {
+pub fn pose_to_row(pose: &Pose) -> [f64; 7] {
     let [x, y, z] = pose.position.to_array();
     let [qw, qx, qy, qz] = pose.to_wxyz_array();
     [x, y, z, qw, qx, qy, qz]

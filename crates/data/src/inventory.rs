@@ -25,16 +25,16 @@ pub struct Inspected {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileInventory {
     /// Size of each file in bytes, by path relative to the attempt's folder.
-    pub(crate) files: BTreeMap<String, u64>,
+    pub files: BTreeMap<String, u64>,
     /// Folders of its groups.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) groups: Vec<String>,
+    pub groups: Vec<String>,
 }
 
 impl FileInventory {
     /// True if all files lie in `folder` with these sizes and nothing was written, added or removed at or after
     /// `since`.
-    pub(crate) fn are_unchanged(&self, folder: &Path, since: SystemTime) -> bool {
+    pub fn are_unchanged(&self, folder: &Path, since: SystemTime) -> bool {
         let is_older = |about: &fs::Metadata| about.modified().is_ok_and(|modified| modified < since);
         let is_folder = |path: &Path| fs::symlink_metadata(path).is_ok_and(|about| about.is_dir() && is_older(&about));
         is_folder(folder)

@@ -15,29 +15,27 @@
 //! # }
 //! ```
 
-mod atomic_write;
-pub mod check;
-mod columns;
+pub mod atomic_write;
+pub mod columns;
 pub mod depth;
 mod error;
 pub mod export;
 pub mod files;
-mod frames;
+pub mod frames;
 pub mod genmanip_format;
 pub mod hdf5;
 pub mod images;
-pub mod import;
 mod inventory;
 pub mod lerobot;
 mod manifest;
 pub mod masks;
 pub mod mcap;
-mod mp4;
-mod panics;
-mod partial;
+pub mod mp4;
+pub mod panics;
+pub mod partial;
 pub mod ply;
 pub mod store;
-mod table;
+pub mod table;
 pub mod video;
 mod yuv;
 pub mod zarr;

@@ -10,16 +10,16 @@ use crate::DataError;
 
 /// Size and SHA-256 of one file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct FileHash {
-    pub(crate) name: String,
-    pub(crate) bytes: usize,
-    pub(crate) sha256: String,
+pub struct FileHash {
+    pub name: String,
+    pub bytes: usize,
+    pub sha256: String,
 }
 
 /// `files.json` of a group.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Manifest {
-    pub(crate) files: Vec<FileHash>,
+pub struct Manifest {
+    pub files: Vec<FileHash>,
 }
 
 impl Document for Manifest {
@@ -27,14 +27,14 @@ impl Document for Manifest {
 }
 
 impl FileHash {
-    pub(crate) fn of(name: &str, bytes: &[u8]) -> Self {
+    pub fn of(name: &str, bytes: &[u8]) -> Self {
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         Self { name: name.into(), bytes: bytes.len(), sha256 }
     }
 }
 
 /// Returns the bytes if they match the recorded size and hash.
-pub(crate) fn check_bytes(path: &Path, expected: &FileHash, bytes: Vec<u8>) -> Result<Vec<u8>, DataError> {
+pub fn check_bytes(path: &Path, expected: &FileHash, bytes: Vec<u8>) -> Result<Vec<u8>, DataError> {
     let got = FileHash::of(&expected.name, &bytes);
     if got == *expected {
         return Ok(bytes);

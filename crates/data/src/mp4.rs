@@ -15,16 +15,16 @@ const MAX_FRAMES: usize = 6_000_000;
 
 /// The only video track of a file.
 #[derive(Debug)]
-pub(crate) struct Video {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) timescale: u32,
+pub struct Video {
+    pub width: u32,
+    pub height: u32,
+    pub timescale: u32,
     /// Duration of each frame, ticks.
-    pub(crate) durations: Vec<u32>,
+    pub durations: Vec<u32>,
     /// Offset and size of each frame in the file, bytes.
-    pub(crate) frames: Vec<(u64, u32)>,
+    pub frames: Vec<(u64, u32)>,
     /// True if the frames' presentation order differs from the file order.
-    pub(crate) is_reordered: bool,
+    pub is_reordered: bool,
     /// Parameter sets (SPS and PPS).
     parameters: Vec<Vec<u8>>,
     file: File,
@@ -32,7 +32,7 @@ pub(crate) struct Video {
 
 impl Video {
     /// Reads the index.
-    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
+    pub fn open(path: &Path) -> Result<Self, DataError> {
         let mut file = files::open(path)?;
         let length = file.metadata().map_err(DataError::io("read", path))?.len();
         let broken = |why: String| DataError::Video(format!("{why}: {}", path.display()));
@@ -74,7 +74,7 @@ impl Video {
     }
 
     /// A frame in Annex B format for the decoder, optionally preceded by the parameter sets.
-    pub(crate) fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
+    pub fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
         let (at, size) = *self.frames.get(index)?;
         let mut bytes = vec![0; usize::try_from(size).ok()?];
         self.file.seek(SeekFrom::Start(at)).ok()?;

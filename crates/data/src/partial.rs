@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 const MARK: &str = ".partial-";
 
 /// A temporary name beside `target`, unique among all writers on all hosts.
-pub(crate) fn beside(target: &Path) -> PathBuf {
+pub fn beside(target: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     // File names are limited to 255 bytes, some of which the suffix needs.
@@ -24,12 +24,12 @@ pub(crate) fn beside(target: &Path) -> PathBuf {
 }
 
 /// True for a temporary name of any writer.
-pub(crate) fn is_unfinished(name: &str) -> bool {
+pub fn is_unfinished(name: &str) -> bool {
     name.starts_with('.') && name.rsplit_once(MARK).is_some_and(|(_, writer)| Writer::parse(writer).is_some())
 }
 
 /// True for a temporary name whose writer is known to be dead.
-pub(crate) fn is_abandoned(name: &str) -> bool {
+pub fn is_abandoned(name: &str) -> bool {
     let Some((_, writer)) = name.rsplit_once(MARK).filter(|_| name.starts_with('.')) else { return false };
     let Some(writer) = Writer::parse(writer) else { return false };
     writer.has_died(Writer::of_this_program(), &|pid| start_of(&pid.to_string()))

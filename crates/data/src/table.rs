@@ -22,53 +22,53 @@ use crate::{DataError, files};
 
 /// Columns under construction, in insertion order; all have one element per row.
 #[derive(Debug, Default)]
-pub(crate) struct Columns {
+pub struct Columns {
     fields: Vec<Field>,
     arrays: Vec<ArrayRef>,
 }
 
 impl Columns {
-    pub(crate) fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
+    pub fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
         self.push(name, Arc::new(PrimitiveArray::<Float64Type>::from_iter_values(values)), false);
     }
 
-    pub(crate) fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
+    pub fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
         self.push(name, Arc::new(PrimitiveArray::<Int64Type>::from_iter_values(values)), false);
     }
 
-    pub(crate) fn optional_i32(&mut self, name: &str, values: impl IntoIterator<Item = Option<i32>>) {
+    pub fn optional_i32(&mut self, name: &str, values: impl IntoIterator<Item = Option<i32>>) {
         self.push(name, Arc::new(PrimitiveArray::<Int32Type>::from_iter(values)), true);
     }
 
-    pub(crate) fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
+    pub fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
         let values: Vec<bool> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), false);
     }
 
     /// Nullable column.
-    pub(crate) fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
+    pub fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
         let values: Vec<Option<bool>> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), true);
     }
 
-    pub(crate) fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
+    pub fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
 
     /// Variable-length lists.
-    pub(crate) fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
+    pub fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
         let values = PrimitiveArray::<T>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
         self.nested(name, Arc::new(values), rows.iter().map(|row| row.len()));
     }
 
     /// Variable-length lists of texts.
-    pub(crate) fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
+    pub fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
         let values = StringArray::from_iter_values(rows.iter().flatten());
         self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
     }
 
     /// Fixed-size lists; length 1 gives a scalar column.
-    pub(crate) fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
+    pub fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
         let values: ArrayRef = Arc::new(PrimitiveArray::<T>::from_iter_values(values));
         if length == 1 {
             return self.push(name, values, false);
@@ -79,7 +79,7 @@ impl Columns {
     }
 
     /// Images in the `datasets` library's layout: a struct of the file's bytes and an unused path.
-    pub(crate) fn images(&mut self, name: &str, files: &[Vec<u8>]) {
+    pub fn images(&mut self, name: &str, files: &[Vec<u8>]) {
         let bytes: ArrayRef = Arc::new(BinaryArray::from_iter_values(files));
         let paths: ArrayRef = Arc::new(StringArray::new_null(files.len()));
         let array = StructArray::from(vec![
@@ -90,7 +90,7 @@ impl Columns {
     }
 
     /// `[C][1][1]` per row, the shape of an image statistic.
-    pub(crate) fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
+    pub fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
         let ones = || std::iter::repeat_n(1, rows.iter().map(|row| row.len()).sum());
         let values = PrimitiveArray::<Float64Type>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
         let inner = list_of(Arc::new(values), ones());
@@ -98,7 +98,7 @@ impl Columns {
         self.nested(name, middle, rows.iter().map(|row| row.len()));
     }
 
-    pub(crate) fn batch(self) -> Result<RecordBatch, arrow_schema::ArrowError> {
+    pub fn batch(self) -> Result<RecordBatch, arrow_schema::ArrowError> {
         RecordBatch::try_new(Arc::new(Schema::new(self.fields)), self.arrays)
     }
 
@@ -119,7 +119,7 @@ fn list_of(values: ArrayRef, lengths: impl IntoIterator<Item = usize>) -> ArrayR
 
 /// Intended use of a table, which determines its encoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Purpose {
+pub enum Purpose {
     /// Native store: no dictionary encoding, to keep every bit, -0.0 included.
     Record,
     /// Data sets: small, with column statistics per row group, by which readers find episodes.
@@ -128,14 +128,14 @@ pub(crate) enum Purpose {
 
 /// Parquet writer: Snappy, one row group per batch. Equal batches give equal bytes.
 #[derive(Debug)]
-pub(crate) struct TableWriter {
+pub struct TableWriter {
     writer: ArrowWriter<Vec<u8>>,
     path: std::path::PathBuf,
 }
 
 impl TableWriter {
     /// `path` is used in error messages only.
-    pub(crate) fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
+    pub fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_dictionary_enabled(purpose == Purpose::Dataset)
@@ -152,24 +152,24 @@ impl TableWriter {
     }
 
     /// Appends rows to the row group that [`TableWriter::finish`] closes.
-    pub(crate) fn add(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
+    pub fn add(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
         self.writer.write(batch).map_err(|error| DataError::table(&self.path, error))
     }
 
     /// Appends a row group.
-    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
+    pub fn write(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
         self.writer.write(batch).and_then(|()| self.writer.flush()).map_err(|error| DataError::table(&self.path, error))
     }
 
     /// Completes the file.
-    pub(crate) fn finish(self) -> Result<Vec<u8>, DataError> {
+    pub fn finish(self) -> Result<Vec<u8>, DataError> {
         let path = self.path;
         self.writer.into_inner().map_err(|error| DataError::table(&path, error))
     }
 }
 
 /// Encodes a Parquet file with one row group; `metadata` is added to the schema.
-pub(crate) fn to_parquet(
+pub fn to_parquet(
     path: &Path,
     columns: Columns,
     purpose: Purpose,
@@ -199,7 +199,7 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
 }
 
 /// All rows of a Parquet file, whose number must match the record.
-pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
+pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
     let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
     let builder = opened.map_err(|error| fail(&error))?;
@@ -227,13 +227,13 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
 }
 
 /// A Parquet file, read by columns in batches.
-pub(crate) struct Table {
+pub struct Table {
     path: PathBuf,
     builder: ParquetRecordBatchReaderBuilder<File>,
 }
 
 impl Table {
-    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
+    pub fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
         let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
         let builder = opened.map_err(|error| DataError::table(path, error))?;
@@ -241,7 +241,7 @@ impl Table {
     }
 
     /// All rows of the selected columns in one batch.
-    pub(crate) fn whole(self, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
+    pub fn whole(self, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
         let rows = usize::try_from(self.builder.metadata().file_metadata().num_rows()).unwrap_or(0);
         let names = self.names();
         let wanted: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_wanted(name)).collect();
@@ -257,13 +257,13 @@ impl Table {
     }
 
     /// Column names.
-    pub(crate) fn names(&self) -> Vec<String> {
+    pub fn names(&self) -> Vec<String> {
         let schema = self.builder.parquet_schema();
         schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
     }
 
     /// The given columns in batches.
-    pub(crate) fn columns(
+    pub fn columns(
         self,
         names: &[&str],
     ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
@@ -271,7 +271,7 @@ impl Table {
     }
 
     /// The given columns in batches of at most `rows_per_batch` rows.
-    pub(crate) fn batches(
+    pub fn batches(
         self,
         names: &[&str],
         rows_per_batch: usize,
@@ -310,7 +310,7 @@ impl Table {
 }
 
 /// A Parquet file with random access by row group.
-pub(crate) struct RowGroups {
+pub struct RowGroups {
     path: PathBuf,
     file: File,
     metadata: ArrowReaderMetadata,
@@ -319,7 +319,7 @@ pub(crate) struct RowGroups {
 }
 
 impl RowGroups {
-    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
+    pub fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
         let metadata = catch_panics(path, || ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()))?;
         let metadata = metadata.map_err(|error| DataError::table(path, error))?;
@@ -334,7 +334,7 @@ impl RowGroups {
     }
 
     /// Reads the row group that starts at row `first`, which must have `rows` rows.
-    pub(crate) fn read(&self, first: usize, rows: usize) -> Result<RecordBatch, DataError> {
+    pub fn read(&self, first: usize, rows: usize) -> Result<RecordBatch, DataError> {
         let fail = |error: &dyn std::fmt::Display| DataError::table(&self.path, error);
         let expected = || fail(&format!("expected one row group of {rows} rows starting at row {first}"));
         let group = self.firsts.binary_search(&first).map_err(|_| expected())?;
@@ -353,7 +353,7 @@ impl RowGroups {
 }
 
 /// Paths `chunk-…/file-….parquet` in a folder of a data set, sorted.
-pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let mut paths = Vec::new();
     for chunk in files::names(folder)?.iter().filter(|name| name.starts_with("chunk-")) {
         let chunk = folder.join(chunk);
@@ -364,11 +364,7 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
 }
 
 /// Column of a given type.
-pub(crate) fn column<'a, T: Array + 'static>(
-    path: &Path,
-    batch: &'a RecordBatch,
-    name: &str,
-) -> Result<&'a T, DataError> {
+pub fn column<'a, T: Array + 'static>(path: &Path, batch: &'a RecordBatch, name: &str) -> Result<&'a T, DataError> {
     let column = batch.column_by_name(name).ok_or_else(|| DataError::table(path, format!("no column `{name}`")))?;
     column.as_any().downcast_ref::<T>().ok_or_else(|| {
         DataError::table(path, format!("column `{name}` has the unexpected type {}", column.data_type()))
@@ -376,7 +372,7 @@ pub(crate) fn column<'a, T: Array + 'static>(
 }
 
 /// Elements of a column of fixed-size lists, row-major; length 1 means a scalar column.
-pub(crate) fn vector_column<T: ArrowPrimitiveType>(
+pub fn vector_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,
     name: &str,
@@ -398,7 +394,7 @@ pub(crate) fn vector_column<T: ArrowPrimitiveType>(
 }
 
 /// Lists of a column, one per row.
-pub(crate) fn list_column<T: ArrowPrimitiveType>(
+pub fn list_column<T: ArrowPrimitiveType>(
     path: &Path,
     batch: &RecordBatch,
     name: &str,

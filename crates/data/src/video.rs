@@ -227,12 +227,12 @@ pub fn mux_mp4<'a>(videos: impl IntoIterator<Item = &'a EncodedVideo>) -> Result
 }
 
 /// True if an access unit contains an IDR slice (NAL unit type 5).
-pub(crate) fn is_keyframe(frame: &[u8]) -> bool {
+pub fn is_keyframe(frame: &[u8]) -> bool {
     has_unit(frame, 5)
 }
 
 /// True if an access unit contains parameter sets (NAL unit type 7).
-pub(crate) fn has_parameters(frame: &[u8]) -> bool {
+pub fn has_parameters(frame: &[u8]) -> bool {
     has_unit(frame, 7)
 }
 

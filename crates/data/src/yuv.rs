@@ -9,16 +9,16 @@ use openh264::formats::YUVSource;
 
 /// Planar image; width and height are even.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Yuv420 {
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-    pub(crate) y: Vec<u8>,
-    pub(crate) u: Vec<u8>,
-    pub(crate) v: Vec<u8>,
+pub struct Yuv420 {
+    pub width: usize,
+    pub height: usize,
+    pub y: Vec<u8>,
+    pub u: Vec<u8>,
+    pub v: Vec<u8>,
 }
 
 /// Converts 8-bit RGB, row-major. `rgb` must hold `width · height · 3` bytes, both sides even; the caller checks.
-pub(crate) fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
+pub fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
     let plane = |size| vec![0; size];
     let (mut y, mut u, mut v) = (plane(width * height), plane(width * height / 4), plane(width * height / 4));
     // Two rows at a time, in planar order: interleaved 3-byte pixels do not vectorise.
@@ -63,7 +63,7 @@ fn chroma_row(upper: &[Vec<u8>; 3], lower: &[Vec<u8>; 3], u: &mut [u8], v: &mut 
 }
 
 /// Converts to 8-bit RGB, row-major, with nearest-neighbour chroma.
-pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
+pub fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
     let (width, height) = image.dimensions();
     let (y_stride, u_stride, v_stride) = image.strides();
     let mut rgb = Vec::with_capacity(width * height * 3);

@@ -4,7 +4,7 @@ use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use genmanip_data::lerobot::edit::Condition;
+use genmanip_dataset_tools::edit::Condition;
 use genmanip_viz::render::Vary;
 
 /// Verbs for data sets.

@@ -8,13 +8,11 @@ use std::sync::Arc;
 use genmanip_assets::robots;
 use genmanip_benchmark::{FilmStrip, dataset_page};
 use genmanip_core::{RobotModel, Seed};
-use genmanip_data::check::{self, Checked, Finding, Overview, Strip};
-use genmanip_data::import::{self, ImportReport, ImportSettings};
-use genmanip_data::lerobot::{
-    self, RECORD,
-    edit::{self, By},
-};
+use genmanip_data::lerobot::{self, RECORD};
 use genmanip_data::{DataError, ExportReport};
+use genmanip_dataset_tools::check::{self, Checked, Finding, Overview, Strip};
+use genmanip_dataset_tools::edit::{self, By};
+use genmanip_dataset_tools::import::{self, ImportReport, ImportSettings};
 use genmanip_pipeline::rerender::{self, RerenderOptions};
 use genmanip_s3::{Access, Address, Bucket, RetryPolicy, S3Error, TransferSummary};
 use genmanip_viz::replay::{self, Replayed};

@@ -8,7 +8,7 @@ use crate::masks::{self, MaskTrack};
 const BOUNDS: [&str; 4] = ["left", "top", "right", "bottom"];
 
 /// Bounding box and visible pixels of each object of the scenario, in its order; zeros if it is not visible or missing.
-pub(super) fn features(track: &MaskTrack, objects: usize, id: &str) -> Result<[Feature; 2], DataError> {
+pub fn features(track: &MaskTrack, objects: usize, id: &str) -> Result<[Feature; 2], DataError> {
     if objects > OBJECTS {
         let what = format!("objects of episode {id} for the columns `sim.box…`");
         return Err(DataError::mismatch(what, format!("at most {OBJECTS}"), objects));

@@ -13,27 +13,27 @@ const PARAPHRASES: usize = 6;
 
 /// Metadata of an episode, independent of the format.
 #[derive(Clone, Debug)]
-pub(crate) struct EpisodeMetadata {
-    pub(crate) result: EpisodeResult,
-    pub(crate) instruction: String,
+pub struct EpisodeMetadata {
+    pub result: EpisodeResult,
+    pub instruction: String,
     /// Other sentences for the same goal in this scene; empty if the instruction cannot be parsed.
-    pub(crate) paraphrases: Vec<String>,
+    pub paraphrases: Vec<String>,
     /// Steps of the episode and their texts.
-    pub(crate) steps: Steps,
+    pub steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
-    pub(crate) objects: Vec<String>,
-    pub(crate) kind: &'static str,
-    pub(crate) scenario_json: String,
+    pub objects: Vec<String>,
+    pub kind: &'static str,
+    pub scenario_json: String,
     /// Name, and fx, fy, cx, cy in pixels.
-    pub(crate) cameras: Vec<(String, [f64; 4])>,
+    pub cameras: Vec<(String, [f64; 4])>,
     /// Appearance seed of its images, if the appearance was randomised.
-    pub(crate) variation_seed: Option<Seed>,
+    pub variation_seed: Option<Seed>,
     /// True if the correction columns are written.
-    pub(crate) has_correction_columns: bool,
+    pub has_correction_columns: bool,
 }
 
 /// Metadata that every writer needs, of our own and of imported episodes.
-pub(crate) trait LanguageLabels {
+pub trait LanguageLabels {
     /// Name of the episode, for messages.
     fn name(&self) -> &str;
     /// The task instruction.
@@ -57,7 +57,7 @@ impl LanguageLabels for EpisodeMetadata {
 }
 
 impl EpisodeMetadata {
-    pub(crate) fn of(source: &Source, settings: &ExportSettings) -> Self {
+    pub fn of(source: &Source, settings: &ExportSettings) -> Self {
         let scenario = &source.episode.scenario;
         let intrinsics = |track: &CameraTrack| {
             let k = &track.camera.intrinsics;

@@ -4,10 +4,10 @@
 
 mod boxes;
 pub mod choice;
-pub(crate) mod features;
-pub(crate) mod metadata;
-pub(crate) mod privileged;
-pub(crate) mod rows;
+pub mod features;
+pub mod metadata;
+pub mod privileged;
+pub mod rows;
 pub mod steps;
 
 use std::path::PathBuf;
@@ -86,12 +86,12 @@ impl ExportSettings {
     }
 
     /// True if there are depth or mask images, which are written to a sibling data set.
-    pub(crate) fn has_sibling(&self) -> bool {
+    pub fn has_sibling(&self) -> bool {
         self.depth || (self.columns.contains(&ExtraColumns::Masks) && !self.cameras.is_empty())
     }
 
     /// The contract of the `action` column for a robot.
-    pub(crate) fn contract(&self, robot: &RobotModel) -> ActionContract {
+    pub fn contract(&self, robot: &RobotModel) -> ActionContract {
         let joints: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
         ActionContract {
             action: self.action,
@@ -109,7 +109,7 @@ pub fn default_action() -> ActionSpec {
 }
 
 /// Description of an `action` column, for data set cards.
-pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
+pub fn action_in_words(spec: &ActionSpec) -> String {
     let rotation = spec.rotation.description();
     let motion = match spec.space {
         ActionSpace::JointPosition => "absolute arm joint targets (rad)".into(),
@@ -180,26 +180,26 @@ pub struct ExportReport {
 }
 
 /// Episode with its camera tracks.
-pub(crate) struct Source {
-    pub(crate) episode: Episode,
-    pub(crate) tracks: Vec<CameraTrack>,
+pub struct Source {
+    pub episode: Episode,
+    pub tracks: Vec<CameraTrack>,
     /// One per track if masks are exported, else empty.
-    pub(crate) masks: Vec<MaskTrack>,
+    pub masks: Vec<MaskTrack>,
 }
 
 /// One episode ready to be written, with its metadata.
-pub(crate) struct EpisodeRows<F = metadata::EpisodeMetadata> {
-    pub(crate) frames: usize,
-    pub(crate) features: Vec<features::Feature>,
-    pub(crate) images: Vec<features::ImageFeature>,
-    pub(crate) videos: Vec<features::VideoFeature>,
+pub struct EpisodeRows<F = metadata::EpisodeMetadata> {
+    pub frames: usize,
+    pub features: Vec<features::Feature>,
+    pub images: Vec<features::ImageFeature>,
+    pub videos: Vec<features::VideoFeature>,
     /// Step index of each row; empty if the data set has no steps.
-    pub(crate) steps: Vec<usize>,
-    pub(crate) metadata: F,
+    pub steps: Vec<usize>,
+    pub metadata: F,
 }
 
 /// Reads the selected episodes one at a time, to bound memory.
-pub(crate) struct Exporter<'a> {
+pub struct Exporter<'a> {
     store: &'a EpisodeStore,
     ids: Vec<String>,
     /// Fail on damaged episodes instead of omitting them: set if the episodes were named explicitly.
@@ -209,7 +209,7 @@ pub(crate) struct Exporter<'a> {
 }
 
 impl<'a> Exporter<'a> {
-    pub(crate) fn new(
+    pub fn new(
         store: &'a EpisodeStore,
         selection: &Selection,
         robot: &'a RobotModel,
@@ -231,12 +231,12 @@ impl<'a> Exporter<'a> {
     }
 
     /// The contract of the `action` column.
-    pub(crate) fn contract(&self) -> ActionContract {
+    pub fn contract(&self) -> ActionContract {
         self.settings.contract(self.robot)
     }
 
     /// Passes the rows of every readable episode to `write`; returns the damaged ones with their errors.
-    pub(crate) fn each(
+    pub fn each(
         &self,
         mut write: impl FnMut(&Source, EpisodeRows) -> Result<(), DataError>,
     ) -> Result<Vec<(String, String)>, DataError> {
@@ -260,7 +260,7 @@ impl<'a> Exporter<'a> {
     }
 
     /// Number of selected episodes, damaged ones included.
-    pub(crate) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.ids.len()
     }
 

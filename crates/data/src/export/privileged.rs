@@ -8,14 +8,14 @@ use crate::frames::pose_to_row;
 
 /// Object slots per row, fixed so that data sets of different scenes can be merged; chosen: designed scenes have at
 /// most ten objects.
-pub(super) const OBJECTS: usize = 16;
+pub const OBJECTS: usize = 16;
 /// Exported joints per object: drawer cabinets have two.
 const JOINTS: usize = 2;
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
 /// Pose, speed and joint positions of each object, in the order of the scenario, and the index of the grasped one;
 /// empty slots are zero, including the quaternion.
-pub(super) fn features(states: &[&Frame], id: &str) -> Result<Vec<Feature>, DataError> {
+pub fn features(states: &[&Frame], id: &str) -> Result<Vec<Feature>, DataError> {
     let most = states.iter().map(|state| state.objects.len()).max().unwrap_or(0);
     if most > OBJECTS {
         let what = format!("objects of episode {id} for the columns `sim.object_…`");

@@ -30,7 +30,7 @@ struct Interval<'a> {
 }
 
 /// Rows and videos of an episode.
-pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> Result<EpisodeRows, DataError> {
+pub fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> Result<EpisodeRows, DataError> {
     let result = &source.episode.result;
     let (_, stride) = sampling(source.episode.frames.len(), result.control_rate_hz, settings.fps)?;
     check_dimensions(source, robot)?;

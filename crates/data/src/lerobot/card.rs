@@ -5,7 +5,7 @@ use super::imported::Imported;
 use crate::export::{ExtraColumns, action_in_words};
 
 /// Card of the main data set.
-pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
+pub fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
     let asks = |columns| settings.export.columns.contains(&columns);
     let mut depth = String::new();
     if asks(ExtraColumns::Boxes) {
@@ -56,7 +56,7 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> St
 }
 
 /// Card of the depth data set.
-pub(crate) fn depth(name: &str) -> String {
+pub fn depth(name: &str) -> String {
     format!(
         "{}# {name}-depth\n\n\
          Depth images of the data set `{name}`, with the same episode and frame indices.\n\
@@ -67,7 +67,7 @@ pub(crate) fn depth(name: &str) -> String {
 }
 
 /// Card of an imported data set, which keeps the licence of its source.
-pub(crate) fn imported(name: &str, imported: &Imported) -> String {
+pub fn imported(name: &str, imported: &Imported) -> String {
     let notes: String = imported.notes.iter().map(|note| format!("- {note}.\n")).collect();
     let notes = if notes.is_empty() { notes } else { format!("\nIt differs from its source:\n\n{notes}") };
     let front = "---\ntask_categories:\n- robotics\ntags:\n- LeRobot\nconfigs:\n- config_name: default\n  data_files: \

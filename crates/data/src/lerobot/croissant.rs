@@ -13,7 +13,7 @@ use crate::table::{self, Table};
 use crate::{DataError, files};
 
 /// Name of the Croissant file in the data set.
-pub(crate) const CROISSANT: &str = "croissant.json";
+pub const CROISSANT: &str = "croissant.json";
 
 /// Written files and contents of a data set.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]

@@ -12,22 +12,22 @@ use crate::export::features::{Feature, Values};
 use crate::export::metadata::LanguageLabels;
 
 /// Metadata of a data set under construction.
-pub(crate) struct DatasetMetadata {
-    pub(crate) fps: u32,
+pub struct DatasetMetadata {
+    pub fps: u32,
     /// `features` of `info.json` according to the first episode; all others must match.
-    pub(crate) features: Option<Value>,
-    pub(crate) tasks: Vec<String>,
+    pub features: Option<Value>,
+    pub tasks: Vec<String>,
     /// Distinct texts of the steps.
-    pub(crate) subtasks: Vec<String>,
+    pub subtasks: Vec<String>,
     /// Number of episodes and frames written so far.
-    pub(crate) episodes: usize,
-    pub(crate) frames: usize,
-    pub(crate) stats_collector: StatsCollector,
+    pub episodes: usize,
+    pub frames: usize,
+    pub stats_collector: StatsCollector,
 }
 
 impl DatasetMetadata {
     /// Values are buffered on the disk of `folder` until their statistics are computed.
-    pub(crate) fn new(fps: u32, folder: &Path) -> Self {
+    pub fn new(fps: u32, folder: &Path) -> Self {
         Self {
             fps,
             features: None,
@@ -40,7 +40,7 @@ impl DatasetMetadata {
     }
 
     /// Adds index columns to the rows of the next episode and accumulates their statistics.
-    pub(crate) fn begin_episode<F: LanguageLabels>(&mut self, rows: &mut EpisodeRows<F>) -> Result<(), DataError> {
+    pub fn begin_episode<F: LanguageLabels>(&mut self, rows: &mut EpisodeRows<F>) -> Result<(), DataError> {
         let task = index_of(&mut self.tasks, rows.metadata.instruction());
         rows.features.extend(self.index_columns(rows.frames, task));
         if !rows.steps.is_empty() {
@@ -60,7 +60,7 @@ impl DatasetMetadata {
     }
 
     /// Counts a written episode.
-    pub(crate) fn end_episode(&mut self, frames: usize) {
+    pub fn end_episode(&mut self, frames: usize) {
         self.episodes += 1;
         self.frames += frames;
     }

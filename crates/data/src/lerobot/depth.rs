@@ -7,11 +7,7 @@ use crate::{CameraTrack, DataError};
 
 /// Depth images as 16-bit PNG in millimetres, and instance masks, stored in the table; parallel to the rows `colors` of
 /// the main data set.
-pub(crate) fn depth_rows(
-    source: &Source,
-    colors: &EpisodeRows,
-    settings: &ExportSettings,
-) -> Result<EpisodeRows, DataError> {
+pub fn depth_rows(source: &Source, colors: &EpisodeRows, settings: &ExportSettings) -> Result<EpisodeRows, DataError> {
     let frames = colors.frames;
     let image = |track: &CameraTrack| {
         if track.depth_png.len() != frames {

@@ -12,35 +12,35 @@ use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::table::{self, Columns, Purpose};
 
 /// Columns of the episodes table beyond LeRobot's own.
-pub(crate) trait EpisodeColumns: LanguageLabels + Clone {
+pub trait EpisodeColumns: LanguageLabels + Clone {
     /// Adds the columns of all episodes in a file.
     fn add(columns: &mut Columns, all: &[&Self]);
 }
 
 /// One row of the episodes table.
-pub(crate) struct EpisodeEntry<F = EpisodeMetadata> {
-    pub(crate) episode: usize,
+pub struct EpisodeEntry<F = EpisodeMetadata> {
+    pub episode: usize,
     /// Chunk and file index, shared by data, videos and this row.
-    pub(crate) chunk: usize,
-    pub(crate) file: usize,
+    pub chunk: usize,
+    pub file: usize,
     /// Data-set index of the first frame.
-    pub(crate) from: usize,
-    pub(crate) length: usize,
-    pub(crate) videos: Vec<VideoSpan>,
-    pub(crate) stats: Vec<(String, Stats)>,
-    pub(crate) metadata: F,
+    pub from: usize,
+    pub length: usize,
+    pub videos: Vec<VideoSpan>,
+    pub stats: Vec<(String, Stats)>,
+    pub metadata: F,
 }
 
 /// Time span of an episode in a video file, and its colour statistics.
-pub(crate) struct VideoSpan {
-    pub(crate) key: String,
-    pub(crate) from_s: f64,
-    pub(crate) to_s: f64,
-    pub(crate) stats: Stats,
+pub struct VideoSpan {
+    pub key: String,
+    pub from_s: f64,
+    pub to_s: f64,
+    pub stats: Stats,
 }
 
 /// Encodes `meta/episodes/chunk-…/file-….parquet`: LeRobot's own columns first, ours last.
-pub(crate) fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
+pub fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
     let mut columns = Columns::default();
     let integer = |value: fn(&EpisodeEntry<F>) -> usize| {
         entries.iter().map(move |entry| i64::try_from(value(entry)).unwrap_or(i64::MAX))
@@ -73,12 +73,12 @@ pub(crate) fn episodes_table<F: EpisodeColumns>(entries: &[EpisodeEntry<F>]) -> 
 /// Encodes `meta/tasks.parquet`: a pandas frame indexed by the instruction.
 ///
 /// Without the `pandas` metadata entry, readers would use the row number as the index.
-pub(crate) fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
+pub fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
     sentences_table("task", tasks)
 }
 
 /// Encodes `meta/subtasks.parquet`, with the layout of `meta/tasks.parquet`.
-pub(crate) fn subtasks_table(subtasks: &[String]) -> Result<Vec<u8>, DataError> {
+pub fn subtasks_table(subtasks: &[String]) -> Result<Vec<u8>, DataError> {
     sentences_table("subtask", subtasks)
 }
 

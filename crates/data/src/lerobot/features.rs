@@ -12,7 +12,7 @@ use crate::{DataError, EncodedVideo};
 
 impl Feature {
     /// The feature's entry in `info.json`.
-    pub(crate) fn describe(&self) -> Value {
+    pub fn describe(&self) -> Value {
         let dtype = match self.values {
             Values::F32(_) => "float32",
             Values::F64(_) => "float64",
@@ -36,7 +36,7 @@ impl Feature {
 
 impl VideoFeature {
     /// The feature's entry in `info.json`.
-    pub(crate) fn describe(&self) -> Value {
+    pub fn describe(&self) -> Value {
         let EncodedVideo { width, height, fps, .. } = self.video;
         json!({
             "dtype": "video",
@@ -59,7 +59,7 @@ impl VideoFeature {
 
 impl ImageFeature {
     /// The feature's entry in `info.json`.
-    pub(crate) fn describe(&self) -> Value {
+    pub fn describe(&self) -> Value {
         json!({
             "dtype": "image",
             "shape": [self.height, self.width, 1],
@@ -74,7 +74,7 @@ impl ImageFeature {
 }
 
 /// Table of the rows of one episode: images first, then numbers.
-pub(crate) fn batch(images: &[ImageFeature], features: &[Feature]) -> Result<RecordBatch, DataError> {
+pub fn batch(images: &[ImageFeature], features: &[Feature]) -> Result<RecordBatch, DataError> {
     let mut columns = Columns::default();
     for image in images {
         columns.images(&image.key, &image.png);

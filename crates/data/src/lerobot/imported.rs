@@ -4,9 +4,9 @@ use genmanip_core::Document;
 use serde::{Deserialize, Serialize};
 
 /// File with the import's origin in the data set.
-pub(crate) const IMPORTED: &str = "meta/imported.json";
+pub const IMPORTED: &str = "meta/imported.json";
 /// Column of the episodes table with the SHA-256 of the imported episode's source.
-pub(crate) const SOURCE_HASH: &str = "source_sha256";
+pub const SOURCE_HASH: &str = "source_sha256";
 
 /// Source format and settings of an import.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -10,20 +10,20 @@ use crate::export::action_in_words;
 use crate::{DataError, files};
 
 /// LeRobot's description of a data set.
-pub(crate) const INFO: &str = "meta/info.json";
+pub const INFO: &str = "meta/info.json";
 
 /// LeRobot's limit of files per folder.
-pub(crate) const FILES_PER_CHUNK: usize = 1000;
+pub const FILES_PER_CHUNK: usize = 1000;
 
 /// Sizes of a data set.
-pub(crate) struct Totals {
-    pub(crate) episodes: usize,
-    pub(crate) frames: usize,
-    pub(crate) tasks: usize,
+pub struct Totals {
+    pub episodes: usize,
+    pub frames: usize,
+    pub tasks: usize,
 }
 
 /// `meta/info.json`.
-pub(crate) fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_video: bool) -> Value {
+pub fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_video: bool) -> Value {
     let video_path = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
     json!({
         "codebase_version": "v3.0",
@@ -43,7 +43,7 @@ pub(crate) fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_
 }
 
 /// Reads `meta/info.json` of a v3.0 data set.
-pub(crate) fn read(dataset: &Path) -> Result<Value, DataError> {
+pub fn read(dataset: &Path) -> Result<Value, DataError> {
     let path = dataset.join(INFO);
     let info: Value = serde_json::from_slice(&files::read(&path, limits::SETTINGS)?)
         .map_err(|error| DataError::mismatch(path.display().to_string(), "JSON", error))?;
@@ -55,7 +55,7 @@ pub(crate) fn read(dataset: &Path) -> Result<Value, DataError> {
 }
 
 /// Contents of `meta/genmanip.json`: frames, units and conventions of the columns.
-pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
+pub fn meaning(settings: &LerobotSettings) -> Value {
     json!({
         "schema": "genmanip.dataset/1",
         "genmanip_version": env!("CARGO_PKG_VERSION"),
@@ -102,7 +102,7 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
 }
 
 /// The card followed by a copy of `info.json`.
-pub(crate) fn card_with_info(card: &str, info: &Value) -> String {
+pub fn card_with_info(card: &str, info: &Value) -> String {
     let info = serde_json::to_string_pretty(info).unwrap_or_default();
     format!("{card}\n## Structure\n\n`meta/info.json`:\n\n```json\n{info}\n```\n")
 }

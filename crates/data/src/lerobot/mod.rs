@@ -5,21 +5,20 @@
 //! ground truth is `sim.*`, end-effector variants `ee.*`, camera poses `camera.*`; depth is in a separate data set,
 //! `<name>-depth`, with the same indices.
 
-pub(crate) mod card;
+pub mod card;
 mod croissant;
 mod dataset_metadata;
 mod depth;
-pub mod edit;
-pub(crate) mod episodes;
+pub mod episodes;
 mod features;
-pub(crate) mod imported;
-pub(crate) mod info;
-pub(crate) mod origin;
+pub mod imported;
+pub mod info;
+pub mod origin;
 mod reader;
-pub(crate) mod record;
-pub(crate) mod stats;
-pub(crate) mod v21;
-pub(crate) mod writer;
+pub mod record;
+pub mod stats;
+pub mod v21;
+pub mod writer;
 
 use std::path::{Path, PathBuf};
 
@@ -38,11 +37,11 @@ pub use record::RECORD;
 pub use v21::export_v21;
 
 /// File with the export settings of a data set.
-pub(crate) const SETTINGS: &str = "meta/lerobot_settings.json";
+pub const SETTINGS: &str = "meta/lerobot_settings.json";
 /// File with the action contract.
-pub(crate) const CONTRACT: &str = "meta/action_contract.json";
+pub const CONTRACT: &str = "meta/action_contract.json";
 /// Texts of the steps, by `subtask_index`.
-pub(crate) const SUBTASKS: &str = "meta/subtasks.parquet";
+pub const SUBTASKS: &str = "meta/subtasks.parquet";
 
 /// Settings of an exported data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -208,14 +207,14 @@ impl Writers {
 
 /// Starts a data set at `target`, which may exist if it belongs to the run; removes unfinished files of dead processes.
 /// If two programs concurrently write different data sets without a run to the same target, the second fails.
-pub(crate) fn begin(target: &Path, run: Option<&str>) -> Result<AtomicFolder, DataError> {
+pub fn begin(target: &Path, run: Option<&str>) -> Result<AtomicFolder, DataError> {
     check_owner(target, run)?;
     place(target, run.is_some())
 }
 
 /// As [`begin`], for the depth sibling of a data set without a run. The sibling is published first: if it exists alone,
 /// a call was killed between the two renames, and a call with the same contents resumes.
-pub(crate) fn begin_sibling(dataset: &Path) -> Result<AtomicFolder, DataError> {
+pub fn begin_sibling(dataset: &Path) -> Result<AtomicFolder, DataError> {
     check_free(dataset)?;
     place(&depth_path(dataset), false)
 }
@@ -227,7 +226,7 @@ fn place(target: &Path, replaces: bool) -> Result<AtomicFolder, DataError> {
 }
 
 /// Fails if the data set exists, or if anything but a data set is at the path of its depth sibling.
-pub(crate) fn check_free(dataset: &Path) -> Result<(), DataError> {
+pub fn check_free(dataset: &Path) -> Result<(), DataError> {
     check_owner(dataset, None)?;
     let sibling = depth_path(dataset);
     match files::is_own_file(&sibling.join(info::INFO)) {

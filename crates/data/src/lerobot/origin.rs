@@ -12,14 +12,14 @@ use crate::{DataError, files};
 
 /// Origin of a data set.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Origin {
+pub enum Origin {
     Exported(LerobotSettings),
     Imported(Imported),
 }
 
 impl Origin {
     /// Reads the origin from the data set's metadata.
-    pub(crate) fn read(root: &Path) -> Result<Self, DataError> {
+    pub fn read(root: &Path) -> Result<Self, DataError> {
         let document = |name: &str, source| DataError::Document { path: root.join(name), source };
         match files::read(&root.join(SETTINGS), limits::SETTINGS) {
             Err(error) if error.is_missing() => {}
@@ -43,7 +43,7 @@ impl Origin {
 
     /// Writes the metadata of the origin; `statistics` describes how the statistics were computed if not from rows and
     /// images.
-    pub(crate) fn write(&self, dataset: &AtomicFolder, statistics: Option<&str>) -> Result<(), DataError> {
+    pub fn write(&self, dataset: &AtomicFolder, statistics: Option<&str>) -> Result<(), DataError> {
         match self {
             Self::Exported(settings) => {
                 let mut meaning = info::meaning(settings);
@@ -58,42 +58,42 @@ impl Origin {
     }
 
     /// Data set card for a version of the format.
-    pub(crate) fn card(&self, name: &str, version: &str) -> String {
+    pub fn card(&self, name: &str, version: &str) -> String {
         match self {
             Self::Exported(settings) => card::color(name, settings, version),
             Self::Imported(imported) => card::imported(name, imported),
         }
     }
 
-    pub(crate) fn fps(&self) -> u32 {
+    pub fn fps(&self) -> u32 {
         match self {
             Self::Exported(settings) => settings.export.fps,
             Self::Imported(imported) => imported.fps,
         }
     }
 
-    pub(crate) fn has_depth(&self) -> bool {
+    pub fn has_depth(&self) -> bool {
         match self {
             Self::Exported(settings) => settings.export.has_sibling(),
             Self::Imported(imported) => imported.depth,
         }
     }
 
-    pub(crate) fn has_record(&self) -> bool {
+    pub fn has_record(&self) -> bool {
         match self {
             Self::Exported(settings) => settings.record,
             Self::Imported(imported) => imported.record,
         }
     }
 
-    pub(crate) fn episodes_per_file(&self) -> usize {
+    pub fn episodes_per_file(&self) -> usize {
         match self {
             Self::Exported(settings) => settings.episodes_per_file,
             Self::Imported(imported) => imported.episodes_per_file,
         }
     }
 
-    pub(crate) fn episodes_per_depth_file(&self) -> usize {
+    pub fn episodes_per_depth_file(&self) -> usize {
         match self {
             Self::Exported(settings) => settings.episodes_per_depth_file,
             Self::Imported(imported) => imported.episodes_per_depth_file,
@@ -101,7 +101,7 @@ impl Origin {
     }
 
     /// Without the owning run, for a new independent data set.
-    pub(crate) fn without_run(self) -> Self {
+    pub fn without_run(self) -> Self {
         match self {
             Self::Exported(settings) => Self::Exported(LerobotSettings { run: None, ..settings }),
             imported @ Self::Imported(_) => imported,
@@ -109,7 +109,7 @@ impl Origin {
     }
 
     /// Settings that must be equal in data sets to be merged.
-    pub(crate) fn comparable(&self) -> Value {
+    pub fn comparable(&self) -> Value {
         match self.clone().without_run() {
             Self::Exported(settings) => {
                 LerobotSettings { episodes_per_file: 1, episodes_per_depth_file: 1, ..settings }.to_value()

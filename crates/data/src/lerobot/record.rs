@@ -11,17 +11,12 @@ use crate::{DataError, EpisodeStore, files};
 pub const RECORD: &str = "extras/record";
 
 /// Copies the record of an episode into a data set under construction.
-pub(crate) fn copy(dataset: &AtomicFolder, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
+pub fn copy(dataset: &AtomicFolder, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
     store.copy_record(id, &create_folder(dataset, store, id)?)
 }
 
 /// Transfers the record of an episode from another data set, optionally under another id.
-pub(crate) fn transfer(
-    dataset: &AtomicFolder,
-    store: &EpisodeStore,
-    id: &str,
-    name: Option<&str>,
-) -> Result<(), DataError> {
+pub fn transfer(dataset: &AtomicFolder, store: &EpisodeStore, id: &str, name: Option<&str>) -> Result<(), DataError> {
     let Some(name) = name else { return store.link_record(id, &create_folder(dataset, store, id)?) };
     write_store_mark(dataset, store)?;
     let own = EpisodeStore::open(dataset.path(&format!("{RECORD}/store.json"))?.with_file_name(""))?;

@@ -13,16 +13,16 @@ const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50)
 
 /// Statistics per element of a vector, or per colour channel in 0-1.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Stats {
+pub struct Stats {
     /// `min`, `max`, `mean`, `std` (population), then the quantiles; one number per element.
-    pub(crate) named: Vec<(&'static str, Vec<f64>)>,
+    pub named: Vec<(&'static str, Vec<f64>)>,
     /// Number of frames.
-    pub(crate) count: usize,
+    pub count: usize,
 }
 
 impl Stats {
     /// Exact statistics of the given frames, row-major vectors.
-    pub(crate) fn of_vectors(values: &[f64], length: usize) -> Self {
+    pub fn of_vectors(values: &[f64], length: usize) -> Self {
         let mut stats = Self::default();
         for entry in 0..length {
             stats.add_entry(values.iter().skip(entry).step_by(length).copied().collect());
@@ -50,7 +50,7 @@ impl Stats {
     }
 
     /// Statistics read by name, in the standard order.
-    pub(crate) fn named(
+    pub fn named(
         mut value: impl FnMut(&str) -> Result<Vec<f64>, DataError>,
     ) -> Result<Vec<(&'static str, Vec<f64>)>, DataError> {
         let names = ["min", "max", "mean", "std"].into_iter().chain(QUANTILES.map(|(name, _)| name));
@@ -58,7 +58,7 @@ impl Stats {
     }
 
     /// Statistics of 8-bit colours, scaled to 0-1.
-    pub(crate) fn of_colors(colors: &ColorHistogram, frames: usize) -> Self {
+    pub fn of_colors(colors: &ColorHistogram, frames: usize) -> Self {
         let each = |value: &dyn Fn(&[u64]) -> f64| {
             colors.counts.iter().map(|counts| value(counts) / 255.0).collect::<Vec<f64>>()
         };
@@ -73,7 +73,7 @@ impl Stats {
     }
 
     /// Entry of `stats.json`; image channels are nested `[C][1][1]`.
-    pub(crate) fn to_json(&self, is_image: bool) -> Value {
+    pub fn to_json(&self, is_image: bool) -> Value {
         let mut entry = serde_json::Map::new();
         for (name, values) in &self.named {
             let values = if is_image { values.iter().map(|value| json!([[value]])).collect() } else { json!(values) };
@@ -86,16 +86,16 @@ impl Stats {
 
 /// Aggregation by the formulas of LeRobot's `aggregate_stats`: quantiles are weighted means of the parts' quantiles.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Aggregated(Vec<Stats>);
+pub struct Aggregated(Vec<Stats>);
 
 impl Aggregated {
     /// Adds the statistics of a part.
-    pub(crate) fn add(&mut self, part: Stats) {
+    pub fn add(&mut self, part: Stats) {
         self.0.push(part);
     }
 
     /// Statistics of all parts together.
-    pub(crate) fn whole(&self) -> Stats {
+    pub fn whole(&self) -> Stats {
         let count: usize = self.0.iter().map(|part| part.count).sum();
         let length = self.0.first().and_then(|part| part.named.first()).map_or(0, |(_, values)| values.len());
         let of = |part: &Stats, name: &str, entry: usize| {
@@ -126,7 +126,7 @@ impl Aggregated {
 /// Exact quantiles need all values, 0.6 kB per frame of the main data set, so they are buffered in unnamed files on
 /// disk.
 #[derive(Debug)]
-pub(crate) struct StatsCollector {
+pub struct StatsCollector {
     folder: PathBuf,
     features: Vec<BufferedFeature>,
     colors: Vec<(String, ColorHistogram, usize)>,
@@ -142,12 +142,12 @@ struct BufferedFeature {
 
 impl StatsCollector {
     /// Values are buffered on the disk of `folder`.
-    pub(crate) fn new(folder: &Path) -> Self {
+    pub fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), features: Vec::new(), colors: Vec::new() }
     }
 
     /// Adds vectors of a feature, row-major.
-    pub(crate) fn add(&mut self, key: &str, length: usize, numbers: &[f64]) -> Result<(), DataError> {
+    pub fn add(&mut self, key: &str, length: usize, numbers: &[f64]) -> Result<(), DataError> {
         let failed = DataError::io("write statistics in", &self.folder);
         let place = match self.features.iter().position(|buffered| buffered.key == key) {
             Some(place) => place,
@@ -164,7 +164,7 @@ impl StatsCollector {
         numbers.iter().try_for_each(|number| buffered.numbers.write_all(&number.to_le_bytes())).map_err(failed)
     }
 
-    pub(crate) fn add_colors(&mut self, key: &str, colors: &ColorHistogram, frames: usize) {
+    pub fn add_colors(&mut self, key: &str, colors: &ColorHistogram, frames: usize) {
         match self.colors.iter_mut().find(|(known, ..)| known == key) {
             Some((_, all, count)) => {
                 all.add(colors);
@@ -175,7 +175,7 @@ impl StatsCollector {
     }
 
     /// The contents of `stats.json`.
-    pub(crate) fn finish(&mut self) -> Result<Value, DataError> {
+    pub fn finish(&mut self) -> Result<Value, DataError> {
         let mut stats = serde_json::Map::new();
         for (key, colors, frames) in &self.colors {
             stats.insert(key.clone(), Stats::of_colors(colors, *frames).to_json(true));

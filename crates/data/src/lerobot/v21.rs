@@ -52,7 +52,7 @@ pub fn export_v21(
 }
 
 /// Fields of `episodes.jsonl` beyond LeRobot's own.
-pub(crate) trait EpisodeFields: LanguageLabels {
+pub trait EpisodeFields: LanguageLabels {
     /// The fields as a JSON object.
     fn fields(&self) -> Value;
 }
@@ -77,16 +77,16 @@ impl EpisodeFields for EpisodeMetadata {
 }
 
 /// Writer of a v2.1 data set.
-pub(crate) struct Writer {
-    pub(crate) staging: AtomicFolder,
-    pub(crate) metadata: DatasetMetadata,
+pub struct Writer {
+    pub staging: AtomicFolder,
+    pub metadata: DatasetMetadata,
     /// Contents of `episodes.jsonl` and `episodes_stats.jsonl` so far.
     episodes: String,
     statistics: String,
 }
 
 impl Writer {
-    pub(crate) fn new(staging: AtomicFolder, fps: u32) -> Self {
+    pub fn new(staging: AtomicFolder, fps: u32) -> Self {
         Self {
             metadata: DatasetMetadata::new(fps, staging.folder()),
             staging,
@@ -95,7 +95,7 @@ impl Writer {
         }
     }
 
-    pub(crate) fn push<F: EpisodeFields>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
+    pub fn push<F: EpisodeFields>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
         self.metadata.begin_episode(&mut rows)?;
         let episode = self.metadata.episodes;
         let chunk = episode / FILES_PER_CHUNK;
@@ -129,7 +129,7 @@ impl Writer {
     }
 
     /// Writes the metadata and publishes the data set.
-    pub(crate) fn finish(
+    pub fn finish(
         mut self,
         dataset: &Path,
         robot: &str,

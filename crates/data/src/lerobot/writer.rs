@@ -18,7 +18,7 @@ use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, video};
 
 /// A data set under construction.
-pub(crate) struct DatasetWriter<F = EpisodeMetadata> {
+pub struct DatasetWriter<F = EpisodeMetadata> {
     staging: AtomicFolder,
     robot: String,
     episodes_per_file: usize,
@@ -41,10 +41,10 @@ impl<F> Default for OpenFile<F> {
 }
 
 /// A complete data set before it is published.
-pub(crate) struct Finished(pub(crate) AtomicFolder);
+pub struct Finished(pub AtomicFolder);
 
 impl<F: EpisodeColumns> DatasetWriter<F> {
-    pub(crate) fn new(staging: AtomicFolder, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
+    pub fn new(staging: AtomicFolder, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
         Self {
             robot: robot.into(),
             episodes_per_file,
@@ -54,16 +54,16 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
         }
     }
 
-    pub(crate) fn episodes(&self) -> usize {
+    pub fn episodes(&self) -> usize {
         self.metadata.episodes
     }
 
-    pub(crate) fn frames(&self) -> usize {
+    pub fn frames(&self) -> usize {
         self.metadata.frames
     }
 
     /// Appends an episode as one row group.
-    pub(crate) fn push(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
+    pub fn push(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
         let episodes = self.metadata.episodes;
         if episodes > 0 && episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
@@ -90,12 +90,12 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
     }
 
     /// Includes the native record of an episode.
-    pub(crate) fn copy_record(&self, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
+    pub fn copy_record(&self, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
         record::copy(&self.staging, store, id)
     }
 
     /// Writes the metadata; data sets with actions have a contract.
-    pub(crate) fn finish(
+    pub fn finish(
         mut self,
         card: &str,
         origin: &Origin,
@@ -163,7 +163,7 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
 
 impl Finished {
     /// Publishes the data set.
-    pub(crate) fn publish(self) -> Result<(), DataError> {
+    pub fn publish(self) -> Result<(), DataError> {
         self.0.publish()
     }
 }

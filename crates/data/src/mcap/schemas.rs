@@ -143,7 +143,7 @@ const MESSAGES: &[Message] = &[
 ];
 
 /// Descriptor of a message, for the schema record of a file.
-pub(super) fn schema(name: &str) -> Vec<u8> {
+pub fn schema(name: &str) -> Vec<u8> {
     descriptor(name, MESSAGES)
 }
 
@@ -165,7 +165,7 @@ fn rotation(pose: &Pose) -> Wire {
 }
 
 /// Poses of named frames in the world.
-pub(super) fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
+pub fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8> {
     let mut transforms = Wire::default();
     for (child, pose) in world_from {
         let transform = stamped(time_ns).text(2, "world").text(3, child);
@@ -176,9 +176,9 @@ pub(super) fn transforms(time_ns: u64, world_from: &[(String, Pose)]) -> Vec<u8>
 }
 
 /// Name, position, and speed and effort if known.
-pub(super) type Joint<'a> = (&'a str, f64, Option<[f64; 2]>);
+pub type Joint<'a> = (&'a str, f64, Option<[f64; 2]>);
 
-pub(super) fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) -> Vec<u8> {
+pub fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) -> Vec<u8> {
     let mut states = stamped(time_ns);
     for (name, position, rest) in joints {
         let joint = Wire::default().text(1, name).double(2, position);
@@ -189,16 +189,16 @@ pub(super) fn joints<'a>(time_ns: u64, joints: impl Iterator<Item = Joint<'a>>) 
 }
 
 /// H.264 frame.
-pub(super) fn video(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
+pub fn video(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).text(2, frame).bytes(3, data).text(4, "h264").into_bytes()
 }
 
 /// PNG image.
-pub(super) fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
+pub fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
     stamped(time_ns).bytes(2, data).text(3, "png").text(4, frame).into_bytes()
 }
 
-pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8> {
+pub fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8> {
     let k = &camera.intrinsics;
     let sized = stamped(time_ns).fixed32(2, k.width).fixed32(3, k.height);
     let distorted = match camera.distortion {
@@ -214,16 +214,16 @@ pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8>
 }
 
 /// Box fixed to a frame.
-pub(super) struct Cube<'a> {
+pub struct Cube<'a> {
     /// Name of the frame and of the entity.
-    pub(super) frame: &'a str,
+    pub frame: &'a str,
     /// Name of the object it represents.
-    pub(super) name: &'a str,
-    pub(super) center: [f64; 3],
-    pub(super) size: [f64; 3],
+    pub name: &'a str,
+    pub center: [f64; 3],
+    pub size: [f64; 3],
 }
 
-pub(super) fn scene(time_ns: u64, cubes: &[Cube]) -> Vec<u8> {
+pub fn scene(time_ns: u64, cubes: &[Cube]) -> Vec<u8> {
     let mut update = Wire::default();
     for cube in cubes {
         let pose = Wire::default().message(1, vector(cube.center)).message(2, rotation(&Pose::default()));
@@ -238,6 +238,6 @@ pub(super) fn scene(time_ns: u64, cubes: &[Cube]) -> Vec<u8> {
 }
 
 /// Log entry.
-pub(super) fn event(time_ns: u64, is_warning: bool, text: &str) -> Vec<u8> {
+pub fn event(time_ns: u64, is_warning: bool, text: &str) -> Vec<u8> {
     stamped(time_ns).number(2, if is_warning { 3 } else { 2 }).text(3, text).text(4, "genmanip").into_bytes()
 }

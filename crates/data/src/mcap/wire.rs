@@ -2,42 +2,42 @@
 
 /// Encoder of a message.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Wire(Vec<u8>);
+pub struct Wire(Vec<u8>);
 
 impl Wire {
-    pub(super) fn into_bytes(self) -> Vec<u8> {
+    pub fn into_bytes(self) -> Vec<u8> {
         self.0
     }
 
     /// Non-negative integer or enumeration value.
     #[must_use]
-    pub(super) fn number(mut self, field: u32, value: u64) -> Self {
+    pub fn number(mut self, field: u32, value: u64) -> Self {
         self.key(field, 0);
         self.varint(value);
         self
     }
 
     #[must_use]
-    pub(super) fn flag(self, field: u32, value: bool) -> Self {
+    pub fn flag(self, field: u32, value: bool) -> Self {
         self.number(field, u64::from(value))
     }
 
     #[must_use]
-    pub(super) fn double(mut self, field: u32, value: f64) -> Self {
+    pub fn double(mut self, field: u32, value: f64) -> Self {
         self.key(field, 1);
         self.0.extend(value.to_le_bytes());
         self
     }
 
     #[must_use]
-    pub(super) fn fixed32(mut self, field: u32, value: u32) -> Self {
+    pub fn fixed32(mut self, field: u32, value: u32) -> Self {
         self.key(field, 5);
         self.0.extend(value.to_le_bytes());
         self
     }
 
     #[must_use]
-    pub(super) fn bytes(mut self, field: u32, value: &[u8]) -> Self {
+    pub fn bytes(mut self, field: u32, value: &[u8]) -> Self {
         self.key(field, 2);
         self.varint(value.len() as u64);
         self.0.extend_from_slice(value);
@@ -45,18 +45,18 @@ impl Wire {
     }
 
     #[must_use]
-    pub(super) fn text(self, field: u32, value: &str) -> Self {
+    pub fn text(self, field: u32, value: &str) -> Self {
         self.bytes(field, value.as_bytes())
     }
 
     #[must_use]
-    pub(super) fn message(self, field: u32, value: Self) -> Self {
+    pub fn message(self, field: u32, value: Self) -> Self {
         self.bytes(field, &value.0)
     }
 
     /// Packed repeated doubles.
     #[must_use]
-    pub(super) fn doubles(self, field: u32, values: &[f64]) -> Self {
+    pub fn doubles(self, field: u32, values: &[f64]) -> Self {
         self.bytes(field, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
     }
 
@@ -75,7 +75,7 @@ impl Wire {
 
 /// Field type, see `FieldDescriptorProto.Type`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub enum Kind {
     Double,
     Int64,
     Int32,
@@ -90,16 +90,16 @@ pub(super) enum Kind {
 }
 
 /// Field: name, number, type, repeated.
-pub(super) type Field = (&'static str, u32, Kind, bool);
+pub type Field = (&'static str, u32, Kind, bool);
 
 /// Message type.
 #[derive(Debug)]
-pub(super) struct Message {
-    pub(super) package: &'static str,
-    pub(super) name: &'static str,
-    pub(super) fields: &'static [Field],
+pub struct Message {
+    pub package: &'static str,
+    pub name: &'static str,
+    pub fields: &'static [Field],
     /// Name and values of its nested enumeration, if any.
-    pub(super) values: Option<(&'static str, &'static [&'static str])>,
+    pub values: Option<(&'static str, &'static [&'static str])>,
 }
 
 impl Message {
@@ -138,7 +138,7 @@ impl Message {
 }
 
 /// `FileDescriptorSet` with a message and its dependencies, one file per package.
-pub(super) fn descriptor(name: &str, known: &[Message]) -> Vec<u8> {
+pub fn descriptor(name: &str, known: &[Message]) -> Vec<u8> {
     let mut needed: Vec<&Message> = Vec::new();
     let mut asked = vec![name.to_owned()];
     while let Some(name) = asked.pop() {

@@ -41,7 +41,7 @@ impl EpisodeStore {
     }
 
     /// Copies the files of an attempt, without its groups, into a folder.
-    pub(crate) fn copy_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
+    pub fn copy_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
         let record = self.record(id)?;
         let folder = self.root.join(id);
         for file in &record.files {
@@ -52,7 +52,7 @@ impl EpisodeStore {
     }
 
     /// Links or copies the files of an attempt, without its groups, into a folder; checks their sizes.
-    pub(crate) fn link_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
+    pub fn link_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
         let record = self.record(id)?;
         let folder = self.root.join(id);
         for file in &record.files {

@@ -12,7 +12,8 @@ use genmanip_core::{
     RobotModel, Scenario, Seed, Task,
 };
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
-use genmanip_data::{CameraTrack, DataError, ExportSettings, TrackRecorder, VideoSettings, check};
+use genmanip_data::{CameraTrack, DataError, ExportSettings, TrackRecorder, VideoSettings};
+use genmanip_dataset_tools::check;
 use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_workspace::Progress;
 
@@ -125,7 +126,7 @@ fn merged(
     progress.end();
     progress.begin("merging", 2 * count);
     let (clock, target) = (Instant::now(), folder.join("merged"));
-    lerobot::edit::merge(&paths, &target, &mut |_| progress.advance()).map_err(broke)?;
+    genmanip_dataset_tools::edit::merge(&paths, &target, &mut |_| progress.advance()).map_err(broke)?;
     let seconds = clock.elapsed().as_secs_f64();
     progress.end();
     match check::check(&target, &[Arc::clone(robot)]).map_err(broke)?.findings.first() {

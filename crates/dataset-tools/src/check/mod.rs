@@ -1,0 +1,136 @@
+//! Checks a data set against its format, its own metadata and its native record.
+//!
+//! Data sets are untrusted input: missing, oversized or mistyped contents give a [`Finding`], not an error. Data sets
+//! of other programs are checked against the format only, those of this program also against their own metadata.
+
+mod book;
+mod consistency;
+mod depth;
+mod findings;
+mod leaks;
+mod paths;
+mod pictures;
+mod record;
+mod rows;
+mod sheet;
+mod show;
+mod totals;
+mod v21;
+mod v30;
+mod videos;
+mod zarr;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_core::RobotModel;
+use serde::Serialize;
+
+use findings::Findings;
+use genmanip_data::DataError;
+
+pub(crate) use book::{Book, EpisodeEntry, Feature, Version};
+
+pub use findings::Finding;
+pub use leaks::{Identity, leaks};
+pub use sheet::{Strip, contact_sheet};
+pub use show::{Bin, Group, Overview, Range};
+
+/// Result of the check of a data set.
+#[derive(Debug, Serialize)]
+pub struct Checked {
+    /// Path of the data set as given.
+    pub dataset: String,
+    /// `lerobot-v3.0`, `lerobot-v2.1` or `zarr`.
+    pub format: &'static str,
+    /// Number of episodes according to the metadata.
+    pub episodes: usize,
+    /// Number of rows read.
+    pub frames: usize,
+    /// Findings; empty if the data set is valid.
+    pub findings: Vec<Finding>,
+    /// Number of findings beyond those listed.
+    pub further: usize,
+    /// Identities of the episodes, for [`leaks`].
+    #[serde(skip)]
+    pub identities: Vec<Identity>,
+    /// Summary of the contents.
+    #[serde(skip)]
+    pub overview: Overview,
+}
+
+/// Checks a data set completely, every row included.
+///
+/// `robots` supply the kinematics; tool poses are checked only if the data set's robot is among them.
+///
+/// # Errors
+/// If the folder cannot be listed or is not a data set of a known format.
+pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, DataError> {
+    let mut findings = Findings::default();
+    let listed = paths::list(dataset)?;
+    if listed.contains(".zgroup") {
+        return Ok(zarr::check(dataset, &listed, findings));
+    }
+    let book = read(dataset, &listed, &mut findings)?;
+    let robot = robots.iter().find(|robot| robot.name == book.info.robot).map(Arc::as_ref);
+    paths::check(&book, &listed, &mut findings);
+    book::check(&book, &mut findings);
+    let (totals, identities) = rows::check(&book, robot, &mut findings);
+    totals::check(&book, &totals, &mut findings);
+    videos::check(&book, &mut findings);
+    pictures::check(&book, &mut findings);
+    record::check(&book, &mut findings);
+    depth::check(&book, robots, &mut findings)?;
+    Ok(finished(dataset, &book, totals.rows(), identities, &totals, findings))
+}
+
+/// Reads the metadata of a LeRobot data set, with findings for invalid parts.
+///
+/// # Errors
+/// If the folder cannot be listed or is not a LeRobot data set of a known version.
+pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
+    let mut findings = Findings::default();
+    let listed = paths::list(dataset)?;
+    let book = read(dataset, &listed, &mut findings)?;
+    // File names come from templates in `info.json` and may point outside the data set.
+    let files = |episode: &EpisodeEntry| {
+        [episode.data.clone()]
+            .into_iter()
+            .chain(episode.videos.iter().map(|video| video.file.clone()))
+            .collect::<Vec<_>>()
+    };
+    if let Some(file) = book.episodes.iter().flat_map(files).find(|file| !listed.contains(file)) {
+        return Err(DataError::mismatch(format!("{file} in {}", dataset.display()), "a file of the data set", "none"));
+    }
+    Ok((book, findings.into_parts().0))
+}
+
+fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> Result<Book, DataError> {
+    let info = book::read_info(dataset, findings)?;
+    Ok(match info.version {
+        Version::V30 => v30::read(dataset, info, listed, findings),
+        Version::V21 => v21::read(dataset, info, listed, findings),
+    })
+}
+
+fn finished(
+    dataset: &Path,
+    book: &Book,
+    frames: usize,
+    identities: Vec<Identity>,
+    totals: &totals::Totals,
+    findings: Findings,
+) -> Checked {
+    let (findings, further) = findings.into_parts();
+    Checked {
+        dataset: dataset.display().to_string(),
+        format: book.info.version.name(),
+        episodes: book.episodes.len(),
+        frames,
+        findings,
+        further,
+        identities,
+        overview: show::overview(book, totals),
+    }
+}

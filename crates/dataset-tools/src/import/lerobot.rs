@@ -1,0 +1,356 @@
+//! Reader of LeRobot data sets, v3.0 and v2.1, of any program.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use arrow_array::cast::AsArray;
+use arrow_array::{Array, RecordBatch};
+
+use super::facts::{self, ImportedMetadata};
+use super::pictures::{FrameRequest, VideoReader};
+use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
+use crate::check::{self, Book, EpisodeEntry, Version};
+use genmanip_data::columns::{Column, Rows};
+use genmanip_data::export::EpisodeRows;
+use genmanip_data::export::features::{Feature, ImageFeature, Values};
+use genmanip_data::lerobot::RECORD;
+use genmanip_data::lerobot::info::INFO;
+use genmanip_data::table::Table;
+use genmanip_data::{DataError, EpisodeStore, depth};
+
+/// Index columns, which the writer regenerates.
+const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
+/// Supported numeric types; `int32` is widened to `int64`.
+const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
+/// Batch size for tables with images, rows.
+const ROWS_PER_BATCH: usize = 256;
+/// Tolerance of timestamps against `frame_index / fps`, s; ten times that of LeRobot's own readers.
+const TIME_TOLERANCE_S: f64 = 1e-3;
+/// 2^53: smaller integers are exact as `f64`, the type columns are read as.
+const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// A LeRobot data set.
+pub(super) struct Lerobot {
+    book: Book,
+    fps: u32,
+    pictures: VideoReader,
+    notes: BTreeSet<String>,
+    /// Native record of the episodes, if included.
+    record: Option<EpisodeStore>,
+}
+
+impl Lerobot {
+    pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
+        let (book, findings) = check::book(root)?;
+        // Statistics are recomputed.
+        if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
+            let what = format!("{} in {}", first.place, root.join(&first.file).display());
+            return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
+        }
+        if book.episodes.is_empty() {
+            let what = format!("episodes in {}", root.join(book.episodes_file).display());
+            return Err(DataError::mismatch(what, "at least one", 0));
+        }
+        if let Some(listed) = book.episodes.iter().find(|listed| listed.length < 1) {
+            let what = format!("length of {} in {}", listed.place(), root.join(&listed.listed_in.0).display());
+            return Err(DataError::mismatch(what, "at least 1", listed.length));
+        }
+        let fps = book.info.fps;
+        if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
+            let what = format!("fps of {}", root.join(INFO).display());
+            return Err(DataError::mismatch(what, "an integer from 1 to 240", fps));
+        }
+        let pictures = VideoReader::new(settings.ffmpeg.clone());
+        let mut notes = BTreeSet::new();
+        let record = root.join(RECORD);
+        let record = match std::fs::symlink_metadata(&record) {
+            Err(_) => None,
+            Ok(_) if book.contract.is_none() => {
+                notes.insert("extras/record is left out, since there is no meta/action_contract.json".into());
+                None
+            }
+            // A damaged record is an error, so that none is lost silently.
+            Ok(_) => Some(EpisodeStore::open(record)?),
+        };
+        Ok(Self { book, fps: fps as u32, pictures, notes, record })
+    }
+
+    /// Fails if the data set needs no import.
+    pub(super) fn check_foreign(&self) -> Result<(), DataError> {
+        if !self.book.is_own || self.book.info.version != Version::V30 {
+            return Ok(());
+        }
+        let expected = "a data set of another program or version";
+        let got = "one of this program, which needs no import";
+        Err(DataError::mismatch(self.book.root.display().to_string(), expected, got))
+    }
+
+    /// Columns to import: numbers, and depth images.
+    fn wanted(&mut self, path: &Path, known: &[String]) -> Result<(Vec<String>, Vec<String>), DataError> {
+        let has_steps = !self.book.subtasks.is_empty();
+        let (mut numbers, mut depths) = (Vec::new(), Vec::new());
+        for feature in &self.book.info.features {
+            if !known.contains(&feature.key) {
+                if feature.is_video() {
+                    continue;
+                }
+                let what = format!("columns of {}", path.display());
+                return Err(DataError::mismatch(
+                    what,
+                    format!("`{}`, according to info.json", feature.key),
+                    "no such column",
+                ));
+            }
+            let key = &feature.key;
+            let about = &self.book.info.json["features"][key]["info"];
+            let is_depth = about["is_depth_map"] == true || about["video.is_depth_map"] == true;
+            if NUMBERS.contains(&feature.dtype.as_str()) && (key != "subtask_index" || has_steps) {
+                numbers.push(key.clone());
+            } else if feature.is_image() && is_depth {
+                depths.push(key.clone());
+            } else if !feature.is_video() {
+                self.notes.insert(format!("column {key} of {} is left out", feature.dtype));
+            }
+        }
+        Ok((numbers, depths))
+    }
+
+    fn episode(
+        &mut self,
+        listed: &EpisodeEntry,
+        rows: &Rows,
+        images: Vec<ImageFeature>,
+    ) -> Result<EpisodeRows<ImportedMetadata>, DataError> {
+        let place = || format!("{} of {}", listed.place(), self.book.root.join(&listed.data).display());
+        let frames = usize::try_from(listed.length).unwrap_or(0);
+        let column = |name: &str| {
+            let found = rows.get(name).filter(|column| column.width == 1);
+            found.ok_or_else(|| DataError::mismatch(place(), format!("a numeric column `{name}`"), "none"))
+        };
+        let steady = |(row, time): (usize, &f64)| (time - row as f64 / f64::from(self.fps)).abs() <= TIME_TOLERANCE_S;
+        let times = column("timestamp")?;
+        if let Some(row) = (0..frames).find(|row| !steady((*row, &times.values[*row]))) {
+            let what = format!("timestamp of row {row}, {}", place());
+            return Err(DataError::mismatch(what, row as f64 / f64::from(self.fps), times.values[row]));
+        }
+        if let Some(other) = column("episode_index")?.values.iter().find(|index| **index != listed.index as f64) {
+            return Err(DataError::mismatch(format!("episode_index of {}", place()), listed.index, other));
+        }
+        if listed.sentences > 1 {
+            self.notes.insert("of several sentences of an episode only the first is kept".into());
+        }
+        let mut features = Vec::new();
+        for feature in &self.book.info.features {
+            let Some(column) = rows.get(&feature.key) else { continue };
+            if INDEX_COLUMNS.contains(&feature.key.as_str()) || feature.key == "subtask_index" {
+                continue;
+            }
+            if column.dtype == "int64" && column.values.iter().any(|value| value.abs() >= MAX_EXACT) {
+                let what = format!("column {} of {}", feature.key, place());
+                return Err(DataError::mismatch(what, "integers below 2^53", "larger ones"));
+            }
+            if column.width == 0 || (column.dtype == "bool" && column.width > 1) {
+                let what = format!("column {} of {}", feature.key, place());
+                return Err(DataError::mismatch(what, "numbers in every row, a single one if bool", column.width));
+            }
+            features.push(Feature {
+                key: feature.key.clone(),
+                names: names(feature, column.width),
+                values: values(column),
+            });
+        }
+        let steps = match rows.get("subtask_index") {
+            Some(column) => self.steps(listed, column)?,
+            None => Vec::new(),
+        };
+        let texts = if steps.is_empty() { Vec::new() } else { self.texts(listed) };
+        let videos = listed.videos.iter().map(|span| {
+            let feature = self.book.info.features.iter().find(|feature| feature.key == span.key);
+            let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
+            let [height, width, 3] = *shape else {
+                return Err(DataError::mismatch(
+                    format!("shape of {} in {}", span.key, self.book.root.join(INFO).display()),
+                    "[height, width, 3]",
+                    format!("{shape:?}"),
+                ));
+            };
+            let first = (span.from_s * f64::from(self.fps)).round();
+            if !(0.0..1e9).contains(&first) {
+                let listed_in = self.book.root.join(&listed.listed_in.0);
+                let what = format!("from_timestamp of {} in {}", listed.place(), listed_in.display());
+                return Err(DataError::mismatch(what, "a time from 0 s on", span.from_s));
+            }
+            let path = self.book.root.join(&span.file);
+            self.pictures.take(&FrameRequest {
+                key: &span.key,
+                path,
+                size: [height, width],
+                fps: self.fps,
+                from: first as usize,
+                count: frames,
+            })
+        });
+        let videos = videos.collect::<Result<Vec<_>, _>>()?;
+        let succeeded = rows.get("next.success").and_then(|column| column.values.last().copied());
+        let index = usize::try_from(listed.index).unwrap_or(0);
+        let metadata = ImportedMetadata {
+            store_id: facts::name(listed.store_id.as_deref(), index),
+            instruction: listed.sentence.clone(),
+            steps: texts,
+            success: listed.success.or_else(|| succeeded.map(|value| value > 0.0)),
+            failure: listed.failure.clone().unwrap_or_default(),
+            seed: listed.seed,
+            scenario_id: listed.scenario_id.clone().unwrap_or_default(),
+            ..ImportedMetadata::default()
+        };
+        let mut rows = EpisodeRows { frames, features, images, videos, steps, metadata };
+        rows.metadata.source_sha256 = facts::hash(&rows);
+        Ok(rows)
+    }
+
+    /// Step index of each row, within the steps of the episode.
+    fn steps(&self, listed: &EpisodeEntry, column: &Column) -> Result<Vec<usize>, DataError> {
+        let texts = self.texts(listed);
+        let place = |index: &f64| {
+            let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
+            text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
+                let what =
+                    format!("subtask_index of {} in {}", listed.place(), self.book.root.join(&listed.data).display());
+                let expected = format!("a step of the episode in {}", self.book.subtasks_file);
+                DataError::mismatch(what, expected, index)
+            })
+        };
+        column.values.iter().map(place).collect()
+    }
+
+    /// Texts of the steps: those of the episode if listed, else all of the data set.
+    fn texts(&self, listed: &EpisodeEntry) -> Vec<String> {
+        match &listed.subtasks {
+            Some(texts) if !texts.is_empty() => texts.clone(),
+            _ => self.book.subtasks.iter().map(|(_, text)| text.clone()).collect(),
+        }
+    }
+
+    /// Reads the episodes of one data file.
+    fn file(&mut self, file: &str, episodes: &[EpisodeEntry], take: OnEpisode) -> Result<(), DataError> {
+        let path = self.book.root.join(file);
+        let table = Table::open(&path)?;
+        let (numbers, depths) = self.wanted(&path, &table.names())?;
+        let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
+        let mut left = episodes.iter().peekable();
+        let (mut rows, mut depth_png, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
+        for batch in table.batches(&wanted, ROWS_PER_BATCH)? {
+            let batch = batch?;
+            let mut at = 0;
+            while at < batch.num_rows() {
+                let Some(listed) = left.peek() else {
+                    return Err(DataError::table(&path, "rows after the last episode"));
+                };
+                let length = usize::try_from(listed.length).unwrap_or(0).max(1);
+                let part = batch.slice(at, (length - held).min(batch.num_rows() - at));
+                append(&path, &part, &numbers, &mut rows)?;
+                for key in &depths {
+                    depth_png.entry(key.clone()).or_default().extend(bytes(&path, &part, key)?);
+                }
+                at += part.num_rows();
+                held += part.num_rows();
+                if held == length {
+                    let images = images(std::mem::take(&mut depth_png)).map_err(|error| error.with_path(&path))?;
+                    let episode = self.episode(listed, &std::mem::take(&mut rows), images)?;
+                    take(&path, episode)?;
+                    held = 0;
+                    left.next();
+                }
+            }
+        }
+        match left.next() {
+            Some(listed) => {
+                let what = format!("rows of {} in {}", listed.place(), path.display());
+                Err(DataError::mismatch(what, listed.length, held))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Importer for Lerobot {
+    fn info(&self) -> SourceInfo {
+        SourceInfo {
+            format: self.book.info.version.name(),
+            robot: self.book.info.robot.clone(),
+            fps: self.fps,
+            episodes: self.book.episodes.len(),
+            record: self.record.clone(),
+            contract: self.book.contract.clone(),
+        }
+    }
+
+    fn each(&mut self, take: OnEpisode) -> Result<(), DataError> {
+        let episodes = self.book.episodes.clone();
+        let mut first = 0;
+        while first < episodes.len() {
+            let file = &episodes[first].data;
+            let count = episodes[first..].iter().take_while(|episode| episode.data == *file).count();
+            self.file(file, &episodes[first..first + count], take)?;
+            first += count;
+        }
+        Ok(())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let encoded = "pictures were decoded by another program and encoded anew as H.264";
+        self.notes.iter().cloned().chain(self.pictures.are_encoded.then(|| encoded.to_owned())).collect()
+    }
+}
+
+/// Element names of a column; LeRobot may omit or nest them.
+fn names(feature: &check::Feature, width: usize) -> Vec<String> {
+    match width {
+        1 => feature.names.iter().take(1).filter(|name| **name != feature.key).cloned().collect(),
+        _ if feature.names.len() == width => feature.names.clone(),
+        _ => (0..width).map(|entry| format!("{}_{entry}", feature.key)).collect(),
+    }
+}
+
+fn values(column: &Column) -> Values {
+    match column.dtype {
+        "float32" => Values::F32(column.values.iter().map(|value| *value as f32).collect()),
+        "bool" => Values::Bool(column.values.iter().map(|value| *value > 0.0).collect()),
+        "int32" | "int64" => Values::I64(column.values.iter().map(|value| *value as i64).collect()),
+        _ => Values::F64(column.values.clone()),
+    }
+}
+
+fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) -> Result<(), DataError> {
+    for key in keys {
+        let column = batch.column_by_name(key).and_then(|column| Column::of(column));
+        let column =
+            column.ok_or_else(|| DataError::table(path, format!("column `{key}` is not numeric in every row")))?;
+        let known = rows.entry(key.clone()).or_insert_with(|| Column { values: Vec::new(), ..column.clone() });
+        if known.width != column.width {
+            let what =
+                format!("column `{key}` has {} numbers in some rows and {} in others", known.width, column.width);
+            return Err(DataError::table(path, what));
+        }
+        known.values.extend(column.values);
+    }
+    Ok(())
+}
+
+/// Image files of a column.
+fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
+    let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
+    let files =
+        structs.and_then(|structs| structs.column_by_name("bytes")).and_then(|files| files.as_binary_opt::<i32>());
+    let files = files.filter(|files| files.null_count() == 0);
+    let files = files.ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold image files")))?;
+    Ok(files.iter().flatten().map(<[u8]>::to_vec).collect())
+}
+
+fn images(files: BTreeMap<String, Vec<Vec<u8>>>) -> Result<Vec<ImageFeature>, DataError> {
+    let image = |(key, png): (String, Vec<Vec<u8>>)| {
+        let (width, height, _) = depth::decode_depth_png(png.first().map(Vec::as_slice).unwrap_or_default())?;
+        Ok(ImageFeature { key, width, height, png })
+    };
+    files.into_iter().map(image).collect()
+}

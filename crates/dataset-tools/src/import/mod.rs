@@ -1,0 +1,203 @@
+//! Import of data sets of other programs: LeRobot v3.0 and v2.1, and the episode folders of the original GenManip.
+//!
+//! The result is a LeRobotDataset v3.0, with the sibling `<name>-depth` if the source has depth. Numbers, names and
+//! sentences are kept, H.264 video is copied without re-encoding. Nothing in the source is executed.
+
+mod convert;
+mod facts;
+mod jpeg;
+mod lerobot;
+mod lmdb;
+mod original;
+mod pickle;
+mod pictures;
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::ActionContract;
+use serde::Serialize;
+
+use facts::ImportedMetadata;
+use genmanip_data::export::{EpisodeRows, ExportReport};
+use genmanip_data::lerobot::info::INFO;
+use genmanip_data::lerobot::origin::Origin;
+use genmanip_data::lerobot::writer::DatasetWriter;
+use genmanip_data::lerobot::{begin, begin_sibling, card, check_free, check_owner, depth_path};
+use genmanip_data::{DataError, EpisodeStore, files};
+
+pub use convert::to_v21;
+pub use genmanip_data::lerobot::imported::Imported;
+
+/// Settings of an import.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImportSettings {
+    /// Path of ffmpeg, for video codecs other than H.264, which is then re-encoded. Default none.
+    pub ffmpeg: Option<PathBuf>,
+    /// Episodes per data and video file. Default 100.
+    pub episodes_per_file: usize,
+    /// Episodes per file of the depth data set. Default 10.
+    pub episodes_per_depth_file: usize,
+}
+
+impl Default for ImportSettings {
+    fn default() -> Self {
+        Self { ffmpeg: None, episodes_per_file: 100, episodes_per_depth_file: 10 }
+    }
+}
+
+/// Summary of an import.
+#[derive(Clone, Debug, Serialize)]
+pub struct ImportReport {
+    /// The written data set.
+    #[serde(flatten)]
+    pub written: ExportReport,
+    /// Format of the source, and differences from it.
+    pub imported: Imported,
+}
+
+/// Imports the data set at `source` to `out` (and `<out>-depth`); `on_episode` is called after each episode with the
+/// total number of episodes.
+///
+/// # Errors
+/// If the format of `source` is unknown, it is damaged or holds unsupported contents, or `out` exists; `out` is then
+/// not created.
+pub fn import(
+    source: &Path,
+    settings: &ImportSettings,
+    out: &Path,
+    on_episode: &mut dyn FnMut(usize),
+) -> Result<ImportReport, DataError> {
+    let mut importer = open(source, settings)?;
+    let info = importer.info();
+    let mut writers = Writers::begin(info, settings, out)?;
+    importer.each(&mut |from, episode| {
+        writers.push(from, episode)?;
+        on_episode(writers.info.episodes);
+        Ok(())
+    })?;
+    if writers.colors.episodes() == 0 {
+        let what = format!("episodes with frames in {}", source.display());
+        return Err(DataError::mismatch(what, "at least one", 0));
+    }
+    writers.publish(importer.notes(), settings, source, out)
+}
+
+/// Detects the format of the source.
+fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, DataError> {
+    if files::is_own_file(&source.join(INFO)) {
+        let dataset = lerobot::Lerobot::open(source, settings)?;
+        dataset.check_foreign()?;
+        return Ok(Box::new(dataset));
+    }
+    if original::is_there(source)? {
+        return Ok(Box::new(original::Original::open(source)?));
+    }
+    let expected =
+        "a folder with a LeRobot data set (meta/info.json) or with episodes of the original GenManip (meta_info.pkl)";
+    Err(DataError::mismatch(source.display().to_string(), expected, "none"))
+}
+
+/// A data set to import.
+trait Importer {
+    fn info(&self) -> SourceInfo;
+
+    /// Passes every episode to `take`, in order.
+    fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
+
+    /// Differences from the source; complete after [`Importer::each`].
+    fn notes(&self) -> Vec<String>;
+}
+
+/// Receives an episode and the file or folder it was read from; its `images` are depth images.
+type OnEpisode<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedMetadata>) -> Result<(), DataError>;
+
+/// Metadata of a data set to import.
+struct SourceInfo {
+    /// As in [`Imported::format`].
+    format: &'static str,
+    robot: String,
+    fps: u32,
+    episodes: usize,
+    /// Action contract, if the data set has one.
+    contract: Option<ActionContract>,
+    /// Native record of the episodes, if included.
+    record: Option<EpisodeStore>,
+}
+
+/// A data set and its depth sibling under construction.
+struct Writers {
+    info: SourceInfo,
+    colors: DatasetWriter<ImportedMetadata>,
+    depths: Option<DatasetWriter<ImportedMetadata>>,
+    target: PathBuf,
+    episodes_per_depth_file: usize,
+}
+
+impl Writers {
+    fn begin(info: SourceInfo, settings: &ImportSettings, out: &Path) -> Result<Self, DataError> {
+        check_free(out)?;
+        let colors = DatasetWriter::new(begin(out, None)?, settings.episodes_per_file.max(1), info.fps, &info.robot);
+        let episodes_per_depth_file = settings.episodes_per_depth_file.max(1);
+        Ok(Self { info, colors, depths: None, target: out.into(), episodes_per_depth_file })
+    }
+
+    fn push(&mut self, from: &Path, mut episode: EpisodeRows<ImportedMetadata>) -> Result<(), DataError> {
+        let placed = |error: DataError| error.with_path(from);
+        let images = std::mem::take(&mut episode.images);
+        let is_first = self.colors.episodes() == 0;
+        if is_first && !images.is_empty() {
+            let staging = begin_sibling(&self.target)?;
+            let per_file = self.episodes_per_depth_file;
+            self.depths = Some(DatasetWriter::new(staging, per_file, self.info.fps, &self.info.robot));
+        }
+        if let Some(depths) = &mut self.depths {
+            let EpisodeRows { frames, metadata, .. } = &episode;
+            let (features, videos, steps) = Default::default();
+            let rows = EpisodeRows { frames: *frames, features, images, videos, steps, metadata: metadata.clone() };
+            depths.push(rows).map_err(placed)?;
+        } else if !images.is_empty() {
+            let what = format!("depth images of episode {}", episode.metadata.store_id);
+            return Err(placed(DataError::mismatch(what, "none, like the first episode", images.len())));
+        }
+        if let Some(record) = &self.info.record {
+            self.colors.copy_record(record, &episode.metadata.store_id)?;
+        }
+        self.colors.push(episode).map_err(placed)
+    }
+
+    fn publish(
+        self,
+        notes: Vec<String>,
+        settings: &ImportSettings,
+        source: &Path,
+        out: &Path,
+    ) -> Result<ImportReport, DataError> {
+        let placed = |error: DataError| error.with_path(source);
+        let (episodes, frames) = (self.colors.episodes(), self.colors.frames());
+        if self.depths.is_none() {
+            check_owner(&depth_path(out), None)?;
+        }
+        let imported = Imported {
+            format: self.info.format.into(),
+            fps: self.info.fps,
+            depth: self.depths.is_some(),
+            record: self.info.record.is_some(),
+            episodes_per_file: settings.episodes_per_file.max(1),
+            episodes_per_depth_file: self.episodes_per_depth_file,
+            notes,
+        };
+        let origin = Origin::Imported(imported.clone());
+        let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &origin, None));
+        let depths = depths.transpose().map_err(placed)?;
+        let colors = self.colors.finish(&origin.card(&name, "v3.0"), &origin, self.info.contract.as_ref());
+        let colors = colors.map_err(placed)?;
+        let depth_dataset = depths.is_some().then(|| depth_path(out));
+        if let Some(depths) = depths {
+            depths.publish()?;
+        }
+        colors.publish()?;
+        let written = ExportReport { dataset: out.into(), depth_dataset, episodes, frames, left_out: Vec::new() };
+        Ok(ImportReport { written, imported })
+    }
+}
