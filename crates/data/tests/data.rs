@@ -3,7 +3,6 @@
 
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
-mod masking;
 mod mcap;
 mod synthetic;
 
@@ -439,17 +438,7 @@ fn an_independent_reader_agrees() {
     };
     export(&store, &folder.path().join("set"), &settings).unwrap();
     fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
-    // A merge of two parts looks the same to a reader.
-    let parts = [&["scenario-0-a0"][..], &["scenario-1-a0", "scenario-2-a0"]].map(|ids| {
-        let part = folder.path().join(format!("part-{}", ids.len()));
-        let selection = Selection::Ids(ids.iter().map(|&id| id.into()).collect());
-        lerobot::export(&store, &selection, &robot(), &settings, &part).unwrap();
-        part
-    });
-    lerobot::edit::merge(&parts, &folder.path().join("merged"), &mut |_| {}).unwrap();
-    for dataset in ["set", "merged"] {
-        assert_reader_agrees(&python, folder.path(), dataset);
-    }
+    assert_reader_agrees(&python, folder.path(), "set");
 }
 
 fn assert_reader_agrees(python: &Path, folder: &Path, dataset: &str) {

@@ -5,6 +5,7 @@
 mod checking;
 mod editing;
 mod importing;
+mod masking;
 #[path = "../../../data/tests/synthetic/mod.rs"]
 mod synthetic;
 

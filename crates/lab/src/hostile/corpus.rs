@@ -138,7 +138,7 @@ impl Corpus {
             }
             let is_dataset = |name: &str| !name.starts_with("run/") && !name.ends_with('/') && !made.contains_key(name);
             datasets = listing(&sandbox.work()).into_iter().filter(|(name, _)| is_dataset(name)).collect();
-            let original = read_all(&project.join("crates/data/testdata/original"))?;
+            let original = read_all(&project.join("crates/dataset-tools/testdata/original"))?;
             datasets.extend(original.into_iter().map(|(name, bytes)| (format!("original/{name}"), bytes)));
         }
         let file = |name: &str| made.get(name).cloned().unwrap_or_default();

@@ -144,7 +144,7 @@ fn works(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, L
         made(&format!("export {run} --to {format} --rate 10 --cameras wrist --out {name}"))?;
     }
     let drawn = files(sandbox);
-    let original = listing(&arguments.project.join("crates/data/testdata/original"));
+    let original = listing(&arguments.project.join("crates/dataset-tools/testdata/original"));
     let original: Files = original.into_iter().map(|(name, bytes)| (format!("original/{name}"), bytes)).collect();
     for (doing, call, from, folders) in [
         ("merging shards", "merge shards --workers 1 --out merged", &undrawn, &["shards/"][..]),

@@ -7,9 +7,10 @@ use arrow_array::RecordBatch;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float32Type, Int64Type};
 use genmanip_data::export::ExtraColumns;
-use genmanip_data::lerobot::{self, LerobotSettings, edit};
+use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::masks::{self, FIRST_OBJECT, MaskTrack};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
+use genmanip_dataset_tools::edit;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
 
