@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_agent::ask::Transcribed;
+use genmanip_agent::ask::TranscriptRecorder;
 use genmanip_agent::picture::Picture;
-use genmanip_agent::{ActQuestion, Acted, Agent, act_once};
+use genmanip_agent::{ActQuestion, Acted, Agent, plan_pick_and_place};
 use genmanip_core::limits::Limit;
 use genmanip_core::{Intrinsics, Pose, RgbdImage, Seed, limits};
 use genmanip_data::depth::decode_depth_png;
@@ -66,8 +66,8 @@ pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Re
         instruction: files.instruction.clone(),
         seed: files.seed,
     };
-    let (mut agent, transcribed): (Agent, Transcribed) = choice.for_one_image(planner)?;
-    let acted = act_once(&mut agent, &transcribed, planner, &question);
+    let (mut agent, transcribed): (Agent, TranscriptRecorder) = choice.for_one_image(planner)?;
+    let acted = plan_pick_and_place(&mut agent, &transcribed, planner, &question);
     keep(&transcribed, 0, &files.out)?;
     let acted = acted.map_err(|error| RunError::broken("the agent cannot act on these files", error))?;
     let text = serde_json::to_string_pretty(&acted).map_err(|error| RunError::broken("cannot write", error))?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use genmanip_agent::ask::{PromptSet, Stage, Transcribed, VisionModel};
+use genmanip_agent::ask::{PromptSet, QuestionKind, TranscriptRecorder, VisionModel};
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, ServiceMasks};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
@@ -13,7 +13,7 @@ use genmanip_core::{
 };
 use genmanip_llm::{HttpService, ServiceSettings};
 use genmanip_motion::Planner;
-use genmanip_rollout::{Cores, Stage as Scene};
+use genmanip_rollout::{Cores, QuestionKind as Scene};
 
 use super::failure::{FailureClass, Heard};
 use super::grasps::FlawedGrasps;
@@ -111,7 +111,7 @@ pub struct MadeAgent {
     /// The policy.
     pub policy: Box<dyn Policy>,
     /// What it asks and does.
-    pub transcribed: Transcribed,
+    pub transcribed: TranscriptRecorder,
     /// What its oracle services know, where it has any.
     pub truth: Option<Truth>,
     /// What its answers were worth, where the truth is known.
@@ -216,8 +216,8 @@ impl AgentChoice {
     /// An unknown stage, or a share outside of 0 to 1.
     pub fn add_error(&mut self, text: &str) -> Result<(), RunError> {
         let (name, share) = text.split_once('=').unwrap_or((text, ""));
-        let known = Stage::ALL.map(Stage::name);
-        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == name);
+        let known = QuestionKind::ALL.map(QuestionKind::name);
+        let stage = QuestionKind::ALL.into_iter().find(|stage| stage.name() == name);
         let stage = stage.ok_or_else(|| RunError::unknown("stage", "stages", name, &known))?;
         let share = share.parse().ok().filter(|share| (0.0..=1.0).contains(share)).ok_or_else(|| {
             RunError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
@@ -312,7 +312,7 @@ impl AgentChoice {
     ///
     /// # Errors
     /// Oracle services, which do; a prompt file or a setting that cannot be used.
-    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, Transcribed), RunError> {
+    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, TranscriptRecorder), RunError> {
         let needs_simulator = |what: &str| {
             let hint = "expected --vlm FILE, and --masks rgbd or http:URL";
             Err(RunError::input(format!("{what} are the simulator's, and here is none")).with_hint(hint))
@@ -329,7 +329,7 @@ impl AgentChoice {
             MaskChoice::Oracle => return needs_simulator("the oracle's masks"),
         };
         let prompts = Arc::new(self.prompt_set()?);
-        let transcribed = Transcribed::new(true);
+        let transcribed = TranscriptRecorder::new(true);
         let services = Services { model, segmenter, grasps: self.grasp_source(planner), prompts };
         let agent = Agent::new(self.settings.clone().for_one_image(), services, planner, transcribed.clone());
         Ok((agent.map_err(|error| RunError::broken("the agent cannot be made", error))?, transcribed))
@@ -357,7 +357,7 @@ impl AgentChoice {
             MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),
             MaskChoice::Http(service) => Arc::clone(service) as Arc<dyn Segmenter>,
         };
-        let transcribed = Transcribed::new(self.keeps_pictures);
+        let transcribed = TranscriptRecorder::new(self.keeps_pictures);
         let mut grasps = self.grasp_source(planner);
         if self.dials.once == Some(FailureClass::GraspProposal) {
             let (truth, asks) = (truth.clone(), transcribed.clone());
@@ -428,7 +428,7 @@ fn http(url: &str) -> Result<HttpService, RunError> {
 /// A policy whose agent's transcript is written after each of its turns.
 pub struct Transcribing {
     policy: Box<dyn Policy>,
-    transcribed: Transcribed,
+    transcribed: TranscriptRecorder,
     folder: PathBuf,
     /// Pictures that were written.
     written: usize,
@@ -463,7 +463,7 @@ impl Policy for Transcribing {
 ///
 /// # Errors
 /// When a file cannot be written or a picture not be encoded.
-pub fn keep(transcribed: &Transcribed, first: usize, folder: &Path) -> Result<usize, RunError> {
+pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, RunError> {
     let pictures = transcribed.pictures();
     for (name, picture) in pictures.iter().skip(first) {
         let path = folder.join(name);

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::Services;
-use genmanip_agent::ask::{Answered, Question, ServiceError, VisionModel};
+use genmanip_agent::ask::{ModelReply, Question, ServiceError, VisionModel};
 use genmanip_agent::services::GraspSource;
 
 use super::choice::MadeAgent;
@@ -65,7 +65,7 @@ struct Corrected {
 }
 
 impl VisionModel for Corrected {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         let told = self.told.get(&question.ask);
         if self.replaced == Some(question.ask) {
             let right = self.oracle.answer(question)?;
@@ -73,7 +73,7 @@ impl VisionModel for Corrected {
             return Ok(right);
         }
         match told.filter(|_| question.ask <= self.last) {
-            Some(text) => Ok(Answered { text: text.clone(), usage: None }),
+            Some(text) => Ok(ModelReply { text: text.clone(), usage: None }),
             None => self.then.answer(question),
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_agent::ask::{FailedStage, Stage};
+use genmanip_agent::ask::{FailedStage, QuestionKind};
 use genmanip_core::{Frame, Relation};
 use serde::Serialize;
 
@@ -114,7 +114,7 @@ pub struct Blamed {
 impl Heard {
     /// Objects that were sent somewhere since the task was split last.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
-        let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == Stage::Decompose.name());
+        let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == QuestionKind::Decompose.name());
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
     }
 
@@ -206,7 +206,7 @@ mod tests {
     /// What it shows, what was heard and said, and the class and the ask that are to blame.
     type Case<'a> = (&'a str, Vec<Testimony>, Option<&'a FailedStage>, FailureClass, Option<usize>);
 
-    fn said(ask: usize, round: usize, stage: Stage, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
+    fn said(ask: usize, round: usize, stage: QuestionKind, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
         let (stage, subtask) = (stage.name(), subtask.to_owned());
         Testimony { ask, round, stage, subtask, wrong, evidence: String::new() }
     }
@@ -214,9 +214,9 @@ mod tests {
     #[test]
     fn the_first_wrong_answer_that_stood_is_blamed() {
         let object = |ask, round, subtask, is_wrong: bool| {
-            said(ask, round, Stage::Object, subtask, is_wrong.then_some(FailureClass::GraspGrounding))
+            said(ask, round, QuestionKind::Object, subtask, is_wrong.then_some(FailureClass::GraspGrounding))
         };
-        let format = |ask| said(ask, 0, Stage::Check, "", Some(FailureClass::Format));
+        let format = |ask| said(ask, 0, QuestionKind::Check, "", Some(FailureClass::Format));
         let rounds = FailedStage::new("check", "rounds", String::new());
         let cases: [Case; 7] = [
             ("a wrong one", vec![object(1, 0, "a", true)], None, FailureClass::GraspGrounding, Some(1)),
@@ -243,7 +243,7 @@ mod tests {
             ),
             (
                 "of two the first",
-                vec![object(1, 0, "a", true), said(3, 0, Stage::PointToPoint, "a", Some(FailureClass::PlanLocation))],
+                vec![object(1, 0, "a", true), said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation))],
                 None,
                 FailureClass::GraspGrounding,
                 Some(1),
@@ -287,10 +287,10 @@ mod tests {
             assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
         }
         // What was sent before the task was split anew is no more to the point.
-        let anew = Heard { testimonies: vec![said(9, 1, Stage::Decompose, "", None)], ..sent.clone() };
+        let anew = Heard { testimonies: vec![said(9, 1, QuestionKind::Decompose, "", None)], ..sent.clone() };
         assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
         // A wrong place is to blame only for what came there.
-        let wrong = said(3, 0, Stage::PointToPoint, "a", Some(FailureClass::PlanLocation));
+        let wrong = said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation));
         let misplaced = Heard { testimonies: vec![wrong], ..sent };
         assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);
         assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, FailureClass::GraspExecution);

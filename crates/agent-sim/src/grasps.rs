@@ -16,7 +16,7 @@ pub(super) struct FlawedGrasps {
     pub source: Arc<dyn GraspSource>,
     pub truth: Truth,
     /// The number of the ask before, for the record.
-    pub asks: genmanip_agent::ask::Transcribed,
+    pub asks: genmanip_agent::ask::TranscriptRecorder,
 }
 
 impl GraspSource for FlawedGrasps {

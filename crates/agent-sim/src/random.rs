@@ -1,6 +1,6 @@
 //! A model that picks marks by chance: the control that shows what the rest of the agent reaches alone.
 
-use genmanip_agent::ask::{Answered, Marks, Question, ServiceError, Stage, VisionModel};
+use genmanip_agent::ask::{ModelReply, Marks, Question, ServiceError, QuestionKind, VisionModel};
 use genmanip_core::Seed;
 use rand::RngExt;
 use serde_json::json;
@@ -14,7 +14,7 @@ const END_M: f64 = 0.2;
 pub struct RandomMarks(pub Seed);
 
 impl VisionModel for RandomMarks {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         let mut rng = self.0.fork("random marks").fork_index(question.ask as u64).rng();
         let mut below = |count: usize| if count == 0 { 0 } else { rng.random_range(0..count) };
         let chosen = match &question.marks {
@@ -32,17 +32,17 @@ impl VisionModel for RandomMarks {
             _ => chosen as i64 + 1,
         };
         let answer = match question.stage {
-            Stage::Decompose => json!({"subtasks": [question.instruction]}),
-            Stage::Object => json!({"number": number, "object_name": "any", "color": "any"}),
-            Stage::Part => json!({"number": number, "part_name": "any", "color": "any"}),
-            Stage::GrabPoint => json!({"selected_point": number, "reason": "any"}),
-            Stage::GridPath => {
+            QuestionKind::Decompose => json!({"subtasks": [question.instruction]}),
+            QuestionKind::Object => json!({"number": number, "object_name": "any", "color": "any"}),
+            QuestionKind::Part => json!({"number": number, "part_name": "any", "color": "any"}),
+            QuestionKind::GrabPoint => json!({"selected_point": number, "reason": "any"}),
+            QuestionKind::GridPath => {
                 let step = |height_m: f64| json!({"grid_number": cell, "height_m": height_m, "claw_orientation": 0.0});
                 json!({"path": [step(CARRY_M), step(END_M)]})
             }
-            Stage::PointToPoint => json!({"selected_point": {"type": "grid", "label": cell}}),
-            Stage::Check => json!({"scene_description": "any", "finished": true, "remaining": []}),
+            QuestionKind::PointToPoint => json!({"selected_point": {"type": "grid", "label": cell}}),
+            QuestionKind::Check => json!({"scene_description": "any", "finished": true, "remaining": []}),
         };
-        Ok(Answered { text: answer.to_string(), usage: None })
+        Ok(ModelReply { text: answer.to_string(), usage: None })
     }
 }

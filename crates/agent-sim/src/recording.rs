@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_agent::ask::{Answered, Question, RecordedAnswer, RecordedAnswers, ServiceError, Tolerance, VisionModel};
+use genmanip_agent::ask::{ModelReply, Question, RecordedAnswer, RecordedAnswers, ServiceError, Tolerance, VisionModel};
 use genmanip_core::{Document, limits};
 
 use genmanip_workspace::RunError;
@@ -46,14 +46,14 @@ impl Recording {
 
 impl Recording {
     /// What the file says to a question; `None` where it has to be asked of the model.
-    fn recorded(&self, question: &Question) -> Option<Result<Answered, ServiceError>> {
+    fn recorded(&self, question: &Question) -> Option<Result<ModelReply, ServiceError>> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);
         let recorded = (is_known || self.model.is_none()).then(|| kept.answer(question, &self.tolerance))?;
         Some(recorded.map_err(|mismatch| self.unanswered(&mismatch)))
     }
 
-    fn keep(&self, question: &Question, answered: &Answered) -> Result<(), ServiceError> {
+    fn keep(&self, question: &Question, answered: &ModelReply) -> Result<(), ServiceError> {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.answers.push(RecordedAnswer::new(question, answered));
         documents::write_file(&self.path, kept.to_json().as_bytes()).map_err(|error| self.unanswered(&error))
@@ -65,11 +65,11 @@ impl Recording {
 }
 
 impl VisionModel for Recording {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         self.answer_each(&[question]).remove(0)
     }
 
-    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<ModelReply, ServiceError>> {
         let recorded: Vec<_> = questions.iter().map(|question| self.recorded(question)).collect();
         let open = questions.iter().zip(&recorded).filter(|(_, recorded)| recorded.is_none());
         let open: Vec<&Question> = open.map(|(question, _)| *question).collect();

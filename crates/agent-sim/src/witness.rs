@@ -6,9 +6,9 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_agent::ask::{Answer, Answered, Marks, PathCell, Question, ServiceError, Stage, VisionModel, parse};
+use genmanip_agent::ask::{Answer, ModelReply, Marks, PathCell, Question, ServiceError, QuestionKind, VisionModel, parse};
 use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
-use genmanip_agent::sight::on_plane;
+use genmanip_agent::perception::on_plane;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Aabb, Atom, Grasp, Relation};
 use genmanip_layout::Move;
@@ -64,7 +64,7 @@ impl Witness {
                 (memory.split, memory.open) = (Some(question.ask), answer.subtasks.len());
                 self.split(&answer.subtasks, &scene)
             }
-            Answer::Mark(answer) if question.stage == Stage::Object => self.object(question, answer.mask, &scene),
+            Answer::Mark(answer) if question.stage == QuestionKind::Object => self.object(question, answer.mask, &scene),
             Answer::Point(answer) => self.place(question, answer.cell, &scene),
             Answer::Path(answer) => match answer.cells.split_last() {
                 Some((last, way)) => match self.place(question, last.cell, &scene) {
@@ -165,7 +165,7 @@ impl Witness {
         let split = lock(&self.memory).split;
         let mut heard = lock(&self.heard);
         let is_split =
-            |testimony: &&mut Testimony| Some(testimony.ask) == split && testimony.stage == Stage::Decompose.name();
+            |testimony: &&mut Testimony| Some(testimony.ask) == split && testimony.stage == QuestionKind::Decompose.name();
         let testimony = heard.testimonies.iter_mut().find(is_split);
         if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
             (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);
@@ -275,11 +275,11 @@ fn aimed_at(atom: &Atom, id: &str) -> Atom {
 }
 
 impl VisionModel for Witness {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         self.answer_each(&[question]).remove(0)
     }
 
-    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<ModelReply, ServiceError>> {
         let answers = self.model.answer_each(questions);
         for (question, answered) in questions.iter().zip(&answers) {
             if let Ok(answered) = answered {
@@ -291,14 +291,14 @@ impl VisionModel for Witness {
 }
 
 impl Witness {
-    fn hear(&self, question: &Question, answered: &Answered) {
+    fn hear(&self, question: &Question, answered: &ModelReply) {
         self.hear_of_split(question);
         let round = {
             let mut memory = lock(&self.memory);
-            if question.stage == Stage::Decompose && question.refused.is_empty() {
+            if question.stage == QuestionKind::Decompose && question.refused.is_empty() {
                 memory.rounds += 1;
             }
-            if question.stage == Stage::Object {
+            if question.stage == QuestionKind::Object {
                 memory.subtask.clone_from(&question.instruction);
             }
             memory.ask = question.ask;
@@ -327,7 +327,7 @@ impl Witness {
         let (round, ask, subtasks) = {
             let mut memory = lock(&self.memory);
             let Some((ask, subtasks)) = memory.remaining.take() else { return };
-            if question.stage != Stage::Object {
+            if question.stage != QuestionKind::Object {
                 return;
             }
             memory.rounds += 1;
@@ -335,7 +335,7 @@ impl Witness {
             (memory.rounds, ask, subtasks)
         };
         let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());
-        let (stage, subtask) = (Stage::Decompose.name(), String::new());
+        let (stage, subtask) = (QuestionKind::Decompose.name(), String::new());
         lock(&self.heard).testimonies.push(Testimony { ask, round, stage, subtask, wrong, evidence });
     }
 }

@@ -1,21 +1,21 @@
-//! The lettered grid over a picture: rows from the top, columns from 1 at the left.
+//! The labelled grid over an image: rows A, B, … from the top, columns from 1 at the left.
 
 use std::fmt;
 
-/// A grid over a whole picture, whose cells share it evenly.
+/// A grid that divides a whole image evenly into cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// Rows, at most 26.
+    /// Number of rows, at most 26.
     pub rows: u32,
-    /// Columns.
+    /// Number of columns.
     pub columns: u32,
-    /// Pixels per row of the picture.
+    /// Image width [px].
     pub width: u32,
-    /// Rows of the picture.
+    /// Image height [px].
     pub height: u32,
 }
 
-/// One cell of a grid, counted from 0.
+/// A grid cell, indexed from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Cell {
     /// Row from the top.
@@ -25,38 +25,38 @@ pub struct Cell {
 }
 
 impl Grid {
-    /// The usual grid of 9 rows and 16 columns: square cells on 16:9 pictures.
+    /// The default grid of 9 rows and 16 columns: square cells on 16:9 images.
     pub fn usual(width: u32, height: u32) -> Self {
         Self { rows: 9, columns: 16, width, height }
     }
 
-    /// All cells, row by row.
+    /// All cells in row-major order.
     pub fn cells(&self) -> impl Iterator<Item = Cell> + use<> {
         let Self { rows, columns, .. } = *self;
         (0..rows).flat_map(move |row| (0..columns).map(move |column| Cell { row, column }))
     }
 
-    /// Left, top, right and bottom edge of a cell, pixels; the pixel k covers k to k + 1.
+    /// Left, top, right and bottom edge of a cell [px]; pixel k covers k to k + 1.
     pub fn edges(&self, cell: Cell) -> [f64; 4] {
         let x = |column: u32| f64::from(column) * f64::from(self.width) / f64::from(self.columns);
         let y = |row: u32| f64::from(row) * f64::from(self.height) / f64::from(self.rows);
         [x(cell.column), y(cell.row), x(cell.column + 1), y(cell.row + 1)]
     }
 
-    /// The middle of a cell in pixel coordinates, in which the centre of a pixel is a whole number.
+    /// Centre of a cell in pixel coordinates with whole numbers at pixel centres.
     pub fn center(&self, cell: Cell) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges(cell);
         [(left + right) / 2.0 - 0.5, (top + bottom) / 2.0 - 0.5]
     }
 
-    /// The cell that holds a pixel; `None` outside of the picture.
+    /// Cell that contains a pixel; `None` outside the image.
     pub fn cell_at(&self, x: f64, y: f64) -> Option<Cell> {
         let (x, y) = ((x + 0.5) / f64::from(self.width), (y + 0.5) / f64::from(self.height));
         ((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y))
             .then(|| Cell { row: (y * f64::from(self.rows)) as u32, column: (x * f64::from(self.columns)) as u32 })
     }
 
-    /// The cell of a label such as `C4`; `None` for anything that is not drawn.
+    /// Cell of a label such as `C4`; `None` if there is no such cell.
     pub fn named(&self, label: &str) -> Option<Cell> {
         let letter = label.chars().next().filter(char::is_ascii_uppercase)?;
         let digits = &label[1..];

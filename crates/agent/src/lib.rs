@@ -1,29 +1,29 @@
 //! The modular manipulation system: it acts from RGB-D images, camera parameters and joint positions alone.
 //!
 //! ```text
-//! decompose ─► object ─► part ─► grab point ─► path or cell ─► pick ─► place ─► check ─► next, or again
-//!   words      numbered masks    five points   lettered grid     motion, timed       words
+//! decompose ─► object ─► part ─► grab point ─► path or cell ─► pick ─► place ─► check ─► next, or retry
+//!   words      numbered masks    five points   labelled grid    timed motions        words
 //! ```
 //!
 //! - [`Agent`] is the whole pipeline as a [`Policy`](genmanip_core::Policy).
-//! - [`act_once`] plans one pick and one placement from a single image, for a real camera and arm.
-//! - [`ask`] puts questions to a vision-language model and takes only answers that name drawn marks.
-//! - [`picture`] draws the marks; [`grid`] names cells.
-//! - [`segmentation`] finds the things in an image; [`sight`] says where they are.
-//! - [`services`] asks other programs for masks and grasps, and says what they are asked.
+//! - [`plan_pick_and_place`] plans one pick and one placement from a single image, for a real camera and arm.
+//! - [`ask`] sends questions to a vision-language model and accepts only answers that name marks drawn on the images.
+//! - [`picture`] draws the marks; [`grid`] labels the cells of an image.
+//! - [`segmentation`] finds the objects in an image; [`perception`] locates them in 3D.
+//! - [`services`] requests masks and grasps from other programs and documents those requests.
 //!
-//! It never sees the simulator or the catalogue: the manifest forbids both.
+//! It never sees the simulator or the asset catalogue: `Cargo.toml` forbids both dependencies.
 
-mod act;
 pub mod ask;
 pub mod grid;
+pub mod perception;
 pub mod picture;
 mod pipeline;
 pub mod segmentation;
 pub mod services;
 mod settings;
-pub mod sight;
+mod single_image;
 
-pub use act::{ActQuestion, Acted, ActedStep, Waypoint, act_once};
 pub use pipeline::{Agent, Services};
 pub use settings::{AgentSettings, MotionSettings, PathKind, Preset};
+pub use single_image::{ActQuestion, Acted, ActedStep, Waypoint, plan_pick_and_place};

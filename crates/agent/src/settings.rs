@@ -1,62 +1,64 @@
-//! Every default of the agent on one screen.
+//! Settings of the agent with their defaults.
 //!
-//! "Chosen" means: by hand, tried on episodes with the oracle's answers and kept when failures became fewer.
+//! "Chosen" marks values tuned by hand on oracle episodes: kept if they reduced the number of failures.
 
 use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
-use crate::sight::CellSettings;
+use crate::perception::CellSettings;
 
-/// How the agent works.
+/// Settings of the agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AgentSettings {
-    /// Where these settings come from.
+    /// Preset that these settings start from.
     pub preset: Preset,
-    /// How a placement is asked for.
+    /// Form in which the model answers with a placement.
     pub path: PathKind,
-    /// Whether the part to hold is asked for, after the object.
+    /// Coarse-to-fine grasping: after the object, ask for the part to grasp.
     pub ctof: bool,
-    /// Whether pictures show the robot's directions.
+    /// Draw the robot's direction arrows on images.
     pub arrows: bool,
-    /// Whether answers begin with what the model sees and why it decides so.
+    /// Ask the model to state its reasoning before the answer.
     pub reasoning: bool,
-    /// Cameras whose depth is used; the first is the one that models are shown.
+    /// Cameras whose depth is used; the first one is shown to models.
     pub cameras: Vec<String>,
-    /// Pixels per row and rows of their images; `None` for each camera's own.
+    /// Image width and height [px]; `None` for each camera's own.
     pub size: Option<[u32; 2]>,
-    /// Standard deviation of a measured depth of 1 m, m; it grows with the square of the depth. 0 for perfect depth.
-    /// Where it is not 0, depth is averaged over surfaces, and what is nearer to the table or the robot than the error
-    /// explains is theirs.
+    /// Standard deviation of a measured depth of 1 m [m]; it grows with the square of the depth. 0 for perfect depth.
+    /// If not
+    /// 0, depth is smoothed along surfaces, and points closer to the table or the robot than the error are attributed
+    /// to them.
     #[serde(default, skip_serializing_if = "is_perfect")]
     pub depth_error_m: f64,
-    /// How often the task may be split anew.
+    /// Maximum number of task decompositions.
     pub rounds: usize,
-    /// Picks begun per sub-task.
+    /// Maximum picks per sub-task.
     pub picks: usize,
-    /// Further asks after an answer that does not fit.
+    /// Maximum retries after an invalid answer.
     pub reasks: usize,
-    /// Whether the fingers are looked at after each pick: what is not held is picked again.
+    /// Check the gripper width after each pick and pick again if nothing is held.
     pub look_again: bool,
-    /// Whether the other cameras' images are shown where the thing is not found in the first one's.
+    /// Show the other cameras' images if the object is not found in the first one.
     pub other_views: bool,
-    /// Whether the grab point and the placement are asked for at once. The question about the placement then shows the
-    /// middle of the thing as its start, not the grab point.
+    /// Ask for grab point and placement concurrently. The placement question then marks the mask's middle pixel as its
+    /// start
+    /// instead of the grab point.
     pub asks_at_once: bool,
-    /// Whether a new round begins with what the check says is still to be done; otherwise, and where it says nothing, the
-    /// task is split anew.
+    /// Start a new round with the remaining sub-tasks reported by the check; otherwise, or if it reports none,
+    /// decompose again.
     pub check_splits: bool,
-    /// Grasps tried per pick, best first.
+    /// Maximum grasps tried per pick, best first.
     pub grasps: usize,
-    /// Distance from the grab point within which grasps count, m.
+    /// Maximum distance of a grasp from the grab point [m].
     pub grasp_radius_m: f64,
-    /// How cells become places.
+    /// Resolution of grid cells to placement targets.
     pub cells: CellSettings,
-    /// Turns of the thing about the vertical that are tried where the model does not say one, degrees.
+    /// Yaw changes of the object to try if the model does not give one [degrees].
     pub turns_deg: Vec<f64>,
-    /// Height of the table's top, world z, m.
+    /// Height of the table surface, world z [m].
     pub table_m: f64,
-    /// How the arm moves.
+    /// Motion settings.
     pub motion: MotionSettings,
 }
 
@@ -69,49 +71,49 @@ fn is_perfect(error_m: &f64) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// As published: three rounds, the best grasp alone, no second look, plain cell centres.
+    /// As published: three rounds, only the best grasp, no check after a pick, plain cell centres.
     Paper,
-    /// Everything that makes it sturdier.
+    /// All robustness features.
     Full,
 }
 
-/// How a placement is asked for.
+/// Form in which the model answers with a placement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
     /// One cell.
     P2p,
-    /// A way over the grid with heights and turns.
+    /// A path over the grid with heights and yaw.
     Grid,
 }
 
-/// How the arm moves.
+/// Motion settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionSettings {
-    /// When a grasp or a placement can be carried out.
+    /// Feasibility criteria of grasps and placements.
     pub feasibility: FeasibilitySettings,
-    /// Distance that is made do with where nothing else works, m.
+    /// Fallback clearance if nothing else works [m].
     pub tight_clearance_m: f64,
-    /// Length of straight lines that is made do with, m.
+    /// Fallback length of straight approach and lift motions [m].
     pub short_m: f64,
-    /// Nodes of a search for a free motion. One that finds nothing costs them all, and a pick may try many grasps.
+    /// Maximum nodes of one RRT search. A failed search uses all of them, and a pick may try many grasps.
     pub search_nodes: usize,
-    /// Searches that may find nothing before a pick is given up; of a placement, places to which one found nothing.
+    /// Maximum failed searches per pick; for placements, maximum targets with a failed search.
     pub searches: usize,
-    /// How much narrower than the grasp the width is that is commanded while holding, m.
+    /// Difference between grasp width and commanded width while holding [m].
     pub squeeze_m: f64,
-    /// The fingers hold something when they stay this much wider than commanded, m.
+    /// Minimum difference between measured and commanded width that counts as holding an object [m].
     pub held_m: f64,
-    /// Greatest release height above what is open, m; hollows allow all heights.
+    /// Maximum release height above an open surface [m]; cavities allow any height.
     pub max_open_release_m: f64,
-    /// Height above the rim of what receives a thing from which it is lowered, m.
+    /// Height above the receiver's rim from which the object is lowered [m].
     pub rim_clearance_m: f64,
-    /// Share of the arm's limits with an empty hand.
+    /// Fraction of the joint limits used with an empty gripper.
     pub empty_speed: f64,
-    /// Share of the arm's limits with something in the hand.
+    /// Fraction of the joint limits used while holding an object.
     pub loaded_speed: f64,
-    /// Share for straight approach, lift, lowering and retreat.
+    /// Fraction of the joint limits used for straight approach, lift, lowering and retreat.
     pub careful_speed: f64,
     /// Control steps for closing or opening the fingers.
     pub finger_steps: usize,
@@ -134,9 +136,9 @@ impl AgentSettings {
             depth_error_m: 0.0,
             // The published number.
             rounds: 3,
-            // Chosen: what failed four times failed again.
+            // Chosen: a fifth pick never helped.
             picks: 4,
-            // Chosen: a model that did not manage in three goes rarely does.
+            // Chosen: models rarely succeed after three attempts.
             reasks: 2,
             look_again: true,
             other_views: true,
@@ -146,7 +148,7 @@ impl AgentSettings {
             // The specified default.
             grasp_radius_m: 0.08,
             cells: CellSettings::default(),
-            // The way it is first, then quarter turns; halves are the hand's own choice.
+            // The initial yaw first, then other turns; the gripper itself is symmetric under half turns.
             turns_deg: vec![0.0, 90.0, 45.0, -45.0],
             table_m: 0.0,
             motion: MotionSettings::default(),
@@ -169,7 +171,7 @@ impl AgentSettings {
 }
 
 impl AgentSettings {
-    /// The same, but models are shown the image of this camera; the others' depth is used all the same.
+    /// Shows the image of this camera to the models; the depth of all cameras is still used.
     #[must_use]
     pub fn shown_by(mut self, camera: &str) -> Self {
         self.cameras.retain(|other| other != camera);
@@ -177,7 +179,7 @@ impl AgentSettings {
         self
     }
 
-    /// The same without a closed loop: the task is split once, each thing is picked once, and nothing is looked at again.
+    /// Open-loop variant: one decomposition, one pick per object, no checks.
     #[must_use]
     pub fn open_loop(self) -> Self {
         Self { rounds: 1, picks: 1, look_again: false, ..self }
@@ -185,7 +187,7 @@ impl AgentSettings {
 }
 
 impl MotionSettings {
-    /// The same with shorter straight lines and less clearance, for places at the edge of what the arm reaches.
+    /// Variant with shorter straight motions and less clearance, for poses near the reach limit.
     pub(crate) fn short(&self) -> FeasibilitySettings {
         FeasibilitySettings {
             clearance_m: self.tight_clearance_m,
@@ -197,7 +199,7 @@ impl MotionSettings {
 }
 
 impl Preset {
-    /// Its name.
+    /// Name of the preset in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
@@ -210,15 +212,16 @@ impl Default for MotionSettings {
     fn default() -> Self {
         Self {
             feasibility: FeasibilitySettings {
-                // The points of the thing were tested against the fingers when the grasp was proposed; its hull is
-                // larger than it, so the gripper may reach into that.
+                // The object's points were checked against the fingers when the grasp was proposed; its hull is larger
+                // than the
+                // object, so the gripper may penetrate it.
                 object_clearance_m: None,
                 finger_room_m: None,
-                // Chosen: grasps from points cost more than those tried beforehand.
+                // Chosen: grasps from points are more expensive to check than precomputed ones.
                 wanted: 24,
                 configurations: 16,
                 configurations_kept: 2,
-                // Chosen: near the edge of reach most configurations end a straight line at a joint limit.
+                // Chosen: near the reach limit most configurations hit a joint limit along a straight motion.
                 goal_configurations: 12,
                 ..FeasibilitySettings::default()
             },
@@ -226,12 +229,13 @@ impl Default for MotionSettings {
             tight_clearance_m: 0.001,
             // Chosen: the fingers' length beyond the palm is 4.5 cm.
             short_m: 0.05,
-            // Chosen: a pick with 50,000 nodes took minutes where there was no way, and the 40 episodes in
-            // examples/answers come out the same with either.
+            // Chosen: 50,000 nodes cost minutes per pick without a path, and the 40 episodes in examples/answers have
+            // the same
+            // outcome.
             search_nodes: 2_000,
             searches: 8,
             squeeze_m: 0.015,
-            // Chosen: a fifth of the squeeze; the width is measured to a tenth of a millimetre.
+            // Chosen: a fifth of the squeeze; the width is measured to 0.1 mm.
             held_m: 0.003,
             // As the expert's.
             max_open_release_m: 0.02,

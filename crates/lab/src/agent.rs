@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
-use genmanip_agent::ask::Moment;
+use genmanip_agent::ask::TranscriptEvent;
 use genmanip_agent_sim::{AgentChoice, Blamed, classify, keep};
 use genmanip_benchmark::failure_page;
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
@@ -195,7 +195,7 @@ fn play(
     if let Some(folder) = &arguments.transcripts {
         keep(&made.transcribed, 0, &folder.join(&result.id))?;
     }
-    let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
+    let asks = transcript.moments.iter().filter(|moment| matches!(moment, TranscriptEvent::Asked(_))).count();
     let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let blame = (!result.success).then(|| {
         let blamed = classify(&heard, transcript.failure.as_ref(), &frames);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_agent::ask::{Moment, Transcribed};
+use genmanip_agent::ask::{TranscriptEvent, TranscriptRecorder};
 use genmanip_agent_sim::{Blamed, FailureClass, Heard};
 use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
 use genmanip_core::{EpisodeResult, TaskKind};
@@ -23,7 +23,7 @@ impl Gathered {
         kind: TaskKind,
         result: &EpisodeResult,
         (heard, blamed): (&Heard, Option<&Blamed>),
-        transcribed: &Transcribed,
+        transcribed: &TranscriptRecorder,
     ) {
         let (episodes, causes) = self.kinds.entry(kind.name()).or_default();
         *episodes += 1;
@@ -61,12 +61,12 @@ impl Gathered {
     }
 }
 
-fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &Transcribed) -> FailureCase {
+fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &TranscriptRecorder) -> FailureCase {
     let transcript = transcribed.transcript();
     let pictures: BTreeMap<String, Vec<u8>> =
         transcribed.pictures().into_iter().filter_map(|(name, picture)| Some((name, picture.png().ok()?))).collect();
-    let moment = |moment: &Moment| match moment {
-        Moment::Asked(exchange) => CaseMoment {
+    let moment = |moment: &TranscriptEvent| match moment {
+        TranscriptEvent::Asked(exchange) => CaseMoment {
             title: format!(
                 "ask {}, {}: {}",
                 exchange.ask,
@@ -80,7 +80,7 @@ fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &Transcribed) -> F
             is_blamed: blamed.ask == Some(exchange.ask),
             pictures: exchange.pictures.iter().filter_map(|name| pictures.get(name).cloned()).collect(),
         },
-        Moment::Acted { time_s, what } => {
+        TranscriptEvent::Acted { time_s, what } => {
             CaseMoment { title: format!("{time_s:.1} s"), text: what.clone(), ..CaseMoment::default() }
         }
     };

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use genmanip_agent::ask::{Answered, ChatService, Question, ServiceError, VisionModel};
+use genmanip_agent::ask::{ChatService, ModelReply, Question, ServiceError, VisionModel};
 use genmanip_agent_sim::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
 use genmanip_llm::fake::{Behaviour, FakeServer, SeenRequest};
@@ -215,11 +215,11 @@ struct OverHttp {
 }
 
 impl VisionModel for OverHttp {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         self.answer_each(&[question]).remove(0)
     }
 
-    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<ModelReply, ServiceError>> {
         let key = |question: &&Question| (self.id.clone(), question.stage.name().to_owned());
         for question in questions {
             lock(&self.table).asked.insert(key(question), ((*question).clone(), Arc::clone(&self.oracle)));

@@ -1,4 +1,4 @@
-//! Physics as the judge of a layout: settling it, and auditing one that was returned.
+//! Physics checks of layouts: settling, stability, and the audit of finished scenarios.
 
 use std::sync::Arc;
 
@@ -8,27 +8,28 @@ use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges,
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
-use crate::refusal::Refusal;
+use crate::attempt::AttemptError;
 use crate::rejection::{NamedObject, Rejection};
-use crate::visibility::hidden;
+use crate::visibility::first_hidden;
 
-/// How often a layout that is left alone is looked at, simulated seconds; chosen, long against a contact's vibration.
-const SPELL_S: f64 = 0.25;
-/// Part of the permitted drift that is not worth waiting for; chosen, a tenth of a millimetre by default.
-const CREEP: f64 = 0.2;
-/// By how much things may be faster than a spell ago; chosen: what tips over is several times as fast, as the tests of
-/// things on their edge show.
-const STEADY: f64 = 1.5;
-/// Distance from its middle at which the turning of a thing is looked at, metres; chosen, half of a large object.
+/// Interval of the stability check [s, simulated]. Chosen long against contact vibration.
+const INTERVAL_S: f64 = 0.25;
+/// Negligible share of the maximum drift. Chosen: 0.1 mm by default.
+const NEGLIGIBLE_DRIFT_SHARE: f64 = 0.2;
+/// Maximum speed ratio between two intervals without acceleration. Chosen: toppling objects are several times faster,
+/// see the
+/// tests.
+const MAX_SPEEDUP: f64 = 1.5;
+/// Lever that converts angular to linear speed [m]. Chosen: half of a large object.
 const LEVER_M: f64 = 0.1;
 
-/// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Refusal> {
+/// Settles the objects without a robot; returns a rejection if they do not come to rest or fall over.
+pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), AttemptError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(Refusal::of_physics)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
-    let report = sim.settle(&rest).map_err(Refusal::of_physics)?;
+    let report = sim.settle(&rest).map_err(AttemptError::of_physics)?;
     let named: Vec<NamedObject> = scene.objects().map(NamedObject::of).collect();
     if !report.settled {
         return Err(Rejection::NoRest.into());
@@ -48,8 +49,8 @@ pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSet
     Ok(())
 }
 
-/// Where objects come to rest without a robot; `None` when they do not, fall over, or end inside each other.
-pub(crate) fn settled(
+/// Rest poses of objects without a robot; `None` if they do not settle, fall over, or penetrate each other.
+pub(crate) fn rest_poses(
     objects: &[SceneObject],
     world: &World,
     settings: &LayoutSettings,
@@ -58,42 +59,51 @@ pub(crate) fn settled(
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest)?;
     let is_upright = report.rotation.iter().all(|&turn| turn <= settings.max_settle_tilt_rad);
-    let is_sound = report.settled && is_upright && report.final_penetration <= settings.max_penetration_m;
-    Ok(is_sound.then(|| sim.object_states().into_iter().map(|object| object.pose).collect()))
+    let is_valid = report.settled && is_upright && report.final_penetration <= settings.max_penetration_m;
+    Ok(is_valid.then(|| sim.object_states().into_iter().map(|object| object.pose).collect()))
 }
 
-/// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
+/// Simulates a settled layout without a robot; returns a rejection if something starts to roll or topple.
 ///
-/// Ends early once nothing gets faster, and everything is so slow that the rest of the time would not bring it anywhere.
-pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Refusal> {
+/// Ends early once nothing accelerates and the extrapolated drift is negligible.
+pub(crate) fn check_stability(
+    scene: &PosedScene,
+    world: &World,
+    settings: &LayoutSettings,
+) -> Result<(), AttemptError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(Refusal::of_physics)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
-    let mut before_m_s = 0.0;
-    let spells = (settings.stay_s / SPELL_S).ceil() as u32;
-    for spell in 1..=spells {
-        sim.advance(steps(SPELL_S, world)).map_err(Refusal::of_physics)?;
-        let now = sim.object_states();
-        let drift_m = drift_m(&start, &now);
+    let mut previous_m_s = 0.0;
+    let intervals = (settings.stay_s / INTERVAL_S).ceil() as u32;
+    for interval in 1..=intervals {
+        sim.advance(steps(INTERVAL_S, world)).map_err(AttemptError::of_physics)?;
+        let current = sim.object_states();
+        let drift_m = drift_m(&start, &current);
         let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
         if let Some((object, _)) = drifts {
             return Err(Rejection::Drifts(NamedObject::of(object)).into());
         }
-        // What tips first turns about a point that may be where its origin is.
-        let pace_m_s = now.iter().map(|object| object.speed.max(LEVER_M * object.angular_speed)).fold(0.0, f64::max);
-        let left_s = SPELL_S * f64::from(spells - spell);
-        let in_the_end_m = drift_m.into_iter().fold(0.0, f64::max) + pace_m_s * left_s;
-        if pace_m_s <= STEADY * before_m_s && in_the_end_m <= CREEP * settings.max_drift_m {
+        // An object that starts to topple may rotate about its origin.
+        let speed_m_s =
+            current.iter().map(|object| object.speed.max(LEVER_M * object.angular_speed)).fold(0.0, f64::max);
+        let left_s = INTERVAL_S * f64::from(intervals - interval);
+        let extrapolated_m = drift_m.into_iter().fold(0.0, f64::max) + speed_m_s * left_s;
+        if speed_m_s <= MAX_SPEEDUP * previous_m_s && extrapolated_m <= NEGLIGIBLE_DRIFT_SHARE * settings.max_drift_m {
             return Ok(());
         }
-        before_m_s = pace_m_s;
+        previous_m_s = speed_m_s;
     }
     Ok(())
 }
 
-/// Penetration at the start, and how far each object's origin moves in this time, sleep off; metres.
-pub(crate) fn left_alone(world: &World, objects: &[SceneObject], seconds: f64) -> Result<(f64, Vec<f64>), SimError> {
+/// Initial penetration and displacement of each object's origin after some time without sleeping [m].
+pub(crate) fn simulate_drift(
+    world: &World,
+    objects: &[SceneObject],
+    seconds: f64,
+) -> Result<(f64, Vec<f64>), SimError> {
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
     let penetration_m = sim.penetration();
     let before = sim.object_states();
@@ -101,7 +111,7 @@ pub(crate) fn left_alone(world: &World, objects: &[SceneObject], seconds: f64) -
     Ok((penetration_m, drift_m(&before, &sim.object_states())))
 }
 
-/// How far each object's origin moved between two moments, metres.
+/// Displacement of each object's origin [m].
 fn drift_m(before: &[ObjectState], after: &[ObjectState]) -> Vec<f64> {
     before.iter().zip(after).map(|(from, to)| from.pose.position.distance(to.pose.position)).collect()
 }
@@ -120,27 +130,27 @@ pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
     }
 }
 
-/// What a returned layout is worth, found without the code that made it but with the same judges.
+/// Audit of a layout: independent of the code that created it, but with the same relation checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutAudit {
-    /// Deepest penetration at the start, metres.
+    /// Maximum initial penetration [m].
     pub penetration_m: f64,
-    /// Farthest any object moved, metres.
+    /// Maximum displacement of any object [m].
     pub drift_m: f64,
-    /// Edges and states of the initial graph that were judged.
+    /// Number of edges and states of the initial graph that were evaluated.
     pub checked: usize,
-    /// Those of them that do not hold.
+    /// Those that do not hold.
     pub failed: Vec<Atom>,
-    /// Whether some alternative of the goal holds already.
+    /// True if some goal alternative already holds.
     pub goal_holds: bool,
-    /// Why some object of the task is not seen, when one is not.
+    /// Reason if some task object is not visible.
     pub hidden: Option<Rejection>,
 }
 
-/// Judges a scenario, then leaves it alone for some simulated seconds, sleep off, and measures penetration and drift.
+/// Evaluates a scenario, then simulates it without sleeping and measures penetration and drift.
 ///
 /// # Errors
-/// When an object is unknown, physics refuses the scene, or its pictures cannot be drawn.
+/// Fails if an object is unknown, the simulation fails, or the images cannot be rendered.
 pub fn audit(
     scenario: &Scenario,
     assets: &dyn AssetSource,
@@ -150,7 +160,7 @@ pub fn audit(
 ) -> Result<LayoutAudit, AuditError> {
     let scene = posed(scenario, assets, &mut ShapeCache::default())?;
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let (penetration_m, drift_m) = left_alone(&scenario.world, &objects, seconds)?;
+    let (penetration_m, drift_m) = simulate_drift(&scenario.world, &objects, seconds)?;
     let drift_m = drift_m.into_iter().fold(0.0, f64::max);
     let (task, relations) = (&scenario.task, &scenario.world.relations);
     let mut verdicts = judge_edges(&scene, &task.scene_graph, relations);
@@ -161,14 +171,14 @@ pub fn audit(
         checked: verdicts.len(),
         failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
         goal_holds: judge_goal(&scene, &task.judged_goal(), &Rest::default(), relations).success,
-        hidden: hidden(&scene, &scenario.world, task.scene_graph.nodes.len(), robot, settings)?,
+        hidden: first_hidden(&scene, &scenario.world, task.scene_graph.nodes.len(), robot, settings)?,
     })
 }
 
-/// The objects of a scenario at their poses.
+/// Builds the posed scene of a scenario.
 ///
 /// # Errors
-/// When an object is unknown or its physics have changed.
+/// Fails if an object is unknown or its physics has changed.
 pub fn posed(
     scenario: &Scenario,
     assets: &dyn AssetSource,
@@ -189,16 +199,16 @@ pub fn posed(
     ))
 }
 
-/// Why a scenario cannot be audited.
+/// Error of an audit.
 #[derive(Debug, thiserror::Error)]
 pub enum AuditError {
-    /// An object is unknown or its physics have changed.
+    /// An object is unknown or its physics has changed.
     #[error(transparent)]
     Asset(#[from] genmanip_assets::AssetError),
-    /// Physics refuses the scene.
+    /// The simulation failed.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// What the cameras see cannot be drawn.
+    /// The images cannot be rendered.
     #[error(transparent)]
     Render(#[from] genmanip_render::RenderError),
 }

@@ -1,8 +1,8 @@
-//! What surely finds no room, told before anything is drawn: the footprints that must stand beside each other on a
-//! surface or in a hollow, against the room there.
+//! Early rejection of tasks that cannot fit: total footprint of the objects on a surface or in a cavity against its
+//! area.
 //!
-//! Footprints that keep a gap from each other stay apart when each grows by half the gap, so their grown areas must fit
-//! into the room grown as much. That is the least they need, however they are turned: what passes may still not fit.
+//! Footprints separated by a gap stay disjoint if each is dilated by half the gap, so the sum of dilated areas must not
+//! exceed the dilated available area. This bound is necessary, not sufficient, and independent of orientation.
 
 use std::f64::consts::PI;
 
@@ -12,15 +12,15 @@ use genmanip_relations::PosedScene;
 
 use crate::context::Context;
 
-/// Things that must stand on one surface or in one object.
+/// Objects that exceed the capacity of one surface or container.
 pub(crate) struct Overfull {
-    /// The largest of them.
+    /// The largest object.
     pub object: usize,
-    /// The edges that put them there, as indices.
+    /// Indices of their support edges.
     pub edges: Vec<usize>,
 }
 
-/// The first surface or object that has less room than the task's objects on it or in it need; `scene` holds all objects.
+/// First surface or container whose capacity is exceeded; `scene` contains all objects.
 pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull> {
     let nodes = context.task.scene_graph.nodes.len();
     let grounds = (0..context.world.surfaces.len()).map(|ground| (None, ground));
@@ -37,40 +37,40 @@ pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull
             return None;
         }
         let gap = context.gap(objects[0], objects[1]);
-        let area = |object: usize| grown_area(scene.outline(object).unwrap_or_default(), gap);
-        let room = match carrier {
-            None => ground_room(context, ground, gap),
-            Some(carrier) => hollow_room(context, carrier, gap),
+        let area = |object: usize| dilated_area(scene.outline(object).unwrap_or_default(), gap);
+        let available = match carrier {
+            None => surface_area(context, ground, gap),
+            Some(carrier) => cavity_area(context, carrier, gap),
         };
         let needed: f64 = objects.iter().map(|&object| area(object)).sum();
-        (needed > room).then(|| Overfull {
+        (needed > available).then(|| Overfull {
             object: objects.iter().copied().max_by(|&a, &b| area(a).total_cmp(&area(b))).unwrap_or(objects[0]),
             edges: steps().filter_map(|step| step.support_edge).collect(),
         })
     })
 }
 
-/// Room for objects on a surface, square metres.
-fn ground_room(context: &Context, ground: usize, gap: f64) -> f64 {
+/// Available area on a surface [m²].
+fn surface_area(context: &Context, ground: usize, gap: f64) -> f64 {
     let settings = context.settings;
     let area = context.area(ground, context.world.workspace.within(settings.wide_x_m, settings.wide_y_m));
     let [x, y] = [area.x, area.y].map(|[low, high]| (high - low).max(0.0));
     rectangle(DVec2::new(x, y), gap)
 }
 
-/// Room in all hollows of an object together, square metres; of a hollow that is no box, of the box around it.
-fn hollow_room(context: &Context, carrier: usize, gap: f64) -> f64 {
+/// Total area of an object's cavities [m²]; the bounding box of cavities that are not boxes.
+fn cavity_area(context: &Context, carrier: usize, gap: f64) -> f64 {
     let cavities = context.models[carrier].cavities(&context.joints[carrier]);
     let size = |piece| Aabb::from_pieces(&Pose::IDENTITY, [piece]).size().truncate();
     cavities.iter().map(|piece| rectangle(size(piece), gap)).sum()
 }
 
 fn rectangle(size: DVec2, gap: f64) -> f64 {
-    grown_area(&[DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)], gap)
+    dilated_area(&[DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)], gap)
 }
 
-/// Area of a convex outline that grows by half a gap on all sides, after Steiner's formula.
-fn grown_area(outline: &[DVec2], gap: f64) -> f64 {
+/// Area of a convex outline dilated by half a gap (Steiner's formula).
+fn dilated_area(outline: &[DVec2], gap: f64) -> f64 {
     let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
     let area = 0.5 * sides().map(|(a, b)| a.perp_dot(*b)).sum::<f64>().abs();
     let around: f64 = sides().map(|(a, b)| a.distance(*b)).sum();
@@ -85,11 +85,11 @@ mod tests {
     #[test]
     fn outlines_grow_on_all_sides() {
         let square = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]].map(DVec2::from);
-        let grown = 0.2 * 0.2 + 4.0 * 0.2 * 0.01 + PI * 0.01 * 0.01;
-        assert!((grown_area(&square, 0.02) - grown).abs() < 1e-12);
-        assert!((rectangle(DVec2::splat(0.2), 0.02) - grown).abs() < 1e-12);
-        // Four squares with gaps in two rows fill a square exactly, but for its corners.
-        let needed = 4.0 * grown_area(&square, 0.02);
+        let dilated = 0.2 * 0.2 + 4.0 * 0.2 * 0.01 + PI * 0.01 * 0.01;
+        assert!((dilated_area(&square, 0.02) - dilated).abs() < 1e-12);
+        assert!((rectangle(DVec2::splat(0.2), 0.02) - dilated).abs() < 1e-12);
+        // Four squares with gaps in two rows fill a square exactly, except for its corners.
+        let needed = 4.0 * dilated_area(&square, 0.02);
         assert!(needed <= rectangle(DVec2::splat(0.42), 0.02) && needed > rectangle(DVec2::splat(0.41), 0.02));
     }
 }

@@ -1,4 +1,4 @@
-//! The problem of one layout, as every draw of it sees it: objects, edges, the order of placing, what the goal needs.
+//! The layout problem shared by all attempts: objects, edges, placement order, goal regions.
 
 use std::sync::Arc;
 
@@ -9,58 +9,58 @@ use genmanip_relations::{RelationSettings, Window, placement_window};
 use crate::LayoutSettings;
 use crate::order::Step;
 
-/// What every draw of one task shares.
+/// Data shared by all attempts for one task.
 pub(crate) struct Context<'a> {
     pub task: &'a Task,
-    /// The task's goal as it is judged.
+    /// The task's goal as it is evaluated.
     pub goal: &'a Goal,
-    /// The graph's nodes in their order, distractors behind them.
+    /// Models of the graph's nodes in order, followed by distractors.
     pub models: Vec<Arc<ObjectModel>>,
     /// Joint positions of each object's initial state.
     pub joints: Vec<Vec<f64>>,
-    /// The graph's edges with the indices of their objects, subject first, surfaces left out.
+    /// Edges of the graph with the indices of their objects, subject first, without surfaces.
     pub edges: Vec<(Atom, Vec<usize>)>,
     pub steps: Vec<Step>,
-    /// Per object, the index of the support surface that it, or what carries it, stands on.
+    /// Per object, the index of the support surface below it, directly or through its carriers.
     pub grounds: Vec<usize>,
-    /// Whether the goal moves the object.
+    /// Per object, true if the goal moves it.
     pub moved: Vec<bool>,
-    /// Per alternative of the goal: where moved objects must find room.
-    pub goal_rooms: Vec<Vec<GoalRoom>>,
-    /// Per alternative of the goal: what it wants between two objects that stay, subject first.
+    /// Per goal alternative, the target regions of moved objects.
+    pub goal_regions: Vec<Vec<GoalRegion>>,
+    /// Per goal alternative, `between` relations with references that stay, subject first.
     pub goal_betweens: Vec<Vec<[usize; 3]>>,
-    /// The alternatives of the goal that only say how things stand beside each other, with the indices of their objects.
+    /// Goal alternatives with only directional relations, with the indices of their objects.
     pub goal_sides: Vec<(Vec<Atom>, Vec<usize>)>,
-    /// Smallest gap between a distractor and anything else in the draws at hand, metres.
+    /// Minimum gap between a distractor and other objects in the current attempt [m].
     pub distractor_gap_m: f64,
-    /// The robot, which the cameras see too.
+    /// The robot, which may occlude objects.
     pub robot: &'a Arc<RobotModel>,
     pub settings: &'a LayoutSettings,
     pub world: &'a World,
-    /// Nearest and farthest distance of a moved object from the robot's axis, metres.
+    /// Minimum and maximum distance of a moved object from the robot's axis [m].
     pub reach_m: [f64; 2],
     pub relations: &'a RelationSettings,
 }
 
-/// Where the goal wants an object: its relations to objects that stay where they are.
+/// Target region of an object: its relations to objects and surfaces that stay.
 #[derive(Clone, Debug)]
-pub(crate) struct GoalRoom {
+pub(crate) struct GoalRegion {
     pub object: usize,
-    /// Objects by their indices.
+    /// Relations to objects, by index.
     pub anchors: Vec<(Relation, usize)>,
-    /// Support surfaces, by their indices in the world.
+    /// Relations to support surfaces, by index in the world.
     pub surfaces: Vec<(Relation, usize)>,
 }
 
-impl GoalRoom {
-    /// The surface it is to stand on, where nothing else carries it.
+impl GoalRegion {
+    /// Index of the target surface; 0 for the table.
     pub fn ground(&self) -> usize {
         self.surfaces.iter().find(|(relation, _)| relation.is_support()).map_or(0, |(_, surface)| *surface)
     }
 }
 
 impl Context<'_> {
-    /// Replaces the distractors: free objects that are placed last.
+    /// Replaces the distractors, which have no relations and are placed last.
     pub fn set_distractors(&mut self, models: Vec<Arc<ObjectModel>>) {
         let nodes = self.task.scene_graph.nodes.len();
         self.models.truncate(nodes);
@@ -77,18 +77,18 @@ impl Context<'_> {
         }
     }
 
-    /// What the scene calls an object: a node by its id, a distractor by its uid.
+    /// Id of an object in the scene: node id, or uid of a distractor.
     pub fn id(&self, object: usize) -> String {
         let node = self.task.scene_graph.nodes.get(object);
         node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
     }
 
-    /// Index of the object that the object stands on or lies in; `None` for the table and other surfaces.
+    /// Index of the supporting or containing object; `None` for the table and other surfaces.
     pub fn support_of(&self, object: usize) -> Option<usize> {
         self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
     }
 
-    /// Whether the object stands on or lies in the carrier, directly or through others.
+    /// True if the carrier supports the object, directly or through others.
     pub fn carries(&self, carrier: usize, mut object: usize) -> bool {
         while let Some(support) = self.support_of(object) {
             if support == carrier {
@@ -103,24 +103,24 @@ impl Context<'_> {
         object >= self.task.scene_graph.nodes.len()
     }
 
-    /// Where the bounds of what stands on a surface may be, without those that turn with it: of the table the `area`, of
-    /// another one the bounds of its top within its margin.
+    /// Area for the bounds of objects on a surface: `area` for the table, the bounds of the top within its margin for
+    /// others.
     pub fn area(&self, ground: usize, area: Workspace) -> Workspace {
         self.world.surfaces.get(ground).filter(|_| ground > 0).map_or(area, |surface| surface.area(0.0))
     }
 
-    /// Height of a surface's top, metres.
+    /// Height of a surface's top [m].
     pub fn height(&self, ground: usize) -> f64 {
         self.world.surfaces.get(ground).map_or(0.0, |surface| surface.top_center_m.z)
     }
 
-    /// Where a surface other than the table wants the middle of something that is related to it.
+    /// Region of an object's centre allowed by a relation to a surface other than the table.
     pub fn surface_window(&self, relation: Relation, surface: usize, size: DVec3) -> Option<Window> {
         let bounds = self.world.surfaces.get(surface)?.slab_bounds();
         placement_window(relation, &bounds, size, self.relations)
     }
 
-    /// Smallest distance in the plane between two objects of which neither carries the other, metres.
+    /// Minimum planar gap between two objects of which neither carries the other [m].
     pub fn gap(&self, a: usize, b: usize) -> f64 {
         match (self.support_of(a), self.support_of(b)) {
             (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.distractor_gap_m,

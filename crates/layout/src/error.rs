@@ -1,4 +1,4 @@
-//! Why a layout cannot be made.
+//! Layout errors.
 
 use genmanip_assets::AssetError;
 use genmanip_core::{Atom, InterchangeError, PlacedObject};
@@ -8,62 +8,62 @@ use genmanip_sim::SimError;
 
 use crate::Rejections;
 
-/// Why a task has no layout.
+/// Error of a layout.
 #[derive(Debug, thiserror::Error)]
 pub enum LayoutError {
-    /// An object is not in the catalogue or cannot be built.
+    /// An object is missing from the catalogue or cannot be built.
     #[error(transparent)]
     UnknownObject(#[from] AssetError),
-    /// The planner is for another robot than the world's.
+    /// The planner's robot differs from the world's.
     #[error("world field {field}: expected {expected}, the planner has {got}")]
     OtherRobot {
-        /// Which field of the world differs.
+        /// Differing field of the world.
         field: &'static str,
-        /// What the world says.
+        /// Value in the world.
         expected: String,
-        /// What the planner's robot has.
+        /// Value of the planner's robot.
         got: String,
     },
-    /// The graph names an object that is not among its nodes.
-    #[error("edge `{edge}` names {id}, which is no node of the scene graph")]
+    /// An edge refers to an object that is not a node of the graph.
+    #[error("edge `{edge}` refers to {id}, which is not a node of the scene graph")]
     NotANode {
-        /// The edge in words.
+        /// The edge.
         edge: String,
         /// The object.
         id: String,
     },
-    /// The task puts things on or near a surface that the world does not have.
-    #[error("the task needs a surface `{id}`, the world has {}", if known.is_empty() { "a table only".into() } else { known.join(", ") })]
+    /// The task refers to a surface that the world does not have.
+    #[error("the task needs surface `{id}`, but the world has {}", if known.is_empty() { "only a table".into() } else { known.join(", ") })]
     UnknownSurface {
         /// The surface.
         id: String,
-        /// What surfaces the world has besides the table.
+        /// Surfaces of the world besides the table.
         known: Vec<String>,
     },
-    /// An object is called like one of the world's surfaces.
-    #[error("object `{id}` is called like a surface of the world")]
+    /// An object id equals the id of a surface of the world.
+    #[error("object id `{id}` is also the id of a surface of the world")]
     ObjectLikeSurface {
-        /// The id of both.
+        /// The shared id.
         id: String,
     },
-    /// The task's groups of interchangeable copies make no sense.
+    /// The task's groups of interchangeable copies are invalid.
     #[error(transparent)]
     Interchangeable(#[from] InterchangeError),
-    /// Objects that stand on or lie in each other.
-    #[error("{} stand on each other in a circle", ids.join(", "))]
-    SupportCircle {
+    /// Objects support each other in a cycle.
+    #[error("support cycle: {}", ids.join(" → "))]
+    SupportCycle {
         /// The objects that could not be ordered.
         ids: Vec<String>,
     },
-    /// Grasps of an object were tried with other physics than it has; a defect, not the task's fault.
+    /// Grasps of an object were tested with different physics; a defect, independent of the task.
     #[error(transparent)]
     StaleGrasps(AssetError),
-    /// The cameras' pictures cannot be drawn, so that nobody knows what they see; a defect, not the task's fault.
-    #[error("cannot tell what the cameras see")]
+    /// The camera images cannot be rendered, so visibility is unknown; a defect, independent of the task.
+    #[error("cannot render the camera images to check visibility")]
     Render(#[from] RenderError),
-    /// The physics engine could not be used: a shortage of memory, a broken library or a world that it refuses; a
-    /// defect, not the task's fault.
-    #[error("physics cannot be computed: {0}")]
+    /// The simulation could not run: out of memory, a broken library or an invalid world; a defect, independent of the
+    /// task.
+    #[error("the simulation cannot run: {0}")]
     Physics(SimError),
     /// Every attempt was rejected.
     #[error("no layout for task {task} in {restarts} attempts: {rejections}")]
@@ -72,26 +72,26 @@ pub enum LayoutError {
         task: String,
         /// Number of whole layouts tried.
         restarts: usize,
-        /// What stood in the way, by reason.
+        /// Rejections by reason.
         rejections: Rejections,
-        /// The attempt that got furthest.
+        /// The attempt that placed most objects.
         furthest: Option<Box<Unfinished>>,
     },
 }
 
-/// A layout in which some object found no place.
+/// A layout in which some object has no valid pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unfinished {
-    /// What had its place; when no attempt got anywhere, all objects as they would stand without the edges in conflict.
+    /// Placed objects; if no attempt placed any, all objects of a layout without the conflicting edges.
     pub placed: Vec<PlacedObject>,
-    /// Uid of the object that found none.
+    /// Id of the object without a valid pose.
     pub object: String,
-    /// Where each of its relations to placed objects alone would have had the middle of it.
+    /// Region of its centre allowed by each of its relations to a placed object.
     pub windows: Vec<(Atom, Window)>,
 }
 
 impl LayoutError {
-    /// Whether something is broken, whatever the task: then other tasks and seeds will do no better.
+    /// True for a defect that affects every task and seed.
     pub fn is_defect(&self) -> bool {
         matches!(self, Self::Render(_) | Self::StaleGrasps(_) | Self::Physics(_))
     }

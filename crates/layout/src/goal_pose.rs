@@ -1,4 +1,4 @@
-//! Where the moved object may end: poses drawn at random and kept when every atom of the move would hold.
+//! Goal poses of moved objects: sampled and accepted if every atom of the move would hold.
 
 use std::f64::consts::TAU;
 
@@ -9,73 +9,74 @@ use rand::{Rng, RngExt};
 
 use crate::between;
 use crate::moves::{Move, references};
-use crate::placement::let_down;
+use crate::placement::lower_onto;
 use crate::settings::GoalPoseSettings;
 
-/// A place for the object and what will carry it there.
+/// A goal pose and its support.
 #[derive(Clone, Debug)]
 pub struct GoalPose {
     /// `world_from_object` at rest.
     pub world_from_object: Pose,
-    /// Index of the object it will rest on or in; `None` for the table and other surfaces.
+    /// Index of the supporting or containing object; `None` for the table and other surfaces.
     pub support: Option<usize>,
-    /// Bounds of the object there.
+    /// Bounds of the object at the goal.
     pub bounds: Aabb,
 }
 
-/// Room between an object and the edge of what it is put on or into, metres; chosen, more than the
-/// arm is off where it puts something.
+/// Distance between an object and the edge of its support [m]. Chosen larger than the arm's placement error.
 const EDGE_M: f64 = 0.01;
 
-/// Draws to see whether a later move still finds room; chosen, a fifth of what the move itself gets.
-const LATER_DRAWS: usize = 120;
+/// Samples of the check that a later move has space; chosen: a fifth of the samples of a move itself.
+const LATER_SAMPLES: usize = 120;
 
-/// Least freedom on a carrier along each axis, metres, and the share of a hollow's that is used; chosen, since hollows are
-/// boxes here and round in truth.
-const LEAST_SLACK_M: f64 = 0.003;
-const HOLLOW_USED: f64 = 0.8;
+/// Minimum freedom on a carrier along each axis [m], and the usable share of a cavity. Chosen because cavities are
+/// modelled as
+/// boxes and often round.
+const MIN_SLACK_M: f64 = 0.003;
+const USABLE_CAVITY_SHARE: f64 = 0.8;
 
-/// Height above its carrier from which an object is let down, and what is left between the two, metres; chosen: any height
-/// above it will do, and what is left is less than a layout's drop.
-const ABOVE_M: f64 = 0.01;
-const LEFT_M: f64 = 0.0005;
+/// Initial height above the carrier when lowering an object, and the remaining gap [m]. Chosen: any positive height
+/// works, and
+/// the gap is smaller than a layout's drop height.
+const LOWERING_HEIGHT_M: f64 = 0.01;
+const RELEASE_GAP_M: f64 = 0.0005;
 
-/// How far the top of another thing may be over an object's bottom and still count as below it, metres; chosen, more than
-/// contacts sink in.
-const BELOW_M: f64 = 0.002;
+/// Tolerance for the top of a lower object above this object's bottom [m]. Chosen larger than contact penetration.
+const BELOW_TOLERANCE_M: f64 = 0.002;
 
-/// Where to put things so that goals hold.
+/// Search for goal poses.
 #[derive(Clone, Copy, Debug)]
 pub struct GoalSearch<'a> {
-    /// Everything where it is now.
+    /// Scene at the current poses.
     pub scene: &'a PosedScene,
-    /// Orientation in which each object is put down, up to its heading.
+    /// Upright orientation of each object; goal poses add a yaw.
     pub upright: &'a [DQuat],
-    /// Where things may stand on the table.
+    /// Workspace on the table.
     pub workspace: &'a Workspace,
-    /// The judge's settings.
+    /// Relation settings.
     pub relations: &'a RelationSettings,
-    /// How to search.
+    /// Search settings.
     pub settings: &'a GoalPoseSettings,
 }
 
 impl GoalSearch<'_> {
-    /// Up to `settings.count` places for the object of a move, the ones with the largest margins first.
+    /// Samples up to `settings.count` goal poses for a move, largest margins first.
     ///
-    /// Every atom of the move holds there, directions by `settings.margin_m`;
-    /// only places that are `usable` count, and nothing but what carries the object is nearer in the plane than `settings.clearance_m`.
-    /// What `later` moves put on or into the same thing still finds room beside it; if that cannot be, it need not.
-    pub fn places(&self, step: &Move, later: &[Move], usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
+    /// Every atom of the move holds, directional ones with `settings.margin_m`. Only `usable` poses count, with
+    /// `settings.clearance_m` to everything but the support. Objects of `later` moves on the same support still find
+    /// space
+    /// beside it, if possible.
+    pub fn goal_poses(&self, step: &Move, later: &[Move], usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let rng = &mut seed.rng();
         let mut after = self.scene.clone();
         let base = self.base_of(step);
-        // What is put on a surface stands beside what is there, as on the table.
+        // An object placed on a surface is beside the objects there, as on the table.
         let support = base.filter(|&base| self.scene.surface_at(base).is_none());
         let beside: Vec<&Move> = later.iter().filter(|other| base.is_some() && self.base_of(other) == base).collect();
-        let (mut found, mut selfish): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
+        let (mut found, mut blocking): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
         let settings = self.settings;
         for draw in 0..settings.draws {
-            // The present heading first: most things need not be turned.
+            // The current heading first: most objects need not be rotated.
             let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
             let rotation = DQuat::from_rotation_z(turn) * self.upright[step.object];
             let spread = draw as f64 / settings.draws as f64;
@@ -91,8 +92,8 @@ impl GoalSearch<'_> {
             if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
                 let worst = verdicts.iter().map(AtomVerdict::normalised_margin).fold(f64::INFINITY, f64::min);
                 let goal = (worst, GoalPose { world_from_object: posed.pose, support, bounds });
-                if !self.have_room(&after, &beside, seed.fork("later").fork_index(draw as u64)) {
-                    selfish.push(goal);
+                if !self.have_space(&after, &beside, seed.fork("later").fork_index(draw as u64)) {
+                    blocking.push(goal);
                     continue;
                 }
                 found.push(goal);
@@ -102,28 +103,28 @@ impl GoalSearch<'_> {
             }
         }
         if found.is_empty() {
-            selfish.truncate(settings.count);
-            found = selfish;
+            blocking.truncate(settings.count);
+            found = blocking;
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         found.into_iter().map(|(_, goal)| goal).collect()
     }
 
-    /// Whether moves find their places, one after the other.
-    fn have_room(&self, scene: &PosedScene, steps: &[&Move], seed: Seed) -> bool {
-        let settings = GoalPoseSettings { count: 1, draws: LATER_DRAWS, ..self.settings.clone() };
+    /// True if all moves find goal poses in sequence.
+    fn have_space(&self, scene: &PosedScene, steps: &[&Move], seed: Seed) -> bool {
+        let settings = GoalPoseSettings { count: 1, draws: LATER_SAMPLES, ..self.settings.clone() };
         let mut scene = scene.clone();
         steps.iter().enumerate().all(|(index, step)| {
             let search = GoalSearch { scene: &scene, settings: &settings, ..*self };
-            let places = search.places(step, &[], &|_| true, seed.fork_index(index as u64));
-            let Some(place) = places.first() else { return false };
+            let goal_poses = search.goal_poses(step, &[], &|_| true, seed.fork_index(index as u64));
+            let Some(goal_pose) = goal_poses.first() else { return false };
             let joints = scene.objects().nth(step.object).map_or(Vec::new(), |posed| posed.joint_positions.clone());
-            scene.set_pose(step.object, place.world_from_object, &joints);
+            scene.set_pose(step.object, goal_pose.world_from_object, &joints);
             true
         })
     }
 
-    /// The object or surface that a move puts its object on or into; `None` for the table.
+    /// Index of the support of a move; `None` for the table.
     fn base_of(&self, step: &Move) -> Option<usize> {
         step.atoms.iter().find_map(|atom| match atom {
             Atom::Relation { relation, reference, .. } if relation.is_support() => self.scene.index_of(reference),
@@ -131,7 +132,7 @@ impl GoalSearch<'_> {
         })
     }
 
-    /// Puts the object at a candidate pose; false when there is none. `spread` in 0-1 is how far from the middle.
+    /// Samples a candidate pose; false if there is none. `spread` in [0, 1] scales the distance from the centre.
     fn propose(
         &self,
         after: &mut PosedScene,
@@ -152,8 +153,8 @@ impl GoalSearch<'_> {
                 return false;
             };
             let center = point_over(posed, object, rotation, spread, rng);
-            after.set_pose(step.object, at(center, outer.max.z + ABOVE_M), &object.joint_positions);
-            return let_down(after, step.object, carrier, LEFT_M, self.relations);
+            after.set_pose(step.object, at(center, outer.max.z + LOWERING_HEIGHT_M), &object.joint_positions);
+            return lower_onto(after, step.object, carrier, RELEASE_GAP_M, self.relations);
         }
         let area = surface.map_or(*self.workspace, |surface| surface.area(EDGE_M));
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
@@ -189,16 +190,17 @@ impl GoalSearch<'_> {
         surface.is_none_or(|surface| surface.is_over_top(outline.iter().copied(), EDGE_M))
     }
 
-    /// Whether nothing but its carrier, and what that stands on, is near the object in the plane, and no surface or board
-    /// is beside it.
+    /// True if nothing but its carrier, and the supports of that, is near the object in the plane, and no surface or
+    /// board is
+    /// beside it.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
         if after.hits_surface(moved, self.settings.clearance_m) {
             return false;
         }
         let Some(bounds) = after.bounds(moved) else { return false };
         after.objects().enumerate().all(|(index, other)| {
-            // Whatever lies wholly below the object is what its carrier stands on.
-            let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + BELOW_M);
+            // Objects entirely below this one support its carrier.
+            let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + BELOW_TOLERANCE_M);
             if index == moved || Some(index) == support || (support.is_some() && below) {
                 return true;
             }
@@ -210,8 +212,9 @@ impl GoalSearch<'_> {
     }
 }
 
-/// The normalised margin that an atom needs: directions, nearness and between must hold with room to spare, support
-/// and containment have their own measure.
+/// Required normalised margin: directional relations, `near` and `between` need one; support and containment have their
+/// own
+/// measure.
 fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     match atom {
         Atom::Relation { relation, .. } if !relation.is_support() => Unit::Metre.normalise(settings.margin_m),
@@ -219,25 +222,26 @@ fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     }
 }
 
-/// A point above the carrier for the middle of an object turned like this: anywhere in its hollow, or over its top,
-/// the farther from the middle the larger `spread`.
+/// Samples a point above the carrier for the object's centre: in its cavity, or over its top at a distance that grows
+/// with
+/// `spread`.
 fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spread: f64, rng: &mut impl Rng) -> DVec2 {
-    // In a frame that is turned with the carrier its bounds fit best.
+    // Bounds are tightest in a frame aligned with the carrier.
     let ahead = carrier.pose.transform_vector(DVec3::X);
     let heading = DQuat::from_rotation_z(ahead.y.atan2(ahead.x));
-    let turned = |rotation: DQuat| Pose { position: DVec3::ZERO, rotation: heading.inverse() * rotation };
-    let half = object.model.world_bounds(&turned(rotation), &object.joint_positions).size().truncate() * 0.5;
-    let top = turned(carrier.pose.rotation);
+    let relative = |rotation: DQuat| Pose { position: DVec3::ZERO, rotation: heading.inverse() * rotation };
+    let half = object.model.world_bounds(&relative(rotation), &object.joint_positions).size().truncate() * 0.5;
+    let top = relative(carrier.pose.rotation);
     let cavities = carrier.model.cavities(&carrier.joint_positions);
     let is_hollow = !cavities.is_empty();
     let area = match is_hollow {
         true => Aabb::from_pieces(&top, &cavities),
         false => carrier.model.world_bounds(&top, &carrier.joint_positions),
     };
-    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(LEAST_SLACK_M));
+    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(MIN_SLACK_M));
     let share = match is_hollow {
-        true => HOLLOW_USED * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
-        // Evenly over a disc, so that nothing stands on a corner that round things do not have.
+        true => USABLE_CAVITY_SHARE * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
+        // Uniform over a disc, since round objects have no corners to stand on.
         false => spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt(),
     };
     let center = area.center() + (slack * share).extend(0.0);

@@ -1,4 +1,4 @@
-//! Places for several things on one carrier, drawn over many seeds.
+//! Goal poses of several objects on one carrier, over several seeds.
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
@@ -8,31 +8,31 @@ use genmanip_relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, 
 
 use crate::{GoalPoseSettings, GoalSearch, Move};
 
-/// A carrier in the middle, turned, and things far from it.
-fn scene(carrier: &str, turn: f64, things: &[&str]) -> PosedScene {
+/// A rotated carrier in the middle and objects far from it.
+fn scene(carrier: &str, turn: f64, objects: &[&str]) -> PosedScene {
     let posed = |(index, uid): (usize, &str)| {
         let model = Catalogue::builtin().build(uid).unwrap();
         let bounds = model.world_bounds(&Pose::IDENTITY, &vec![0.0; model.joint_count()]);
-        let place = if index == 0 { DVec3::new(0.45, 0.0, 0.0) } else { DVec3::new(0.0, 2.0 + index as f64, 0.0) };
+        let pose = if index == 0 { DVec3::new(0.45, 0.0, 0.0) } else { DVec3::new(0.0, 2.0 + index as f64, 0.0) };
         PosedObject {
             id: uid.into(),
-            pose: Pose::from_position_yaw(place - DVec3::Z * bounds.min.z, turn),
+            pose: Pose::from_position_yaw(pose - DVec3::Z * bounds.min.z, turn),
             joint_positions: vec![0.0; model.joint_count()],
             model,
         }
     };
-    let uids = [carrier].into_iter().chain(things.iter().copied());
+    let uids = [carrier].into_iter().chain(objects.iter().copied());
     PosedScene::new(uids.enumerate().map(posed).collect(), &default_world().surfaces, &mut ShapeCache::default())
 }
 
-/// Puts the things one after the other onto or into the carrier, each knowing which are still to come.
-fn check(carrier: &str, relation: Relation, things: &[&str]) {
+/// Places the objects one after the other, each search knowing the later ones.
+fn check(carrier: &str, relation: Relation, objects: &[&str]) {
     let (relations, settings) = (RelationSettings::default(), GoalPoseSettings::default());
-    let steps: Vec<Move> = (1..=things.len())
+    let steps: Vec<Move> = (1..=objects.len())
         .map(|object| Move {
             object,
             atoms: vec![Atom::Relation {
-                subject: things[object - 1].into(),
+                subject: objects[object - 1].into(),
                 relation,
                 reference: carrier.into(),
                 second_reference: None,
@@ -40,26 +40,26 @@ fn check(carrier: &str, relation: Relation, things: &[&str]) {
         })
         .collect();
     for seed in 0..3 {
-        let mut now = scene(carrier, 0.9 * seed as f64, things);
-        let upright: Vec<_> = now.objects().map(|object| object.pose.rotation).collect();
+        let mut scene_now = scene(carrier, 0.9 * seed as f64, objects);
+        let upright: Vec<_> = scene_now.objects().map(|object| object.pose.rotation).collect();
         for (index, step) in steps.iter().enumerate() {
             let search = GoalSearch {
-                scene: &now,
+                scene: &scene_now,
                 upright: &upright,
                 workspace: &default_world().workspace,
                 relations: &relations,
                 settings: &settings,
             };
-            let places = search.places(step, &steps[index + 1..], &|_| true, Seed::new(seed));
-            let name = things[index];
-            // Whichever of them is taken, the next one finds room: take the last.
-            let place = places.last().unwrap_or_else(|| panic!("seed {seed}: no place for {name} on {carrier}"));
-            let joints = now.objects().nth(step.object).unwrap().joint_positions.clone();
-            now.set_pose(step.object, place.world_from_object, &joints);
-            assert!(judge_atom(&now, &step.atoms[0], &relations).holds, "seed {seed}: {name} on {carrier}");
+            let poses = search.goal_poses(step, &steps[index + 1..], &|_| true, Seed::new(seed));
+            let name = objects[index];
+            // Any goal pose leaves space for the next object: use the last one.
+            let pose = poses.last().unwrap_or_else(|| panic!("seed {seed}: no place for {name} on {carrier}"));
+            let joints = scene_now.objects().nth(step.object).unwrap().joint_positions.clone();
+            scene_now.set_pose(step.object, pose.world_from_object, &joints);
+            assert!(judge_atom(&scene_now, &step.atoms[0], &relations).holds, "seed {seed}: {name} on {carrier}");
             for other in 1..step.object {
-                let gap = measure_pair(&now, step.object, other, &relations).unwrap().gap_m;
-                assert!(gap >= settings.clearance_m, "seed {seed}: {name} is {gap} m from {}", things[other - 1]);
+                let gap = measure_pair(&scene_now, step.object, other, &relations).unwrap().gap_m;
+                assert!(gap >= settings.clearance_m, "seed {seed}: {name} is {gap} m from {}", objects[other - 1]);
             }
         }
     }

@@ -1,21 +1,23 @@
-//! From a task to a scenario: where every object stands before the robot moves.
+//! Layout: turns a task into a scenario with initial object poses.
 //!
-//! Objects are placed in topological order of support, each candidate is checked against every edge to what is
-//! already placed, the whole is settled in physics without a robot, and everything is validated afterwards:
-//! every edge of the initial graph holds, no alternative of the goal holds yet, nothing penetrates or moves,
-//! what must be moved can be reached and is seen by a camera.
-//! Attempts are bounded and every rejection is counted by its reason.
+//! Objects are placed in topological order of support. Each candidate pose is checked against every edge to the objects
+//! placed so far. The complete layout is settled in physics without a robot and then validated: every edge of the
+//! initial
+//! graph holds, no alternative of the goal holds yet, nothing penetrates or moves, the objects to be moved are
+//! reachable
+//! and visible to a camera. The number of attempts is bounded, and every rejection is counted by its reason.
 
+mod add_distractors;
 pub mod articulation;
+mod attempt;
 mod audit;
 #[cfg(test)]
 mod audit_tests;
 mod between;
 mod capacity;
 mod context;
-mod crowd;
 mod distractors;
-mod draft;
+
 mod error;
 mod goal_pose;
 #[cfg(test)]
@@ -26,20 +28,21 @@ pub mod obstacles;
 mod order;
 mod placement;
 mod reach;
-mod refusal;
 mod rejection;
+mod sampled_layout;
 mod settings;
 mod visibility;
 
+pub use add_distractors::add_distractors;
 pub use audit::{AuditError, LayoutAudit, audit, posed};
-pub use crowd::add_distractors;
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::{GoalPoseSettings, LayoutSettings};
 
-use context::{Context, GoalRoom};
+use attempt::AttemptError;
+use context::{Context, GoalRegion};
 use genmanip_assets::{AssetError, AssetSource, GraspLibrary};
 use genmanip_core::{
     AssetHashes, Atom, Goal, ObjectModel, PhysicsFactors, PlacedObject, Relation, RobotModel, Scenario, Seed, Task,
@@ -51,45 +54,46 @@ use genmanip_relations::{
 };
 use placement::Partial;
 use reach::ReachCheck;
-use refusal::Refusal;
 
-/// Whole layouts after which things stand parallel to the table's edges, and distractors no farther from others than
-/// those are, which takes less room; chosen, since things turned anyhow look more natural.
+/// Number of failed layouts after which objects are aligned with the table's edges and distractors use the smaller gap
+/// of
+/// other objects, which takes less space. Chosen: random orientations look more natural.
 const ALIGNED_AFTER: usize = 10;
 
-/// Places where an object could not be seen, most of them in what holds it, before the task is refused; chosen: each look
-/// takes some 5 ms, and a refusal is to take less than 5 s.
-const MOST_HIDDEN: usize = 250;
+/// Maximum number of candidate poses hidden from all cameras, mostly inside a container, before the task is rejected.
+/// Chosen: each check takes about 5 ms, and a rejection should take less than 5 s.
+const MAX_HIDDEN: usize = 250;
 
-/// Layouts of a task in which the arm finds no way to a state, before the task is refused; chosen: each costs a fifth of a
-/// second, so that a refusal takes less than 5 s; 120 designed tasks (seed 680201) are laid out as without it.
-const MOST_WITHOUT_A_WAY: usize = 15;
+/// Maximum number of layouts in which the arm cannot bring a joint into its state before the task is rejected. Chosen:
+/// each costs 0.2 s, so that a rejection takes less than 5 s; all 120 designed tasks of seed 680201 are still laid out.
+const MAX_UNREACHABLE_STATES: usize = 15;
 
-/// A part of the work on one layout, in their order within an attempt.
+/// Phase of a layout attempt, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phase {
-    /// Building models and reading the graph.
+    /// Building models and parsing the graph.
     Preparing,
-    /// Drawing candidate poses.
+    /// Sampling candidate poses.
     Placing,
-    /// Physics.
+    /// Simulation.
     Settling,
-    /// Judging edges, states and goal.
+    /// Evaluating edges, states and goal.
     Judging,
-    /// Grasps and room at the goal.
+    /// Checking grasps and free space at the goal.
     Reaching,
-    /// What the cameras see.
+    /// Checking visibility.
     Seeing,
 }
 
-/// Lays a task out for the planner's robot; `grasps` are those that are tried before new ones are sampled.
+/// Creates a layout of a task for the planner's robot. `grasps` are tried before new ones are sampled.
 ///
-/// Same task, seed and settings: the same scenario, byte for byte.
+/// The same task, seed and settings give the same scenario, byte for byte.
 ///
 /// # Errors
-/// [`LayoutError::UnknownObject`] for an asset that the source does not have; [`LayoutError::StaleGrasps`] and
-/// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] when every
-/// bounded attempt was rejected, with the counted reasons and the edges that were hardest to satisfy.
+/// [`LayoutError::UnknownObject`] for an asset missing from the source; [`LayoutError::StaleGrasps`] and
+/// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] if every attempt
+/// was
+/// rejected, with the counted reasons and the edges that were hardest to satisfy.
 pub fn lay_out(
     task: &Task,
     assets: &dyn AssetSource,
@@ -102,7 +106,7 @@ pub fn lay_out(
     lay_out_observed(task, assets, world, planner, grasps, seed, settings, &mut |_| ())
 }
 
-/// [`lay_out`], telling whoever measures when each phase begins.
+/// Like [`lay_out`]; calls `begin` at the start of each phase.
 ///
 /// # Errors
 /// As [`lay_out`].
@@ -125,8 +129,8 @@ pub fn lay_out_observed(
         .map(|node| assets.model(&node.asset).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
     check_robot(world, planner.robot())?;
-    let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
-    let tried = tried.map_err(LayoutError::StaleGrasps)?;
+    let known_grasps = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
+    let known_grasps = known_grasps.map_err(LayoutError::StaleGrasps)?;
     check_surfaces(task, world)?;
     let edges = indexed_edges(task)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
@@ -137,7 +141,7 @@ pub fn lay_out_observed(
         goal: &goal,
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
         moved: task.scene_graph.nodes.iter().map(|node| is_moved(&goal, &node.id)).collect(),
-        goal_rooms: goal_rooms(task, &goal, world),
+        goal_regions: goal_regions(task, &goal, world),
         goal_betweens: goal_betweens(task, &goal),
         goal_sides: goal_sides(task, &goal),
         distractor_gap_m: settings.distractor_gap_m,
@@ -153,36 +157,38 @@ pub fn lay_out_observed(
     };
     let (mut rejections, mut furthest, mut shapes) = (Rejections::default(), None, ShapeCache::default());
     if let Some(overfull) = capacity::overfull(&context, &placement::parked(&context, &mut shapes)) {
-        return Err(no_room(&mut context, &overfull, seed, &mut shapes, assets));
+        return Err(overfull_error(&mut context, &overfull, seed, &mut shapes, assets));
     }
-    let (mut restarts, mut unaccepted, mut without_a_way) = (0, 0, 0);
+    let (mut restarts, mut unaccepted, mut unreachable_states) = (0, 0, 0);
     for restart in 0..settings.max_restarts {
         restarts += 1;
         begin(Phase::Placing);
         let attempt = seed.fork("layout").fork_index(restart as u64);
         let aligned = restart >= ALIGNED_AFTER;
-        let drawn = distractors::draw(task, assets.cards(), settings.distractors, attempt);
-        let models = drawn.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
+        let sampled = distractors::sample(task, assets.cards(), settings.distractors, attempt);
+        let models = sampled.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
         context.set_distractors(models);
         if aligned {
             context.distractor_gap_m = settings.min_gap_m.min(settings.distractor_gap_m);
         }
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
-            Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
-                Ok(()) => return scenario(task, seed, &scene, assets, world),
-                Err(Refusal::Defect(error)) => return Err(error),
-                Err(Refusal::Rejected(reason)) => {
-                    without_a_way += usize::from(matches!(reason, Rejection::NoWayToState { .. }));
-                    rejections.count(reason);
-                    unaccepted += 1;
-                    if unaccepted >= settings.max_unaccepted || without_a_way >= MOST_WITHOUT_A_WAY {
-                        break;
+            Ok(mut scene) => {
+                match accept(&context, &mut scene, planner, &known_grasps, attempt, &mut rejections, begin) {
+                    Ok(()) => return scenario(task, seed, &scene, assets, world),
+                    Err(AttemptError::Defect(error)) => return Err(error),
+                    Err(AttemptError::Rejected(reason)) => {
+                        unreachable_states += usize::from(matches!(reason, Rejection::UnreachableState { .. }));
+                        rejections.count(reason);
+                        unaccepted += 1;
+                        if unaccepted >= settings.max_unaccepted || unreachable_states >= MAX_UNREACHABLE_STATES {
+                            break;
+                        }
                     }
                 }
-            },
+            }
             Err(partial) => {
                 keep_furthest(&mut furthest, partial);
-                if rejections.most_unseen() >= MOST_HIDDEN {
+                if rejections.most_unseen() >= MAX_HIDDEN {
                     break;
                 }
             }
@@ -196,8 +202,8 @@ pub fn lay_out_observed(
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
 }
 
-/// The refusal of a task whose objects surely find no room, in the words of one that was tried.
-fn no_room(
+/// Error for a task whose objects cannot fit, reported like a failed search.
+fn overfull_error(
     context: &mut Context,
     overfull: &capacity::Overfull,
     seed: Seed,
@@ -214,16 +220,16 @@ fn no_room(
     LayoutError::Infeasible { task: context.task.id.clone(), restarts: 0, rejections, furthest }
 }
 
-/// Settles a placed layout and validates everything; the reason when it cannot be kept.
+/// Settles a layout and validates it; returns the reason for a rejection.
 fn accept(
     context: &Context,
     scene: &mut PosedScene,
     planner: &Planner,
-    tried: &[&[TriedGrasp]],
+    known_grasps: &[&[TriedGrasp]],
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
-) -> Result<(), Refusal> {
+) -> Result<(), AttemptError> {
     let Context { task, goal, settings, world, relations, .. } = *context;
     let holds_goal = |scene: &PosedScene| judge_goal(scene, goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
@@ -244,21 +250,21 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    let reach = ReachCheck { scene, world, planner, settings, tried, seed };
+    let reach = ReachCheck { scene, world, planner, settings, known_grasps, seed };
     if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);
-    let hidden = visibility::hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings);
-    if let Some(reason) = hidden.map_err(|error| Refusal::Defect(error.into()))? {
+    let first_hidden = visibility::first_hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings);
+    if let Some(reason) = first_hidden.map_err(|error| AttemptError::Defect(error.into()))? {
         return Err(reason.into());
     }
-    // Last, because it takes long and hardly ever refuses.
+    // Last, because it is slow and rarely rejects.
     begin(Phase::Settling);
-    audit::leave_alone(scene, world, settings)
+    audit::check_stability(scene, world, settings)
 }
 
-/// Whether the planner is for the robot of the world, starting where the world says.
+/// Checks that the planner's robot and home configuration match the world.
 fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
     let wanted = &world.robot;
     let differs =
@@ -272,15 +278,15 @@ fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
     Ok(())
 }
 
-/// Nearest and farthest distance of a moved object from the robot's axis, metres; all of the workspace for a robot of
-/// which nobody knows it.
+/// Minimum and maximum distance of a moved object from the robot's axis [m]; the whole workspace if the reach is
+/// unknown.
 fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
     let Workspace { x, y } = world.workspace;
     let corner = x[0].abs().max(x[1].abs()).hypot(y[0].abs().max(y[1].abs()));
     robot.reach.map_or([0.0, corner], |reach| reach.from_above_m)
 }
 
-/// Whether the world has every surface that the task names, and no object is called like one.
+/// Checks that the world has every surface of the task and that no object id equals a surface id.
 fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
     if let Some(missing) = task.surfaces.iter().find(|named| world.further_surface(&named.id).is_none()) {
         let known = world.named_surfaces().into_iter().map(|surface| surface.id).collect();
@@ -292,7 +298,7 @@ fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
     }
 }
 
-/// Per object, the support surface that it, or what carries it, stands on.
+/// Per object, the index of the support surface below it, directly or through its carriers.
 fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usize> {
     let of_edge = |(atom, indices): &(Atom, Vec<usize>)| match atom {
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
@@ -303,7 +309,7 @@ fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usi
     };
     let supports: Vec<_> = edges.iter().filter_map(of_edge).collect();
     let ground = |mut object: usize| {
-        // Circles are refused elsewhere; here they must only end.
+        // Cycles are reported elsewhere; this loop only has to end.
         for _ in 0..count {
             match supports.iter().find(|(subject, ..)| *subject == object) {
                 Some((_, Some(surface), _)) => return *surface,
@@ -316,7 +322,7 @@ fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usi
     (0..count).map(ground).collect()
 }
 
-/// The graph's edges with the indices of their objects among the nodes, subject first, surfaces left out.
+/// Edges of the graph with the node indices of their objects, subject first, without surfaces.
 fn indexed_edges(task: &Task) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
     let graph = &task.scene_graph;
     let index_of = |id: &String, edge: &Atom| {
@@ -341,11 +347,11 @@ fn is_moved(goal: &Goal, id: &str) -> bool {
     atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id)
 }
 
-/// Where each alternative of the goal wants what it moves, as far as that is related to objects that stay.
-fn goal_rooms(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRoom>> {
+/// Per goal alternative, the target regions of moved objects relative to objects and surfaces that stay.
+fn goal_regions(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRegion>> {
     let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
-        let mut rooms: Vec<GoalRoom> = Vec::new();
+        let mut regions: Vec<GoalRegion> = Vec::new();
         for atom in atoms {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
             let moves =
@@ -355,19 +361,19 @@ fn goal_rooms(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRoom>> {
             if moves(reference) || *relation == Relation::Between || (anchor.is_none() && surface.is_none()) {
                 continue;
             }
-            let at = rooms.iter().position(|room| room.object == object).unwrap_or_else(|| {
-                rooms.push(GoalRoom { object, anchors: Vec::new(), surfaces: Vec::new() });
-                rooms.len() - 1
+            let at = regions.iter().position(|region| region.object == object).unwrap_or_else(|| {
+                regions.push(GoalRegion { object, anchors: Vec::new(), surfaces: Vec::new() });
+                regions.len() - 1
             });
-            rooms[at].anchors.extend(anchor.map(|anchor| (*relation, anchor)));
-            rooms[at].surfaces.extend(surface.map(|surface| (*relation, surface)));
+            regions[at].anchors.extend(anchor.map(|anchor| (*relation, anchor)));
+            regions[at].surfaces.extend(surface.map(|surface| (*relation, surface)));
         }
-        rooms
+        regions
     };
     goal.alternatives.iter().map(of_alternative).collect()
 }
 
-/// What each alternative of the goal wants between two objects that it does not move.
+/// Per goal alternative, the `between` relations with two references that stay.
 fn goal_betweens(task: &Task, goal: &Goal) -> Vec<Vec<[usize; 3]>> {
     let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
@@ -385,7 +391,7 @@ fn goal_betweens(task: &Task, goal: &Goal) -> Vec<Vec<[usize; 3]>> {
     goal.alternatives.iter().map(of_alternative).collect()
 }
 
-/// The alternatives that only say how things stand beside each other: whether they hold shows before anything settles.
+/// Goal alternatives with only directional relations, which can be evaluated before settling.
 fn goal_sides(task: &Task, goal: &Goal) -> Vec<(Vec<Atom>, Vec<usize>)> {
     let is_side = |atom: &Atom| matches!(atom, Atom::Relation { relation, .. } if !relation.is_support());
     let sides = goal.alternatives.iter().filter(|atoms| atoms.iter().all(is_side));
@@ -413,7 +419,7 @@ fn keep_furthest(furthest: &mut Option<Partial>, partial: Option<Partial>) {
     }
 }
 
-/// What a layout looks like that does without the edges in conflict, so that there is something to show.
+/// Layout without the conflicting edges, for the error report.
 fn without_conflicts(
     context: &mut Context,
     seed: Seed,
@@ -429,7 +435,7 @@ fn without_conflicts(
     let nodes = context.task.scene_graph.nodes.len();
     context.set_distractors(Vec::new());
     context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
-    context.goal_rooms.clear();
+    context.goal_regions.clear();
     context.goal_betweens.clear();
     context.goal_sides.clear();
     let seed = seed.fork("without conflicts");
@@ -438,7 +444,7 @@ fn without_conflicts(
     unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() }, assets)
 }
 
-/// What a failed attempt looked like when it got stuck.
+/// State of a failed attempt when it got stuck.
 fn unfinished(context: &Context, partial: &Partial, assets: &dyn AssetSource) -> Option<Unfinished> {
     let stuck = partial.stuck?;
     let objects: Vec<&PosedObject> = partial.scene.objects().collect();

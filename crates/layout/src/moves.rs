@@ -1,21 +1,21 @@
-//! From a goal to moves: which object goes where, in which order.
+//! Decomposition of a goal into ordered moves.
 
 use genmanip_core::{Atom, Goal, Relation};
 use genmanip_relations::PosedScene;
 
 use crate::articulation::joint_changes;
 
-/// One object to be moved, or brought into a state, so that all its atoms hold.
+/// One object to be placed, or to be brought into a joint state, so that all its atoms hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Move {
     /// Index of the object in the scenario.
     pub object: usize,
-    /// Every atom of the chosen alternative that is about this object's place, or the one about its state.
+    /// Relations of the chosen alternative with this object as subject, or its state atom.
     pub atoms: Vec<Atom>,
 }
 
 impl Move {
-    /// The state to bring the object into; `None` when it is to be carried.
+    /// Target joint state; `None` for a pick and place.
     pub fn state(&self) -> Option<&str> {
         match self.atoms.as_slice() {
             [Atom::State { state, .. }, ..] => Some(state),
@@ -24,12 +24,12 @@ impl Move {
     }
 }
 
-/// The moves of each alternative, in order.
+/// Ordered moves of each goal alternative.
 pub fn moves(goal: &Goal, scene: &PosedScene) -> Vec<Vec<Move>> {
     goal.alternatives.iter().filter_map(|atoms| moves_of(atoms, scene)).filter(|moves| !moves.is_empty()).collect()
 }
 
-/// Groups atoms by what they move and sorts so that whatever is placed against something comes after it.
+/// Groups atoms by object and orders the moves so that references are placed first.
 fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut pending: Vec<Move> = Vec::new();
     for atom in atoms {
@@ -40,63 +40,61 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
         }
     }
-    // A goal that fills a shut container means it to be opened, although it does not say so.
-    let goes_in = |atom: &Atom, object: usize| match atom {
+    // A goal that fills a closed container implies opening it.
+    let is_inside = |atom: &Atom, object: usize| match atom {
         Atom::Relation { relation: Relation::In, reference, .. } => scene.index_of(reference) == Some(object),
         _ => false,
     };
-    let filled = |object: usize| atoms.iter().any(|atom| goes_in(atom, object)) && is_hollow(object, scene);
-    let unsaid = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
-    let opened: Vec<Move> = (0..scene.objects().len())
+    let filled = |object: usize| atoms.iter().any(|atom| is_inside(atom, object)) && is_hollow(object, scene);
+    let is_implicit = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
+    let implicit: Vec<Move> = (0..scene.objects().len())
         .filter(|&object| filled(object))
-        .filter(unsaid)
+        .filter(is_implicit)
         .filter_map(|object| Some(Move { object, atoms: vec![opening(object, scene)?] }))
         .collect();
-    pending.splice(0..0, opened);
+    pending.splice(0..0, implicit);
     let mut ordered: Vec<Move> = Vec::new();
     while !pending.is_empty() {
-        let waits = |candidate: &Move| pending.iter().any(|other| comes_first(other, candidate, scene));
-        // A circle of references has no right order; the first then goes first.
-        let next = pending.iter().position(|candidate| !waits(candidate)).unwrap_or(0);
+        let must_wait = |candidate: &Move| pending.iter().any(|other| comes_first(other, candidate, scene));
+        // In a cycle of references take the first move.
+        let next = pending.iter().position(|candidate| !must_wait(candidate)).unwrap_or(0);
         ordered.push(pending.remove(next));
     }
     Some(ordered)
 }
 
-/// Whether one move has to be made before another.
+/// True if one move must precede another.
 fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
-    let places_against = |step: &Move, object: usize| {
+    let refers_to = |step: &Move, object: usize| {
         step.object != object && step.atoms.iter().flat_map(references).any(|id| scene.index_of(id) == Some(object))
     };
     match (one.state(), other.state()) {
-        // A container is shut after it was filled, opened before; a laptop is shut before something is put on it.
-        (Some(state), None) => {
-            places_against(other, one.object) && !(shuts(state) && is_filled(other, one.object, scene))
-        }
-        (None, Some(state)) => places_against(one, other.object) && shuts(state) && is_filled(one, other.object, scene),
-        (None, None) => places_against(other, one.object),
+        // A container is opened before it is filled and closed afterwards; a laptop is closed before something is
+        // placed on it.
+        (Some(state), None) => refers_to(other, one.object) && !(closes(state) && is_filled(other, one.object, scene)),
+        (None, Some(state)) => refers_to(one, other.object) && closes(state) && is_filled(one, other.object, scene),
+        (None, None) => refers_to(other, one.object),
         (Some(_), Some(_)) => false,
     }
 }
 
-const SHUT: &str = "closed";
+const CLOSED: &str = "closed";
 
-fn shuts(state: &str) -> bool {
-    state == SHUT
+fn closes(state: &str) -> bool {
+    state == CLOSED
 }
 
-/// The state that a shut container has to be brought into before anything can be put into it; `None` when it is open
-/// already, or never shut.
+/// Opening required before filling a closed container; `None` if it is open or cannot be closed.
 fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
     let posed = scene.objects().nth(object)?;
     let states = &posed.model.joint_states;
-    let shut = states.iter().find(|state| shuts(&state.name))?;
-    let is_shut = joint_changes(scene, object, &shut.name).is_empty();
-    let open = states.iter().find(|state| !shuts(&state.name)).filter(|_| is_shut)?;
+    let closed = states.iter().find(|state| closes(&state.name))?;
+    let is_closed = joint_changes(scene, object, &closed.name).is_empty();
+    let open = states.iter().find(|state| !closes(&state.name)).filter(|_| is_closed)?;
     Some(Atom::State { object: posed.id.clone(), state: open.name.clone() })
 }
 
-/// Whether a move puts something into a container.
+/// True if a move places an object into the container.
 fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
     is_hollow(container, scene)
         && step.atoms.iter().any(|atom| match atom {
@@ -111,7 +109,7 @@ fn is_hollow(object: usize, scene: &PosedScene) -> bool {
     scene.objects().nth(object).is_some_and(|object| object.model.is_hollow())
 }
 
-/// What an atom places its subject against.
+/// Ids of the references of an atom.
 pub fn references(atom: &Atom) -> impl Iterator<Item = &str> {
     let (first, second) = match atom {
         Atom::Relation { reference, second_reference, .. } => (Some(reference.as_str()), second_reference.as_deref()),

@@ -1,59 +1,60 @@
-//! Where objects may be along one axis, given how they stand to each other: a network of differences.
+//! Difference constraints on object centres along one axis (simple temporal network).
 //!
-//! Every relation with one anchor bounds how far one centre lies from another, along x and along y separately.
-//! Closing such a network tells for each object the exact interval that still leaves room for all the others,
-//! so that a chain of relations does not run off the table, and finds the relations that contradict each other.
-//! After Dechter, Meiri and Pearl, "Temporal constraint networks", 1991.
+//! Every relation with one reference bounds the difference between two centres, along x and y separately. The closed
+//! network gives, for each object, the exact interval that leaves space for all others, so that a chain of relations
+//! does
+//! not run off the table, and identifies contradicting relations. After Dechter, Meiri and Pearl, "Temporal constraint
+//! networks", 1991.
 
-/// Index of the world's origin among the coordinates of a [`Network`]; object `i` is coordinate `i + 1`.
+/// Index of the world's origin among the coordinates of a [`Network`]; object `i` has coordinate `i + 1`.
 pub(crate) const ORIGIN: usize = 0;
 
-/// Bounds on the differences between coordinates along one axis, metres.
+/// Difference bounds between coordinates along one axis [m].
 #[derive(Clone, Debug)]
 pub(crate) struct Network {
     count: usize,
-    /// `most[a * count + b]`: the largest value of `b - a`.
-    most: Vec<f64>,
-    /// The edge that gave a bound, where one did.
+    /// `upper[a * count + b]`: upper bound of `b - a`.
+    upper: Vec<f64>,
+    /// Edge that imposed a bound, if any.
     cause: Vec<Option<usize>>,
-    /// The coordinate that a bound was derived through.
+    /// Intermediate coordinate of a derived bound.
     via: Vec<Option<usize>>,
 }
 
 impl Network {
-    /// A network of so many objects and the origin, nothing bounded.
+    /// A network of `objects` objects and the origin, without bounds.
     pub fn new(objects: usize) -> Self {
         let count = objects + 1;
-        let mut most = vec![f64::INFINITY; count * count];
-        (0..count).for_each(|at| most[at * count + at] = 0.0);
-        Self { count, most, cause: vec![None; count * count], via: vec![None; count * count] }
+        let mut upper = vec![f64::INFINITY; count * count];
+        (0..count).for_each(|at| upper[at * count + at] = 0.0);
+        Self { count, upper, cause: vec![None; count * count], via: vec![None; count * count] }
     }
 
-    /// Bounds `b - a`; `cause` is the edge that asks for it.
+    /// Bounds `b - a`; `cause` is the edge that imposes it.
     pub fn bound(&mut self, a: usize, b: usize, [low, high]: [f64; 2], cause: Option<usize>) {
-        for (from, to, most) in [(a, b, high), (b, a, -low)] {
+        for (from, to, upper) in [(a, b, high), (b, a, -low)] {
             let at = from * self.count + to;
-            if most < self.most[at] {
-                (self.most[at], self.cause[at]) = (most, cause);
+            if upper < self.upper[at] {
+                (self.upper[at], self.cause[at]) = (upper, cause);
             }
         }
     }
 
-    /// Derives every bound from the given ones.
+    /// Computes the transitive closure of the bounds (Floyd-Warshall).
     ///
     /// # Errors
-    /// The edges that contradict each other, in order; none when the origin's bounds alone do.
+    /// The contradicting edges, in order; empty if the origin's bounds alone contradict each other.
     pub fn close(&mut self) -> Result<(), Vec<usize>> {
         let count = self.count;
         for through in 0..count {
             for from in 0..count {
-                let first = self.most[from * count + through];
+                let first = self.upper[from * count + through];
                 if from == through || first.is_infinite() {
                     continue;
                 }
                 for to in (0..count).filter(|&to| to != through) {
-                    let sum = first + self.most[through * count + to];
-                    if sum < self.most[from * count + to] - 1e-12 {
+                    let sum = first + self.upper[through * count + to];
+                    if sum < self.upper[from * count + to] - 1e-12 {
                         if from == to {
                             let mut edges = Vec::new();
                             self.explain(from, through, &mut edges);
@@ -62,7 +63,7 @@ impl Network {
                             edges.dedup();
                             return Err(edges);
                         }
-                        self.most[from * count + to] = sum;
+                        self.upper[from * count + to] = sum;
                         self.via[from * count + to] = Some(through);
                     }
                 }
@@ -71,7 +72,7 @@ impl Network {
         Ok(())
     }
 
-    /// The edges that a bound follows from.
+    /// Collects the edges that imply a bound.
     fn explain(&self, from: usize, to: usize, edges: &mut Vec<usize>) {
         match self.via[from * self.count + to] {
             Some(through) => {
@@ -82,19 +83,22 @@ impl Network {
         }
     }
 
-    /// Where object `object` may be, given the coordinates of objects that are placed; empty when the first number is larger.
+    /// Feasible interval of an object given the coordinates of placed objects; empty if the first number is larger.
     pub fn range(&self, object: usize, placed: impl Iterator<Item = (usize, f64)>) -> [f64; 2] {
         let at = object + 1;
         let known = placed.map(|(other, value)| (other + 1, value)).chain([(ORIGIN, 0.0)]);
         known.fold([f64::NEG_INFINITY, f64::INFINITY], |[low, high], (other, value)| {
-            [low.max(value - self.most[at * self.count + other]), high.min(value + self.most[other * self.count + at])]
+            [
+                low.max(value - self.upper[at * self.count + other]),
+                high.min(value + self.upper[other * self.count + at]),
+            ]
         })
     }
 
-    /// Whether a bound on the difference between two objects follows from the given ones.
-    pub fn ties(&self, a: usize, b: usize) -> bool {
+    /// True if the given bounds imply a bound on the difference between two objects.
+    pub fn are_related(&self, a: usize, b: usize) -> bool {
         let at = (a + 1) * self.count + b + 1;
-        self.via[at].is_none_or(|via| via != ORIGIN) && self.most[at].is_finite()
+        self.via[at].is_none_or(|via| via != ORIGIN) && self.upper[at].is_finite()
     }
 }
 
@@ -114,7 +118,7 @@ mod tests {
         assert!((low - 0.65).abs() < 1e-12 && (high - 0.7).abs() < 1e-12, "{low} {high}");
     }
 
-    /// From, to, and the range of their difference.
+    /// From, to, and the interval of their difference.
     type Bound = (usize, usize, [f64; 2]);
 
     #[test]

@@ -1,15 +1,14 @@
-//! What the planner must keep clear of: the support surfaces and the objects where they are now.
+//! Collision world of the support surfaces and the objects at their current poses.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Seed, TriedGrasp};
 use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_relations::PosedScene;
 
-/// Grasps that held in a smaller share of their trials are not used; chosen: of five trials, which bakes make, one may be
-/// lost.
-const SOUND: f64 = 0.8;
+/// Minimum success rate of a known grasp in its physics trials. Chosen: of five trials one may fail.
+const MIN_SUCCESS_RATE: f64 = 0.8;
 
-/// Every support surface by its id, and every object but one by its own, exact pieces at their present poses.
+/// Collision world of all support surfaces and all objects but one, with exact collision pieces.
 pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     let mut world = CollisionWorld::new();
     for surface in scene.surfaces() {
@@ -24,7 +23,7 @@ pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     world
 }
 
-/// Points on the drawn surface of an object's first link with outward normals, in the object's frame.
+/// Samples points with outward normals on the visual surface of an object's first link, object frame.
 fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     let Some(link) = model.links.first() else { return Vec::new() };
     let areas: Vec<f64> = link
@@ -44,11 +43,12 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     points
 }
 
-/// Of grasps that were tried on an object in physics beforehand, those that held and fit where the object lies, best
-/// first, in its own frame. `known` is what a [`GraspLibrary`](genmanip_assets::GraspLibrary) has of it.
+/// Known grasps that passed their physics trials and fit the object's pose, best first, in the object frame. `known`
+/// comes
+/// from a [`GraspLibrary`](genmanip_assets::GraspLibrary).
 ///
 /// # Errors
-/// A piece of the object that is not finite or has no size.
+/// Fails if a collision piece is not finite or has no size.
 pub fn tried_grasps(
     planner: &Planner,
     scene: &PosedScene,
@@ -58,14 +58,14 @@ pub fn tried_grasps(
     if known.is_empty() {
         return Ok(Vec::new());
     }
-    let sound = known.iter().filter(|tried| tried.share() >= SOUND).map(|tried| &tried.grasp);
-    with_target(planner, scene, object, |target| planner.fitting_grasps(target, sound))
+    let reliable = known.iter().filter(|tried| tried.share() >= MIN_SUCCESS_RATE).map(|tried| &tried.grasp);
+    with_target(planner, scene, object, |target| planner.fitting_grasps(target, reliable))
 }
 
-/// Grasp candidates on an object as it lies, from its geometry alone, best first, in its own frame.
+/// Samples grasps on an object at its pose from geometry alone, best first, in the object frame.
 ///
 /// # Errors
-/// A piece of the object that is not finite or has no volume.
+/// Fails if a collision piece is not finite or has no volume.
 pub fn generated_grasps(
     planner: &Planner,
     scene: &PosedScene,

@@ -1,4 +1,4 @@
-//! In which order objects are placed.
+//! Placement order of objects.
 
 use std::cmp::Reverse;
 
@@ -6,24 +6,25 @@ use genmanip_core::{Atom, Relation};
 
 use crate::LayoutError;
 
-/// One object to be placed, and what carries it.
+/// One object to be placed, with its support.
 #[derive(Clone, Debug)]
 pub(crate) struct Step {
     /// Index of the object.
     pub object: usize,
-    /// Index of the object it stands on or lies in, and how; `None` for the table and other surfaces.
+    /// Index of the supporting or containing object and the relation; `None` for the table and other surfaces.
     pub support: Option<(usize, Relation)>,
-    /// Index of the edge that says what it stands on, a surface too.
+    /// Index of the support edge, which may refer to a surface.
     pub support_edge: Option<usize>,
 }
 
-/// Objects in topological order of support, each after the objects it is related to where possible;
-/// what stands between others comes after them.
+/// Objects in topological order of support, each after related objects if possible; subjects of `between` come after
+/// their
+/// references.
 ///
-/// `edges` are the graph's edges with the indices of their objects, subject first, surfaces left out.
+/// `edges` are the graph's edges with the indices of their objects, subject first, without surfaces.
 ///
 /// # Errors
-/// [`LayoutError::SupportCircle`] with the indices that could not be ordered, as their ids by `id`.
+/// [`LayoutError::SupportCycle`] with the ids of the objects that could not be ordered.
 pub(crate) fn steps(
     edges: &[(Atom, Vec<usize>)],
     count: usize,
@@ -61,7 +62,7 @@ pub(crate) fn steps(
             .filter(|step| step.support.is_none_or(|(support, _)| placed.contains(&support)));
         let Some(next) = ready.max_by_key(|step| rank(step.object)) else {
             let left = (0..count).filter(|object| !placed.contains(object));
-            return Err(LayoutError::SupportCircle { ids: left.map(id).collect() });
+            return Err(LayoutError::SupportCycle { ids: left.map(id).collect() });
         };
         placed.push(next.object);
         steps.push(next);

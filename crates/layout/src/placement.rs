@@ -1,4 +1,6 @@
-//! Candidate places: sampled inside what the relations leave, kept only when every edge to a placed object holds.
+//! Backtracking search for object poses: sampled within the feasible intervals of the relations and accepted if every
+//! edge
+//! to a placed object holds.
 
 use std::sync::Arc;
 
@@ -11,51 +13,51 @@ use genmanip_relations::{
 use rand::{Rng, RngExt};
 
 use crate::between;
-use crate::context::{Context, GoalRoom};
-use crate::draft::{Contradiction, Draft, Seat};
+use crate::context::{Context, GoalRegion};
 use crate::order::Step;
 use crate::rejection::{NamedObject, Rejection, Rejections};
-use crate::visibility::Eye;
+use crate::sampled_layout::{Contradiction, SampledLayout, SupportRegion};
+use crate::visibility::VisibilityCheck;
 
-/// Free space around an object at its goal, metres; chosen, more than `GoalPoseSettings::clearance_m`, since here only
-/// bounds are compared.
+/// Clearance around an object at its goal [m]. Chosen larger than `GoalPoseSettings::clearance_m`, since only bounds
+/// are
+/// compared here.
 const GOAL_CLEARANCE_M: f64 = 0.02;
 
-/// How much farther things may be put down than taken, metres; chosen, the exact answer comes after settling.
+/// Additional reach allowed for placements [m]. Chosen: the exact check follows after settling.
 const GOAL_REACH_M: f64 = 0.03;
 
-/// Height above its carrier from which an object is let down, metres; chosen, any height above it will do.
-const ABOVE_M: f64 = 0.01;
+/// Initial height above the carrier when lowering an object onto it [m]; any positive value works.
+const LOWERING_HEIGHT_M: f64 = 0.01;
 
-/// Vertical distance from which things on different supports are above each other, metres; chosen, more than contacts
-/// sink in.
-const APART_M: f64 = 0.01;
+/// Minimum vertical gap of objects on different supports [m]. Chosen larger than contact penetration.
+const MIN_VERTICAL_GAP_M: f64 = 0.01;
 
-/// Of the mean width of two objects, how near their middles may be before their outlines surely overlap; chosen, half of
-/// what boxes side by side have.
-const OVERLAPPING: f64 = 0.25;
+/// Centre distance below which two outlines certainly overlap, as a share of the mean width. Chosen: half of the value
+/// for
+/// adjacent boxes.
+const OVERLAP_SHARE: f64 = 0.25;
 
-/// What is kept beside the smallest gap for something that is still to stand between two others, metres; chosen.
-const BETWEEN_SPARE_M: f64 = 0.005;
+/// Space kept in addition to the minimum gap for an object to be placed between two others [m]; chosen.
+const BETWEEN_MARGIN_M: f64 = 0.005;
 
-/// How often the search goes back to the last one that was in the way instead of any; chosen, so that it mostly changes
-/// little and does not go in circles.
-const BACK_TO_LAST: f64 = 0.6;
+/// Probability of backtracking to the last blocker instead of a random one. Chosen to change little without cycling.
+const LAST_BLOCKER_PROBABILITY: f64 = 0.6;
 
-/// Where an object waits until it is placed, metres along x; chosen, far from any table.
+/// Position of objects not placed yet, along x [m]; far from any table.
 const PARKED_M: f64 = -10.0;
 
-/// A layout under way.
+/// A partial layout.
 #[derive(Clone, Debug)]
 pub(crate) struct Partial {
     pub scene: PosedScene,
-    /// What has its place, in the order of placing.
+    /// Indices of placed objects, in placement order.
     pub placed: Vec<usize>,
-    /// The object that found none.
+    /// Index of the object without a valid pose.
     pub stuck: Option<usize>,
 }
 
-/// One whole layout; what was reached when some object found no place.
+/// Places all objects; returns the partial layout if some object has no valid pose.
 pub(crate) fn place_all(
     context: &Context,
     seed: Seed,
@@ -64,26 +66,26 @@ pub(crate) fn place_all(
     rejections: &mut Rejections,
 ) -> Result<PosedScene, Option<Partial>> {
     let rng = &mut seed.rng();
-    let draft = match Draft::new(context, aligned, rng) {
-        Ok(draft) => draft,
+    let sampled = match SampledLayout::new(context, aligned, rng) {
+        Ok(sampled) => sampled,
         Err(Contradiction(edges)) => {
-            rejections.count(Rejection::RelationsLeaveNoRoom);
+            rejections.count(Rejection::RelationsInfeasible);
             edges.iter().for_each(|&edge| rejections.blame(&context.edges[edge].0));
             return Err(None);
         }
     };
     let scene = parked(context, shapes);
-    let mut search = Search { context, draft, scene, placed: Vec::new(), blockers: Vec::new(), eye: None };
+    let mut search = Search { context, sampled, scene, placed: Vec::new(), blockers: Vec::new(), visibility: None };
     let mut furthest: Option<Partial> = None;
     let mut failures = 0;
     loop {
         let step = context.steps.get(search.placed.len());
         match step {
-            Some(step) if search.find_place(step, rng, rejections) && search.can_be_seen(step, rejections) => {
+            Some(step) if search.find_place(step, rng, rejections) && search.is_visible(step, rejections) => {
                 search.placed.push(step.object);
                 continue;
             }
-            None if search.goal_has_room(rng, rejections) => return Ok(search.scene),
+            None if search.goal_has_space(rng, rejections) => return Ok(search.scene),
             _ => {}
         }
         if furthest.as_ref().is_none_or(|partial| partial.placed.len() < search.placed.len()) {
@@ -91,18 +93,18 @@ pub(crate) fn place_all(
             furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object) });
         }
         failures += 1;
-        let retreat = search.retreat(rng);
-        if failures > context.settings.max_retreats || retreat.is_none() {
+        let backtrack = search.backtrack(rng);
+        if failures > context.settings.max_retreats || backtrack.is_none() {
             if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
                 rejections.count(Rejection::NoPlace(search.named(stuck)));
             }
             return Err(furthest);
         }
-        search.placed.truncate(retreat.unwrap_or(0));
+        search.placed.truncate(backtrack.unwrap_or(0));
     }
 }
 
-/// All objects in their initial states, far from the table and from each other.
+/// All objects in their initial joint states, far from the table and from each other.
 pub(crate) fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
         id: context.id(index),
@@ -115,22 +117,22 @@ pub(crate) fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
 
 struct Search<'a> {
     context: &'a Context<'a>,
-    draft: Draft,
+    sampled: SampledLayout,
     scene: PosedScene,
     placed: Vec<usize>,
-    /// What stood in the way of the object at hand.
+    /// Indices of the objects that blocked the current object.
     blockers: Vec<usize>,
-    /// The cameras, once they were asked.
-    eye: Option<Eye<'a>>,
+    /// Visibility check, created on first use.
+    visibility: Option<VisibilityCheck<'a>>,
 }
 
 impl<'a> Search<'a> {
-    /// Puts the object where everything it is related to allows; false when no candidate fits.
+    /// Samples a pose that satisfies all constraints; false if no candidate does.
     fn find_place(&mut self, step: &Step, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
         let Some([low, high]) = self.window(step.object) else {
-            rejections.count(Rejection::RelationsLeaveNoRoom);
-            self.blame_relatives(step.object);
+            rejections.count(Rejection::RelationsInfeasible);
+            self.block_relatives(step.object);
             return false;
         };
         (0..self.context.settings.candidates_per_object).any(|_| {
@@ -139,21 +141,21 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Whether the cameras see an object that was put into something where that stands: else the search goes back to what
-    /// holds it.
-    fn can_be_seen(&mut self, step: &Step, rejections: &mut Rejections) -> bool {
+    /// True if an object inside another one is visible to a camera; otherwise the search backtracks to the container.
+    fn is_visible(&mut self, step: &Step, rejections: &mut Rejections) -> bool {
         let Some((carrier, _)) = step.support else { return true };
         let top = |object: usize| self.scene.bounds(object).map(|bounds| bounds.max.z);
         if top(step.object) >= top(carrier) {
             return true;
         }
         let Context { world, robot, settings, .. } = self.context;
-        let eye = match &mut self.eye {
-            Some(eye) => Some(eye),
-            // Whoever looks at the settled layout says what is wrong.
-            eye => Eye::new(&self.scene, world, robot).ok().map(|new| eye.insert(new)),
+        let visibility = match &mut self.visibility {
+            Some(visibility) => Some(visibility),
+            // Rendering errors are reported by the check of the settled layout.
+            visibility => VisibilityCheck::new(&self.scene, world, robot).ok().map(|new| visibility.insert(new)),
         };
-        let hidden = eye.map(|eye| eye.is_hidden_by(&[carrier], step.object, &self.scene, settings));
+        let hidden =
+            visibility.map(|visibility| visibility.is_hidden_by(&[carrier], step.object, &self.scene, settings));
         if !matches!(hidden, Some(Ok(true))) {
             return true;
         }
@@ -162,11 +164,11 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Opposite corners of where the middle of the object may be.
+    /// Feasible region of the object's centre, as opposite corners.
     fn window(&self, object: usize) -> Option<[DVec2; 2]> {
         let centers = || self.placed.iter().map(|&other| (other, self.center(other)));
-        let x = self.draft.x.range(object, centers().map(|(other, center)| (other, center.x)));
-        let y = self.draft.y.range(object, centers().map(|(other, center)| (other, center.y)));
+        let x = self.sampled.x.range(object, centers().map(|(other, center)| (other, center.x)));
+        let y = self.sampled.y.range(object, centers().map(|(other, center)| (other, center.y)));
         let (mut low, mut high) = (DVec2::new(x[0], y[0]), DVec2::new(x[1], y[1]));
         for (atom, indices) in &self.context.edges {
             if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) =
@@ -178,53 +180,52 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        // Rounding may leave an interval of one point a hair too short.
+        // Rounding may make a single-point interval slightly negative.
         let (near, far) = (low.min(high), low.max(high));
         ((near - low).abs().max_element() < 1e-9).then_some([near, far])
     }
 
-    /// Middle of a placed object's bounds.
+    /// Centre of a placed object's bounds.
     fn center(&self, object: usize) -> DVec2 {
         self.scene.bounds(object).map_or(DVec2::ZERO, |bounds| bounds.center().truncate())
     }
 
-    /// Whether the object keeps its distance, its reach and every edge to what is placed, with its middle at `center`;
-    /// it stands there then.
+    /// Moves the object to `center` and returns true if clearance, reach and every edge to placed objects hold.
     fn fits(&mut self, step: &Step, center: DVec2, rejections: &mut Rejections) -> bool {
         let (context, object) = (self.context, step.object);
         let [least, most] = context.reach_m;
         if context.moved[object] && !(least..=most).contains(&center.length()) {
             rejections.count(Rejection::OutOfReach);
-            self.blame_relatives(object);
+            self.block_relatives(object);
             return false;
         }
-        let stance = &self.draft.stances[object];
-        match step.support.zip(stance.seat) {
+        let oriented = &self.sampled.objects[object];
+        match step.support.zip(oriented.support_region) {
             None => {
                 let height = context.height(context.grounds[object]);
-                let bounds = moved_to(&stance.bounds, center, height);
-                let pose = stance.pose(center, height);
-                // Most candidates fall here, by their bounds alone.
+                let bounds = moved_to(&oriented.bounds, center, height);
+                let pose = oriented.pose(center, height);
+                // The bounds alone reject most candidates.
                 if let Some(blocker) = self.neighbour(object, &bounds, None) {
-                    return self.refuse(object, blocker, rejections);
+                    return self.reject_for(object, blocker, rejections);
                 }
                 self.put(object, pose);
             }
-            Some(((carrier, _), seat)) => {
-                let Some(bottom) = self.bottom_on(carrier, &seat) else { return false };
-                let pose = stance.pose(center, bottom);
+            Some(((carrier, _), support_region)) => {
+                let Some(bottom) = self.bottom_on(carrier, &support_region) else { return false };
+                let pose = oriented.pose(center, bottom);
                 self.put(object, pose);
-                // Letting down is costly, and most candidates fall to their neighbours on the same carrier.
+                // Check neighbours on the same carrier first: lowering is expensive, and they reject most candidates.
                 let beside = |&other: &usize| context.support_of(other) == Some(carrier);
                 let gap = |other| context.gap(object, other);
                 let blocker = self.placed.iter().copied().filter(|other| beside(other));
                 if let Some(blocker) =
                     blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other)))
                 {
-                    return self.refuse(object, blocker, rejections);
+                    return self.reject_for(object, blocker, rejections);
                 }
-                if !seat.covered
-                    && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
+                if !support_region.covered
+                    && !lower_onto(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
                     rejections.count(Rejection::BesideItsCarrier);
                     self.blockers.push(carrier);
@@ -234,17 +235,17 @@ impl<'a> Search<'a> {
         }
         let Some(bounds) = self.scene.bounds(object) else { return false };
         if !self.is_on_its_surface(step) {
-            rejections.count(Rejection::RelationsLeaveNoRoom);
-            self.blame_relatives(object);
+            rejections.count(Rejection::RelationsInfeasible);
+            self.block_relatives(object);
             return false;
         }
         if let Some(blocker) = self.neighbour(object, &bounds, Some(&self.scene)) {
-            return self.refuse(object, blocker, rejections);
+            return self.reject_for(object, blocker, rejections);
         }
         self.edges_hold(object, rejections)
     }
 
-    /// Whether an object keeps within the top of the surface it stands on, and clear of all surfaces and their boards.
+    /// True if an object is within the top of its surface and clear of all surfaces and boards.
     fn is_on_its_surface(&self, step: &Step) -> bool {
         let ground = self.context.grounds[step.object];
         let surface = self.context.world.surfaces.get(ground).filter(|_| ground > 0 && step.support.is_none());
@@ -261,9 +262,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn refuse(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
+    fn reject_for(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
         rejections.count(Rejection::TooClose);
-        // On a carrier it is the relations to it that leave no room.
+        // On a carrier, its support edges are responsible.
         for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
             if let Some(edge) = step.support_edge {
                 rejections.blame(&self.context.edges[edge].0);
@@ -273,18 +274,19 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Height at which an object starts above its carrier, or stands in a covered place.
-    fn bottom_on(&self, carrier: usize, seat: &Seat) -> Option<f64> {
+    /// Initial height of an object above its carrier, or in a covered cavity.
+    fn bottom_on(&self, carrier: usize, support_region: &SupportRegion) -> Option<f64> {
         let posed = self.scene.objects().nth(carrier)?;
         let bounds = self.scene.bounds(carrier)?;
-        Some(if seat.covered {
-            posed.pose.position.z + seat.area.min.z + self.context.settings.drop_m
+        Some(if support_region.covered {
+            posed.pose.position.z + support_region.area.min.z + self.context.settings.drop_m
         } else {
-            bounds.max.z + ABOVE_M
+            bounds.max.z + LOWERING_HEIGHT_M
         })
     }
 
-    /// A placed object that is too close: for certain by its bounds, or exactly when a scene with the object is given.
+    /// First placed object that is too close: by bounds alone (certain overlap), or exactly if a scene with the object
+    /// is given.
     fn neighbour(&self, object: usize, bounds: &Aabb, scene: Option<&PosedScene>) -> Option<usize> {
         let context = self.context;
         self.placed.iter().copied().find(|&other| {
@@ -297,30 +299,30 @@ impl<'a> Search<'a> {
             if planar >= gap || context.carries(other, object) || context.carries(object, other) {
                 return false;
             }
-            // Things on different supports may be above each other.
-            if !beside && apart.z > APART_M {
+            // Objects on different supports may be above each other.
+            if !beside && apart.z > MIN_VERTICAL_GAP_M {
                 return false;
             }
             match scene {
                 Some(scene) => !outlines_apart(scene, object, other, gap),
-                // Middles this close are never apart, whatever the outlines.
+                // Centres this close always overlap, whatever the outlines.
                 None => {
                     let offset = (bounds.center() - theirs.center()).truncate().abs();
                     let shorter = |bounds: &Aabb| bounds.size().truncate().min_element();
-                    beside && offset.max_element() < OVERLAPPING * (shorter(bounds) + shorter(&theirs))
+                    beside && offset.max_element() < OVERLAP_SHARE * (shorter(bounds) + shorter(&theirs))
                 }
             }
         })
     }
 
-    /// Whether every edge whose objects are all placed once this one is holds with a margin.
+    /// True if every edge whose objects are all placed holds with a margin.
     fn edges_hold(&mut self, object: usize, rejections: &mut Rejections) -> bool {
         let context = self.context;
         for (atom, indices) in context.edges.iter().filter(|(_, indices)| indices.contains(&object)) {
             let Atom::Relation { relation, .. } = atom else { continue };
             let unknown = |index: &&usize| **index != object && !self.placed.contains(index);
             let holds = match (relation, indices.iter().find(unknown)) {
-                // Judged after settling, when it has come to rest.
+                // Evaluated after settling.
                 (relation, _) if relation.is_support() => true,
                 (_, None) => {
                     let verdict = judge_atom(&self.scene, atom, context.relations);
@@ -328,9 +330,9 @@ impl<'a> Search<'a> {
                         && verdict.normalised_margin() >= Unit::Metre.normalise(context.settings.relation_margin_m)
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
-                    let stance = &self.draft.stances[subject];
-                    let gap = context.settings.min_gap_m + BETWEEN_SPARE_M;
-                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, gap, context)
+                    let oriented = &self.sampled.objects[subject];
+                    let gap = context.settings.min_gap_m + BETWEEN_MARGIN_M;
+                    between::leaves_space(&self.scene, [indices[1], indices[2]], oriented, gap, context)
                 }
                 _ => true,
             };
@@ -350,12 +352,12 @@ impl<'a> Search<'a> {
                 return false;
             }
         }
-        let wanted = self.draft.alternative.and_then(|index| context.goal_betweens.get(index));
+        let wanted = self.sampled.alternative.and_then(|index| context.goal_betweens.get(index));
         for &[subject, one, other] in wanted.into_iter().flatten() {
             let concerns = (one == object || other == object) && is_here(one) && is_here(other);
-            let stance = &self.draft.stances[subject];
-            if concerns && !between::leaves_room(&self.scene, [one, other], stance, GOAL_CLEARANCE_M, context) {
-                rejections.count(Rejection::NoRoomBetween(self.named(subject)));
+            let oriented = &self.sampled.objects[subject];
+            if concerns && !between::leaves_space(&self.scene, [one, other], oriented, GOAL_CLEARANCE_M, context) {
+                rejections.count(Rejection::NoSpaceBetween(self.named(subject)));
                 self.blockers.push(if one == object { other } else { one });
                 return false;
             }
@@ -363,25 +365,25 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// Whether the objects that the drawn alternative moves to a place on the table would find a free one there.
-    fn goal_has_room(&mut self, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
+    /// True if the objects moved by the sampled goal alternative have free space on the table.
+    fn goal_has_space(&mut self, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
-        let rooms = self.draft.alternative.and_then(|index| self.context.goal_rooms.get(index));
-        for room in rooms.into_iter().flatten() {
-            if room.anchors.iter().any(|(relation, _)| relation.is_support()) || self.is_free_somewhere(room, rng) {
+        let regions = self.sampled.alternative.and_then(|index| self.context.goal_regions.get(index));
+        for region in regions.into_iter().flatten() {
+            if region.anchors.iter().any(|(relation, _)| relation.is_support()) || self.is_free_somewhere(region, rng) {
                 continue;
             }
-            rejections.count(Rejection::NoRoomAtGoal(self.named(room.object)));
-            self.blockers.extend(room.anchors.iter().map(|(_, anchor)| anchor));
+            rejections.count(Rejection::NoSpaceAtGoal(self.named(region.object)));
+            self.blockers.extend(region.anchors.iter().map(|(_, anchor)| anchor));
             return false;
         }
         true
     }
 
-    fn is_free_somewhere(&mut self, room: &GoalRoom, rng: &mut impl Rng) -> bool {
+    fn is_free_somewhere(&mut self, region: &GoalRegion, rng: &mut impl Rng) -> bool {
         let context = self.context;
-        let bounds = self.draft.stances[room.object].bounds;
-        let ground = room.ground();
+        let bounds = self.sampled.objects[region.object].bounds;
+        let ground = region.ground();
         let area = context.area(ground, context.world.workspace);
         let half = bounds.size().truncate() * 0.5;
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
@@ -392,12 +394,12 @@ impl<'a> Search<'a> {
                 high = high.min(DVec2::new(window.x[1], window.y[1]));
             }
         };
-        for &(relation, anchor) in &room.anchors {
+        for &(relation, anchor) in &region.anchors {
             let anchor = self.scene.bounds(anchor);
             let window = anchor.and_then(|at| placement_window(relation, &at, bounds.size(), context.relations));
             narrow(window);
         }
-        for &(relation, surface) in room.surfaces.iter().filter(|(relation, _)| !relation.is_support()) {
+        for &(relation, surface) in region.surfaces.iter().filter(|(relation, _)| !relation.is_support()) {
             narrow(context.surface_window(relation, surface, bounds.size()));
         }
         if low.cmpgt(high).any() {
@@ -408,7 +410,7 @@ impl<'a> Search<'a> {
             let center = low + (high - low) * DVec2::new(rng.random(), rng.random());
             let there = moved_to(&bounds, center, context.height(ground));
             let there = Aabb { min: there.min - clearance, max: there.max + clearance };
-            let blocker = self.placed.iter().copied().filter(|&other| other != room.object).find(|&other| {
+            let blocker = self.placed.iter().copied().filter(|&other| other != region.object).find(|&other| {
                 let overlap = |at: Aabb| at.min.cmplt(there.max).all() && there.min.cmplt(at.max).all();
                 self.scene.bounds(other).is_some_and(overlap)
             });
@@ -424,45 +426,49 @@ impl<'a> Search<'a> {
         NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
     }
 
-    /// Whatever the object is tied to by relations stands in its way.
-    fn blame_relatives(&mut self, object: usize) {
-        let tied = |&other: &usize| {
-            self.draft.x.ties(object, other)
+    /// Adds all placed objects related to this one to the blockers.
+    fn block_relatives(&mut self, object: usize) {
+        let is_related = |&other: &usize| {
+            self.sampled.x.are_related(object, other)
                 || self.context.edges.iter().any(|(_, indices)| indices.contains(&object) && indices.contains(&other))
         };
-        let relatives: Vec<usize> = self.placed.iter().copied().filter(tied).collect();
+        let relatives: Vec<usize> = self.placed.iter().copied().filter(is_related).collect();
         self.blockers.extend(relatives);
     }
 
-    /// How many objects keep their places when the search goes back; `None` when nothing is in the way.
+    /// Number of objects that stay placed when backtracking; `None` if nothing is placed.
     ///
-    /// Mostly to the last one that was in the way, now and then to any of them, so that it does not go in circles.
-    fn retreat(&self, rng: &mut impl Rng) -> Option<usize> {
-        let mut culprits: Vec<usize> =
+    /// Backtracks mostly to the last blocker, sometimes to a random one to avoid cycling.
+    fn backtrack(&self, rng: &mut impl Rng) -> Option<usize> {
+        let mut candidates: Vec<usize> =
             (0..self.placed.len()).filter(|&position| self.blockers.contains(&self.placed[position])).collect();
-        if culprits.is_empty() {
-            culprits = (0..self.placed.len()).collect();
+        if candidates.is_empty() {
+            candidates = (0..self.placed.len()).collect();
         }
-        let last = *culprits.last()?;
-        Some(if rng.random_bool(BACK_TO_LAST) { last } else { culprits[rng.random_range(0..culprits.len())] })
+        let last = *candidates.last()?;
+        Some(if rng.random_bool(LAST_BLOCKER_PROBABILITY) {
+            last
+        } else {
+            candidates[rng.random_range(0..candidates.len())]
+        })
     }
 }
 
-/// Bounds with their middle over a point and their bottom at a height.
+/// Translates bounds to a centre and a bottom height.
 fn moved_to(bounds: &Aabb, center: DVec2, height: f64) -> Aabb {
     let by = (center - bounds.center().truncate()).extend(height - bounds.min.z);
     Aabb { min: bounds.min + by, max: bounds.max + by }
 }
 
-/// Lets an object that hovers above another down until `gap` metres remain; false when it is not above it.
-pub(crate) fn let_down(
+/// Lowers an object onto the one below until `gap` metres remain; false if it is not above it.
+pub(crate) fn lower_onto(
     scene: &mut PosedScene,
     object: usize,
     carrier: usize,
     gap: f64,
     relations: &RelationSettings,
 ) -> bool {
-    let Some(fall) = contact_below(scene, object, carrier, relations) else { return false };
-    scene.shift(object, DVec3::Z * (gap - fall.gap_m));
+    let Some(contact) = contact_below(scene, object, carrier, relations) else { return false };
+    scene.shift(object, DVec3::Z * (gap - contact.gap_m));
     true
 }

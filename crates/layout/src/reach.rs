@@ -1,4 +1,4 @@
-//! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
+//! Feasibility check of the goal: each moved object is graspable and has a goal pose.
 
 use std::collections::BTreeMap;
 
@@ -14,31 +14,31 @@ use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
 use crate::settings::LayoutSettings;
 
-/// Joint positions of objects in the states that were asked for, `None` where the arm cannot bring them there.
-type Turned = BTreeMap<(usize, String), Option<Vec<f64>>>;
+/// Joint positions of objects in requested states; `None` if the arm cannot reach the state.
+type ReachableStates = BTreeMap<(usize, String), Option<Vec<f64>>>;
 
-/// Everything that whether a layout can be served depends on.
+/// Inputs of the feasibility check.
 pub(crate) struct ReachCheck<'a> {
-    /// The layout, settled.
+    /// The settled layout.
     pub scene: &'a PosedScene,
-    /// Where things may stand, and how they are judged.
+    /// Workspace and relation settings.
     pub world: &'a World,
-    /// Robot and gripper.
+    /// Planner of the robot.
     pub planner: &'a Planner,
-    /// When an object counts as graspable, how room at the goal is sought, and how joints are moved.
+    /// Layout settings.
     pub settings: &'a LayoutSettings,
     /// Known grasps of each object.
-    pub tried: &'a [&'a [TriedGrasp]],
-    /// Stream of this attempt.
+    pub known_grasps: &'a [&'a [TriedGrasp]],
+    /// Random stream of this attempt.
     pub seed: Seed,
 }
 
 impl ReachCheck<'_> {
-    /// The reason when no alternative of the goal can be served.
+    /// Reason why no goal alternative is feasible; `None` if one is.
     pub fn unreachable(&self, goal: &Goal) -> Option<Rejection> {
-        let (mut reason, mut turned) = (None, Turned::new());
+        let (mut reason, mut reachable_state) = (None, ReachableStates::new());
         for alternative in moves(goal, self.scene) {
-            match self.obstacle(&alternative, &mut turned) {
+            match self.obstacle(&alternative, &mut reachable_state) {
                 None => return None,
                 Some(obstacle) => reason = Some(obstacle),
             }
@@ -46,12 +46,12 @@ impl ReachCheck<'_> {
         reason
     }
 
-    /// What stands in the way of moves that are made one after the other; first what is quick to tell.
-    fn obstacle(&self, steps: &[Move], turned: &mut Turned) -> Option<Rejection> {
-        self.ungraspable(steps).or_else(|| self.no_way(steps, turned))
+    /// First obstacle to a sequence of moves; cheap checks first.
+    fn obstacle(&self, steps: &[Move], reachable_state: &mut ReachableStates) -> Option<Rejection> {
+        self.ungraspable(steps).or_else(|| self.infeasible_move(steps, reachable_state))
     }
 
-    /// The first object that is to be carried and cannot be grasped.
+    /// First object to be carried that cannot be grasped.
     fn ungraspable(&self, steps: &[Move]) -> Option<Rejection> {
         let occupied = obstacles::around(self.scene, None);
         steps.iter().filter(|step| step.state().is_none()).find_map(|step| {
@@ -67,8 +67,8 @@ impl ReachCheck<'_> {
         })
     }
 
-    /// The first object that cannot be brought into its state, or finds no place.
-    fn no_way(&self, steps: &[Move], known: &mut Turned) -> Option<Rejection> {
+    /// First object whose state is unreachable or that has no goal pose.
+    fn infeasible_move(&self, steps: &[Move], known: &mut ReachableStates) -> Option<Rejection> {
         let Self { scene, world, planner, settings, seed, .. } = *self;
         let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
         let mut after = scene.clone();
@@ -76,9 +76,9 @@ impl ReachCheck<'_> {
             let object = scene.objects().nth(step.object)?;
             let named = || NamedObject::of(object);
             if let Some(state) = step.state() {
-                let ask = || turned(step.object, state, scene, planner, &settings.joint);
+                let ask = || reachable_state(step.object, state, scene, planner, &settings.joint);
                 let Some(joints) = known.entry((step.object, state.to_owned())).or_insert_with(ask) else {
-                    return Some(Rejection::NoWayToState { object: named(), state: state.into() });
+                    return Some(Rejection::UnreachableState { object: named(), state: state.into() });
                 };
                 after.set_pose(step.object, object.pose, joints);
                 return None;
@@ -92,21 +92,21 @@ impl ReachCheck<'_> {
                 relations: &world.relations,
                 settings: &settings.goal_pose,
             };
-            let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
-            let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
-            after.set_pose(step.object, place.world_from_object, &object.joint_positions);
+            let goal_poses = search.goal_poses(step, &steps[index + 1..], &usable, seed.fork("room"));
+            let Some(goal_pose) = goal_poses.first() else { return Some(Rejection::NoSpaceAtGoal(named())) };
+            after.set_pose(step.object, goal_pose.world_from_object, &object.joint_positions);
             None
         })
     }
 
-    /// Whether the arm can carry any grasp of an object out, from its home: known ones first, then sampled ones.
+    /// True if any grasp of an object is feasible from the home configuration: known grasps first, then sampled ones.
     fn is_graspable(
         &self,
         index: usize,
         object: &PosedObject,
         occupied: &CollisionWorld,
     ) -> Result<bool, GeometryError> {
-        let Self { scene, planner, tried, seed, .. } = *self;
+        let Self { scene, planner, known_grasps, seed, .. } = *self;
         let pieces = object.model.pieces(&object.joint_positions);
         let query = PickQuery {
             planner,
@@ -116,15 +116,15 @@ impl ReachCheck<'_> {
             arm: &planner.robot().home,
             settings: &self.settings.grasp,
         };
-        let within_reach = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
-        let known = tried.get(index).copied().unwrap_or_default();
-        Ok(within_reach(obstacles::tried_grasps(planner, scene, index, known)?)
-            || within_reach(obstacles::generated_grasps(planner, scene, index, seed.fork("reach"))?))
+        let any_feasible = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
+        let known = known_grasps.get(index).copied().unwrap_or_default();
+        Ok(any_feasible(obstacles::tried_grasps(planner, scene, index, known)?)
+            || any_feasible(obstacles::generated_grasps(planner, scene, index, seed.fork("reach"))?))
     }
 }
 
-/// Joint positions of an object in a state; `None` when the arm cannot move every joint there, one after the other.
-fn turned(
+/// Joint positions of an object in a state; `None` if the arm cannot move every joint there in sequence.
+fn reachable_state(
     object: usize,
     state: &str,
     scene: &PosedScene,

@@ -1,4 +1,4 @@
-//! Why attempts at a layout are rejected: reasons with their data, counted; text only where people read it.
+//! Rejection reasons of layout attempts, with data and counts.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -6,33 +6,33 @@ use std::fmt;
 use genmanip_core::Atom;
 use genmanip_relations::PosedObject;
 
-/// Reasons listed in a message; more do not help whoever reads it.
-const LISTED: usize = 4;
+/// Maximum number of reasons in a message.
+const MAX_LISTED: usize = 4;
 
-/// Why an attempt at a layout was rejected.
+/// Reason for rejecting a layout attempt.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rejection {
-    /// The relations alone contradict each other or the table's edges.
-    RelationsLeaveNoRoom,
-    /// An object that is to be moved would lie too near to the robot or too far from it.
+    /// The relations contradict each other or the table's extent.
+    RelationsInfeasible,
+    /// An object to be moved would be too close to or too far from the robot.
     OutOfReach,
-    /// An object that is let down misses what is to carry it.
+    /// A lowered object misses its carrier.
     BesideItsCarrier,
-    /// Two objects would be closer than the smallest gap.
+    /// Two objects would be closer than the minimum gap.
     TooClose,
-    /// An edge of the graph would not hold by the margin of the settings.
+    /// An edge of the graph would not hold with the required margin.
     EdgeUnsatisfied,
-    /// An object found no place in any of its tries.
+    /// No candidate pose of an object was valid.
     NoPlace(NamedObject),
-    /// The goal wants an object between two others that leave no room for it.
-    NoRoomBetween(NamedObject),
-    /// The goal wants an object where nothing is free.
-    NoRoomAtGoal(NamedObject),
-    /// The goal holds before anything is done.
+    /// The references of a `between` goal leave no space for the object.
+    NoSpaceBetween(NamedObject),
+    /// The target region of an object is occupied.
+    NoSpaceAtGoal(NamedObject),
+    /// The goal already holds.
     GoalHolds,
-    /// The simulator cannot compile or step the scene, in its own words.
+    /// The simulation became unstable; the text is its error message.
     Physics(String),
-    /// Objects do not come to rest in the settling time.
+    /// Objects do not come to rest within the settling time.
     NoRest,
     /// An object moves too far while settling.
     Slides(NamedObject),
@@ -44,38 +44,38 @@ pub enum Rejection {
     EdgeLost,
     /// A state of the graph no longer holds after settling.
     StateLost(Atom),
-    /// An object moves when it is left alone.
+    /// A settled object starts to move.
     Drifts(NamedObject),
-    /// The arm cannot bring an object into a state of the goal.
-    NoWayToState {
+    /// The arm cannot bring an object into a goal state.
+    UnreachableState {
         /// The object.
         object: NamedObject,
         /// The state.
         state: String,
     },
-    /// No grasp of an object is in reach where it lies.
+    /// No grasp of an object is reachable.
     NoGrasp(NamedObject),
-    /// The geometry of an object allows no grasp at all, in the words of the grasp generator.
+    /// Grasp sampling fails on the object's geometry; the text is its error message.
     NoGraspGeometry {
         /// The object.
         object: NamedObject,
-        /// What is wrong with it.
+        /// Error message.
         reason: String,
     },
-    /// No camera that prompts are made with sees enough of an object.
+    /// No prompt camera sees enough of an object.
     Unseen(NamedObject),
 }
 
-/// An object as a rejection names it.
+/// Id and name of an object in a rejection.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NamedObject {
-    /// What the scene calls it.
+    /// Id in the scene.
     pub id: String,
-    /// What people call it.
+    /// Display name.
     pub name: String,
 }
 
-/// Counted rejections, the edges that conflict named.
+/// Rejection counts and conflicting edges.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     reasons: BTreeMap<Rejection, usize>,
@@ -88,17 +88,17 @@ impl Rejections {
         *self.reasons.entry(reason).or_default() += 1;
     }
 
-    /// Names an edge as one that stood in the way.
+    /// Counts an edge as conflicting.
     pub fn blame(&mut self, edge: &Atom) {
         *self.edges.entry(edge.clone()).or_default() += 1;
     }
 
-    /// Reasons with their counts, most frequent first, equals in the order of their words.
+    /// Reasons with counts, most frequent first, ties in alphabetical order.
     pub fn reasons(&self) -> Vec<(&Rejection, usize)> {
         ranked(&self.reasons)
     }
 
-    /// How often an object was not seen; of several the one that was so most often.
+    /// Number of `Unseen` rejections of the object with most of them.
     pub(crate) fn most_unseen(&self) -> usize {
         let unseen = self.reasons.iter().filter(|(reason, _)| matches!(reason, Rejection::Unseen(_)));
         unseen.map(|(_, &count)| count).max().unwrap_or(0)
@@ -113,7 +113,7 @@ impl Rejections {
 }
 
 impl NamedObject {
-    /// The name of an object of a scene.
+    /// Id and name of an object in a scene.
     pub fn of(object: &PosedObject) -> Self {
         Self { id: object.id.clone(), name: object.model.card.name.clone() }
     }
@@ -128,29 +128,29 @@ impl fmt::Display for NamedObject {
 impl fmt::Display for Rejection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::RelationsLeaveNoRoom => f.write_str("the relations leave no room"),
+            Self::RelationsInfeasible => f.write_str("the relations leave no feasible region"),
             Self::OutOfReach => f.write_str("out of reach"),
             Self::BesideItsCarrier => f.write_str("not above its carrier"),
             Self::TooClose => f.write_str("too close to a neighbour"),
             Self::EdgeUnsatisfied => f.write_str("an edge cannot be satisfied"),
-            Self::NoPlace(object) => write!(f, "no free place for {object}"),
-            Self::NoRoomBetween(object) => write!(f, "no room for {object} between what the goal wants it between"),
-            Self::NoRoomAtGoal(object) => write!(f, "no room for {object} where the goal wants it"),
-            Self::GoalHolds => f.write_str("the goal holds already"),
-            Self::Physics(error) => write!(f, "physics refuses the layout: {error}"),
+            Self::NoPlace(object) => write!(f, "no free pose for {object}"),
+            Self::NoSpaceBetween(object) => write!(f, "no space for {object} between its two goal references"),
+            Self::NoSpaceAtGoal(object) => write!(f, "no space for {object} at its goal"),
+            Self::GoalHolds => f.write_str("the goal already holds"),
+            Self::Physics(error) => write!(f, "the simulation rejects the layout: {error}"),
             Self::NoRest => f.write_str("objects do not come to rest"),
             Self::Slides(object) => write!(f, "{object} slides or rolls while settling"),
             Self::FallsOver(object) => write!(f, "{object} falls over while settling"),
             Self::Penetration => f.write_str("objects penetrate each other"),
             Self::EdgeLost => f.write_str("an edge does not hold after settling"),
-            Self::StateLost(atom) => write!(f, "not so after settling: {atom}"),
-            Self::Drifts(object) => write!(f, "{object} does not stay where it lies"),
-            Self::NoWayToState { object, state } => {
-                write!(f, "no way for the arm to bring {object} into the state {state}")
+            Self::StateLost(atom) => write!(f, "not true after settling: {atom}"),
+            Self::Drifts(object) => write!(f, "{object} does not stay at rest"),
+            Self::UnreachableState { object, state } => {
+                write!(f, "the arm cannot bring {object} into state {state}")
             }
-            Self::NoGrasp(object) => write!(f, "{object} cannot be grasped where it lies"),
+            Self::NoGrasp(object) => write!(f, "{object} cannot be grasped at its pose"),
             Self::NoGraspGeometry { object, reason } => write!(f, "{object} cannot be grasped: {reason}"),
-            Self::Unseen(object) => write!(f, "{object} is not seen by any prompt camera"),
+            Self::Unseen(object) => write!(f, "{object} is not visible to any prompt camera"),
         }
     }
 }
@@ -159,14 +159,14 @@ impl fmt::Display for Rejections {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", list(&self.reasons()))?;
         if !self.edges.is_empty() {
-            write!(f, "; edges in conflict: {}", list(&self.conflicting_edges()))?;
+            write!(f, "; conflicting edges: {}", list(&self.conflicting_edges()))?;
         }
         Ok(())
     }
 }
 
 fn list<T: fmt::Display>(entries: &[(T, usize)]) -> String {
-    entries.iter().take(LISTED).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
+    entries.iter().take(MAX_LISTED).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
 }
 
 fn ranked(counts: &BTreeMap<Rejection, usize>) -> Vec<(&Rejection, usize)> {
@@ -198,8 +198,8 @@ mod tests {
             rejections.count(reason);
         }
         assert_eq!(rejections.reasons()[0], (&mug, 2));
-        let words = "no free place for Red Mug (2×), no free place for Blue Cube (1×), out of reach (1×), the goal holds \
-                     already (1×)";
+        let words = "no free pose for Red Mug (2×), no free pose for Blue Cube (1×), out of reach (1×), the goal already \
+                     holds (1×)";
         assert_eq!(rejections.to_string(), words);
     }
 }

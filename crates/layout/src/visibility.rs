@@ -1,4 +1,4 @@
-//! Whether the cameras see what matters: each task object large enough and not hidden in at least one of them.
+//! Visibility check: each task object must be large enough and not occluded in at least one camera.
 
 use std::sync::Arc;
 
@@ -12,20 +12,20 @@ use genmanip_render::{
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
 
-/// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
+/// z position of objects excluded from rendering [m], far below every image.
 const AWAY_M: f64 = -50.0;
 
-/// The prompt cameras on a scene of these objects.
-pub(crate) struct Eye<'a> {
+/// Renders the prompt cameras of a scene to count visible pixels.
+pub(crate) struct VisibilityCheck<'a> {
     world: &'a World,
     robot: &'a RobotModel,
     assets: Arc<RenderAssets>,
     renderer: Renderer,
 }
 
-impl<'a> Eye<'a> {
+impl<'a> VisibilityCheck<'a> {
     /// # Errors
-    /// When the scene cannot be drawn.
+    /// Fails if the scene cannot be rendered.
     pub fn new(scene: &PosedScene, world: &'a World, robot: &'a Arc<RobotModel>) -> Result<Self, RenderError> {
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
         let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world))?;
@@ -33,12 +33,12 @@ impl<'a> Eye<'a> {
         Ok(Self { world, robot, assets, renderer })
     }
 
-    /// Pixels of each object in each camera when everything is drawn, or only some objects without the robot.
+    /// Pixels of each object in each camera, with everything rendered or only some objects without the robot.
     fn pixels(&mut self, scene: &PosedScene, only: Option<&[usize]>) -> Result<Vec<Vec<usize>>, RenderError> {
         let away = Pose::from_position(DVec3::Z * AWAY_M);
         let poses = scene.objects().enumerate().map(|(index, object)| {
-            let shown = only.is_none_or(|only| only.contains(&index));
-            (if shown { object.pose } else { away }, object.joint_positions.as_slice())
+            let is_rendered = only.is_none_or(|only| only.contains(&index));
+            (if is_rendered { object.pose } else { away }, object.joint_positions.as_slice())
         });
         let mut state = self.assets.frame_state(&self.robot.home, self.robot.gripper.max_width, poses)?;
         if only.is_some() {
@@ -50,13 +50,13 @@ impl<'a> Eye<'a> {
         let mut buffers = vec![FrameBuffers::default(); jobs.len()];
         self.renderer.render(&jobs, &mut buffers)?;
         let count = scene.objects().count();
-        Ok(buffers.iter().map(|picture| pixels_per_object(picture, count)).collect())
+        Ok(buffers.iter().map(|image| pixels_per_object(image, count)).collect())
     }
 
-    /// Whether the objects around it alone hide an object from every camera.
+    /// True if the objects `around` alone hide an object from every camera.
     ///
     /// # Errors
-    /// When a picture cannot be drawn.
+    /// Fails if an image cannot be rendered.
     pub fn is_hidden_by(
         &mut self,
         around: &[usize],
@@ -64,64 +64,65 @@ impl<'a> Eye<'a> {
         scene: &PosedScene,
         settings: &LayoutSettings,
     ) -> Result<bool, RenderError> {
-        let together = self.pixels(scene, Some(&[around, &[object]].concat()))?;
-        if together.iter().all(|picture| picture[object] < settings.min_pixels) {
+        let with_others = self.pixels(scene, Some(&[around, &[object]].concat()))?;
+        if with_others.iter().all(|image| image[object] < settings.min_pixels) {
             return Ok(true);
         }
         let alone = self.pixels(scene, Some(&[object]))?;
-        Ok(!is_seen(object, &together, &alone, settings))
+        Ok(!is_visible(object, &with_others, &alone, settings))
     }
 }
 
-/// The reason when some object is too small or too hidden in every prompt camera.
+/// First task object that is too small or too occluded in every prompt camera.
 ///
 /// # Errors
-/// When a picture cannot be drawn: what nobody can see does not count as seen.
-pub(crate) fn hidden(
+/// Fails if an image cannot be rendered.
+pub(crate) fn first_hidden(
     scene: &PosedScene,
     world: &World,
     task_objects: usize,
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Result<Option<Rejection>, RenderError> {
-    let mut eye = Eye::new(scene, world, robot)?;
+    let mut check = VisibilityCheck::new(scene, world, robot)?;
     let cameras = world.prompt_cameras();
-    let together = eye.pixels(scene, None)?;
+    let with_others = check.pixels(scene, None)?;
     for (index, object) in scene.objects().take(task_objects).enumerate() {
-        // The outline of an object is never smaller than the object, so this settles nearly all cases at once.
-        let plainly_seen = together.iter().zip(&cameras).any(|(picture, camera)| {
-            let visible = picture[index];
+        // The bounding rectangle is never smaller than the object, which settles nearly all cases without rendering it
+        // alone.
+        let clearly_visible = with_others.iter().zip(&cameras).any(|(image, camera)| {
+            let visible = image[index];
             visible >= settings.min_pixels
                 && visible as f64 >= settings.min_visible_share * outline_pixels(object, camera)
         });
-        if plainly_seen {
+        if clearly_visible {
             continue;
         }
-        let alone = eye.pixels(scene, Some(&[index]))?;
-        if !is_seen(index, &together, &alone, settings) {
+        let alone = check.pixels(scene, Some(&[index]))?;
+        if !is_visible(index, &with_others, &alone, settings) {
             return Ok(Some(Rejection::Unseen(NamedObject::of(object))));
         }
     }
     Ok(None)
 }
 
-/// Whether some camera sees enough of an object, given its pixels in each camera among others and alone.
-fn is_seen(object: usize, together: &[Vec<usize>], alone: &[Vec<usize>], settings: &LayoutSettings) -> bool {
-    together.iter().zip(alone).any(|(together, alone)| {
-        let (visible, whole) = (together[object], alone[object]);
+/// True if some camera sees enough of an object, given its pixel counts with the others and alone.
+fn is_visible(object: usize, with_others: &[Vec<usize>], alone: &[Vec<usize>], settings: &LayoutSettings) -> bool {
+    with_others.iter().zip(alone).any(|(with_others, alone)| {
+        let (visible, whole) = (with_others[object], alone[object]);
         visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
     })
 }
 
-fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {
+fn pixels_per_object(image: &FrameBuffers, objects: usize) -> Vec<usize> {
     let mut pixels = vec![0; objects];
-    for object in picture.instance.iter().filter_map(|&id| object_of_instance(id)) {
+    for object in image.instance.iter().filter_map(|&id| object_of_instance(id)) {
         pixels[object] += 1;
     }
     pixels
 }
 
-/// Pixels in the bounds of what an object would cover if nothing hid it; infinite when a corner is behind the camera.
+/// Area of an object's bounding rectangle in the image [px]; infinite if a vertex is behind the camera.
 fn outline_pixels(object: &PosedObject, camera: &Camera) -> f64 {
     let camera_from_world = camera.mount_from_camera.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

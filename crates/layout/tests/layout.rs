@@ -1,4 +1,5 @@
-//! Layouts of real tasks: the whole graph holds, the goal does not, nothing moves, the same seed gives the same bytes.
+//! Layouts of example tasks: the whole graph holds, the goal does not, nothing moves, the same seed gives the same
+//! bytes.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
@@ -19,7 +20,7 @@ fn planner() -> &'static Planner {
     PLANNER.get_or_init(|| Planner::new(panda(), PlannerSettings::default()).unwrap())
 }
 
-/// All example tasks, by the names of their files.
+/// All example tasks, by file name.
 fn tasks() -> Vec<Task> {
     let folder = format!("{}/../../examples/tasks", env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -48,7 +49,7 @@ fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
     )
 }
 
-/// The scenario as relations see it, from nothing but what is in its file.
+/// Posed scene built from the scenario file alone.
 fn posed(scenario: &Scenario) -> PosedScene {
     let objects = scenario.objects.iter().map(|placed| PosedObject {
         id: placed.id.clone(),
@@ -59,7 +60,7 @@ fn posed(scenario: &Scenario) -> PosedScene {
     PosedScene::new(objects.collect(), &scenario.world.surfaces, &mut ShapeCache::default())
 }
 
-/// Everything a layout promises.
+/// Checks all guarantees of a layout.
 fn check(scenario: &Scenario) {
     let (id, task, relations) = (&scenario.id, &scenario.task, RelationSettings::default());
     let scene = posed(scenario);
@@ -93,7 +94,7 @@ fn check(scenario: &Scenario) {
         assert!(inside, "{id}: object {index} leaves the table area: {bounds:?}");
         assert!(bounds.min.z > -1e-3, "{id}: object {index} sinks into the table");
     }
-    // Without a relation of support two objects stand apart, so that a finger fits between them.
+    // Objects without a support relation are far enough apart for a finger.
     let support_of = |index: usize| {
         let id = &scenario.objects[index].id;
         let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *id && edge.relation.is_support());
@@ -145,7 +146,7 @@ fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
     GraphEdge { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-/// A task with a graph of one's own; its goal is that of a cube on a cube, never reached.
+/// A task with a custom graph; its goal, a cube on a cube, is never reached.
 fn with_graph(nodes: &[&str], edges: Vec<GraphEdge>) -> Task {
     let mut task = task("024_appearance");
     task.scene_graph.nodes = nodes.iter().map(|uid| node(uid)).collect();
@@ -183,11 +184,11 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
         _ => false,
     };
     assert!(rejections.reasons().iter().any(found_none), "{message}");
-    assert!(message.contains("20 attempts") && message.contains("edges in conflict: "), "{message}");
+    assert!(message.contains("20 attempts") && message.contains("conflicting edges: "), "{message}");
     assert!(message.contains(&edges[0]) && message.len() < 800, "{message}");
 }
 
-/// Eight things in a bin for three are refused before anything is drawn, in the words of a search that found no room.
+/// Eight objects in a bin for three are rejected before sampling, with the message of a failed search.
 #[test]
 fn what_surely_finds_no_room_is_refused_at_once() {
     let things = ["027", "028", "030", "031", "034", "046", "047", "048"];
@@ -196,14 +197,15 @@ fn what_surely_finds_no_room_is_refused_at_once() {
     let error = layout_of(&task, 1).unwrap_err();
     let message = error.to_string();
     let LayoutError::Infeasible { restarts: 0, rejections, furthest, .. } = error else { panic!("{message}") };
-    assert!(message.contains("too close to a neighbour") && message.contains("no free place for "), "{message}");
+    assert!(message.contains("too close to a neighbour") && message.contains("no free pose for "), "{message}");
     let edges = rejections.conflicting_edges();
     assert!(edges.len() == 8 && edges.iter().all(|(edge, _)| edge.to_string().ends_with(" in 053")), "{message}");
     assert_eq!(furthest.map(|furthest| furthest.placed.len()), Some(9), "there is something to draw");
 }
 
-/// A goal that nearly every layout meets by chance, and a fruit that only some places of its bin show: both are steered
-/// away from while things are placed, where a search by whole layouts gave up.
+/// A goal that nearly every random layout meets, and a fruit visible in only some poses in its bin: the backtracking
+/// search
+/// avoids both where rejection sampling of whole layouts failed.
 #[test]
 fn rare_layouts_are_found() {
     for text in [include_str!("../testdata/near_by_chance.json"), include_str!("../testdata/pear_in_a_bin.json")] {
@@ -214,7 +216,7 @@ fn rare_layouts_are_found() {
     }
 }
 
-/// Which edges a graph without room is refused with, and that what was reached can be drawn.
+/// Infeasible graphs report the conflicting edges, and the partial layout can be rendered.
 #[test]
 fn infeasible_graphs_name_the_edges_in_conflict() {
     use Relation::{In, Left, Top};
@@ -310,14 +312,14 @@ fn what_is_wrong_with_a_graph_is_named() {
         (with_graph(&["047", "cube"], vec![]), "046 (Red Cube)"),
         (
             with_graph(&["047", "046"], vec![edge("046", Relation::Left, "048")]),
-            "edge `046 left 048` names 048, which is no node of the scene graph",
+            "edge `046 left 048` refers to 048, which is not a node of the scene graph",
         ),
         (
             with_graph(
                 &["047", "046", "048"],
                 vec![edge("046", Relation::On, "048"), edge("048", Relation::On, "046")],
             ),
-            "046, 048 stand on each other in a circle",
+            "support cycle: 046 → 048",
         ),
     ];
     for (task, wanted) in cases {
@@ -329,7 +331,9 @@ fn what_is_wrong_with_a_graph_is_named() {
     assert_eq!((got.as_str(), near.len()), ("101", 1));
 }
 
-/// Grasps of other physics stop the work with the object's name; grasps of another robot are none, and are sampled.
+/// Grasps tested with different physics are an error with the object's name; grasps of another robot are ignored and
+/// new
+/// ones sampled.
 #[test]
 fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
     let task = task("024_appearance");
@@ -358,7 +362,7 @@ fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
     assert_eq!(known.objects.len(), none.objects.len());
 }
 
-/// The audit measures what it says: a layout that was tampered with is found out.
+/// The audit detects a manipulated layout.
 #[test]
 fn the_audit_notices_a_lifted_and_a_sunk_object() {
     let scenario = layout_of(&task("024_appearance"), 1).unwrap();
@@ -371,7 +375,7 @@ fn the_audit_notices_a_lifted_and_a_sunk_object() {
     assert!(shifted(-0.005).penetration_m > 0.004, "it starts inside the table");
 }
 
-/// What is put into something shut needs it open, said or not.
+/// Filling a closed container opens it, even if the goal does not say so.
 #[test]
 fn a_shut_container_is_opened_before_it_is_filled() {
     let placed = |relation: Relation, uid: &str| Atom::Relation {

@@ -1,14 +1,14 @@
-//! The arm of a robot, compiled for speed: one moving frame per joint, its axis along z.
+//! Compiled kinematic chain of a robot arm: one moving frame per joint with its axis along z.
 
 use genmanip_core::{JointKind, Pose, RobotModel};
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::rigid::Rigid;
 
-/// A robot model that cannot be used for planning.
+/// Error in a robot model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
-    /// A parent comes after its child, or does not exist.
+    /// A parent link comes after its child or does not exist.
     #[error("link {link} of robot {robot}: parent index {got} is not before the link itself (index {index})")]
     ParentOrder {
         /// Robot.
@@ -20,7 +20,7 @@ pub enum ModelError {
         /// Index of its parent.
         got: usize,
     },
-    /// The home configuration does not name every arm joint.
+    /// The home configuration has the wrong length.
     #[error("robot {robot}: home holds {got} positions, expected one for each of its {expected} arm joints")]
     HomeLength {
         /// Robot.
@@ -30,17 +30,17 @@ pub enum ModelError {
         /// Length of `home`.
         got: usize,
     },
-    /// A limit, axis or frame is not finite, empty, or of zero length.
+    /// A limit, axis or frame is not finite, empty, or has zero length.
     #[error("robot {robot}, joint {joint}: {what}")]
     BadJoint {
         /// Robot.
         robot: String,
         /// Joint.
         joint: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         what: String,
     },
-    /// An index of the hand or a finger names no link.
+    /// The index of the hand or a finger is out of range.
     #[error("robot {robot}: {what} is link {got}, but there are {expected} links")]
     NoSuchLink {
         /// Robot.
@@ -54,30 +54,31 @@ pub enum ModelError {
     },
 }
 
-/// Forward kinematics of a robot's arm.
+/// Forward kinematics of a robot arm.
 ///
-/// Frame 0 is the base (= world); frame `k + 1` moves with arm joint `k`, its z axis along the joint's axis.
-/// Rigidly attached links are folded into the frame that carries them.
+/// Frame 0 is the base (= world); frame `k + 1` moves with arm joint `k`, z along the joint axis. Fixed links are
+/// merged
+/// into the frame that carries them.
 #[derive(Clone, Debug)]
 pub struct Chain {
     joints: Vec<ChainJoint>,
     tcp_frame: usize,
     frame_from_tcp: Rigid,
-    links: Vec<LinkPlace>,
+    links: Vec<LinkMount>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct ChainJoint {
     pub(crate) parent_frame: usize,
     pub(crate) parent_from_joint: Rigid,
-    pub(crate) slides: bool,
+    pub(crate) is_prismatic: bool,
     pub(crate) lower: f64,
     pub(crate) upper: f64,
 }
 
-/// Where a link sits: its moving frame, its pose there with the gripper closed, and how an opening width moves it.
+/// Mount of a link: its moving frame, its pose in that frame with a closed gripper, and its motion per opening width.
 #[derive(Clone, Debug)]
-struct LinkPlace {
+struct LinkMount {
     frame: usize,
     frame_from_link: Rigid,
     per_width: DVec3,
@@ -88,15 +89,15 @@ impl Chain {
     pub fn new(robot: &RobotModel) -> Result<Self, ModelError> {
         check_indices(robot)?;
         let mut joints: Vec<ChainJoint> = Vec::new();
-        let mut links: Vec<LinkPlace> = Vec::with_capacity(robot.links.len());
+        let mut links: Vec<LinkMount> = Vec::with_capacity(robot.links.len());
         for (index, link) in robot.links.iter().enumerate() {
-            let base = LinkPlace { frame: 0, frame_from_link: Rigid::IDENTITY, per_width: DVec3::ZERO };
+            let base = LinkMount { frame: 0, frame_from_link: Rigid::IDENTITY, per_width: DVec3::ZERO };
             let parent = link.parent.and_then(|parent| links.get(parent)).cloned().unwrap_or(base);
             let frame_from_link = parent.frame_from_link * Rigid::from(&link.parent_from_link);
             links.push(match &link.joint {
-                None => LinkPlace { frame_from_link, ..parent },
+                None => LinkMount { frame_from_link, ..parent },
                 Some(joint) if robot.gripper.fingers.contains(&index) => {
-                    LinkPlace { frame_from_link, per_width: frame_from_link.rotation * joint.axis * 0.5, ..parent }
+                    LinkMount { frame_from_link, per_width: frame_from_link.rotation * joint.axis * 0.5, ..parent }
                 }
                 Some(joint) => {
                     check_joint(robot, joint)?;
@@ -107,11 +108,11 @@ impl Chain {
                     joints.push(ChainJoint {
                         parent_frame: parent.frame,
                         parent_from_joint: frame_from_link * link_from_joint,
-                        slides: joint.kind == JointKind::Prismatic,
+                        is_prismatic: joint.kind == JointKind::Prismatic,
                         lower: joint.lower,
                         upper: joint.upper,
                     });
-                    LinkPlace {
+                    LinkMount {
                         frame: joints.len(),
                         frame_from_link: link_from_joint.inverse(),
                         per_width: DVec3::ZERO,
@@ -133,17 +134,17 @@ impl Chain {
         self.joints.len()
     }
 
-    /// Smallest position of each joint, rad or m.
+    /// Lower limit of each joint [rad or m].
     pub fn lower(&self) -> impl Iterator<Item = f64> {
         self.joints.iter().map(|joint| joint.lower)
     }
 
-    /// Largest position of each joint, rad or m.
+    /// Upper limit of each joint [rad or m].
     pub fn upper(&self) -> impl Iterator<Item = f64> {
         self.joints.iter().map(|joint| joint.upper)
     }
 
-    /// Smallest distance of a configuration to a joint limit; negative outside.
+    /// Minimum distance of a configuration to a joint limit; negative outside.
     pub fn limit_margin(&self, config: &[f64]) -> f64 {
         let margins = self.joints.iter().zip(config).map(|(joint, q)| (q - joint.lower).min(joint.upper - q));
         margins.fold(f64::INFINITY, f64::min)
@@ -154,13 +155,13 @@ impl Chain {
         self.tcp(&self.frames(config)).pose()
     }
 
-    /// Columns of the geometric Jacobian of the tcp: linear velocity (m/s), then angular (rad/s), world axes,
-    /// per unit speed of each joint.
+    /// Columns of the geometric TCP Jacobian: linear velocity [m/s], then angular [rad/s], world axes, per unit joint
+    /// velocity.
     pub fn jacobian(&self, config: &[f64]) -> Vec<[f64; 6]> {
         self.jacobian_at(&self.frames(config))
     }
 
-    /// Yoshikawa's measure √det(J·Jᵀ): 0 at a singularity.
+    /// Yoshikawa's manipulability √det(J·Jᵀ); 0 at a singularity.
     pub fn manipulability(&self, config: &[f64]) -> f64 {
         let jacobian = self.jacobian(config);
         let mut gram = [[0.0; 6]; 6];
@@ -178,12 +179,12 @@ impl Chain {
         &self.joints
     }
 
-    /// The frame that carries the tcp, and `frame_from_tcp`.
+    /// Moving frame of the TCP, and `frame_from_tcp`.
     pub(crate) fn tcp_mount(&self) -> (usize, Rigid) {
         (self.tcp_frame, self.frame_from_tcp)
     }
 
-    /// The frame that carries a link, and `frame_from_link` at an opening width.
+    /// Moving frame of a link, and `frame_from_link` at an opening width.
     pub(crate) fn link_mount(&self, link: usize, gripper_width: f64) -> (usize, Rigid) {
         let place = &self.links[link];
         let translation = place.frame_from_link.translation + place.per_width * gripper_width;
@@ -202,7 +203,7 @@ impl Chain {
         frames.push(Rigid::IDENTITY);
         for (joint, &q) in self.joints.iter().zip(config) {
             let rest = frames[joint.parent_frame] * joint.parent_from_joint;
-            frames.push(if joint.slides {
+            frames.push(if joint.is_prismatic {
                 Rigid { translation: rest.translation + rest.rotation.z_axis * q, ..rest }
             } else {
                 let (sin, cos) = q.sin_cos();
@@ -228,7 +229,7 @@ impl Chain {
                 return [0.0; 6];
             }
             let axis = frames[index + 1].rotation.z_axis;
-            let (linear, angular) = if joint.slides {
+            let (linear, angular) = if joint.is_prismatic {
                 (axis, DVec3::ZERO)
             } else {
                 (axis.cross(tip - frames[index + 1].translation), axis)

@@ -1,19 +1,20 @@
-//! From motions to 60 Hz commands: joint targets and a gripper width.
+//! Conversion of motions to 60 Hz commands: joint targets and a gripper width.
 
 use crate::path::Path;
 use crate::planner::Planner;
 
-/// A path at a share of the robot's limits, with a constant gripper width.
+/// Commands along a path at a share of the robot's limits, with a constant gripper width.
 pub fn follow(planner: &Planner, path: &Path, width: f64, speed: f64) -> Vec<Vec<f32>> {
     planner.time(path, speed).configs.iter().map(|arm| command(arm, width)).collect()
 }
 
-/// Stands still.
+/// Commands to hold a configuration.
 pub fn wait(arm: &[f64], width: f64, steps: usize) -> Vec<Vec<f32>> {
     vec![command(arm, width); steps]
 }
 
-/// Moves the fingers while the arm stands still: a ramp over half of the steps, then time to build up or let go.
+/// Commands to move the fingers with a fixed arm: a ramp over half of the steps, then time to build up or release
+/// force.
 pub fn fingers(arm: &[f64], from: f64, to: f64, steps: usize) -> Vec<Vec<f32>> {
     let ramp = (steps / 2).max(1);
     (1..=steps)
@@ -24,7 +25,7 @@ pub fn fingers(arm: &[f64], from: f64, to: f64, steps: usize) -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// One command.
+/// One command: joint targets and gripper width.
 pub fn command(arm: &[f64], width: f64) -> Vec<f32> {
     arm.iter().chain([&width]).map(|&value| value as f32).collect()
 }

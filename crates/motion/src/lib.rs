@@ -1,8 +1,9 @@
-//! Motion of a robot arm: kinematics, collision, planning, timing and grasp candidates.
+//! Robot arm motion: kinematics, collision checking, planning, time parametrisation, grasp sampling.
 //!
-//! Robot and world are arguments; nothing here knows a simulator, a catalogue or a file.
-//! [`Planner`] is the door to everything; the modules can also be used alone.
-//! Frames: world = robot base; tcp = midpoint between the pads, z = approach, y = closing.
+//! Robot and world are arguments; this crate knows no simulator, catalogue or file. [`Planner`] is the main entry
+//! point; the
+//! modules can also be used alone. Frames: world = robot base; tcp = midpoint between the pads, z = approach, y =
+//! closing.
 
 mod chain;
 mod collision;

@@ -1,6 +1,6 @@
-//! The two pieces of dense linear algebra that six task dimensions need.
+//! Dense 6x6 linear algebra for task-space computations.
 
-/// Solves `matrix * x = right` by elimination with row pivoting; `None` when singular.
+/// Solves `matrix * x = right` by Gaussian elimination with partial pivoting; `None` if singular.
 pub(crate) fn solve(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> Option<[f64; 6]> {
     for column in 0..6 {
         let pivot = (column..6).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;
@@ -23,7 +23,7 @@ pub(crate) fn solve(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> Option<[f
     Some(solution)
 }
 
-/// Determinant by elimination with row pivoting.
+/// Determinant by Gaussian elimination with partial pivoting.
 pub(crate) fn determinant(mut matrix: [[f64; 6]; 6]) -> f64 {
     let mut determinant = 1.0;
     for column in 0..6 {

@@ -1,16 +1,16 @@
 //! Paths in joint space: straight edges with rounded corners, twice continuously differentiable.
 
-/// A path from rest to rest: straight edges between waypoints, corners rounded by quintic blends.
+/// A path from rest to rest: straight edges between waypoints with corners rounded by quintic blends.
 ///
-/// The blend at waypoint `i` leaves the edge `blends[i]` (rad) before it and joins the next edge as far behind it.
-/// A corner without blend (0) makes the robot stop there.
+/// The blend at waypoint `i` starts `blends[i]` [rad] before it and ends as far behind it. The robot stops at a corner
+/// without blend (0).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     waypoints: Vec<Vec<f64>>,
     blends: Vec<f64>,
 }
 
-/// A point of a path: position and its first two derivatives along the path.
+/// A point of a path: position and its first two derivatives with respect to the path parameter.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CurvePoint {
     pub(crate) position: Vec<f64>,
@@ -18,14 +18,14 @@ pub(crate) struct CurvePoint {
     pub(crate) second: Vec<f64>,
 }
 
-/// A stretch of a path.
+/// A segment of a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Stretch {
-    /// From a point in a unit direction, so far.
+pub(crate) enum Segment {
+    /// Straight segment from a point along a unit direction.
     Line { from: Vec<f64>, direction: Vec<f64>, length: f64 },
-    /// Around a corner: unit directions in and out, distance of either end from the corner.
+    /// Blend around a corner: unit directions in and out, distance of either end from the corner.
     Blend { corner: Vec<f64>, incoming: Vec<f64>, outgoing: Vec<f64>, radius: f64 },
-    /// The robot rests here and turns sharply.
+    /// Stop at a sharp corner.
     Stop,
 }
 
@@ -54,35 +54,35 @@ impl Path {
         &self.waypoints
     }
 
-    /// Where the path starts; empty for an empty path.
+    /// First configuration; empty for an empty path.
     pub fn start(&self) -> &[f64] {
         self.waypoints.first().map_or(&[], Vec::as_slice)
     }
 
-    /// Where the path ends; empty for an empty path.
+    /// Last configuration; empty for an empty path.
     pub fn goal(&self) -> &[f64] {
         self.waypoints.last().map_or(&[], Vec::as_slice)
     }
 
-    /// Sum of the Euclidean joint-space lengths of the edges, rad.
+    /// Euclidean joint-space length [rad].
     pub fn length(&self) -> f64 {
         self.waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).sum()
     }
 
-    /// The path as dense states, neighbours at most `max_step` apart in every joint.
+    /// Densely sampled states, neighbours at most `max_step` apart in every joint.
     pub fn states(&self, max_step: f64) -> Vec<Vec<f64>> {
         let mut states: Vec<Vec<f64>> = self.waypoints.first().cloned().into_iter().collect();
-        for stretch in self.stretches() {
-            let length = stretch.length();
+        for segment in self.segments() {
+            let length = segment.length();
             let steps = (length / max_step.max(1e-6)).ceil() as usize;
-            states.extend((1..=steps).map(|k| stretch.at(length * k as f64 / steps as f64).position));
+            states.extend((1..=steps).map(|k| segment.at(length * k as f64 / steps as f64).position));
         }
         states
     }
 
-    /// Rounds each corner as widely as `allowed` lets it, starting at `widest` and halving `halvings` times.
+    /// Rounds each corner as widely as `allowed` permits, starting at `widest` and halving up to `halvings` times.
     ///
-    /// `allowed` gets the states of a blend, its ends included.
+    /// `allowed` receives the states of a blend, including its ends.
     pub(crate) fn round_corners(&mut self, widest: f64, halvings: usize, mut allowed: impl FnMut(&[Vec<f64>]) -> bool) {
         for index in 1..self.waypoints.len().saturating_sub(1) {
             let before = distance(&self.waypoints[index - 1], &self.waypoints[index]);
@@ -101,25 +101,25 @@ impl Path {
         }
     }
 
-    /// The stretches in order.
-    pub(crate) fn stretches(&self) -> Vec<Stretch> {
-        let mut stretches = Vec::new();
+    /// Segments in order.
+    pub(crate) fn segments(&self) -> Vec<Segment> {
+        let mut segments = Vec::new();
         for index in 1..self.waypoints.len() {
             let (from, to) = (&self.waypoints[index - 1], &self.waypoints[index]);
             let direction = direction(from, to);
             let length = distance(from, to) - self.blends[index - 1] - self.blends[index];
             let from = along(from, &direction, self.blends[index - 1]);
-            stretches.push(Stretch::Line { from, direction, length });
+            segments.push(Segment::Line { from, direction, length });
             if index + 1 < self.waypoints.len() {
                 let radius = self.blends[index];
-                stretches.push(if radius > 0.0 { self.blend(index, radius) } else { Stretch::Stop });
+                segments.push(if radius > 0.0 { self.blend(index, radius) } else { Segment::Stop });
             }
         }
-        stretches
+        segments
     }
 
-    fn blend(&self, index: usize, radius: f64) -> Stretch {
-        Stretch::Blend {
+    fn blend(&self, index: usize, radius: f64) -> Segment {
+        Segment::Blend {
             corner: self.waypoints[index].clone(),
             incoming: direction(&self.waypoints[index - 1], &self.waypoints[index]),
             outgoing: direction(&self.waypoints[index], &self.waypoints[index + 1]),
@@ -128,8 +128,8 @@ impl Path {
     }
 }
 
-impl Stretch {
-    /// Length of its parameter; for lines the arc length.
+impl Segment {
+    /// Parameter length; arc length for lines.
     pub(crate) fn length(&self) -> f64 {
         match self {
             Self::Line { length, .. } => *length,
@@ -138,14 +138,14 @@ impl Stretch {
         }
     }
 
-    /// Position and derivatives at a parameter from 0 to the length.
+    /// Position and derivatives at a parameter in [0, length].
     pub(crate) fn at(&self, parameter: f64) -> CurvePoint {
         let mut point = CurvePoint::default();
         self.write(parameter, &mut point);
         point
     }
 
-    /// Like `at`, into storage that is used again.
+    /// Like `at`, into reused storage.
     pub(crate) fn write(&self, parameter: f64, point: &mut CurvePoint) {
         point.position.clear();
         point.first.clear();
@@ -172,14 +172,13 @@ impl Stretch {
     }
 }
 
-/// Weight of one edge of a blend and its first two derivatives by t:
-/// 2·B3 + 6·B4 + … = 0.2·C(5,3)t³(1-t)² + 0.6·C(5,4)t⁴(1-t) + t⁵.
+/// Weight of one edge of a blend and its first two derivatives in t:
 fn weights(t: f64) -> [f64; 3] {
     // Expanded: 2t³ - 4t⁴ + 2t⁵ + 3t⁴ - 3t⁵ + t⁵ = 2t³ - t⁴.
     [2.0 * t.powi(3) - t.powi(4), 6.0 * t * t - 4.0 * t.powi(3), 12.0 * t - 12.0 * t * t]
 }
 
-/// Euclidean distance of two configurations, rad.
+/// Euclidean distance of two configurations [rad].
 pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

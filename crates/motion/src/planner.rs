@@ -1,4 +1,4 @@
-//! Everything motion, for one robot.
+//! The motion planner of one robot: facade over all modules.
 
 use std::sync::Arc;
 
@@ -21,36 +21,36 @@ use crate::timing::{self, MotionLimits, TimingSettings, Trajectory};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlannerSettings {
-    /// Clouds from depth images.
+    /// Point clouds from depth images.
     pub depth: DepthSettings,
     /// Inverse kinematics.
     pub ik: IkSettings,
     /// Joint-space planning.
     pub plan: PlanSettings,
-    /// Straight lines of the tcp.
+    /// Straight TCP motions.
     pub straight: StraightSettings,
-    /// Timing.
+    /// Time parametrisation.
     pub timing: TimingSettings,
     /// Grasp candidates.
     pub grasp: GraspSettings,
-    /// Grasp candidates from points.
+    /// Grasp candidates from point clouds.
     pub cloud: CloudSettings,
 }
 
-/// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
+/// Context of a motion: obstacles, attached object, allowed contacts and gripper opening.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanningScene<'a> {
     /// Obstacles.
     pub world: &'a CollisionWorld,
     /// The object held by the gripper.
     pub attached: Option<&'a Attached>,
-    /// Pairs that may touch.
+    /// Pairs allowed to touch.
     pub allowed: &'a Allowed,
-    /// Opening between the pads, m.
+    /// Gripper opening [m].
     pub gripper_width: f64,
 }
 
-/// Kinematics, planning, timing and grasping for one robot; immutable, to be shared between threads.
+/// Kinematics, planning, timing and grasping for one robot; immutable and shareable between threads.
 ///
 /// ```no_run
 /// # use genmanip_core::{Pose, RobotModel, Seed};
@@ -73,7 +73,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Compiles the robot; fails when its kinematics or collision pieces are broken.
+    /// Compiles the robot; fails if its kinematics or collision pieces are invalid.
     pub fn new(robot: Arc<RobotModel>, settings: PlannerSettings) -> Result<Self, RobotError> {
         let shape = RobotShape::new(&robot)?;
         let ik = InverseKinematics::new(shape.chain().clone(), settings.ik.clone());
@@ -81,7 +81,7 @@ impl Planner {
         Ok(Self { robot, settings, shape, ik, gripper })
     }
 
-    /// The same planner, which looks at depth images in another way; nothing is compiled again.
+    /// Copy with other depth settings, without recompiling the robot.
     #[must_use]
     pub fn with_depth(&self, depth: DepthSettings) -> Self {
         let mut other = self.clone();
@@ -89,7 +89,7 @@ impl Planner {
         other
     }
 
-    /// The same planner, whose searches give up after so many nodes; nothing is compiled again.
+    /// Copy with another limit of search iterations, without recompiling the robot.
     #[must_use]
     pub fn with_search(&self, max_iterations: usize) -> Self {
         let mut other = self.clone();
@@ -102,12 +102,12 @@ impl Planner {
         &self.robot
     }
 
-    /// The settings in force.
+    /// The settings.
     pub fn settings(&self) -> &PlannerSettings {
         &self.settings
     }
 
-    /// The gripper as the grasp generators see it.
+    /// The gripper geometry used by the grasp samplers.
     pub fn gripper(&self) -> &Gripper {
         &self.gripper
     }
@@ -117,30 +117,31 @@ impl Planner {
         self.shape.chain().tcp_pose(config)
     }
 
-    /// Configurations that bring the tcp to `world_from_tcp`, best first; empty when it is out of reach.
+    /// IK solutions for a TCP pose, best first; empty if it is unreachable.
     pub fn ik(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
         self.ik.solve(world_from_tcp, reference)
     }
 
-    /// What [`Planner::ik`] returns, one after the other: for those who need only the first few.
+    /// Lazy version of [`Planner::ik`].
     pub fn ik_each(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
         self.ik.solutions(world_from_tcp, reference)
     }
 
-    /// As [`Planner::ik_each`], without those that only a fine search at the edge of reach would find: for many poses of
-    /// which any will do, most of them out of reach.
+    /// Like [`Planner::ik_each`] without the fine search at the reach limit: for many poses of which any will do, most
+    /// of them
+    /// unreachable.
     pub fn ik_coarse(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
         self.ik.coarse_solutions(world_from_tcp, reference)
     }
 
-    /// The configuration nearest to `previous` that brings the tcp to `world_from_tcp`, on the same branch;
-    /// `None` when a joint would have to move by more than `max_step`.
+    /// IK solution nearest to `previous`, on the same branch; `None` if a joint would move by more than `max_step`.
     pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
         self.ik.continue_from(world_from_tcp, previous, max_step)
     }
 
-    /// Configurations that bring the tcp to one pose after the other, each the nearest to the one before and the first
-    /// the nearest to `from`; `None` when a joint would have to move by more than `max_step` rad between two of them.
+    /// IK solutions along a pose sequence, each nearest to the previous one and the first nearest to `from`; `None` if
+    /// a joint
+    /// would move by more than `max_step` [rad] between two of them.
     pub fn follow(
         &self,
         from: &[f64],
@@ -156,24 +157,24 @@ impl Planner {
             .collect()
     }
 
-    /// Collision tests at a distance of `padding` metres (0: contact only).
+    /// Collision checker with `padding` [m] (0: contact only).
     pub fn checker<'a>(&'a self, around: &PlanningScene<'a>, padding: f64) -> Checker<'a> {
         Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
     }
 
-    /// The worst contact or penetration at a configuration, if any.
+    /// Worst contact or penetration at a configuration, if any.
     pub fn check(&self, around: &PlanningScene, config: &[f64]) -> Option<CollisionReport> {
         self.checker(around, 0.0).check(config)
     }
 
-    /// The world of `around` with everything else that depth cameras see added as a cloud called `name`.
+    /// The world of `around` plus the remaining points of depth images as a point cloud called `name`.
     ///
-    /// Pixels on the robot (which stood at `config`), on what it carries and on the obstacles of `around` are left
-    /// out: put the table in as a box, and the target of a grasp under its own name.
-    /// What no camera sees counts as free.
+    /// Filters pixels on the robot at `config`, on the attached object and on the obstacles of `around`: add the table
+    /// as a box,
+    /// and the target of a grasp under its own name. Space that no camera sees counts as free.
     ///
     /// # Errors
-    /// Images that cannot be used, or that see nothing at all.
+    /// Fails if an image is invalid or no pixel has a depth.
     pub fn world_seen(
         &self,
         around: &PlanningScene,
@@ -189,11 +190,12 @@ impl Planner {
         Ok(world)
     }
 
-    /// Points in the world that depth images see and nothing known explains, neither the robot at `config`, nor what
-    /// it carries, nor the obstacles of `around`; thinned, in the order of the pixels.
+    /// Points of depth images, world frame, that belong neither to the robot at `config`, nor to the attached object,
+    /// nor to the
+    /// obstacles of `around`; voxel-downsampled, in pixel order.
     ///
     /// # Errors
-    /// Images that cannot be used, or that see nothing at all.
+    /// Fails if an image is invalid or no pixel has a depth.
     pub fn points_seen(
         &self,
         around: &PlanningScene,
@@ -215,17 +217,18 @@ impl Planner {
         plan::plan(&mut checker, &self.settings.plan, start, goals, seed.fork("plan"))
     }
 
-    /// A path that moves the tcp straight (position linearly, rotation along the shortest turn) to `world_from_goal`.
+    /// Plans a straight TCP motion (linear position, shortest rotation) to `world_from_goal`.
     ///
-    /// What the robot is close to at `start` it may stay close to; from everything else it keeps the padding, to the
-    /// end: plan from the contact away, and reverse the path for a motion that ends there.
+    /// Pairs closer than the padding at `start` may stay as close; all others keep the padding to the end. For a motion
+    /// that
+    /// ends in contact, plan from the contact and reverse the path.
     pub fn straight(&self, around: &PlanningScene, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
         let mut checker = self.checker(around, self.settings.plan.padding);
         let settings = &self.settings;
         plan::straight_line(&mut checker, &self.ik, &settings.straight, &settings.plan, start, world_from_goal)
     }
 
-    /// The fastest smooth trajectory along a path; `speed` in 0-1 scales the velocities (accelerations by its square).
+    /// Fastest smooth trajectory along a path; `speed` in [0, 1] scales velocities (accelerations by its square).
     pub fn time(&self, path: &Path, speed: f64) -> Trajectory {
         let speed = if speed.is_finite() { speed.clamp(0.01, 1.0) } else { 1.0 };
         let settings = &self.settings.timing;
@@ -239,18 +242,18 @@ impl Planner {
         timing::parametrize(path, &limits, settings)
     }
 
-    /// Grasp candidates on an object, best first, in the object's frame.
+    /// Samples grasps on an object, best first, object frame.
     ///
     /// # Errors
-    /// A piece of the object that is not finite or has no volume.
+    /// Fails if a collision piece is not finite or has no volume.
     pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Result<Vec<Grasp>, GeometryError> {
         grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
     }
 
-    /// Those of known grasps (object frame) that fit where the object is, in their order.
+    /// Known grasps (object frame) that fit at the object's pose, in their order.
     ///
     /// # Errors
-    /// A piece of the object that is not finite or has no size.
+    /// Fails if a collision piece is not finite or has no size.
     pub fn fitting_grasps<'a>(
         &self,
         target: &GraspTarget,
@@ -259,15 +262,15 @@ impl Planner {
         grasp::fitting(target, &self.gripper, &self.settings.grasp, known)
     }
 
-    /// Grasp candidates from points alone, in the world, best first.
+    /// Samples grasps from a point cloud, world frame, best first.
     ///
     /// # Errors
-    /// A cloud that cannot be worked with.
+    /// Fails if the cloud is invalid.
     pub fn cloud_grasps(&self, target: &CloudTarget) -> Result<Vec<CloudGrasp>, CloudError> {
         grasp::cloud::cloud_grasps(target, &self.gripper, &self.settings.grasp, &self.settings.cloud)
     }
 
-    /// Opening with which a grasp is approached, m.
+    /// Gripper opening for the approach to a grasp [m].
     pub fn opening(&self, grasp: &Grasp) -> f64 {
         self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
     }

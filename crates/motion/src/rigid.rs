@@ -1,4 +1,4 @@
-//! Rigid transforms as matrices: three times cheaper to chain than quaternions, for inner loops only.
+//! Rigid transforms as matrices: three times cheaper to compose than quaternions, for inner loops.
 
 use genmanip_core::Pose;
 use glam::{DMat3, DQuat, DVec3};
@@ -26,8 +26,8 @@ impl Rigid {
         Pose::new(self.translation, DQuat::from_mat3(&self.rotation))
     }
 
-    /// `self` followed by a turn about its z axis.
-    pub(crate) fn turned_z(&self, sin: f64, cos: f64) -> Self {
+    /// `self` followed by a rotation about its z axis.
+    pub(crate) fn rotated_z(&self, sin: f64, cos: f64) -> Self {
         let (x, y, z) = (self.rotation.x_axis, self.rotation.y_axis, self.rotation.z_axis);
         Self { rotation: DMat3::from_cols(x * cos + y * sin, y * cos - x * sin, z), translation: self.translation }
     }

@@ -1,4 +1,4 @@
-//! A small robot with the Panda's kinematics and plain boxes and capsules, for tests only.
+//! A test robot with the Panda's kinematics and simple boxes and capsules.
 
 use std::sync::Arc;
 

@@ -1,31 +1,32 @@
-//! Time-optimal, smooth timing of paths, sampled at the control rate.
+//! Time-optimal smooth time parametrisation of paths, sampled at the control rate.
 //!
-//! First the fastest speed along the path under joint velocity and acceleration limits, by a backward and a forward
-//! pass over a grid (H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on
-//! Reachability Analysis*, 2018).
-//! Then the joint motion is averaged over a short sliding window: averages obey the same velocity and acceleration
-//! limits, straight edges stay straight, rest at both ends stays rest, and jerk is at most
-//! 2 · acceleration limit / window.
+//! A backward and a forward pass over a grid compute the fastest speed along the path under joint velocity and
+//! acceleration
+//! limits (H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on Reachability
+//! Analysis*,
+//! 2018). Then the joint motion is averaged over a short sliding window, which preserves velocity and acceleration
+//! limits,
+//! straight edges and rest at both ends, and bounds the jerk by 2 · acceleration limit / window.
 
 use serde::{Deserialize, Serialize};
 
-use crate::path::{CurvePoint, Path, Stretch};
+use crate::path::{CurvePoint, Path, Segment};
 
-/// How paths become trajectories.
+/// Settings of time parametrisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TimingSettings {
-    /// Time between samples, s.
+    /// Sample period [s].
     pub dt: f64,
-    /// Part of the maker's velocity limits that may be used at speed 1.
+    /// Usable share of the manufacturer's velocity limits at speed 1.
     pub velocity_fraction: f64,
-    /// Part of the maker's acceleration limits that may be used at speed 1.
+    /// Usable share of the manufacturer's acceleration limits at speed 1.
     pub acceleration_fraction: f64,
-    /// Length of the smoothing window, s; bounds the jerk.
+    /// Length of the smoothing window [s]; bounds the jerk.
     pub window: f64,
     /// Grid cells per straight edge (at least) and per rounded corner.
     pub cells: usize,
-    /// Longest grid cell, rad.
+    /// Maximum grid cell [rad].
     pub longest_cell: f64,
 }
 
@@ -42,17 +43,17 @@ impl Default for TimingSettings {
     }
 }
 
-/// Joint positions at a fixed rate, at rest at both ends.
+/// Joint positions at a fixed rate, starting and ending at rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trajectory {
-    /// Time between samples, s.
+    /// Sample period [s].
     pub dt: f64,
     /// Joint positions, the first at time 0.
     pub configs: Vec<Vec<f64>>,
 }
 
 impl Trajectory {
-    /// Time of the last sample, s.
+    /// Time of the last sample [s].
     pub fn duration(&self) -> f64 {
         self.dt * self.configs.len().saturating_sub(1) as f64
     }
@@ -61,23 +62,23 @@ impl Trajectory {
 /// Velocity and acceleration limits of each joint, rad/s and rad/s² (m/s, m/s²).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLimits {
-    /// Largest speed per joint.
+    /// Maximum velocity per joint.
     pub velocity: Vec<f64>,
-    /// Largest acceleration per joint.
+    /// Maximum acceleration per joint.
     pub acceleration: Vec<f64>,
 }
 
 /// The fastest smooth trajectory along a path under `limits`.
 pub fn parametrize(path: &Path, limits: &MotionLimits, settings: &TimingSettings) -> Trajectory {
-    let profile = Profile::fastest(path.stretches(), limits, settings);
+    let profile = Profile::fastest(path.segments(), limits, settings);
     let trajectory = profile.sample(path, settings, 1.0);
-    // The grid holds the limits at its nodes; what little is exceeded in between is stretched away.
-    let excess = excess(&trajectory, limits);
-    if excess > 1.0 { profile.sample(path, settings, excess * (1.0 + 1e-9)) } else { trajectory }
+    // Limits hold at grid nodes; scale time to remove small violations in between.
+    let time_scale = time_scale(&trajectory, limits);
+    if time_scale > 1.0 { profile.sample(path, settings, time_scale * (1.0 + 1e-9)) } else { trajectory }
 }
 
-/// By how much time must be stretched so that finite differences obey the limits; at most 1 when they do.
-fn excess(trajectory: &Trajectory, limits: &MotionLimits) -> f64 {
+/// Time scale required for finite differences to satisfy the limits; at most 1 if they do.
+fn time_scale(trajectory: &Trajectory, limits: &MotionLimits) -> f64 {
     let dt = trajectory.dt;
     let speed = trajectory.configs.windows(2).flat_map(|pair| {
         pair[0].iter().zip(&pair[1]).zip(&limits.velocity).map(move |((a, b), limit)| (b - a).abs() / dt / limit)
@@ -93,7 +94,7 @@ fn excess(trajectory: &Trajectory, limits: &MotionLimits) -> f64 {
 
 /// Speed along the path at the nodes of a grid.
 struct Profile {
-    stretches: Vec<Stretch>,
+    segments: Vec<Segment>,
     nodes: Vec<Node>,
     /// Time at each node, s.
     times: Vec<f64>,
@@ -101,36 +102,36 @@ struct Profile {
     speeds: Vec<f64>,
 }
 
-/// A node of the grid: stretch, parameter there, and parameter distance to the next node.
+/// A grid node: segment, parameter, and parameter distance to the next node.
 #[derive(Clone, Copy)]
 struct Node {
-    stretch: usize,
+    segment: usize,
     parameter: f64,
     cell: f64,
 }
 
 impl Profile {
-    fn fastest(stretches: Vec<Stretch>, limits: &MotionLimits, settings: &TimingSettings) -> Self {
-        let nodes = grid(&stretches, settings);
+    fn fastest(segments: Vec<Segment>, limits: &MotionLimits, settings: &TimingSettings) -> Self {
+        let nodes = grid(&segments, settings);
         let mut rows = Vec::with_capacity(nodes.len());
         let mut point = CurvePoint::default();
         for node in &nodes {
-            stretches[node.stretch].write(node.parameter, &mut point);
+            segments[node.segment].write(node.parameter, &mut point);
             rows.push(Row::new(&point, limits));
         }
         let count = nodes.len();
         let rests =
-            |index: usize| index == 0 || index + 1 == count || matches!(stretches[nodes[index].stretch], Stretch::Stop);
-        // Backward: the largest squared speed from which the rest of the path can still be followed.
+            |index: usize| index == 0 || index + 1 == count || matches!(segments[nodes[index].segment], Segment::Stop);
+        // Backward pass: largest squared speed from which the rest of the path remains feasible.
         let mut squared = vec![0.0; count];
         for index in (0..count.saturating_sub(1)).rev() {
             if !rests(index) {
-                squared[index] = rows[index].fastest_before(squared[index + 1], nodes[index].cell);
+                squared[index] = rows[index].max_squared_speed_before(squared[index + 1], nodes[index].cell);
             }
         }
-        // Forward: as fast as the limits allow from rest.
+        // Forward pass: maximum acceleration from rest.
         for index in 0..count.saturating_sub(1) {
-            let reachable = squared[index] + 2.0 * nodes[index].cell * rows[index].strongest(squared[index]);
+            let reachable = squared[index] + 2.0 * nodes[index].cell * rows[index].max_acceleration(squared[index]);
             squared[index + 1] = squared[index + 1].min(reachable.max(0.0));
         }
         let speeds: Vec<f64> = squared.iter().map(|value: &f64| value.max(0.0).sqrt()).collect();
@@ -142,17 +143,17 @@ impl Profile {
                 time += 2.0 * nodes[index].cell / (speeds[index] + speeds[index + 1]).max(1e-9);
             }
         }
-        Self { stretches, nodes, times, speeds }
+        Self { segments, nodes, times, speeds }
     }
 
-    /// Samples of the smoothed motion with time stretched by a factor.
-    fn sample(&self, path: &Path, settings: &TimingSettings, stretch: f64) -> Trajectory {
+    /// Samples the smoothed motion with scaled time.
+    fn sample(&self, path: &Path, settings: &TimingSettings, segment: f64) -> Trajectory {
         let dt = settings.dt;
-        let end = self.times.last().copied().unwrap_or(0.0) * stretch;
+        let end = self.times.last().copied().unwrap_or(0.0) * segment;
         if end <= 0.0 {
             return Trajectory { dt, configs: path.waypoints().first().cloned().into_iter().collect() };
         }
-        // Fine samples, a whole number per control period and per window.
+        // Fine samples: a whole number per control period and per window.
         let per_period = 8_usize;
         let fine = dt / per_period as f64;
         let half = ((settings.window / fine / 2.0).round() as usize).max(1);
@@ -162,8 +163,8 @@ impl Profile {
         let mut sums = vec![vec![0.0; dof]];
         let (mut cell, mut point) = (0, CurvePoint::default());
         for index in 0..(samples - 1) * per_period + width {
-            // The window is centred half its length late, so that the motion starts at rest at time 0.
-            let time = (index as f64 - 2.0 * half as f64) * fine / stretch;
+            // The window is delayed by half its length so that the motion starts at rest at time 0.
+            let time = (index as f64 - 2.0 * half as f64) * fine / segment;
             self.write(time, &mut cell, &mut point);
             let next = sums[index].iter().zip(&point.position).map(|(sum, q)| sum + q).collect();
             sums.push(next);
@@ -174,13 +175,13 @@ impl Profile {
             pair.map(|(before, after)| (after - before) / width as f64).collect()
         };
         let mut configs: Vec<Vec<f64>> = (0..samples).map(average).collect();
-        // Sums carry rounding; the ends are known exactly.
+        // Remove rounding errors of the sums at both ends.
         configs[0] = path.start().to_vec();
         configs[samples - 1] = path.goal().to_vec();
         Trajectory { dt, configs }
     }
 
-    /// Position at a time; `cell` remembers where the last one was found.
+    /// Position at a time; `cell` caches the current grid cell.
     fn write(&self, time: f64, cell: &mut usize, point: &mut CurvePoint) {
         let last = self.times.len() - 1;
         while *cell + 1 < last && self.times[*cell + 1] <= time {
@@ -191,24 +192,24 @@ impl Profile {
         let t = (time - self.times[*cell]).clamp(0.0, duration);
         let acceleration = (self.speeds[*cell + 1] - self.speeds[*cell]) / duration.max(1e-12);
         let progress = (self.speeds[*cell] * t + 0.5 * acceleration * t * t).min(node.cell);
-        self.stretches[node.stretch].write(node.parameter + progress, point);
+        self.segments[node.segment].write(node.parameter + progress, point);
     }
 }
 
-fn grid(stretches: &[Stretch], settings: &TimingSettings) -> Vec<Node> {
+fn grid(segments: &[Segment], settings: &TimingSettings) -> Vec<Node> {
     let mut nodes = Vec::new();
-    for (index, stretch) in stretches.iter().enumerate() {
-        let length = stretch.length();
-        if matches!(stretch, Stretch::Stop) {
-            nodes.push(Node { stretch: index, parameter: 0.0, cell: 0.0 });
+    for (index, segment) in segments.iter().enumerate() {
+        let length = segment.length();
+        if matches!(segment, Segment::Stop) {
+            nodes.push(Node { segment: index, parameter: 0.0, cell: 0.0 });
         } else if length > 1e-12 {
             let cells = settings.cells.max((length / settings.longest_cell).ceil() as usize);
             let cell = length / cells as f64;
-            nodes.extend((0..cells).map(|k| Node { stretch: index, parameter: cell * k as f64, cell }));
+            nodes.extend((0..cells).map(|k| Node { segment: index, parameter: cell * k as f64, cell }));
         }
     }
-    if let Some(&Node { stretch, parameter, cell }) = nodes.last() {
-        nodes.push(Node { stretch, parameter: parameter + cell, cell: 0.0 });
+    if let Some(&Node { segment, parameter, cell }) = nodes.last() {
+        nodes.push(Node { segment, parameter: parameter + cell, cell: 0.0 });
     }
     nodes
 }
@@ -239,13 +240,13 @@ impl Row {
         row
     }
 
-    /// Largest acceleration of the parameter at squared speed `x`.
-    fn strongest(&self, x: f64) -> f64 {
+    /// Maximum path acceleration at squared speed `x`.
+    fn max_acceleration(&self, x: f64) -> f64 {
         self.bands.iter().map(|(_, high, slope)| high + slope * x).fold(f64::INFINITY, f64::min)
     }
 
-    /// Largest squared speed here from which `next` (squared) or less can be reached over a cell.
-    fn fastest_before(&self, next: f64, cell: f64) -> f64 {
+    /// Maximum squared speed from which `next` (squared) or less is reachable over a cell.
+    fn max_squared_speed_before(&self, next: f64, cell: f64) -> f64 {
         let mut x = self.fastest;
         // Every upper line must stay above every lower line; the last upper line is u ≤ (next - x) / 2·cell.
         let brake = (next / (2.0 * cell), -1.0 / (2.0 * cell));

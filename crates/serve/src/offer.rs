@@ -3,13 +3,13 @@
 use std::fmt;
 use std::sync::Arc;
 
-use genmanip_agent::ask::Transcribed;
+use genmanip_agent::ask::TranscriptRecorder;
 use genmanip_agent::segmentation::{Mask, RgbdSegmenter, SegmentQuestion, Segmenter};
-use genmanip_agent::services::act::ActRequest;
+use genmanip_agent::services::agent_request::ActRequest;
 use genmanip_agent::services::grasps::{GraspReply, GraspRequest};
 use genmanip_agent::services::masks::{RunLengths, ScoredMask, SegmentReply, SegmentRequest};
 use genmanip_agent::services::{GraspQuestion, GraspSource, SampledGrasps};
-use genmanip_agent::{ActQuestion, Agent, act_once};
+use genmanip_agent::{ActQuestion, Agent, plan_pick_and_place};
 use genmanip_core::Document;
 use genmanip_motion::Planner;
 use serde::Serialize;
@@ -38,7 +38,7 @@ pub struct AgentOffer {
     /// Of the arm that is to move.
     pub planner: Arc<Planner>,
     /// Makes one, with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and its transcript.
-    pub make: Arc<dyn Fn() -> Result<(Agent, Transcribed), String> + Send + Sync>,
+    pub make: Arc<dyn Fn() -> Result<(Agent, TranscriptRecorder), String> + Send + Sync>,
 }
 
 impl fmt::Debug for AgentOffer {
@@ -105,7 +105,7 @@ impl AgentOffer {
             Ok(made) => made,
             Err(error) => return Ended { error: Some(error), ..Ended::default() },
         };
-        let (acted, error) = match act_once(&mut agent, &transcribed, &self.planner, question) {
+        let (acted, error) = match plan_pick_and_place(&mut agent, &transcribed, &self.planner, question) {
             Ok(acted) => (Some(acted), None),
             Err(error) => (None, Some(error.to_string())),
         };

@@ -1,6 +1,6 @@
 //! The description of a service for programs, made from the types that are read and written.
 
-use genmanip_agent::services::act::ActRequest;
+use genmanip_agent::services::agent_request::ActRequest;
 use genmanip_agent::services::grasps::{GraspReply, GraspRequest};
 use genmanip_agent::services::masks::{SegmentReply, SegmentRequest};
 use schemars::{JsonSchema, schema_for};

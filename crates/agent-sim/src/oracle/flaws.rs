@@ -2,9 +2,9 @@
 //!
 //! Each is made from what the oracle means to answer, never with the analysis that is to find it.
 
-use genmanip_agent::ask::{Marks, Question, Stage};
+use genmanip_agent::ask::{Marks, Question, QuestionKind};
 use genmanip_agent::grid::Cell;
-use genmanip_agent::sight::on_plane;
+use genmanip_agent::perception::on_plane;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, Relation};
 use genmanip_layout::Move;
@@ -25,21 +25,21 @@ const ROOMS: [Room; 2] = [Room::Ample, Room::Little];
 pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) -> Option<String> {
     let answer = match (class, question.stage) {
         (FailureClass::Format, _) => return Some(PROSE.into()),
-        (FailureClass::Decomposition, Stage::Decompose) => decomposition(oracle, question),
-        (FailureClass::GraspGrounding, Stage::Object) => other_mask(oracle, question),
-        (FailureClass::GraspProposal, Stage::Part) => {
+        (FailureClass::Decomposition, QuestionKind::Decompose) => decomposition(oracle, question),
+        (FailureClass::GraspGrounding, QuestionKind::Object) => other_mask(oracle, question),
+        (FailureClass::GraspProposal, QuestionKind::Part) => {
             let parts = oracle.parts(question).into_iter();
             parts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, part)| part_named(part))
         }
-        (FailureClass::GraspProposal, Stage::GrabPoint) => {
+        (FailureClass::GraspProposal, QuestionKind::GrabPoint) => {
             let points = oracle.points(question).into_iter();
             let worst = points.min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
             worst.map(|(_, point)| serde_json::json!({"selected_point": point + 1, "reason": "it looks firm"}))
         }
-        (FailureClass::PlanGrounding, Stage::GridPath | Stage::PointToPoint) => other_reference(oracle, question),
-        (FailureClass::PlanLocation, Stage::GridPath | Stage::PointToPoint) => other_relation(oracle, question),
-        (FailureClass::PlanMotion, Stage::GridPath) => out_of_reach(oracle, question),
-        (FailureClass::Checker, Stage::Check) => {
+        (FailureClass::PlanGrounding, QuestionKind::GridPath | QuestionKind::PointToPoint) => other_reference(oracle, question),
+        (FailureClass::PlanLocation, QuestionKind::GridPath | QuestionKind::PointToPoint) => other_relation(oracle, question),
+        (FailureClass::PlanMotion, QuestionKind::GridPath) => out_of_reach(oracle, question),
+        (FailureClass::Checker, QuestionKind::Check) => {
             let verdict = oracle.truth.verdict();
             // What is done stays done when the check overlooks it: only the other mistake makes an episode fail.
             let is_fatal = oracle.dials.once.is_none() || !verdict.success;

@@ -8,7 +8,7 @@ mod flaws;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_agent::ask::{Answered, Marks, Question, ServiceError, Stage, VisionModel};
+use genmanip_agent::ask::{ModelReply, Marks, Question, ServiceError, QuestionKind, VisionModel};
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
@@ -39,7 +39,7 @@ const HIGHEST_M: f64 = 0.5;
 const ON_THING: f64 = 0.3;
 
 /// How often the oracle answers wrongly on purpose, by stage, 0 to 1.
-pub type ErrorRates = BTreeMap<Stage, f64>;
+pub type ErrorRates = BTreeMap<QuestionKind, f64>;
 
 /// What the oracle does wrong on purpose.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -94,13 +94,13 @@ impl Oracle {
         let seed = self.truth.now().seed.filter(|_| rate > 0.0)?;
         let errs = seed.fork("oracle error").fork_index(question.ask as u64).rng().random::<f64>() < rate;
         errs.then(|| match question.stage {
-            Stage::Decompose => FailureClass::Decomposition,
-            Stage::Object => FailureClass::GraspGrounding,
-            Stage::Part | Stage::GrabPoint => FailureClass::GraspProposal,
-            Stage::GridPath | Stage::PointToPoint => {
+            QuestionKind::Decompose => FailureClass::Decomposition,
+            QuestionKind::Object => FailureClass::GraspGrounding,
+            QuestionKind::Part | QuestionKind::GrabPoint => FailureClass::GraspProposal,
+            QuestionKind::GridPath | QuestionKind::PointToPoint => {
                 [FailureClass::PlanGrounding, FailureClass::PlanLocation][self.draw(question, 2)]
             }
-            Stage::Check => FailureClass::Checker,
+            QuestionKind::Check => FailureClass::Checker,
         })
     }
 
@@ -285,23 +285,23 @@ impl Oracle {
     /// The answer that sends what was taken into a cell.
     fn sent_to(&self, question: &Question, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
         match &question.marks {
-            Marks::Grid { grid, moved, .. } if question.stage == Stage::GridPath => path(grid, moved, goal, detour),
+            Marks::Grid { grid, moved, .. } if question.stage == QuestionKind::GridPath => path(grid, moved, goal, detour),
             _ => json!({"selected_point": {"type": "grid", "label": goal.to_string()}}),
         }
     }
 
     fn right_answer(&self, question: &Question) -> serde_json::Value {
         match question.stage {
-            Stage::Decompose => self.worded(self.plan(&self.truth.scene())),
-            Stage::Object => self.object(question),
-            Stage::Part => self.part(question),
-            Stage::GrabPoint => self.grab_point(question),
-            Stage::PointToPoint | Stage::GridPath => match self.cell(question) {
+            QuestionKind::Decompose => self.worded(self.plan(&self.truth.scene())),
+            QuestionKind::Object => self.object(question),
+            QuestionKind::Part => self.part(question),
+            QuestionKind::GrabPoint => self.grab_point(question),
+            QuestionKind::PointToPoint | QuestionKind::GridPath => match self.cell(question) {
                 Some(cell) => self.sent_to(question, cell, None),
                 // It knows no cell that serves, and says so in a form that is refused.
                 None => json!({"selected_point": {"type": "grid", "label": "none"}}),
             },
-            Stage::Check => {
+            QuestionKind::Check => {
                 let verdict = self.truth.verdict();
                 let remaining = match verdict.success {
                     true => json!([]),
@@ -435,7 +435,7 @@ impl Placed<'_> {
 }
 
 impl VisionModel for Oracle {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         let wrong = self.flaw(question).and_then(|class| Some((class, flaws::answer(self, class, question)?)));
         let text = match wrong {
             Some((class, text)) => {
@@ -444,6 +444,6 @@ impl VisionModel for Oracle {
             }
             None => self.right_answer(question).to_string(),
         };
-        Ok(Answered { text, usage: None })
+        Ok(ModelReply { text, usage: None })
     }
 }

@@ -1,136 +1,136 @@
-//! Reading answers: the exact form, drawn marks only, and one sentence on what is wrong.
+//! Parsing and validation of answers: exact format, drawn marks only, one-sentence error messages.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::complaint::Complaint;
 use super::question::{Marks, Question, REASONING};
-use super::stage::Stage;
+use super::question_kind::QuestionKind;
+use super::rejection::Rejection;
 use crate::grid::{Cell, Grid};
 
-/// Longest answer that is read, bytes: a hundred times a long path.
-const LONGEST_ANSWER: usize = 64 << 10;
-/// Most sub-tasks, and most cells of a path.
-const MOST_ITEMS: usize = 24;
-/// Heights of a path above the table, m.
+/// Maximum length of an answer [bytes], about a hundred times a long path.
+const MAX_ANSWER_BYTES: usize = 64 << 10;
+/// Maximum number of sub-tasks and of path cells.
+const MAX_ITEMS: usize = 24;
+/// Allowed path heights above the table [m].
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;
 
-/// An answer that fits its question.
+/// A valid answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Of [`Stage::Decompose`].
+    /// Of [`QuestionKind::Decompose`].
     Decompose(DecomposeAnswer),
-    /// Of [`Stage::Object`] and [`Stage::Part`].
+    /// Of [`QuestionKind::Object`] and [`QuestionKind::Part`].
     Mark(MarkAnswer),
-    /// Of [`Stage::GrabPoint`].
+    /// Of [`QuestionKind::GrabPoint`].
     GrabPoint(GrabPointAnswer),
-    /// Of [`Stage::GridPath`].
+    /// Of [`QuestionKind::GridPath`].
     Path(PathAnswer),
-    /// Of [`Stage::PointToPoint`].
+    /// Of [`QuestionKind::PointToPoint`].
     Point(PointAnswer),
-    /// Of [`Stage::Check`].
+    /// Of [`QuestionKind::Check`].
     Check(CheckAnswer),
 }
 
-/// Sub-tasks, each one pick and one place.
+/// Sub-tasks, each one pick and one placement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecomposeAnswer {
-    /// In their order, at least one.
+    /// Sub-tasks in order, at least one.
     pub subtasks: Vec<String>,
 }
 
-/// A mask. The number decides; name and colour are kept as evidence.
+/// A chosen mask. Only the number counts; name and colour are kept as evidence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MarkAnswer {
     /// Index of the mask, from 0.
     pub mask: usize,
-    /// What the model calls it.
+    /// Object name given by the model.
     pub name: String,
-    /// Which colour it says the thing has.
+    /// Object colour given by the model.
     pub color: String,
 }
 
-/// One of the points.
+/// A chosen grab point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GrabPointAnswer {
     /// Index of the point, from 0.
     pub point: usize,
-    /// Why.
+    /// Reason given by the model.
     pub reason: String,
 }
 
-/// A way over the grid.
+/// A path over the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathAnswer {
-    /// From the start to the placement, at least two cells.
+    /// Cells from the start to the placement, at least two.
     pub cells: Vec<PathCell>,
 }
 
-/// One cell of a way.
+/// One cell of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathCell {
     /// The cell.
     pub cell: Cell,
-    /// Height of what is carried above the table, m.
+    /// Height of the carried object above the table [m].
     pub height_m: f64,
-    /// Turn of the hand about the vertical against how it took hold, counterclockwise seen from above, degrees.
+    /// Yaw of the gripper relative to the grasp, counterclockwise seen from above [degrees].
     pub yaw_deg: f64,
 }
 
-/// The cell where to put it.
+/// The grid cell of the placement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PointAnswer {
     /// The cell.
     pub cell: Cell,
 }
 
-/// Whether the task is done.
+/// Verdict on task completion.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CheckAnswer {
-    /// What is seen.
+    /// Scene description given by the model.
     pub scene_description: String,
-    /// The verdict of the model.
+    /// Verdict of the model.
     pub finished: bool,
-    /// Sub-tasks that are still to be done, where it says which.
+    /// Remaining sub-tasks, if the model lists them.
     #[serde(default)]
     pub remaining: Vec<String>,
 }
 
-/// Reads an answer to a question.
+/// Parses and validates an answer.
 ///
 /// # Errors
-/// What is wrong, in words for the model.
-pub fn parse(question: &Question, text: &str) -> Result<Answer, Complaint> {
+/// Describes the problem in words for the model.
+pub fn parse(question: &Question, text: &str) -> Result<Answer, Rejection> {
     let object = bare_object(text)?;
     let without = question.reasoning.then(|| without_reasoning(object)).flatten();
     let object = without.as_deref().unwrap_or(object);
     match question.stage {
-        Stage::Decompose => decompose(object).map(Answer::Decompose),
-        Stage::Object => {
+        QuestionKind::Decompose => decompose(object).map(Answer::Decompose),
+        QuestionKind::Object => {
             let ObjectWire { number, object_name, color } = read(object)?;
             mark(question, "mask", number, object_name, color).map(Answer::Mark)
         }
-        Stage::Part => {
+        QuestionKind::Part => {
             let PartWire { number, part_name, color } = read(object)?;
             mark(question, "part", number, part_name, color).map(Answer::Mark)
         }
-        Stage::GrabPoint => grab_point(question, read(object)?).map(Answer::GrabPoint),
-        Stage::GridPath => {
-            // A bare list is the same; servers that hold answers to a schema want an object around it.
+        QuestionKind::GrabPoint => grab_point(question, read(object)?).map(Answer::GrabPoint),
+        QuestionKind::GridPath => {
+            // A bare list is accepted too; servers with schema-constrained output need an object around it.
             let path = if object.starts_with('[') { read(object)? } else { read::<PathWire>(object)?.path };
             self::path(question, &path).map(Answer::Path)
         }
-        Stage::PointToPoint => {
+        QuestionKind::PointToPoint => {
             let SelectedWire { selected_point: LabelWire { kind, label } } = read(object)?;
             if kind != "grid" {
-                return Err(Complaint::Format(format!("`type` is {kind:?}, expected \"grid\"")));
+                return Err(Rejection::Format(format!("`type` is {kind:?}, expected \"grid\"")));
             }
             let cell = placement(question, &label)?;
             Ok(Answer::Point(PointAnswer { cell }))
         }
-        Stage::Check => check(object).map(Answer::Check),
+        QuestionKind::Check => check(object).map(Answer::Check),
     }
 }
 
@@ -186,11 +186,11 @@ struct PathItemWire {
     claw_orientation: f64,
 }
 
-/// The text if it is one JSON object and nothing else; a code fence around it is taken off.
-fn bare_object(text: &str) -> Result<&str, Complaint> {
-    if text.len() > LONGEST_ANSWER {
+/// Extracts the single JSON object or list, without a surrounding code fence.
+fn bare_object(text: &str) -> Result<&str, Rejection> {
+    if text.len() > MAX_ANSWER_BYTES {
         let size = text.len();
-        return Err(Complaint::Format(format!("it has {size} bytes, expected {LONGEST_ANSWER} at most")));
+        return Err(Rejection::Format(format!("it has {size} bytes, expected {MAX_ANSWER_BYTES} at most")));
     }
     let text = text.trim();
     let fenced =
@@ -199,86 +199,86 @@ fn bare_object(text: &str) -> Result<&str, Complaint> {
     if text.starts_with('{') && text.ends_with('}') || text.starts_with('[') && text.ends_with(']') {
         return Ok(text);
     }
-    Err(Complaint::Format("expected one JSON object and nothing around it".into()))
+    Err(Rejection::Format("expected one JSON object and nothing around it".into()))
 }
 
-/// The object without the reasons that were asked for; `None` where it is no object, which is then said elsewhere.
+/// Removes the reasoning field; `None` if the text is not an object, which the parser reports later.
 fn without_reasoning(object: &str) -> Option<String> {
     let mut fields: serde_json::Map<String, serde_json::Value> = serde_json::from_str(object).ok()?;
     fields.remove(REASONING);
     Some(serde_json::Value::Object(fields).to_string())
 }
 
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {
+fn read<T: DeserializeOwned>(text: &str) -> Result<T, Rejection> {
     serde_json::from_str(text)
-        .map_err(|error| Complaint::Format(format!("it is not the JSON that was asked for: {error}")))
+        .map_err(|error| Rejection::Format(format!("it is not the JSON that was asked for: {error}")))
 }
 
-fn decompose(text: &str) -> Result<DecomposeAnswer, Complaint> {
+fn decompose(text: &str) -> Result<DecomposeAnswer, Rejection> {
     let answer: DecomposeAnswer = read(text)?;
     in_words(&answer.subtasks, 1)?;
     Ok(answer)
 }
 
-fn check(text: &str) -> Result<CheckAnswer, Complaint> {
+fn check(text: &str) -> Result<CheckAnswer, Rejection> {
     let answer: CheckAnswer = read(text)?;
     in_words(&answer.remaining, 0)?;
     Ok(answer)
 }
 
-fn in_words(subtasks: &[String], fewest: usize) -> Result<(), Complaint> {
+fn in_words(subtasks: &[String], fewest: usize) -> Result<(), Rejection> {
     let count = subtasks.len();
-    if !(fewest..=MOST_ITEMS).contains(&count) || subtasks.iter().any(|subtask| subtask.trim().is_empty()) {
-        return Err(Complaint::Format(format!("expected {fewest} to {MOST_ITEMS} sub-tasks in words, got {count}")));
+    if !(fewest..=MAX_ITEMS).contains(&count) || subtasks.iter().any(|subtask| subtask.trim().is_empty()) {
+        return Err(Rejection::Format(format!("expected {fewest} to {MAX_ITEMS} sub-tasks in words, got {count}")));
     }
     Ok(())
 }
 
-/// The index of a drawn number.
-fn drawn(number: i64, count: usize, what: &str) -> Result<usize, Complaint> {
+/// Index of a numbered mark.
+fn drawn(number: i64, count: usize, what: &str) -> Result<usize, Rejection> {
     let index = usize::try_from(number).ok().and_then(|number| number.checked_sub(1)).filter(|index| *index < count);
-    index.ok_or_else(|| Complaint::Undrawn(format!("{what} {number} is not drawn, there are 1 to {count}")))
+    index.ok_or_else(|| Rejection::Undrawn(format!("{what} {number} is not drawn, there are 1 to {count}")))
 }
 
-fn mark(question: &Question, what: &str, number: i64, name: String, color: String) -> Result<MarkAnswer, Complaint> {
+fn mark(question: &Question, what: &str, number: i64, name: String, color: String) -> Result<MarkAnswer, Rejection> {
     let count = if let Marks::Masks(masks) = &question.marks { masks.len() } else { 0 };
     if number == -1 {
-        return Err(Complaint::NotFound(what.into()));
+        return Err(Rejection::NotFound(what.into()));
     }
     Ok(MarkAnswer { mask: drawn(number, count, what)?, name, color })
 }
 
-fn grab_point(question: &Question, wire: PointWire) -> Result<GrabPointAnswer, Complaint> {
+fn grab_point(question: &Question, wire: PointWire) -> Result<GrabPointAnswer, Rejection> {
     let count = if let Marks::Points(points) = &question.marks { points.len() } else { 0 };
     Ok(GrabPointAnswer { point: drawn(wire.selected_point, count, "point")?, reason: wire.reason })
 }
 
-fn cell(grid: &Grid, label: &str) -> Result<Cell, Complaint> {
+fn cell(grid: &Grid, label: &str) -> Result<Cell, Rejection> {
     grid.named(label).ok_or_else(|| {
         let last = Cell { row: grid.rows - 1, column: grid.columns - 1 };
-        Complaint::Undrawn(format!("cell {:?} is not drawn, there are A1 to {last}", super::shortened(label)))
+        Rejection::Undrawn(format!("cell {:?} is not drawn, there are A1 to {last}", super::shortened(label)))
     })
 }
 
-/// A cell into which something can be put.
-fn placement(question: &Question, label: &str) -> Result<Cell, Complaint> {
+/// Parses the label of a cell that can receive the object.
+fn placement(question: &Question, label: &str) -> Result<Cell, Rejection> {
     let Marks::Grid { grid, targets, .. } = &question.marks else {
-        return Err(Complaint::Undrawn("no grid is drawn".into()));
+        return Err(Rejection::Undrawn("no grid is drawn".into()));
     };
     let cell = cell(grid, label)?;
     if !targets.contains_key(&cell) {
-        return Err(Complaint::Unusable(format!("in cell {cell} there is no surface to put anything on")));
+        return Err(Rejection::Unusable(format!("in cell {cell} there is no surface to put anything on")));
     }
     Ok(cell)
 }
 
-fn path(question: &Question, path: &[PathItemWire]) -> Result<PathAnswer, Complaint> {
+fn path(question: &Question, path: &[PathItemWire]) -> Result<PathAnswer, Rejection> {
     let Marks::Grid { grid, .. } = &question.marks else {
-        return Err(Complaint::Undrawn("no grid is drawn".into()));
+        return Err(Rejection::Undrawn("no grid is drawn".into()));
     };
     let count = path.len();
-    if !(2..=MOST_ITEMS).contains(&count) {
-        return Err(Complaint::Format(format!("expected a path of 2 to {MOST_ITEMS} cells, got {count}")));
+    if !(2..=MAX_ITEMS).contains(&count) {
+        return Err(Rejection::Format(format!("expected a path of 2 to {MAX_ITEMS} cells, got {count}")));
     }
     let mut cells = Vec::with_capacity(count);
     for (index, item) in path.iter().enumerate() {
@@ -288,11 +288,11 @@ fn path(question: &Question, path: &[PathItemWire]) -> Result<PathAnswer, Compla
         };
         if !HEIGHTS_M.contains(&item.height_m) {
             let (low, high) = (HEIGHTS_M.start(), HEIGHTS_M.end());
-            return Err(Complaint::Format(format!("`height_m` is {}, expected {low} to {high}", item.height_m)));
+            return Err(Rejection::Format(format!("`height_m` is {}, expected {low} to {high}", item.height_m)));
         }
         if !item.claw_orientation.is_finite() || item.claw_orientation.abs() > 360.0 {
             let angle = item.claw_orientation;
-            return Err(Complaint::Format(format!("`claw_orientation` is {angle}, expected -360 to 360 degrees")));
+            return Err(Rejection::Format(format!("`claw_orientation` is {angle}, expected -360 to 360 degrees")));
         }
         cells.push(PathCell { cell, height_m: item.height_m, yaw_deg: item.claw_orientation });
     }

@@ -1,60 +1,64 @@
-//! Asking a vision-language model: what is asked, what it may answer, and what is kept of it.
+//! Questions to a vision-language model: prompt, validation of the answer, transcript.
 //!
-//! A question goes out with pictures and the marks that were drawn on them; only an answer that names drawn marks in
-//! the exact form is taken. Any other is sent back with what is wrong, a bounded number of times, and then the stage
-//! fails: no mark is ever taken by default.
+//! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks in the exact
+//! format
+//! is accepted. An invalid answer is returned to the model with an explanation, up to a fixed number of retries; then
+//! the
+//! stage fails. No mark is ever chosen by default.
 
 mod answer;
-mod complaint;
+
 mod model;
 mod prompt;
 mod question;
+mod question_kind;
 mod recorded;
-mod stage;
+mod rejection;
 mod transcript;
 
 pub use answer::{
     Answer, CheckAnswer, DecomposeAnswer, GrabPointAnswer, MarkAnswer, PathAnswer, PathCell, PointAnswer, parse,
 };
-pub use complaint::{Complaint, Refused};
-pub use model::{Answered, ChatService, ServiceError, VisionModel};
+
+pub use model::{ChatService, ModelReply, ServiceError, VisionModel};
 pub(crate) use prompt::Inputs;
 pub use prompt::{PromptError, PromptSet};
-pub use question::{Marks, Question, Shown};
+pub use question::{Marks, Question, QuestionImage};
+pub use question_kind::{PromptStamp, QuestionKind};
 pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Tolerance};
-pub use stage::{PromptStamp, Stage};
-pub use transcript::{Exchange, FailedStage, Moment, Transcribed, Transcript};
+pub use rejection::{RejectedAnswer, Rejection};
+pub use transcript::{Exchange, FailedStage, Transcript, TranscriptEvent, TranscriptRecorder};
 
-/// How often a question is put again after an answer that does not fit.
+/// Retry limits for invalid answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reasks {
-    /// Times at most.
+pub struct RetryLimits {
+    /// Maximum retries.
     pub most: usize,
-    /// Whether also after the answer that no mark fits. It is taken at once where another view can be shown instead.
+    /// Retry after the answer that no mark fits. False if another view can be shown instead.
     pub not_found: bool,
 }
 
-/// An answer that fits the question, however often it takes to get one: `1 + reasks.most` times at most.
+/// Asks a question up to `1 + reasks.most` times until the answer is valid.
 ///
 /// # Errors
-/// What was wrong with the last answer; under the cause [`FailedStage::SERVICE`], why there was none.
+/// Reports why the last answer was invalid; the cause [`FailedStage::SERVICE`] means that the service did not answer.
 pub fn ask(
     model: &dyn VisionModel,
     question: Question,
-    reasks: Reasks,
-    transcribed: &Transcribed,
+    reasks: RetryLimits,
+    transcribed: &TranscriptRecorder,
 ) -> Result<Answer, FailedStage> {
     let [answer] = ask_each(model, [question], reasks, transcribed);
     answer
 }
 
-/// The same for questions that do not depend on each other: all are asked at once, then those again of which the answer
-/// does not fit. Asks are numbered in the order of the questions.
+/// Asks independent questions concurrently, then retries those with invalid answers. Asks are numbered in question
+/// order.
 pub fn ask_each<const COUNT: usize>(
     model: &dyn VisionModel,
     mut questions: [Question; COUNT],
-    reasks: Reasks,
-    transcribed: &Transcribed,
+    reasks: RetryLimits,
+    transcribed: &TranscriptRecorder,
 ) -> [Result<Answer, FailedStage>; COUNT] {
     let mut answers =
         questions.each_ref().map(|question| Err(FailedStage::new(question.stage.name(), "format", String::new())));
@@ -67,7 +71,7 @@ pub fn ask_each<const COUNT: usize>(
         let replies = model.answer_each(&asking);
         let mut again = Vec::new();
         for (index, reply) in std::mem::take(&mut open).into_iter().zip(replies) {
-            let (answer, is_final) = heard(&mut questions[index], reply, (asked, reasks), transcribed);
+            let (answer, is_final) = process_reply(&mut questions[index], reply, (asked, reasks), transcribed);
             answers[index] = answer;
             if !is_final {
                 again.push(index);
@@ -81,44 +85,45 @@ pub fn ask_each<const COUNT: usize>(
     answers
 }
 
-/// What a reply comes to, and whether that is the end of it; what was wrong with it is added to the question.
-fn heard(
+/// Validates a reply; returns the result and whether it is final. Adds the complaint about an invalid answer to the
+/// question.
+fn process_reply(
     question: &mut Question,
-    reply: Result<Answered, ServiceError>,
-    (asked, reasks): (usize, Reasks),
-    transcribed: &Transcribed,
+    reply: Result<ModelReply, ServiceError>,
+    (asked, reasks): (usize, RetryLimits),
+    transcribed: &TranscriptRecorder,
 ) -> (Result<Answer, FailedStage>, bool) {
     let failed = |cause: &str, evidence: String| Err(FailedStage::new(question.stage.name(), cause, evidence));
-    let (text, usage, complaint) = match reply {
-        Ok(Answered { text, usage }) => match parse(question, &text) {
+    let (text, usage, rejection) = match reply {
+        Ok(ModelReply { text, usage }) => match parse(question, &text) {
             Ok(answer) => {
                 transcribed.exchange(question, &text, None, usage);
                 return (Ok(answer), true);
             }
-            Err(complaint) => (text, usage, complaint),
+            Err(rejection) => (text, usage, rejection),
         },
-        Err(ServiceError::Unreadable(what)) => (String::new(), None, Complaint::Format(what)),
+        Err(ServiceError::Unreadable(what)) => (String::new(), None, Rejection::Format(what)),
         Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
             transcribed.exchange(question, "", Some(&error.to_string()), None);
             let is_final = matches!(error, ServiceError::Unreachable(_));
             return (failed(FailedStage::SERVICE, error.to_string()), is_final);
         }
     };
-    transcribed.exchange(question, &text, Some(&complaint.to_string()), usage);
-    let last = failed(complaint.cause(), format!("{complaint} (asked {asked} times)"));
-    let is_final = matches!(complaint, Complaint::NotFound(_)) && !reasks.not_found;
-    question.refused.push(Refused { answer: shortened(&text), complaint });
+    transcribed.exchange(question, &text, Some(&rejection.to_string()), usage);
+    let last = failed(rejection.cause(), format!("{rejection} (asked {asked} times)"));
+    let is_final = matches!(rejection, Rejection::NotFound(_)) && !reasks.not_found;
+    question.refused.push(RejectedAnswer { answer: shortened(&text), rejection });
     (last, is_final)
 }
 
-/// Longest part of an answer that is kept and sent back, bytes.
-const LONGEST_KEPT: usize = 2000;
+/// Maximum length of an answer in transcripts and retries [bytes].
+const MAX_KEPT_BYTES: usize = 2000;
 
-/// The beginning of an answer.
+/// Truncates an answer to [`MAX_KEPT_BYTES`].
 pub(crate) fn shortened(text: &str) -> String {
-    if text.len() <= LONGEST_KEPT {
+    if text.len() <= MAX_KEPT_BYTES {
         return text.to_owned();
     }
-    let end = (0..=LONGEST_KEPT).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+    let end = (0..=MAX_KEPT_BYTES).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
     format!("{} … ({} bytes in all)", &text[..end], text.len())
 }

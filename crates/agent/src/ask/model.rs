@@ -1,4 +1,4 @@
-//! The model behind the questions.
+//! Interface of vision-language models.
 
 use std::sync::Arc;
 
@@ -7,43 +7,41 @@ use serde_json::{Map, Value};
 
 use super::question::Question;
 
-/// Anything that answers questions about pictures: a chat server, a folder, recorded answers, the harness's oracle.
+/// A source of answers to questions about images: a chat server, a folder, recorded answers, an oracle.
 ///
 /// Calls block and may come from several threads at once.
 pub trait VisionModel: Send + Sync {
-    /// The answer, in the model's own words; nothing is checked yet.
+    /// Returns the raw text of the answer, not yet validated.
     ///
     /// # Errors
-    /// Says why there is none; retries are over by then.
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError>;
+    /// Reports why there is no answer, after all retries.
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError>;
 
-    /// The answers to questions that do not depend on each other, in the same order; a service may be asked all of them
-    /// at once.
-    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+    /// Answers independent questions, in order; a service may process them concurrently.
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<ModelReply, ServiceError>> {
         questions.iter().map(|question| self.answer(question)).collect()
     }
 }
 
-/// What a model said.
+/// Reply of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Answered {
-    /// Its words.
+pub struct ModelReply {
+    /// Reply text.
     pub text: String,
-    /// What it cost, where the service says so.
+    /// Token usage, if the service reports it.
     pub usage: Option<Usage>,
 }
 
-/// Why there is no answer.
+/// Error of the model service.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ServiceError {
-    /// The service cannot be asked now, retries included. Asking again at once is of no use.
+    /// The service is unreachable after all retries; an immediate retry is pointless.
     #[error("{0}")]
     Unreachable(String),
-    /// Something came back that is no answer of a model, for example half a page: asking again may help.
+    /// The response is not a model reply, for example a truncated body; a retry may help.
     #[error("{0}")]
     Garbled(String),
-    /// The model answered with nothing that could be read: too much, nothing, or a refusal. It counts as an answer that
-    /// does not fit.
+    /// The reply cannot be used as text: too long, empty, or a refusal. Counts as an invalid answer.
     #[error("{0}")]
     Unreadable(String),
 }
@@ -61,27 +59,27 @@ impl From<ChatError> for ServiceError {
     }
 }
 
-/// A chat model: live, recorded, or a person behind a folder.
+/// Adapter of a [`ChatModel`]: live, recorded, or a person behind a folder.
 pub struct ChatService {
-    /// Who answers.
+    /// The chat model.
     pub chat: Arc<dyn ChatModel>,
-    /// Name of the model, as the server knows it.
+    /// Model name on the server.
     pub model: String,
-    /// Further fields of the request.
+    /// Additional request fields.
     pub parameters: Map<String, Value>,
 }
 
 impl VisionModel for ChatService {
-    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+    fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         self.answer_each(&[question]).remove(0)
     }
 
-    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<ModelReply, ServiceError>> {
         let request = |question: &&Question| question.request(&self.model, &self.parameters);
         let requests: Result<Vec<ChatRequest>, ImageError> = questions.iter().map(request).collect();
         match requests {
             Ok(requests) => {
-                let answered = |reply: ChatReply| Answered { text: reply.text, usage: reply.usage };
+                let answered = |reply: ChatReply| ModelReply { text: reply.text, usage: reply.usage };
                 self.chat.chat_each(&requests).into_iter().map(|reply| Ok(answered(reply?))).collect()
             }
             Err(error) => vec![Err(ServiceError::Unreachable(error.to_string())); questions.len()],

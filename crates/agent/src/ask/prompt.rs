@@ -1,8 +1,7 @@
-//! Prompts: one file per stage, with a name and a version; placeholders as in the paper.
+//! Prompt files: one per kind of question, with an id, a version and placeholders.
 //!
-//! A file begins with TOML between two lines `+++`; in the rest `{instruction}`, `{object_name}`, `{start_point}` and
-//! `{arrows}` are filled in, and all other braces stay what they are.
-//! The built-in files lie in `prompts/`; a folder may replace any of them by a file of the same name.
+//! A file begins with TOML front matter between two `+++` lines. In the rest, `{instruction}`, `{object_name}`,
+//! `{start_point}` and `{arrows}` are substituted; other braces are kept.
 
 use std::path::Path;
 
@@ -11,12 +10,12 @@ use genmanip_llm::files::read_text;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
-use super::stage::{PromptStamp, Stage};
+use super::question_kind::{PromptStamp, QuestionKind};
 
 /// All prompts of the agent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PromptSet {
-    /// In the order of [`Stage::ALL`].
+    /// In the order of [`QuestionKind::ALL`].
     prompts: Vec<Prompt>,
 }
 
@@ -26,13 +25,13 @@ struct Prompt {
     text: String,
 }
 
-/// Why a prompt cannot be used.
+/// Error in a prompt file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("prompt {file}: {message}")]
 pub struct PromptError {
     /// The file.
     pub file: String,
-    /// What is wrong.
+    /// Description of the error.
     pub message: String,
 }
 
@@ -43,7 +42,7 @@ struct Head {
     version: u32,
 }
 
-/// What may be filled in; what a stage does not have stays empty.
+/// Placeholder values; unused ones are empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Inputs<'a> {
     pub instruction: &'a str,
@@ -63,10 +62,10 @@ const BUILT_IN: [(&str, &str); 7] = [
 ];
 
 impl PromptSet {
-    /// The built-in prompts, those of `folder` in their place where it has a file of the same name.
+    /// Loads the built-in prompts; files of the same name in `folder` replace them.
     ///
     /// # Errors
-    /// A file that cannot be read, or does not begin as it should.
+    /// Fails if a file cannot be read or has no valid front matter.
     pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
         let prompt = |(name, built_in): &(&str, &str)| {
             let path = folder.map(|folder| folder.join(name)).filter(|path| path.exists());
@@ -83,8 +82,8 @@ impl PromptSet {
         Ok(Self { prompts: BUILT_IN.iter().map(prompt).collect::<Result<_, _>>()? })
     }
 
-    /// The words of a stage and which prompt they are from.
-    pub(crate) fn fill(&self, stage: Stage, inputs: Inputs) -> (PromptStamp, String) {
+    /// Fills in the prompt of a kind of question.
+    pub(crate) fn fill(&self, stage: QuestionKind, inputs: Inputs) -> (PromptStamp, String) {
         let Prompt { stamp, text } = &self.prompts[stage as usize];
         (stamp.clone(), filled(text, inputs))
     }
@@ -105,7 +104,7 @@ impl Prompt {
     }
 }
 
-/// The text with its placeholders filled in, in one pass, so that braces in a value stay what they are.
+/// Substitutes placeholders in one pass, so that braces inside values are kept.
 fn filled(text: &str, inputs: Inputs) -> String {
     let values = [
         ("{instruction}", inputs.instruction),
@@ -148,13 +147,13 @@ mod tests {
         std::fs::write(folder.path().join("check.md"), "+++\nid = \"mine\"\nversion = 3\n+++\nDone: {instruction}?\n")
             .unwrap();
         let mine = PromptSet::load(Some(folder.path())).unwrap();
-        let (stamp, text) = mine.fill(Stage::Check, Inputs { instruction: "x", ..Inputs::default() });
+        let (stamp, text) = mine.fill(QuestionKind::Check, Inputs { instruction: "x", ..Inputs::default() });
         assert_eq!((stamp.id.as_str(), stamp.version, text.as_str()), ("mine", 3, "Done: x?"));
         let built_in = PromptSet::load(None).unwrap();
         assert_eq!(mine.prompts[0], built_in.prompts[0]);
-        for (stage, prompt) in Stage::ALL.iter().zip(&built_in.prompts) {
+        for (stage, prompt) in QuestionKind::ALL.iter().zip(&built_in.prompts) {
             assert_eq!(prompt.stamp.id, format!("agent.{}", stage.name()));
-            assert!(prompt.text.contains("{instruction}") || *stage == Stage::GrabPoint, "{}", stage.name());
+            assert!(prompt.text.contains("{instruction}") || *stage == QuestionKind::GrabPoint, "{}", stage.name());
         }
         std::fs::write(folder.path().join("check.md"), "no head").unwrap();
         let error = PromptSet::load(Some(folder.path())).unwrap_err().to_string();

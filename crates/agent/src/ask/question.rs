@@ -1,4 +1,4 @@
-//! What a model is asked.
+//! Questions to a model.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,49 +8,49 @@ use genmanip_llm::{ChatRequest, Image, ImageError, Message, Part, ReplySchema};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 
-use super::complaint::Refused;
-use super::stage::{PromptStamp, Stage};
+use super::question_kind::{PromptStamp, QuestionKind};
+use super::rejection::RejectedAnswer;
 use crate::grid::{Cell, Grid};
 use crate::picture::Picture;
 use crate::segmentation::Mask;
 
-/// One question, with everything that decides whether an answer fits.
+/// One question with everything needed to validate its answer.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// What it is about.
-    pub stage: Stage,
-    /// Number of the ask in the episode, repeated asks included, from 0.
+    /// Kind of question.
+    pub stage: QuestionKind,
+    /// Index of the ask in the episode, retries included, from 0.
     pub ask: usize,
-    /// The prompt that was filled in.
+    /// Identity of the prompt.
     pub prompt: PromptStamp,
-    /// The words.
+    /// Text of the question.
     pub text: String,
-    /// The instruction of the stage: the whole task, or the sub-task.
+    /// Instruction: the whole task, or the sub-task.
     pub instruction: String,
-    /// The pictures, in this order.
-    pub pictures: Vec<Shown>,
-    /// What is drawn on them.
+    /// Images sent with the question, in this order.
+    pub pictures: Vec<QuestionImage>,
+    /// Marks drawn on the images.
     pub marks: Marks,
-    /// The picture with its depth and its place in space; a model is not shown it.
+    /// RGB-D image of the view; not sent to the model.
     pub view: Arc<RgbdImage>,
-    /// Whether the answer begins with its reasons.
+    /// Ask for reasoning before the answer.
     pub reasoning: bool,
-    /// Answers that did not fit, with what was wrong with them.
-    pub refused: Vec<Refused>,
+    /// Rejected answers so far.
+    pub refused: Vec<RejectedAnswer>,
 }
 
-/// Name of the field in which a model reasons.
+/// JSON field of the model's reasoning.
 pub(super) const REASONING: &str = "reasoning";
-/// What is asked for where a model is to reason before it answers.
+/// Instruction appended to the prompt when reasoning is requested.
 const REASON: &str = "\n\nPut one more field first into the JSON object: `reasoning`, a text of at most five sentences that \
                       says what you see and why you decide so. Decide only after it.";
 
-/// A picture that is shown.
+/// An image sent with a question.
 #[derive(Clone, Debug)]
-pub struct Shown {
-    /// What it is, e.g. `masks`.
+pub struct QuestionImage {
+    /// Name of the image, e.g. `masks`.
     pub name: &'static str,
-    /// The picture.
+    /// The image.
     pub picture: Arc<Picture>,
 }
 
@@ -61,24 +61,24 @@ pub enum Marks {
     None,
     /// Masks, numbered from 1 in this order.
     Masks(Arc<[Mask]>),
-    /// Five points, numbered from 1 in this order, by the index of their pixels.
+    /// Points, numbered from 1 in this order, by pixel index.
     Points(Vec<usize>),
-    /// A grid, and where things come to stand that are put into its cells; in no other cell can anything be put.
+    /// A grid and the placement targets of its cells; cells without a target cannot receive the object.
     Grid {
-        /// The cells.
+        /// The grid.
         grid: Grid,
-        /// The point, in the world, over which the middle of the moved thing will come to rest.
+        /// Rest position of the object's footprint centre per cell, world frame.
         targets: BTreeMap<Cell, DVec3>,
-        /// The mask of what is moved.
+        /// Mask of the moved object.
         moved: Mask,
     },
 }
 
 impl Question {
-    /// The question as a conversation.
+    /// Builds the chat request.
     ///
     /// # Errors
-    /// When a picture cannot be encoded.
+    /// Fails if an image cannot be encoded.
     pub fn request(&self, model: &str, parameters: &Map<String, Value>) -> Result<ChatRequest, ImageError> {
         let unreadable = || ImageError { size_bytes: 0, beginning: String::new() };
         let words = if self.reasoning { format!("{}{REASON}", self.text) } else { self.text.clone() };
@@ -88,10 +88,10 @@ impl Question {
             parts.push(Part::Image(Image::new(bytes)?));
         }
         let mut messages = vec![Message::user_parts(parts)];
-        for Refused { answer, complaint } in &self.refused {
+        for RejectedAnswer { answer, rejection } in &self.refused {
             messages.push(Message::assistant(if answer.is_empty() { "(nothing)" } else { answer }));
             messages.push(Message::user(format!(
-                "This answer cannot be used: {complaint}. Answer again with the JSON object alone."
+                "This answer cannot be used: {rejection}. Answer again with the JSON object alone."
             )));
         }
         let reply_schema = Some(ReplySchema { name: self.stage.name().into(), schema: self.schema() });
@@ -109,7 +109,7 @@ impl Question {
                 properties.as_object().map(|fields| fields.keys().cloned().collect()).unwrap_or_default();
             json!({"type": "object", "properties": properties, "required": names, "additionalProperties": false})
         };
-        // Of the answer itself, not of the objects in it.
+        // The schema of the answer itself, not of nested objects.
         let object = |properties: Value| match (self.reasoning, properties) {
             (true, Value::Object(fields)) => {
                 let first = [(REASONING.to_owned(), json!({"type": "string"}))];
@@ -124,20 +124,20 @@ impl Question {
             Marks::None | Marks::Grid { .. } => 0,
         };
         match self.stage {
-            Stage::Decompose => object(json!({"subtasks": {"type": "array", "items": text}})),
-            Stage::Object => object(json!({"number": numbers(count, true), "object_name": text, "color": text})),
-            Stage::Part => object(json!({"number": numbers(count, true), "part_name": text, "color": text})),
-            Stage::GrabPoint => object(json!({"selected_point": numbers(count, false), "reason": text})),
-            Stage::GridPath => {
+            QuestionKind::Decompose => object(json!({"subtasks": {"type": "array", "items": text}})),
+            QuestionKind::Object => object(json!({"number": numbers(count, true), "object_name": text, "color": text})),
+            QuestionKind::Part => object(json!({"number": numbers(count, true), "part_name": text, "color": text})),
+            QuestionKind::GrabPoint => object(json!({"selected_point": numbers(count, false), "reason": text})),
+            QuestionKind::GridPath => {
                 let number = json!({"type": "number"});
                 let item = strict(json!({"grid_number": text, "height_m": number, "claw_orientation": number}));
                 object(json!({"path": {"type": "array", "items": item}}))
             }
-            Stage::PointToPoint => {
+            QuestionKind::PointToPoint => {
                 let kind = json!({"type": "string", "enum": ["grid"]});
                 object(json!({"selected_point": strict(json!({"type": kind, "label": text}))}))
             }
-            Stage::Check => object(json!({
+            QuestionKind::Check => object(json!({
                 "scene_description": text,
                 "finished": {"type": "boolean"},
                 "remaining": {"type": "array", "items": text},

@@ -1,7 +1,8 @@
-//! Answers that were recorded, by the number of their ask: what a question must be like for one to be its answer.
+//! Recorded answers, replayed by ask index if the question matches.
 //!
-//! A question is the recorded one when stage, prompt, instruction and the answers that were refused before are the same,
-//! and its marks and pictures differ by no more than [`Tolerance`] says. Any other is reported, never answered.
+//! A question matches if its kind, prompt, instruction and previously rejected answers are equal, and its marks and
+//! images
+//! differ by at most [`Tolerance`]. Any other question is reported as a mismatch and never answered.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -9,13 +10,13 @@ use genmanip_core::Document;
 use genmanip_llm::Usage;
 use serde::{Deserialize, Serialize};
 
-use super::model::Answered;
+use super::model::ModelReply;
 use super::question::{Marks, Question};
-use super::stage::{PromptStamp, Stage};
+use super::question_kind::{PromptStamp, QuestionKind};
 use crate::picture::Picture;
 use crate::segmentation::Mask;
 
-/// Columns and rows of a thumbnail: cells of 32 pixels in pictures of 512 x 288.
+/// Columns and rows of a thumbnail: cells of 32 pixels in images of 512 x 288.
 const THUMBNAIL: [usize; 2] = [16, 9];
 
 /// The answers of one episode.
@@ -24,7 +25,7 @@ const THUMBNAIL: [usize; 2] = [16, 9];
 pub struct RecordedAnswers {
     /// Id of the scenario.
     pub scenario: String,
-    /// By the number of their ask.
+    /// Answers by ask index.
     pub answers: Vec<RecordedAnswer>,
 }
 
@@ -32,102 +33,104 @@ impl Document for RecordedAnswers {
     const SCHEMA: &'static str = "genmanip.agent_answers/1";
 }
 
-/// One answer with what it was given to.
+/// One answer with the question it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedAnswer {
-    /// Number of the ask in the episode, repeated ones included, from 0.
+    /// Index of the ask in the episode, retries included, from 0.
     pub ask: usize,
-    /// What it was about.
-    pub stage: Stage,
+    /// Kind of question.
+    pub stage: QuestionKind,
     /// The prompt, with its version.
     pub prompt: PromptStamp,
-    /// The words of the question.
+    /// Text of the question.
     pub text: String,
-    /// Whether reasons were asked for.
+    /// True if reasoning was requested.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reasoning: bool,
-    /// Answers that had been refused before, with why.
+    /// Previously rejected answers with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refused: Vec<[String; 2]>,
-    /// What was drawn: middle (column and row) and size of each mask, or the points, in pixels.
+    /// Drawn marks: centre (column, row) and area of each mask, or the points [px].
     pub marks: Vec<[f64; 3]>,
-    /// The pictures.
+    /// Thumbnails of the images.
     pub pictures: Vec<Thumbnail>,
-    /// What was answered.
+    /// Answer text.
     pub answer: String,
-    /// Tokens, where the service said so.
+    /// Token usage, if the service reported it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
 }
 
-/// A picture, small: the mean colour of each of 16 x 9 cells.
+/// Thumbnail of an image: mean colour of each of 16 x 9 cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thumbnail {
-    /// What it shows, e.g. `masks`.
+    /// Name of the image, e.g. `masks`.
     pub name: String,
-    /// Pixels per row and rows of the picture.
+    /// Width and height of the image [px].
     pub size: [u32; 2],
     /// Three bytes per cell, row by row, 8-bit sRGB, in base64.
     pub cells: String,
 }
 
-/// How much a question may differ from the recorded one.
+/// Tolerated differences between a question and its recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Mean difference of the colours of a thumbnail's cells, of 255.
+    /// Mean difference of thumbnail cell colours, of 255.
     pub mean: f64,
-    /// Largest difference of one cell's colours, of 255.
+    /// Maximum difference of one cell's colour, of 255.
     pub largest: f64,
-    /// Distance of a mark, pixels.
+    /// Maximum distance of a mark [px].
     pub mark_px: f64,
-    /// Difference of a mask's size, as a share of it.
+    /// Maximum relative difference of a mask's area.
     pub mark_size: f64,
 }
 
 impl Default for Tolerance {
-    /// The renderer gives the same pictures everywhere; its later versions light the same scene a little differently, by
-    /// 0.9 of 255 on the mean and 12 in a cell when things began to colour the table around them.
-    /// A can that is moved by its own width changes a cell by some 40 of 255.
+    /// The renderer is deterministic across machines, but renderer versions differ slightly: the version that
+    /// introduced
+    /// colour bleeding onto the table changed images by 0.9 of 255 on average and by 12 in one cell. An object
+    /// displaced by
+    /// its own width changes a cell by about 40 of 255.
     fn default() -> Self {
         Self { mean: 1.5, largest: 20.0, mark_px: 2.0, mark_size: 0.05 }
     }
 }
 
-/// Why a recorded answer is not the answer to a question.
+/// Mismatch between a recorded answer and a question.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mismatch {
-    /// Nothing was recorded for this ask.
+    /// No answer was recorded for this ask.
     #[error("ask {ask} ({}) of {scenario} is not recorded", stage.name())]
     Missing {
         /// The scenario.
         scenario: String,
-        /// The ask.
+        /// Ask index.
         ask: usize,
-        /// Its stage.
-        stage: Stage,
+        /// Kind of question.
+        stage: QuestionKind,
     },
-    /// Something else was asked then.
+    /// The recording belongs to a different question.
     #[error("ask {ask} of {scenario} was recorded for another {what}: {recorded}, not {asked}")]
     Other {
         /// The scenario.
         scenario: String,
-        /// The ask.
+        /// Ask index.
         ask: usize,
-        /// What differs, e.g. `prompt`.
+        /// Differing property, e.g. `prompt`.
         what: &'static str,
-        /// What was recorded.
+        /// Recorded value.
         recorded: String,
-        /// What is asked now.
+        /// Current value.
         asked: String,
     },
 }
 
 impl RecordedAnswer {
-    /// An answer to a question.
-    pub fn new(question: &Question, answered: &Answered) -> Self {
-        let refused = |refused: &super::Refused| [refused.answer.clone(), refused.complaint.to_string()];
+    /// Records the answer to a question.
+    pub fn new(question: &Question, answered: &ModelReply) -> Self {
+        let refused = |refused: &super::RejectedAnswer| [refused.answer.clone(), refused.rejection.to_string()];
         Self {
             ask: question.ask,
             stage: question.stage,
@@ -136,63 +139,68 @@ impl RecordedAnswer {
             reasoning: question.reasoning,
             refused: question.refused.iter().map(refused).collect(),
             marks: marks(question),
-            pictures: question.pictures.iter().map(|shown| Thumbnail::of(shown.name, &shown.picture)).collect(),
+            pictures: question.pictures.iter().map(|shown| Thumbnail::size_of(shown.name, &shown.picture)).collect(),
             answer: answered.text.clone(),
             usage: answered.usage,
         }
     }
 
-    /// What differs from a question, with both; `None` where it is the same within the tolerance.
+    /// First difference from a question as name, recorded value, current value; `None` within tolerance.
     fn difference(&self, question: &Question, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
-        let now = Self::new(question, &Answered { text: String::new(), usage: None });
+        let current = Self::new(question, &ModelReply { text: String::new(), usage: None });
         let differs = |what, recorded: String, asked: String| (recorded != asked).then_some((what, recorded, asked));
         let prompt = |stamp: &PromptStamp| format!("{} version {} ({})", stamp.id, stamp.version, stamp.sha256);
-        let words = |text: &str| text.chars().take(120).collect::<String>();
-        differs("stage", self.stage.name().into(), now.stage.name().into())
-            .or_else(|| differs("prompt", prompt(&self.prompt), prompt(&now.prompt)))
-            .or_else(|| differs("reasoning", self.reasoning.to_string(), now.reasoning.to_string()))
-            .or_else(|| (self.text != now.text).then(|| ("text", words(&self.text), words(&now.text))))
+        let excerpt = |text: &str| text.chars().take(120).collect::<String>();
+        differs("stage", self.stage.name().into(), current.stage.name().into())
+            .or_else(|| differs("prompt", prompt(&self.prompt), prompt(&current.prompt)))
+            .or_else(|| differs("reasoning", self.reasoning.to_string(), current.reasoning.to_string()))
+            .or_else(|| (self.text != current.text).then(|| ("text", excerpt(&self.text), excerpt(&current.text))))
             .or_else(|| {
                 let count = |refused: &[[String; 2]]| format!("{} refused answers", refused.len());
-                (self.refused != now.refused).then(|| ("conversation", count(&self.refused), count(&now.refused)))
+                (self.refused != current.refused)
+                    .then(|| ("conversation", count(&self.refused), count(&current.refused)))
             })
-            .or_else(|| differs("number of marks", self.marks.len().to_string(), now.marks.len().to_string()))
+            .or_else(|| differs("number of marks", self.marks.len().to_string(), current.marks.len().to_string()))
             .or_else(|| {
-                let is_off = |(was, is): &(&[f64; 3], &[f64; 3])| {
-                    (was[0] - is[0]).hypot(was[1] - is[1]) > tolerance.mark_px
-                        || (was[2] - is[2]).abs() > tolerance.mark_size * was[2].max(1.0)
+                let is_displaced = |(recorded_mark, current_mark): &(&[f64; 3], &[f64; 3])| {
+                    (recorded_mark[0] - current_mark[0]).hypot(recorded_mark[1] - current_mark[1]) > tolerance.mark_px
+                        || (recorded_mark[2] - current_mark[2]).abs() > tolerance.mark_size * recorded_mark[2].max(1.0)
                 };
-                let off = self.marks.iter().zip(&now.marks).find(is_off)?;
-                Some(("mark", format!("{:.1?}", off.0), format!("{:.1?}", off.1)))
+                let displaced = self.marks.iter().zip(&current.marks).find(is_displaced)?;
+                Some(("mark", format!("{:.1?}", displaced.0), format!("{:.1?}", displaced.1)))
             })
-            .or_else(|| differs("number of pictures", self.pictures.len().to_string(), now.pictures.len().to_string()))
             .or_else(|| {
-                let pairs = self.pictures.iter().zip(&now.pictures);
-                pairs.into_iter().find_map(|(was, is)| was.difference(is, tolerance))
+                differs("number of pictures", self.pictures.len().to_string(), current.pictures.len().to_string())
+            })
+            .or_else(|| {
+                let pairs = self.pictures.iter().zip(&current.pictures);
+                pairs
+                    .into_iter()
+                    .find_map(|(recorded_mark, current_mark)| recorded_mark.difference(current_mark, tolerance))
             })
     }
 }
 
 impl RecordedAnswers {
-    /// The recorded answer to a question.
+    /// Returns the recorded answer to a question.
     ///
     /// # Errors
-    /// Says what is missing or what differs.
-    pub fn answer(&self, question: &Question, tolerance: &Tolerance) -> Result<Answered, Mismatch> {
+    /// Reports a missing recording or the first difference.
+    pub fn answer(&self, question: &Question, tolerance: &Tolerance) -> Result<ModelReply, Mismatch> {
         let (scenario, ask) = (self.scenario.clone(), question.ask);
         let recorded = self.answers.iter().find(|answer| answer.ask == ask);
         let Some(recorded) = recorded else {
             return Err(Mismatch::Missing { scenario, ask, stage: question.stage });
         };
         match recorded.difference(question, tolerance) {
-            None => Ok(Answered { text: recorded.answer.clone(), usage: recorded.usage }),
+            None => Ok(ModelReply { text: recorded.answer.clone(), usage: recorded.usage }),
             Some((what, recorded, asked)) => Err(Mismatch::Other { scenario, ask, what, recorded, asked }),
         }
     }
 }
 
 impl Thumbnail {
-    fn of(name: &str, picture: &Picture) -> Self {
+    fn size_of(name: &str, picture: &Picture) -> Self {
         let (width, height) = (picture.width as usize, picture.height as usize);
         let [columns, rows] = THUMBNAIL;
         let mut cells = Vec::with_capacity(columns * rows * 3);
@@ -215,17 +223,25 @@ impl Thumbnail {
         Self { name: name.into(), size: [picture.width, picture.height], cells: STANDARD.encode(cells) }
     }
 
-    fn difference(&self, now: &Self, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
-        let of = |thumbnail: &Self| format!("{} of {} x {}", thumbnail.name, thumbnail.size[0], thumbnail.size[1]);
-        if of(self) != of(now) {
-            return Some(("picture", of(self), of(now)));
+    fn difference(&self, current: &Self, tolerance: &Tolerance) -> Option<(&'static str, String, String)> {
+        let size_of = |thumbnail: &Self| format!("{} of {} x {}", thumbnail.name, thumbnail.size[0], thumbnail.size[1]);
+        if size_of(self) != size_of(current) {
+            return Some(("picture", size_of(self), size_of(current)));
         }
         let cells = |thumbnail: &Self| STANDARD.decode(&thumbnail.cells).unwrap_or_default();
-        let (was, is) = (cells(self), cells(now));
-        if was.len() != is.len() {
-            return Some(("picture", format!("{} bytes", was.len()), format!("{} bytes", is.len())));
+        let (recorded_mark, current_mark) = (cells(self), cells(current));
+        if recorded_mark.len() != current_mark.len() {
+            return Some((
+                "picture",
+                format!("{} bytes", recorded_mark.len()),
+                format!("{} bytes", current_mark.len()),
+            ));
         }
-        let apart: Vec<f64> = was.iter().zip(&is).map(|(was, is)| f64::from(was.abs_diff(*is))).collect();
+        let apart: Vec<f64> = recorded_mark
+            .iter()
+            .zip(&current_mark)
+            .map(|(recorded_mark, current_mark)| f64::from(recorded_mark.abs_diff(*current_mark)))
+            .collect();
         let mean = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
         let largest = apart.iter().copied().fold(0.0, f64::max);
         (mean > tolerance.mean || largest > tolerance.largest).then(|| {
@@ -239,7 +255,7 @@ impl Thumbnail {
     }
 }
 
-/// What is drawn: middle and size of each mask, the points, or what is moved over the grid.
+/// Drawn marks: centre and area of each mask, the points, or the mask of the object moved over the grid.
 fn marks(question: &Question) -> Vec<[f64; 3]> {
     let middle = |mask: &Mask| {
         let (mut x, mut y, mut count) = (0.0, 0.0, 0.0);

@@ -1,4 +1,4 @@
-//! What is kept of an episode: every question, every picture shown, every answer, and what the hand did.
+//! Transcript of an episode: questions, images, answers and robot actions.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -8,20 +8,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::question::Question;
-use super::stage::{PromptStamp, Stage};
+use super::question_kind::{PromptStamp, QuestionKind};
 use crate::picture::Picture;
 
-/// Everything that was asked and done in one episode.
+/// Transcript of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transcript {
-    /// The task, in words.
+    /// Task instruction.
     pub instruction: String,
     /// `paper` or `full`.
     pub preset: String,
-    /// In the order of time.
-    pub moments: Vec<Moment>,
-    /// Why the agent gave up, if it did.
+    /// Events in chronological order.
+    pub moments: Vec<TranscriptEvent>,
+    /// Failure that ended the episode, if any.
     pub failure: Option<FailedStage>,
 }
 
@@ -30,80 +30,80 @@ impl Document for Transcript {
 }
 
 impl Transcript {
-    /// What the hand did last, in words.
+    /// Description of the last robot action.
     pub fn last_act(&self) -> Option<String> {
         self.moments.iter().rev().find_map(|moment| match moment {
-            Moment::Acted { what, .. } => Some(what.clone()),
-            Moment::Asked(_) => None,
+            TranscriptEvent::Acted { what, .. } => Some(what.clone()),
+            TranscriptEvent::Asked(_) => None,
         })
     }
 }
 
-/// Something that happened.
+/// An event of the episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Moment {
-    /// A question was answered, or was not.
+pub enum TranscriptEvent {
+    /// A question and its answer, or the failure to answer.
     Asked(Exchange),
-    /// The hand did something, or planned to and could not.
+    /// A robot action, or a failure to plan one.
     Acted {
-        /// Since the start of the episode, s.
+        /// Time since the start of the episode [s].
         time_s: f64,
-        /// What it was, in words.
+        /// Description of the action.
         what: String,
     },
 }
 
-/// One question with its answer.
+/// A question and its answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exchange {
-    /// Number of the ask in the episode, from 0.
+    /// Index of the ask in the episode, from 0.
     pub ask: usize,
-    /// What it was about.
-    pub stage: Stage,
-    /// Which prompt was used.
+    /// Kind of question.
+    pub stage: QuestionKind,
+    /// Identity of the prompt.
     pub prompt: PromptStamp,
-    /// The instruction of the stage.
+    /// Instruction of the question.
     pub instruction: String,
-    /// Pictures that were shown, by the name of their file.
+    /// File names of the images sent.
     pub pictures: Vec<String>,
-    /// What was answered, its beginning where it was long.
+    /// Answer, truncated.
     pub answer: String,
-    /// Why it was not taken.
+    /// Reason for rejecting the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
-    /// Tokens, where the service says so.
+    /// Token usage, if the service reports it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
 }
 
-/// A stage that failed, which ends the episode.
+/// A failed pipeline stage, which ends the episode.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[error("{stage} failed ({cause}): {evidence}")]
 #[serde(deny_unknown_fields)]
 pub struct FailedStage {
     /// The stage, e.g. `object`, `grasp` or `motion`.
     pub stage: String,
-    /// The kind of failure, e.g. `not_found`.
+    /// Cause, e.g. `not_found`.
     pub cause: String,
-    /// What was seen.
+    /// Evidence.
     pub evidence: String,
 }
 
 impl FailedStage {
-    /// The cause of a failure that is the service's: no answer came.
+    /// Cause of a service failure: no answer was received.
     pub const SERVICE: &str = "service";
 
-    /// A failure.
+    /// Creates a failure of a stage.
     pub fn new(stage: &str, cause: &str, evidence: String) -> Self {
         Self { stage: stage.into(), cause: cause.into(), evidence }
     }
 }
 
-/// A transcript in the making, shared between the agent and whoever reads it afterwards.
+/// Recorder of a transcript, shared between the agent and its caller.
 #[derive(Clone, Debug, Default)]
-pub struct Transcribed(Arc<Mutex<Kept>>);
+pub struct TranscriptRecorder(Arc<Mutex<Kept>>);
 
 #[derive(Clone, Debug, Default)]
 struct Kept {
@@ -113,8 +113,8 @@ struct Kept {
     keeps_pictures: bool,
 }
 
-impl Transcribed {
-    /// One that keeps the pictures that were shown, or only their names.
+impl TranscriptRecorder {
+    /// Creates a recorder that keeps the images themselves (`true`) or only their names.
     pub fn new(keeps_pictures: bool) -> Self {
         Self(Arc::new(Mutex::new(Kept { keeps_pictures, ..Kept::default() })))
     }
@@ -124,22 +124,22 @@ impl Transcribed {
         self.lock().transcript.clone()
     }
 
-    /// The pictures so far, with the names of their files.
+    /// The images so far, by file name.
     pub fn pictures(&self) -> Vec<(String, Arc<Picture>)> {
         self.lock().pictures.clone()
     }
 
-    /// One of its own, with everything so far.
+    /// An independent copy.
     pub(crate) fn copied(&self) -> Self {
         Self(Arc::new(Mutex::new(self.lock().clone())))
     }
 
-    /// Questions asked so far, repeated ones included: the number of the next.
+    /// Number of questions asked so far, retries included; also the index of the next one.
     pub fn asks(&self) -> usize {
         self.lock().asks
     }
 
-    /// Begins afresh.
+    /// Starts the transcript of a new episode.
     pub(crate) fn begin(&self, instruction: &str, preset: &str) {
         let mut kept = self.lock();
         let transcript = Transcript { instruction: instruction.into(), preset: preset.into(), ..Transcript::default() };
@@ -153,7 +153,7 @@ impl Transcribed {
     }
 
     pub(crate) fn acted(&self, time_s: f64, what: String) {
-        self.lock().transcript.moments.push(Moment::Acted { time_s, what });
+        self.lock().transcript.moments.push(TranscriptEvent::Acted { time_s, what });
     }
 
     pub(crate) fn failed(&self, failure: &FailedStage) {
@@ -170,7 +170,7 @@ impl Transcribed {
             }
             names.push(name);
         }
-        kept.transcript.moments.push(Moment::Asked(Exchange {
+        kept.transcript.moments.push(TranscriptEvent::Asked(Exchange {
             ask: question.ask,
             stage: question.stage,
             prompt: question.prompt.clone(),

@@ -1,11 +1,11 @@
-//! Letters of 5x7 dots, drawn for this project: the capitals, digits and signs that labels need.
+//! A 5x7 bitmap font made for this project: capitals, digits and the few signs that labels need.
 
 use super::{BLACK, Color, Picture, WHITE};
 
 /// Dots per letter, across and down.
 pub(super) const LETTER: [f64; 2] = [5.0, 7.0];
 
-/// The rows of a letter from the top, the leftmost dot in the highest of five bits; `None` for what has no letter.
+/// Bitmap rows of a character from the top, leftmost dot in the highest of five bits; `None` if it is not in the font.
 fn rows(letter: char) -> Option<[u8; 7]> {
     Some(match letter {
         '0' => [0x0e, 0x11, 0x13, 0x15, 0x19, 0x11, 0x0e],
@@ -50,13 +50,13 @@ fn rows(letter: char) -> Option<[u8; 7]> {
     })
 }
 
-/// Width of a text in dots, one dot between letters.
+/// Width of a text [dots], with one dot between characters.
 pub(super) fn width(text: &str) -> f64 {
     (text.chars().count() as f64 * (LETTER[0] + 1.0) - 1.0).max(0.0)
 }
 
 impl Picture {
-    /// A text with its top left dot at a place, in dots of `dot` pixels; small letters are drawn as capitals.
+    /// Draws a text at its top left corner with `dot` pixels per dot; lower case is drawn as upper case.
     pub(super) fn text(&mut self, text: &str, at: [f64; 2], dot: f64, color: Color) {
         for (index, letter) in text.chars().enumerate() {
             let Some(rows) = rows(letter.to_ascii_uppercase()) else { continue };
@@ -70,7 +70,7 @@ impl Picture {
         }
     }
 
-    /// A white text on a dark ground with its middle at a place.
+    /// Draws a white text on a dark background, centred at `middle`.
     pub(super) fn label(&mut self, text: &str, middle: [f64; 2], dot: f64) {
         let size = label_size(text, dot);
         let corner = [(middle[0] - size[0] / 2.0).round(), (middle[1] - size[1] / 2.0).round()];
@@ -79,13 +79,13 @@ impl Picture {
     }
 }
 
-/// Size of a label with its ground, pixels.
+/// Size of a label with its background [px].
 pub(super) fn label_size(text: &str, dot: f64) -> [f64; 2] {
     [(width(text) + 4.0) * dot, (LETTER[1] + 4.0) * dot]
 }
 
 impl Picture {
-    /// A text with a soft dark edge and no ground, with its top left dot at a place: it hides little.
+    /// Draws a text with an outline and no background, which hides little of the image.
     pub(super) fn small_label(&mut self, text: &str, at: [f64; 2], dot: f64) {
         for [dx, dy] in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {
             self.text(text, [at[0] + dx * dot, at[1] + dy * dot], dot, WHITE);

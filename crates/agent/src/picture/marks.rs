@@ -1,6 +1,6 @@
-//! The marks on pictures: numbered masks, crops, points, the lettered grid, the grab point, the robot's directions.
+//! Marks on images: numbered masks, crops, points, the labelled grid, the grab point, the robot's direction arrows.
 //!
-//! Labels are white on a dark ground and stand on large things, beside small ones.
+//! Labels are white on a dark background; they are placed on large objects and beside small ones.
 
 use genmanip_core::RgbdImage;
 use glam::DVec3;
@@ -10,13 +10,13 @@ use super::{BLACK, Color, Picture, WHITE};
 use crate::grid::Grid;
 use crate::segmentation::Mask;
 
-/// What the prompts say about the arrows.
+/// Explanation of the arrows in prompts.
 pub const ARROWS: &str = "The camera faces the robot. Arrows in the picture show the robot's own directions: LEFT and \
 RIGHT are the robot's left and right, FAR points away from the robot, NEAR towards it. Words like left, right, front \
 and behind in the task mean the robot's directions, not those of the picture: front, or in front of, means the far \
 side, and behind means the side near the robot.";
 
-/// Colours of masks and points, told apart on white and on each other; they repeat.
+/// Colours of masks and points, distinguishable from white and from each other; used cyclically.
 const COLORS: [Color; 8] = [
     [228, 26, 28],
     [55, 126, 184],
@@ -28,22 +28,22 @@ const COLORS: [Color; 8] = [
     [220, 60, 150],
 ];
 
-/// How much of a mask's colour lies over it in pictures for models, who shall see what is below.
+/// Opacity of mask tints in images for models, low enough to see the object.
 const FILL: f64 = 0.05;
 
-/// Dots of a label per pixel of a 512x288 picture.
+/// Label scale: pixels per dot in a 512x288 image.
 const DOT: f64 = 1.0;
 
 fn color(index: usize) -> Color {
     COLORS[index % COLORS.len()]
 }
 
-/// Dot size on a picture: whole pixels, so that letters stay sharp.
+/// Label dot size [px], a whole number so that letters stay sharp.
 fn dot(picture: &Picture) -> f64 {
     (DOT * picture.unit()).round().max(1.0)
 }
 
-/// The picture with masks outlined, tinted and numbered from 1.
+/// Draws masks outlined, tinted and numbered from 1.
 pub fn masks(picture: &Picture, masks: &[Mask]) -> Picture {
     let mut marked = picture.clone();
     tints(&mut marked, masks, &COLORS, FILL);
@@ -51,14 +51,14 @@ pub fn masks(picture: &Picture, masks: &[Mask]) -> Picture {
     marked
 }
 
-/// Outlines masks in colours, which repeat, and fills them with a share of it, 0-1.
+/// Outlines masks in cyclic colours and fills them with opacity `fill` in [0, 1].
 pub fn tints(picture: &mut Picture, masks: &[Mask], colors: &[Color], fill: f64) {
     for (mask, color) in masks.iter().zip(colors.iter().cycle()) {
         tint(picture, mask, *color, fill);
     }
 }
 
-/// Numbers masks from 1, each label framed in its mask's colour; colours repeat.
+/// Numbers masks from 1; each label has a frame in its mask's colour, used cyclically.
 pub fn numbers(picture: &mut Picture, masks: &[Mask], colors: &[Color]) {
     let taken = labels(picture, masks);
     let size = dot(picture);
@@ -72,7 +72,7 @@ pub fn numbers(picture: &mut Picture, masks: &[Mask], colors: &[Color]) {
     }
 }
 
-/// A thin coloured frame around a label, so that it can be told which outline it belongs to.
+/// Draws a thin coloured frame around a label to associate it with its outline.
 fn frame(picture: &mut Picture, text: &str, middle: [f64; 2], dot: f64, color: Color) {
     let size = label_size(text, dot);
     let [left, top] = [(middle[0] - size[0] / 2.0).round(), (middle[1] - size[1] / 2.0).round()];
@@ -104,33 +104,25 @@ fn tint(picture: &mut Picture, mask: &Mask, color: Color, fill: f64) {
     }
 }
 
-/// The pixel of a mask that is nearest to the middle of all of them.
+/// Pixel coordinates of [`Mask::middle`].
 fn anchor(mask: &Mask) -> Option<[f64; 2]> {
     let width = mask.width as usize;
-    let place = |index: usize| [(index % width) as f64, (index / width) as f64];
-    let count = mask.indices().count();
-    if count == 0 {
-        return None;
-    }
-    let sum = mask.indices().map(place).fold([0.0, 0.0], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
-    let middle = [sum[0] / count as f64, sum[1] / count as f64];
-    let distance = |at: [f64; 2]| (at[0] - middle[0]).hypot(at[1] - middle[1]);
-    mask.indices().map(place).min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+    mask.middle().map(|index| [(index % width) as f64, (index / width) as f64])
 }
 
-/// Whether a label stands on its thing.
+/// True if the label is on its object.
 fn is_on(mask: &Mask, middle: [f64; 2], anchor: [f64; 2]) -> bool {
     let index = middle[1].max(0.0) as usize * mask.width as usize + middle[0].max(0.0) as usize;
     middle == anchor || mask.pixels.get(index) == Some(&true)
 }
 
-/// The largest part of a thing that a label on it may hide.
-const HIDDEN_SHARE: f64 = 0.2;
-/// Directions and steps in which a free place for a label is sought.
-const WAYS: usize = 16;
+/// Maximum share of an object that its label may hide.
+const MAX_HIDDEN_SHARE: f64 = 0.2;
+/// Directions and steps of the search for a free label position.
+const DIRECTIONS: usize = 16;
 const STEPS: usize = 12;
 
-/// The middle of each mask's label: on large things, otherwise beside them where nothing else is covered.
+/// Label position of each mask: on large objects, otherwise beside them where no other mask is covered.
 fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
     let size_dot = dot(picture);
     let mut placed: Vec<[f64; 4]> = Vec::new();
@@ -165,12 +157,15 @@ fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
                     .any(|other| left < other[2] && right > other[0] && top < other[3] && bottom > other[1]);
                 outside || crossing
             };
-            let fits_on = size[0] * size[1] <= HIDDEN_SHARE * area as f64;
-            let beside = (1..=STEPS).flat_map(|step| (0..WAYS).map(move |way| (step, way))).map(|(step, way)| {
-                let turn = way as f64 / WAYS as f64 * std::f64::consts::TAU - std::f64::consts::FRAC_PI_2;
-                let reach = size[1] * (0.5 + 0.5 * step as f64);
-                [anchor[0] + reach * turn.cos(), anchor[1] + reach * turn.sin()]
-            });
+            let fits_on = size[0] * size[1] <= MAX_HIDDEN_SHARE * area as f64;
+            let beside = (1..=STEPS).flat_map(|step| (0..DIRECTIONS).map(move |direction| (step, direction))).map(
+                |(step, direction)| {
+                    let turn =
+                        direction as f64 / DIRECTIONS as f64 * std::f64::consts::TAU - std::f64::consts::FRAC_PI_2;
+                    let reach = size[1] * (0.5 + 0.5 * step as f64);
+                    [anchor[0] + reach * turn.cos(), anchor[1] + reach * turn.sin()]
+                },
+            );
             let choices: Vec<[f64; 2]> = std::iter::once(anchor).filter(|_| fits_on).chain(beside).collect();
             let cost = |index: usize, middle: [f64; 2]| match (index, fits_on) {
                 (0, true) => 0.0,
@@ -185,22 +180,16 @@ fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
         .collect()
 }
 
-/// The part of a picture around a thing, plain, and with parts of it outlined and numbered.
+/// Crops the image around an object; returns the plain crop and one with the parts outlined and numbered.
 pub fn crops(picture: &Picture, whole: &Mask, parts: &[Mask]) -> [Picture; 2] {
     let width = whole.width as usize;
-    let (mut low, mut high) = ([whole.width, whole.height], [0, 0]);
-    for index in whole.indices() {
-        let at = [(index % width) as u32, (index / width) as u32];
-        (low, high) = ([low[0].min(at[0]), low[1].min(at[1])], [high[0].max(at[0]), high[1].max(at[1])]);
-    }
-    if low[0] > high[0] {
-        return [picture.clone(), picture.clone()];
-    }
+    let Some([columns, rows]) = whole.bounds() else { return [picture.clone(), picture.clone()] };
+    let (low, high) = ([columns[0], rows[0]], [columns[1], rows[1]]);
     let margin = ((high[0] - low[0]).max(high[1] - low[1]) / 5).max(6);
     let corner = low.map(|side| side.saturating_sub(margin));
     let end = [(high[0] + margin + 1).min(picture.width), (high[1] + margin + 1).min(picture.height)];
     let size = [end[0] - corner[0], end[1] - corner[1]];
-    // Enlarged until it is about as wide as a whole picture of the usual size.
+    // Enlarge to about the default image size.
     let scale = (512 / size[0].max(1)).min(288 / size[1].max(1)).clamp(1, 6);
     let plain = picture.cropped(corner, size, scale);
     let cut = |mask: &Mask| {
@@ -217,14 +206,14 @@ pub fn crops(picture: &Picture, whole: &Mask, parts: &[Mask]) -> [Picture; 2] {
     [plain, numbered]
 }
 
-/// The picture with points numbered from 1, each a dot with its label beside it.
+/// Draws points numbered from 1, each with its label beside it.
 pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
     let mut marked = picture.clone();
     let (size, width) = (dot(picture), picture.width as usize);
     let places: Vec<[f64; 2]> = pixels.iter().map(|pixel| [(pixel % width) as f64, (pixel / width) as f64]).collect();
     let count = places.len().max(1) as f64;
     let middle = places.iter().fold([0.0, 0.0], |sum, at| [sum[0] + at[0] / count, sum[1] + at[1] / count]);
-    // Labels stand around the points, in the order of their directions from the middle of all.
+    // Labels are arranged on a circle around the points, sorted by angle.
     let mut order: Vec<usize> = (0..places.len()).collect();
     let turn = |index: usize| (places[index][1] - middle[1]).atan2(places[index][0] - middle[0]);
     order.sort_by(|a, b| turn(*a).total_cmp(&turn(*b)));
@@ -250,7 +239,7 @@ pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
     marked
 }
 
-/// The picture under a lettered grid, with a cross where the thing is held.
+/// Draws a labelled grid and a cross at the grab point.
 pub fn grid(picture: &Picture, grid: &Grid, grab: [f64; 2]) -> Picture {
     let mut marked = picture.clone();
     lettered(&mut marked, grid);
@@ -258,7 +247,7 @@ pub fn grid(picture: &Picture, grid: &Grid, grab: [f64; 2]) -> Picture {
     marked
 }
 
-/// Draws the lines and labels of a lettered grid.
+/// Draws the lines and labels of a grid.
 pub fn lettered(picture: &mut Picture, grid: &Grid) {
     let size = dot(picture);
     for cell in grid.cells() {
@@ -270,7 +259,7 @@ pub fn lettered(picture: &mut Picture, grid: &Grid) {
     }
 }
 
-/// A cross with a light edge.
+/// Draws a cross with a white outline.
 fn cross(picture: &mut Picture, at: [f64; 2]) {
     let (size, reach) = (dot(picture), 6.0 * dot(picture));
     for (width, color) in [(4.0, WHITE), (2.0, [220, 0, 0])] {
@@ -281,27 +270,27 @@ fn cross(picture: &mut Picture, at: [f64; 2]) {
     }
 }
 
-/// Length of an arrow in the world, m, and the place of their common foot over the table.
+/// Length of an arrow in the world [m].
 const ARROW_M: f64 = 0.11;
-/// Share of the picture's width and height at which the arrows stand: a lower corner, away from the middle of the table.
+/// Position of the arrows as a share of the image's width and height: a lower corner, away from the table's centre.
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];
 
-/// Draws arrows for the robot's left, right, far and near into a corner of the picture, as the camera sees them.
+/// Draws arrows for the robot's left, right, far and near directions into a corner of the image, in perspective.
 pub fn arrows(picture: &mut Picture, image: &RgbdImage, table_m: f64) {
     let at = [ARROWS_AT[0] * f64::from(picture.width), ARROWS_AT[1] * f64::from(picture.height)];
-    let Some(foot) = crate::sight::on_plane(image, at, table_m) else { return };
+    let Some(foot) = crate::perception::on_plane(image, at, table_m) else { return };
     let camera_from_world = image.world_from_camera.inverse();
     let pixel = |point: DVec3| image.intrinsics.project(camera_from_world.transform_point(point));
     let Some(start) = pixel(foot) else { return };
     let size = dot(picture);
-    for (way, name) in [(DVec3::Y, "LEFT"), (DVec3::NEG_Y, "RIGHT"), (DVec3::X, "FAR"), (DVec3::NEG_X, "NEAR")] {
-        let Some(end) = pixel(foot + way * ARROW_M) else { continue };
+    for (direction, name) in [(DVec3::Y, "LEFT"), (DVec3::NEG_Y, "RIGHT"), (DVec3::X, "FAR"), (DVec3::NEG_X, "NEAR")] {
+        let Some(end) = pixel(foot + direction * ARROW_M) else { continue };
         let step = end - start;
         let length = step.length();
         if length < 1.0 {
             continue;
         }
-        // As long on every picture; only the direction is the world's.
+        // Fixed length in pixels; only the direction is perspective.
         let step = step / length;
         let tip = start + step * (16.0 * size);
         let side = step.perp() * (3.0 * size);

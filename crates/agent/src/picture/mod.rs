@@ -1,45 +1,45 @@
-//! Pictures that a model is shown, and what is drawn on them.
+//! Images for models and the marks drawn on them.
 
 mod font;
 pub mod marks;
 
-/// A picture, 8-bit sRGB, three bytes per pixel, row by row from the top left.
+/// An 8-bit sRGB image, three bytes per pixel, row-major from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Pixels per row.
+    /// Width [px].
     pub width: u32,
-    /// Rows.
+    /// Height [px].
     pub height: u32,
-    /// Colours.
+    /// Pixel colours.
     pub rgb: Vec<u8>,
 }
 
-/// Largest picture that is read, pixels each way.
+/// Maximum image side that is decoded [px].
 pub const MAX_SIDE: u32 = 8192;
 
 /// An sRGB colour.
 pub type Color = [u8; 3];
 
-/// For labels and outlines.
+/// Colour of labels and outlines.
 pub const WHITE: Color = [255, 255, 255];
-/// For the ground behind labels.
+/// Background colour of labels.
 pub const BLACK: Color = [0, 0, 0];
 
 impl Picture {
-    /// A picture of one colour.
+    /// Creates an image of one colour.
     pub fn plain(width: u32, height: u32, color: Color) -> Self {
         Self { width, height, rgb: color.repeat(width as usize * height as usize) }
     }
 
-    /// A picture from pixels; `None` when there are not as many as its size needs.
+    /// Creates an image from pixels; `None` if their number does not match the size.
     pub fn new(width: u32, height: u32, rgb: Vec<u8>) -> Option<Self> {
         (rgb.len() == width as usize * height as usize * 3).then_some(Self { width, height, rgb })
     }
 
-    /// The picture in a PNG file; transparency is left out.
+    /// Decodes a PNG file; drops the alpha channel.
     ///
     /// # Errors
-    /// Says what it is, where it is no RGB or RGBA with 8 bits of at most [`MAX_SIDE`] pixels each way.
+    /// Fails unless the file is RGB or RGBA with 8 bits and at most [`MAX_SIDE`] pixels per side.
     pub fn of_png(file: &[u8]) -> Result<Self, String> {
         let broken = |error: png::DecodingError| error.to_string();
         let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(broken)?;
@@ -57,30 +57,30 @@ impl Picture {
             }
             (color, depth) => return Err(format!("{color:?} with {depth:?} bits, expected RGB or RGBA with 8 bits")),
         };
-        Self::new(width, height, rgb).ok_or_else(|| "fewer pixels than its size says".into())
+        Self::new(width, height, rgb).ok_or_else(|| "the pixel data is shorter than the image size requires".into())
     }
 
-    /// As a PNG file.
+    /// Encodes the image as PNG.
     ///
     /// # Errors
-    /// When the encoder refuses the picture, for example one without pixels.
+    /// Fails if the encoder rejects the image, for example if it is empty.
     pub fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
-        // An eighth of an episode's processor time went into smaller pictures.
+        // Stronger compression took an eighth of an episode's CPU time.
         encoder.set_compression(png::Compression::Fast);
         encoder.write_header()?.write_image_data(&self.rgb)?;
         Ok(bytes)
     }
 
-    /// Scale of labels and lines: 1 for 512x288, in proportion to the height for larger pictures.
+    /// Scale of labels and lines: 1 for 512x288, proportional to the height of larger images.
     pub fn unit(&self) -> f64 {
         (f64::from(self.height) / 288.0).max(1.0)
     }
 
-    /// Lays a colour over a pixel; what lies outside is left out.
+    /// Alpha-blends a colour over a pixel; ignores pixels outside the image.
     pub fn blend(&mut self, x: i64, y: i64, color: Color, alpha: f64) {
         if x < 0 || y < 0 || x >= i64::from(self.width) || y >= i64::from(self.height) {
             return;
@@ -91,7 +91,7 @@ impl Picture {
         }
     }
 
-    /// A filled rectangle from one corner to the other, the second left out.
+    /// Fills a rectangle, excluding the second corner.
     pub fn rectangle(&mut self, from: [f64; 2], to: [f64; 2], color: Color, alpha: f64) {
         let whole = |value: f64| value.round() as i64;
         for y in whole(from[1])..whole(to[1]) {
@@ -101,18 +101,18 @@ impl Picture {
         }
     }
 
-    /// A straight line with round ends and soft edges.
+    /// Draws an anti-aliased line with round caps.
     pub fn line(&mut self, from: [f64; 2], to: [f64; 2], width: f64, color: Color) {
         let reach = width / 2.0 + 1.0;
         let low = |a: f64, b: f64| (a.min(b) - reach).floor() as i64;
         let high = |a: f64, b: f64| (a.max(b) + reach).ceil() as i64;
-        let way = [to[0] - from[0], to[1] - from[1]];
-        let squared = (way[0] * way[0] + way[1] * way[1]).max(1e-12);
+        let segment = [to[0] - from[0], to[1] - from[1]];
+        let squared = (segment[0] * segment[0] + segment[1] * segment[1]).max(1e-12);
         for y in low(from[1], to[1])..=high(from[1], to[1]) {
             for x in low(from[0], to[0])..=high(from[0], to[0]) {
                 let at = [x as f64 - from[0], y as f64 - from[1]];
-                let share = ((at[0] * way[0] + at[1] * way[1]) / squared).clamp(0.0, 1.0);
-                let distance = (at[0] - share * way[0]).hypot(at[1] - share * way[1]);
+                let share = ((at[0] * segment[0] + at[1] * segment[1]) / squared).clamp(0.0, 1.0);
+                let distance = (at[0] - share * segment[0]).hypot(at[1] - share * segment[1]);
                 let cover = (width / 2.0 + 0.5 - distance).clamp(0.0, 1.0);
                 if cover > 0.0 {
                     self.blend(x, y, color, cover);
@@ -121,14 +121,14 @@ impl Picture {
         }
     }
 
-    /// A filled disc with a soft edge.
+    /// Fills an anti-aliased disc.
     pub fn disc(&mut self, center: [f64; 2], radius: f64, color: Color) {
         self.line(center, center, 2.0 * radius, color);
     }
 
-    /// Part of the picture, enlarged to a size with pixels repeated smoothly.
+    /// Crops a part of the image and enlarges it by an integer factor with bilinear interpolation.
     ///
-    /// The part must lie inside; its corner counts pixels from the top left.
+    /// The part must lie inside the image; `corner` is its top left pixel.
     #[must_use]
     pub fn cropped(&self, corner: [u32; 2], size: [u32; 2], scale: u32) -> Self {
         let [width, height] = size.map(|side| side * scale);
@@ -140,7 +140,7 @@ impl Picture {
         for y in 0..height {
             for x in 0..width {
                 let (from_x, from_y) = (place(x, corner[0], size[0]), place(y, corner[1], size[1]));
-                let color = self.smooth(from_x, from_y);
+                let color = self.bilinear(from_x, from_y);
                 self.put(&mut part, x, y, color);
             }
         }
@@ -154,8 +154,8 @@ impl Picture {
         }
     }
 
-    /// The colour between pixels.
-    fn smooth(&self, x: f64, y: f64) -> [f64; 3] {
+    /// Bilinear sample.
+    fn bilinear(&self, x: f64, y: f64) -> [f64; 3] {
         let (left, top) = (x.floor(), y.floor());
         let (right, low) = (x - left, y - top);
         let pixel = |dx: f64, dy: f64| {

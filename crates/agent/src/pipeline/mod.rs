@@ -1,9 +1,9 @@
-//! The pipeline as a policy: asks, plans, moves, looks again.
+//! The agent pipeline as a policy: ask the model, plan, execute, observe again.
 
-mod hand;
-mod job;
+mod arm_state;
 mod pick;
-mod put;
+mod place;
+mod subtask;
 
 use std::sync::Arc;
 
@@ -13,50 +13,51 @@ use genmanip_core::{
 };
 use genmanip_motion::{DepthSettings, GeometryError, Planner};
 
-use self::hand::Hand;
-use self::job::Job;
-use self::put::Held;
+use self::arm_state::ArmState;
+use self::place::HeldObject;
+use self::subtask::Subtask;
 use crate::ask::{
-    Answer, FailedStage, Marks, PromptSet, Question, Reasks, Shown, Stage, Transcribed, VisionModel, ask, ask_each,
+    Answer, FailedStage, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TranscriptRecorder,
+    VisionModel, ask, ask_each,
 };
+use crate::perception::{RESIDUAL_NOISE, SegmentedViews, View, smoothed};
 use crate::picture::marks;
 use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
 use crate::settings::AgentSettings;
-use crate::sight::{LEFT_OVER, Sight, View, smoothed};
 
-/// What the agent asks.
+/// External services of the agent.
 #[derive(Clone)]
 pub struct Services {
     /// The vision-language model.
     pub model: Arc<dyn VisionModel>,
-    /// The source of masks.
+    /// Source of segmentation masks.
     pub segmenter: Arc<dyn Segmenter>,
-    /// The source of grasps.
+    /// Source of grasp candidates.
     pub grasps: Arc<dyn GraspSource>,
-    /// The words of the questions.
+    /// Prompt templates of the questions.
     pub prompts: Arc<PromptSet>,
 }
 
-/// The modular manipulation system as a policy: it needs RGB-D images of fixed cameras and the robot's own state.
+/// The modular manipulation system as a policy. It needs RGB-D images of fixed cameras and the proprioceptive state.
 ///
 /// A clone shares the transcript; see [`Agent::branch`].
 #[derive(Clone)]
 pub struct Agent {
-    /// In results.
+    /// Policy name written to results.
     name: String,
     settings: AgentSettings,
     services: Services,
     planner: Arc<Planner>,
     silhouette: Arc<RobotSilhouette>,
-    transcribed: Transcribed,
+    transcribed: TranscriptRecorder,
     seed: Seed,
     instruction: String,
     subtasks: Vec<String>,
-    /// Index of the sub-task under way.
+    /// Index of the current sub-task.
     current: usize,
     rounds: usize,
-    /// Picks begun for the current sub-task, and in the episode.
+    /// Picks started for the current sub-task, and in the whole episode.
     picks: usize,
     all_picks: u64,
     phase: Phase,
@@ -64,31 +65,31 @@ pub struct Agent {
 
 #[derive(Clone)]
 enum Phase {
-    /// Nothing in the hand, and the next thing is to be taken.
-    Free,
+    /// The gripper is empty; the next object is to be picked.
+    ReadyToPick,
     /// A pick was executed.
-    Picked(Box<Held>),
+    Picked(Box<HeldObject>),
     /// A placement was executed.
     Placed,
-    /// What was dropped, or put back, is to be picked again.
-    Again,
+    /// The object was dropped or put back and is to be picked again.
+    RetryPick,
 }
 
 impl Agent {
-    /// An agent that plans for the robot of `planner`; `transcribed` is filled as it works.
+    /// Creates an agent for the robot of `planner`; the agent records its questions and actions in `transcribed`.
     ///
     /// # Errors
-    /// A robot with a broken collision piece.
+    /// Fails if a collision piece of the robot is invalid.
     pub fn new(
         settings: AgentSettings,
         services: Services,
         planner: &Arc<Planner>,
-        transcribed: Transcribed,
+        transcribed: TranscriptRecorder,
     ) -> Result<Self, GeometryError> {
         let silhouette = Arc::new(RobotSilhouette::new(planner.robot())?);
         let mut planner = planner.with_search(settings.motion.search_nodes);
         if settings.depth_error_m > 0.0 {
-            let error_m = LEFT_OVER * settings.depth_error_m;
+            let error_m = RESIDUAL_NOISE * settings.depth_error_m;
             planner = planner.with_depth(DepthSettings { error_m, ..planner.settings().depth.clone() });
         }
         Ok(Self {
@@ -105,34 +106,35 @@ impl Agent {
             rounds: 0,
             picks: 0,
             all_picks: 0,
-            phase: Phase::Free,
+            phase: Phase::ReadyToPick,
         })
     }
 
-    /// The agent as it is at this moment, with services that may be others, and a transcript of its own that begins
-    /// with what was asked and done so far: what would become of the episode from here on.
+    /// Clones the agent in its current state with other services and a copy of the transcript so far, for
+    /// counterfactual
+    /// rollouts from this moment on.
     #[must_use]
-    pub fn branch(&self, services: Services) -> (Self, Transcribed) {
+    pub fn branch(&self, services: Services) -> (Self, TranscriptRecorder) {
         let transcribed = self.transcribed.copied();
         (Self { services, transcribed: transcribed.clone(), ..self.clone() }, transcribed)
     }
 
-    /// Questions asked so far in the episode, repeated ones included.
+    /// Number of questions asked in this episode, retries included.
     pub fn asks(&self) -> usize {
         self.transcribed.asks()
     }
 
-    /// How it works.
+    /// Settings of the agent.
     pub fn settings(&self) -> &AgentSettings {
         &self.settings
     }
 
-    /// What it asks.
+    /// External services of the agent.
     pub fn services(&self) -> &Services {
         &self.services
     }
 
-    /// The same agent under another name in results, which says what serves it.
+    /// Sets the policy name written to results; it names the services in use.
     #[must_use]
     pub fn named(self, name: String) -> Self {
         Self { name, ..self }
@@ -152,30 +154,30 @@ impl Agent {
         self.settings.cameras.iter().map(image).collect()
     }
 
-    /// What is seen now, segmented.
-    fn look(&self, observation: &Observation, hand: &Hand) -> Result<Sight, Stop> {
+    /// Segments the current images.
+    fn segment(&self, observation: &Observation, state: &ArmState) -> Result<SegmentedViews, Stop> {
         let images = self.images(observation)?;
-        let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&hand.arm, hand.width_m, image);
+        let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&state.arm, state.width_m, image);
         let ignore: Vec<Vec<bool>> = images.iter().map(robot).collect();
-        let sight = Sight::new(images, &ignore, self.services.segmenter.as_ref());
-        Ok(sight.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?)
+        let views = SegmentedViews::new(images, &ignore, self.services.segmenter.as_ref());
+        Ok(views.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?)
     }
 
-    /// Asks a question about a view.
-    fn ask(&self, view: &View, asked: Asked) -> Result<Answer, FailedStage> {
-        let reasks = Reasks { most: self.settings.reasks, not_found: asked.is_last_view };
+    /// Asks the model one question about a view.
+    fn ask(&self, view: &View, asked: QuestionDraft) -> Result<Answer, FailedStage> {
+        let reasks = RetryLimits { most: self.settings.reasks, not_found: asked.is_last_view };
         ask(self.services.model.as_ref(), self.question(view, asked), reasks, &self.transcribed)
     }
 
-    /// Asks two questions about a view at once.
-    fn ask_both(&self, view: &View, asked: [Asked; 2]) -> [Result<Answer, FailedStage>; 2] {
-        let reasks = Reasks { most: self.settings.reasks, not_found: true };
+    /// Asks the model two questions about a view concurrently.
+    fn ask_two(&self, view: &View, asked: [QuestionDraft; 2]) -> [Result<Answer, FailedStage>; 2] {
+        let reasks = RetryLimits { most: self.settings.reasks, not_found: true };
         let questions = asked.map(|asked| self.question(view, asked));
         ask_each(self.services.model.as_ref(), questions, reasks, &self.transcribed)
     }
 
-    fn question(&self, view: &View, asked: Asked) -> Question {
-        let Asked { stage, instruction, object_name, start_point, pictures, marks, .. } = asked;
+    fn question(&self, view: &View, asked: QuestionDraft) -> Question {
+        let QuestionDraft { stage, instruction, object_name, start_point, pictures, marks, .. } = asked;
         let arrows = if self.settings.arrows { marks::ARROWS } else { "" };
         let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows };
         let (prompt, text) = self.services.prompts.fill(stage, inputs);
@@ -193,72 +195,74 @@ impl Agent {
         }
     }
 
-    /// The picture of a view, with the robot's directions where they are wanted.
-    fn plain(&self, view: &View) -> Shown {
+    /// Image of a view, with the robot's direction arrows if the settings ask for them.
+    fn annotated_view(&self, view: &View) -> QuestionImage {
         let mut picture = view.picture();
         if self.settings.arrows {
             marks::arrows(&mut picture, &view.image, self.settings.table_m);
         }
-        Shown { name: "picture", picture: Arc::new(picture) }
+        QuestionImage { name: "picture", picture: Arc::new(picture) }
     }
 
     fn decompose(&mut self, view: &View) -> Result<(), Stop> {
         self.rounds += 1;
-        let pictures = vec![self.plain(view)];
+        let pictures = vec![self.annotated_view(view)];
         let instruction = self.instruction.clone();
-        let asked = Asked { pictures, ..Asked::new(Stage::Decompose, &instruction) };
+        let asked = QuestionDraft { pictures, ..QuestionDraft::new(QuestionKind::Decompose, &instruction) };
         if let Answer::Decompose(answer) = self.ask(view, asked)? {
             (self.subtasks, self.current, self.picks) = (answer.subtasks, 0, 0);
         }
         Ok(())
     }
 
-    /// Asks for everything about the current sub-task and takes hold of the thing.
-    fn begin(&mut self, observation: &Observation, hand: &Hand) -> Result<ActionChunk, Stop> {
-        let mut sight = self.look(observation, hand)?;
-        let mut view = sight.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
+    /// Asks all questions of the current sub-task and plans its pick.
+    fn pick(&mut self, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
+        let mut views = self.segment(observation, state)?;
+        let mut view = views.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
         if self.subtasks.is_empty() {
             self.decompose(&view)?;
         }
-        // What was asked for a pick that could not be planned.
-        let mut kept: Option<Job> = None;
+        // Answers to keep from a pick that could not be planned.
+        let mut answered: Option<Subtask> = None;
         let mut camera = 0;
         loop {
             self.picks += 1;
             self.all_picks += 1;
             let seed = self.seed.fork("pick").fork_index(self.all_picks);
-            let is_last_view = !self.settings.other_views || camera + 1 >= sight.views.len();
-            let asked = match kept.take() {
-                Some(job) => job.held_elsewhere(self, &view, seed),
-                None => Job::asked(self, &sight, &view, is_last_view, hand, seed),
+            let is_last_view = !self.settings.other_views || camera + 1 >= views.views.len();
+            let asked = match answered.take() {
+                Some(subtask) => subtask.regrasp(self, &view, seed),
+                None => Subtask::asked(self, &views, &view, is_last_view, state, seed),
             };
-            let planned = asked.and_then(|job| match pick::plan(self, &sight, &job, hand, seed) {
-                Ok(pick) => Ok((job, pick)),
+            let planned = asked.and_then(|subtask| match pick::plan(self, &views, &subtask, state, seed) {
+                Ok(pick) => Ok((subtask, pick)),
                 Err(failure) => {
-                    kept = Some(job);
+                    answered = Some(subtask);
                     Err(failure)
                 }
             });
             match planned {
-                Ok((job, pick)) => {
-                    self.transcribed.acted(observation.time_s, format!("takes {}: {}", job.name, pick.words));
-                    self.phase = Phase::Picked(Box::new(Held { job, grasp: pick.grasp, points: pick.points }));
+                Ok((subtask, pick)) => {
+                    self.transcribed.acted(observation.time_s, format!("takes {}: {}", subtask.name, pick.words));
+                    self.phase =
+                        Phase::Picked(Box::new(HeldObject { subtask, grasp: pick.grasp, points: pick.points }));
                     return Ok(ActionChunk { actions: pick.commands, finished: false });
                 }
                 Err(failure) => {
                     self.transcribed.acted(observation.time_s, failure.to_string());
-                    let is_hidden = failure.stage == Stage::Object.name()
+                    let is_hidden = failure.stage == QuestionKind::Object.name()
                         && ["not_found", "no_masks"].contains(&failure.cause.as_str());
                     if is_hidden && !is_last_view {
-                        // What one camera does not show, another may: each view moves to the front in its turn.
+                        // An object hidden from one camera may be visible to another: show each view to the model in
+                        // turn.
                         camera += 1;
-                        sight = sight.shown_by(camera);
-                        view = sight.views[0].clone();
+                        views = views.with_shown_view(camera);
+                        view = views.views[0].clone();
                         self.picks -= 1;
                         continue;
                     }
                     let asked_enough = failure.cause == FailedStage::SERVICE
-                        || Stage::ALL.iter().any(|stage| stage.name() == failure.stage);
+                        || QuestionKind::ALL.iter().any(|stage| stage.name() == failure.stage);
                     if asked_enough || self.picks >= self.settings.picks {
                         return Err(failure.into());
                     }
@@ -267,14 +271,15 @@ impl Agent {
         }
     }
 
-    /// After a placement: is the task done, and what comes next?
-    fn check(&mut self, observation: &Observation, hand: &Hand) -> Result<ActionChunk, Stop> {
+    /// After a placement, asks whether the task is finished and continues with the next sub-task.
+    fn check(&mut self, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
         let images = self.images(observation)?;
         let view = images.into_iter().next().map(|(camera, image)| View { camera, image, masks: Vec::new().into() });
         let view = view.ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
-        let pictures = vec![self.plain(&view)];
+        let pictures = vec![self.annotated_view(&view)];
         let instruction = self.instruction.clone();
-        let answer = self.ask(&view, Asked { pictures, ..Asked::new(Stage::Check, &instruction) })?;
+        let answer =
+            self.ask(&view, QuestionDraft { pictures, ..QuestionDraft::new(QuestionKind::Check, &instruction) })?;
         let remaining = match answer {
             Answer::Check(answer) if answer.finished => {
                 return Ok(ActionChunk { actions: Vec::new(), finished: true });
@@ -294,33 +299,33 @@ impl Agent {
             }
             (self.subtasks, self.current) = (remaining, 0);
         }
-        self.begin(observation, hand)
+        self.pick(observation, state)
     }
 
     fn next(&mut self, observation: &Observation) -> Result<ActionChunk, Stop> {
-        let hand = Hand::of(observation, self.planner.robot().arm_dof())?;
-        match std::mem::replace(&mut self.phase, Phase::Free) {
-            Phase::Free | Phase::Again => self.begin(observation, &hand),
-            Phase::Picked(held) => self.put(*held, observation, &hand),
-            Phase::Placed => self.check(observation, &hand),
+        let state = ArmState::of(observation, self.planner.robot().arm_dof())?;
+        match std::mem::replace(&mut self.phase, Phase::ReadyToPick) {
+            Phase::ReadyToPick | Phase::RetryPick => self.pick(observation, &state),
+            Phase::Picked(held) => self.place(*held, observation, &state),
+            Phase::Placed => self.check(observation, &state),
         }
     }
 
-    fn put(&mut self, held: Held, observation: &Observation, hand: &Hand) -> Result<ActionChunk, Stop> {
+    fn place(&mut self, held: HeldObject, observation: &Observation, state: &ArmState) -> Result<ActionChunk, Stop> {
         let time_s = observation.time_s;
         let seed = self.seed.fork("put").fork_index(self.all_picks);
-        if self.settings.look_again && !held.is_held(hand, &self.settings.motion) {
-            self.transcribed.acted(time_s, format!("{} is not between the fingers", held.job.name));
+        if self.settings.look_again && !held.is_grasped(state, &self.settings.motion) {
+            self.transcribed.acted(time_s, format!("{} is not between the fingers", held.subtask.name));
             if self.picks >= self.settings.picks {
-                let evidence = format!("{} was not in the hand after {} picks", held.job.name, self.picks);
+                let evidence = format!("{} was not in the hand after {} picks", held.subtask.name, self.picks);
                 return Err(FailedStage::new("execute", "slipped", evidence).into());
             }
-            self.phase = Phase::Again;
-            return Ok(ActionChunk { actions: put::drop(self, &held, hand, seed), finished: false });
+            self.phase = Phase::RetryPick;
+            return Ok(ActionChunk { actions: place::drop(self, &held, state, seed), finished: false });
         }
-        match put::plan(self, &held, hand, seed) {
+        match place::plan(self, &held, state, seed) {
             Ok((actions, words)) => {
-                self.transcribed.acted(time_s, format!("puts {} down: {words}", held.job.name));
+                self.transcribed.acted(time_s, format!("puts {} down: {words}", held.subtask.name));
                 self.phase = Phase::Placed;
                 Ok(ActionChunk { actions, finished: false })
             }
@@ -329,8 +334,9 @@ impl Agent {
                 if self.picks >= self.settings.picks {
                     return Err(failure.into());
                 }
-                self.phase = Phase::Again;
-                let actions = put::back(self, &held, hand, seed).unwrap_or_else(|_| put::drop(self, &held, hand, seed));
+                self.phase = Phase::RetryPick;
+                let actions =
+                    place::put_back(self, &held, state, seed).unwrap_or_else(|_| place::drop(self, &held, state, seed));
                 Ok(ActionChunk { actions, finished: false })
             }
         }
@@ -351,7 +357,7 @@ impl Policy for Agent {
         self.seed = start.seed;
         self.instruction.clone_from(&start.instruction);
         self.subtasks.clear();
-        (self.current, self.rounds, self.picks, self.all_picks, self.phase) = (0, 0, 0, 0, Phase::Free);
+        (self.current, self.rounds, self.picks, self.all_picks, self.phase) = (0, 0, 0, 0, Phase::ReadyToPick);
         self.transcribed.begin(&start.instruction, self.settings.preset.name());
         Ok(())
     }
@@ -360,7 +366,7 @@ impl Policy for Agent {
         self.next(observation).map_err(|stop| match stop {
             Stop::Failed(failure) => {
                 self.transcribed.failed(&failure);
-                // Nobody has failed at the task when a service does not answer.
+                // A service failure is not a failure at the task.
                 if failure.cause == FailedStage::SERVICE {
                     return PolicyError::Unreachable(failure.to_string());
                 }
@@ -371,7 +377,7 @@ impl Policy for Agent {
     }
 }
 
-/// Why the agent does not go on.
+/// Reason for stopping the episode.
 enum Stop {
     Failed(FailedStage),
     Policy(PolicyError),
@@ -390,7 +396,7 @@ impl From<PolicyError> for Stop {
 }
 
 impl FailedStage {
-    /// The cause under which results count it.
+    /// Failure cause reported in results.
     fn kind(&self) -> FailureCause {
         match (self.stage.as_str(), self.cause.as_str()) {
             ("grasp", "out_of_reach") => FailureCause::NoIk,
@@ -403,20 +409,20 @@ impl FailedStage {
     }
 }
 
-/// What is filled into a question.
-struct Asked<'a> {
-    stage: Stage,
+/// Inputs of a [`Question`].
+struct QuestionDraft<'a> {
+    stage: QuestionKind,
     instruction: &'a str,
     object_name: &'a str,
     start_point: &'a str,
-    pictures: Vec<Shown>,
+    pictures: Vec<QuestionImage>,
     marks: Marks,
-    /// Whether no other view can be shown where the answer is that nothing fits.
+    /// True if there is no other view to show when the model answers that nothing fits.
     is_last_view: bool,
 }
 
-impl<'a> Asked<'a> {
-    fn new(stage: Stage, instruction: &'a str) -> Self {
+impl<'a> QuestionDraft<'a> {
+    fn new(stage: QuestionKind, instruction: &'a str) -> Self {
         Self {
             stage,
             instruction,

@@ -1,45 +1,45 @@
-//! The pixels of one thing.
+//! Pixel mask of one object.
 
-/// The pixels of one thing.
+/// Pixel mask of one object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mask {
-    /// Pixels per row of the image.
+    /// Image width [px].
     pub width: u32,
-    /// Rows of the image.
+    /// Image height [px].
     pub height: u32,
-    /// Whether a pixel belongs to the thing, row by row from the top left.
+    /// True for pixels of the object, row-major from the top left.
     pub pixels: Vec<bool>,
 }
 
 impl Mask {
-    /// Whether there is a value for each pixel.
+    /// True if there is exactly one value per pixel.
     pub fn is_whole(&self) -> bool {
         self.pixels.len() as u64 == u64::from(self.width) * u64::from(self.height)
     }
 
-    /// Indices of the pixels that belong to the thing, in order.
+    /// Indices of the object's pixels, ascending.
     pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
         self.pixels.iter().enumerate().filter(|(_, inside)| **inside).map(|(index, _)| index)
     }
 
-    /// The mask with all eight neighbours of its pixels.
+    /// Dilates the mask by one pixel (8-neighbourhood).
     #[must_use]
-    pub fn grown(&self) -> Self {
-        let mut grown = self.clone();
+    pub fn dilated(&self) -> Self {
+        let mut dilated = self.clone();
         let (width, height) = (self.width as i64, self.height as i64);
         for index in self.indices() {
             let (x, y) = (index as i64 % width, index as i64 / width);
             for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
                 let (x, y) = (x + dx, y + dy);
                 if (0..width).contains(&x) && (0..height).contains(&y) {
-                    grown.pixels[(y * width + x) as usize] = true;
+                    dilated.pixels[(y * width + x) as usize] = true;
                 }
             }
         }
-        grown
+        dilated
     }
 
-    /// The mask that holds the pixels of an index, of an image that says for each pixel to what it belongs.
+    /// Mask of the pixels with a given label in a label image.
     pub fn of_label<T: PartialEq>(width: u32, height: u32, labels: &[T], label: &T) -> Self {
         Self { width, height, pixels: labels.iter().map(|other| other == label).collect() }
     }
@@ -49,7 +49,7 @@ impl Mask {
         self.pixels.iter().filter(|is_inside| **is_inside).count()
     }
 
-    /// Intersection over union, 0-1; 0 for two empty ones and for masks of different sizes.
+    /// Intersection over union in [0, 1]; 0 for two empty masks and for masks of different sizes.
     ///
     /// ```
     /// use genmanip_agent::segmentation::Mask;
@@ -67,7 +67,7 @@ impl Mask {
         count(|one, other| one && other) as f64 / count(|one, other| one || other).max(1) as f64
     }
 
-    /// The pixel of the thing that is nearest to the mean of its pixels; `None` without a pixel.
+    /// Pixel of the object nearest to the centroid; `None` if the mask is empty.
     pub fn middle(&self) -> Option<usize> {
         let width = self.width.max(1) as usize;
         let place = |index: usize| [(index % width) as f64, (index / width) as f64];
@@ -78,7 +78,7 @@ impl Mask {
         self.indices().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
-    /// Columns and rows that it covers, first and last, `[[x, x], [y, y]]`; `None` without a pixel.
+    /// Bounding box: first and last column and row, `[[x, x], [y, y]]`; `None` if the mask is empty.
     pub fn bounds(&self) -> Option<[[u32; 2]; 2]> {
         let width = self.width.max(1) as usize;
         let mut bounds: Option<[[u32; 2]; 2]> = None;

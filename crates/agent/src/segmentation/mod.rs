@@ -1,8 +1,8 @@
-//! Finding the things in an image: the interface that every source of masks implements.
+//! Object segmentation: the interface of all mask sources.
 //!
-//! - [`Mask`] holds the pixels of one thing.
-//! - [`RgbdSegmenter`] is our own way: colour and depth, no model.
-//! - [`RobotSilhouette`] says which pixels are the robot's own.
+//! - [`Mask`]: pixel mask of one object.
+//! - [`RgbdSegmenter`]: built-in segmentation by colour and depth, without a learned model.
+//! - [`RobotSilhouette`]: projection of the robot into an image.
 
 mod mask;
 pub mod rgbd;
@@ -14,40 +14,40 @@ pub use mask::Mask;
 pub use rgbd::{RgbdSegmenter, RgbdSettings};
 pub use robot::RobotSilhouette;
 
-/// Anything that finds the things in an image: our own segmentation, a server, a recording.
+/// A source of object masks: built-in segmentation, a server, a recording.
 ///
 /// Calls block and may come from several threads at once.
 pub trait Segmenter: Send + Sync {
-    /// The things in the image, each at most once, in an order that depends on the question alone.
+    /// Segments the image into disjoint objects, in an order that depends on the question alone.
     ///
     /// # Errors
-    /// Says why there are no masks; retries are over by then.
+    /// Reports why there are no masks, after all retries.
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError>;
 }
 
-/// What is to be segmented.
+/// Segmentation request.
 #[derive(Clone, Debug)]
 pub struct SegmentQuestion<'a> {
-    /// Colour and depth, with where the camera is.
+    /// Colour and depth image with its camera pose.
     pub image: &'a RgbdImage,
-    /// Pixels, by index, that may not belong to a mask: the robot as its joint positions say, and what it holds; empty for none.
+    /// Pixels excluded from masks: the robot, according to its joint positions, and the held object; empty for none.
     pub ignore: &'a [bool],
-    /// The part of the image to be cut into parts of one thing; `None` to find the things of the whole image.
+    /// Object to be segmented into parts; `None` to segment the whole image into objects.
     pub within: Option<&'a Mask>,
 }
 
-/// Why there are no masks.
+/// Segmentation error.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SegmentError {
     /// The image lacks a channel that the method needs.
     #[error("segmentation needs {needed} in the image: {found}")]
     Unsuited {
-        /// What is needed.
+        /// Required channels.
         needed: String,
-        /// What is there.
+        /// Channels of the image.
         found: String,
     },
-    /// The service did not answer, or answered something that cannot be used.
+    /// The service did not answer, or its answer is invalid.
     #[error("the segmentation service: {0}")]
     Service(String),
 }

@@ -1,30 +1,30 @@
-//! Which pixels see the robot, as its joint positions say.
+//! Projection of the robot into an image, from its joint positions.
 
 use genmanip_core::{Pose, RgbdImage, RobotModel};
 use genmanip_motion::{GeometryError, triangulate};
 use glam::{DVec2, DVec3};
 
-/// Nothing nearer to the camera than this is projected, m.
+/// Near plane [m].
 const NEAR_M: f64 = 0.02;
 
-/// The robot's collision pieces as triangles, for drawing where it is in an image.
+/// Triangulated collision pieces of the robot, rasterised into a silhouette.
 #[derive(Clone, Debug)]
 pub struct RobotSilhouette {
     robot: RobotModel,
-    /// Index of the link, corners in its frame, triangles.
+    /// Link index, vertices in the link frame, triangles.
     pieces: Vec<(usize, Vec<DVec3>, Vec<[u32; 3]>)>,
-    /// What lies up to so far in front of the pieces still counts as the robot, m: the pieces only approximate it, and
-    /// depth is noisy.
+    /// Depth margin in front of the pieces that still counts as the robot [m]: the pieces are approximate and depth is
+    /// noisy.
     pub margin_m: f64,
-    /// How many pixels the silhouette is widened by, for the same reason.
+    /// Dilation of the silhouette [px], for the same reason.
     pub widened_px: usize,
 }
 
 impl RobotSilhouette {
-    /// Of a robot with collision pieces.
+    /// Triangulates the robot's collision pieces.
     ///
     /// # Errors
-    /// When a piece is broken.
+    /// Fails if a piece is invalid.
     pub fn new(robot: &RobotModel) -> Result<Self, GeometryError> {
         let mut pieces = Vec::new();
         for (link, model) in robot.links.iter().enumerate() {
@@ -33,13 +33,13 @@ impl RobotSilhouette {
                 pieces.push((link, corners, triangles));
             }
         }
-        // 15 mm: padding of the pieces and a little more; chosen by looking at pictures of the robot at home.
+        // 15 mm: padding of the pieces and a margin, chosen from images of the robot at home.
         Ok(Self { robot: robot.clone(), pieces, margin_m: 0.015, widened_px: 2 })
     }
 
-    /// Whether each pixel sees the robot with the given arm joint positions (rad) and opening of the gripper (m).
+    /// True for each pixel that sees the robot at the given arm joint positions [rad] and gripper opening [m].
     ///
-    /// Where there is no depth, the pixel counts as the robot's if the robot is there at all.
+    /// A pixel without depth counts as robot if the robot projects onto it.
     pub fn pixels(&self, arm: &[f64], gripper_width: f64, image: &RgbdImage) -> Vec<bool> {
         let (width, height) = (image.width() as usize, image.height() as usize);
         let world_from_link = self.robot.link_poses(arm, gripper_width);
@@ -69,7 +69,7 @@ impl RobotSilhouette {
     }
 }
 
-/// Draws the depth of a triangle where it is nearest.
+/// Rasterises a triangle's depth with a depth test.
 fn fill(nearest: &mut [f32], [width, height]: [usize; 2], corners: [(DVec2, f64); 3]) {
     let [(a, za), (b, zb), (c, zc)] = corners;
     let area = (b - a).perp_dot(c - a);
@@ -95,7 +95,7 @@ fn fill(nearest: &mut [f32], [width, height]: [usize; 2], corners: [(DVec2, f64)
     }
 }
 
-/// The smallest value within some pixels along rows, then along columns.
+/// Minimum filter of radius `by` [px], separable.
 fn widened(values: &[f32], width: usize, by: usize) -> Vec<f32> {
     let height = values.len() / width.max(1);
     let along = |values: &[f32], step: usize, position: &dyn Fn(usize) -> usize, count: usize| -> Vec<f32> {

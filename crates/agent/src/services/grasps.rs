@@ -1,4 +1,4 @@
-//! Grasps for a thing that is known by its points: our sampler, or a server.
+//! Grasps for an object given by its points: built-in sampler or a server.
 
 use std::sync::Arc;
 
@@ -10,58 +10,58 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{read, unanswered};
+use super::{read, transport_error};
 
-/// Most grasps that are read.
+/// Maximum number of grasps accepted.
 const MAX_GRASPS: usize = 10_000;
-/// Farther from the camera nothing can be grasped, m: larger numbers are millimetres taken for metres.
+/// Maximum distance of a grasp from the camera [m]; larger numbers are probably millimetres.
 const MAX_DISTANCE_M: f64 = 10.0;
-/// Widest opening that is believed, m.
+/// Maximum plausible gripper opening [m].
 const MAX_WIDTH_M: f64 = 0.5;
 
-/// What is to be grasped, and what is known around it; world frame.
+/// Grasp request: the target object and its surroundings, world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct GraspQuestion<'a> {
     /// Points on the target.
     pub points: &'a [DVec3],
     /// Points of everything else.
     pub scene: &'a [DVec3],
-    /// The camera that saw most of it; x right, y down, z forward.
+    /// Pose of the camera that saw most of the target; axes x right, y down, z forward.
     pub world_from_camera: Pose,
-    /// Where all cameras were that saw it, that one included.
-    pub eyes: &'a [DVec3],
-    /// Height of what it stands on (world z), m.
+    /// Positions of all cameras that saw the target, including that one.
+    pub camera_positions: &'a [DVec3],
+    /// Height of the target's support, world z [m].
     pub table_height: f64,
 }
 
-/// Anything that proposes grasps. Calls block and may come from several threads at once.
+/// A source of grasp candidates. Calls block and may come from several threads at once.
 pub trait GraspSource: Send + Sync {
     /// Grasps in the world frame, best first.
     ///
     /// # Errors
-    /// Says why there are none; nothing that fits the hand is no error.
+    /// Reports an error; finding no grasp that fits the gripper is not an error.
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError>;
 }
 
-/// Why there are no grasps.
+/// Grasp source error.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GraspError {
-    /// Points that cannot be worked with.
+    /// The points are unsuitable.
     #[error("{0}")]
     Unsuited(String),
-    /// The service did not answer, or answered something that cannot be used.
+    /// The service did not answer, or its answer is invalid.
     #[error("the grasp service: {0}")]
     Service(String),
 }
 
-/// Our sampler: [`Planner::cloud_grasps`].
+/// Built-in sampler: [`Planner::cloud_grasps`].
 #[derive(Clone, Debug)]
 pub struct SampledGrasps {
     planner: Arc<Planner>,
 }
 
 impl SampledGrasps {
-    /// With the gripper and the settings of a planner.
+    /// Uses the gripper and the settings of a planner.
     pub fn new(planner: Arc<Planner>) -> Self {
         Self { planner }
     }
@@ -71,7 +71,7 @@ impl GraspSource for SampledGrasps {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let target = CloudTarget {
             points: question.points,
-            cameras: question.eyes,
+            cameras: question.camera_positions,
             scene: question.scene,
             table_height: question.table_height,
         };
@@ -80,7 +80,7 @@ impl GraspSource for SampledGrasps {
     }
 }
 
-/// What is posted. Points are in the camera's frame, metres.
+/// Request body. Points are in the camera frame [m].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GraspRequest {
@@ -89,21 +89,21 @@ pub struct GraspRequest {
     /// Points of everything else.
     #[serde(default)]
     pub scene: Vec<[f32; 3]>,
-    /// Where the camera is; the world's z is up.
+    /// Camera pose; the world's z is up.
     pub world_from_camera: Pose,
-    /// Height of what the target stands on (world z), m.
+    /// Height of the target's support, world z [m].
     pub table_height: f64,
 }
 
-/// What is answered; further fields are left alone.
+/// Response body; additional fields are ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspReply {
-    /// Rows of 17 numbers as GraspNet writes them, in the camera's frame; see [`GraspNetGrasp`].
+    /// Rows of 17 numbers in GraspNet's format, in the camera frame; see [`GraspNetGrasp`].
     pub grasps: Vec<[f64; 17]>,
 }
 
 impl GraspRequest {
-    /// The question as it is posted.
+    /// Builds the request.
     pub fn of(question: &GraspQuestion) -> Self {
         let camera_from_world = question.world_from_camera.inverse();
         let seen = |points: &[DVec3]| {
@@ -117,10 +117,10 @@ impl GraspRequest {
         }
     }
 
-    /// Points of the target and of the rest in the world.
+    /// Decodes the points of target and surroundings, world frame.
     ///
     /// # Errors
-    /// When a number is not finite.
+    /// Fails if a number is not finite.
     pub fn read(&self) -> Result<[Vec<DVec3>; 2], String> {
         let Pose { position, rotation } = self.world_from_camera;
         let is_pose = position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3;
@@ -136,12 +136,12 @@ impl GraspRequest {
 }
 
 impl GraspReply {
-    /// Grasps as they are answered to a camera.
+    /// Builds the response in the camera frame.
     pub fn of(grasps: &[Grasp], world_from_camera: &Pose) -> Self {
         let camera_from_world = world_from_camera.inverse();
         let row = |grasp: &Grasp| {
             let grasp = Grasp { pose: camera_from_world * grasp.pose, ..grasp.clone() };
-            // Our sampler knows neither the height of the fingers nor how deep they reach.
+            // The built-in sampler provides neither finger height nor depth.
             GraspNetGrasp { grasp, height_m: 0.02, depth_m: 0.0, object_id: -1 }.to_graspnet()
         };
         Self { grasps: grasps.iter().map(row).collect() }
@@ -155,7 +155,7 @@ pub struct ServiceGrasps<S> {
 }
 
 impl<S: Service> ServiceGrasps<S> {
-    /// The grasps that this service proposes.
+    /// Wraps a service.
     pub fn new(service: S) -> Self {
         Self { service }
     }
@@ -165,7 +165,7 @@ impl<S: Service> GraspSource for ServiceGrasps<S> {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let asked = serde_json::to_value(GraspRequest::of(question))
             .map_err(|error| GraspError::Service(format!("the question cannot be written: {error}")))?;
-        let answer = self.service.ask(&asked).map_err(|error| GraspError::Service(unanswered(&error)))?;
+        let answer = self.service.ask(&asked).map_err(|error| GraspError::Service(transport_error(&error)))?;
         let reply: GraspReply = read(answer).map_err(GraspError::Service)?;
         grasps_of(&reply, &question.world_from_camera).map_err(GraspError::Service)
     }
@@ -173,7 +173,7 @@ impl<S: Service> GraspSource for ServiceGrasps<S> {
 
 fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>, String> {
     if reply.grasps.len() > MAX_GRASPS {
-        return Err(format!("it answered {} grasps, expected at most {MAX_GRASPS}", reply.grasps.len()));
+        return Err(format!("the answer has {} grasps, expected at most {MAX_GRASPS}", reply.grasps.len()));
     }
     let mut grasps = Vec::with_capacity(reply.grasps.len());
     for (index, row) in reply.grasps.iter().enumerate() {
@@ -218,7 +218,7 @@ mod tests {
             points: &points,
             scene: &[],
             world_from_camera: camera(),
-            eyes: &[camera().position],
+            camera_positions: &[camera().position],
             table_height: 0.0,
         };
         ServiceGrasps::new(Fixed(answer)).grasps(&question)
@@ -247,7 +247,7 @@ mod tests {
             points: &points,
             scene: &points[..1],
             world_from_camera: camera(),
-            eyes: &[],
+            camera_positions: &[],
             table_height: 0.0,
         };
         let [target, scene] = GraspRequest::of(&question).read().unwrap();

@@ -7,56 +7,56 @@ use genmanip_llm::Service;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{read, unanswered};
+use super::{read, transport_error};
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
-/// Most masks that are read; automatic mask generators return a few hundred.
+/// Maximum number of masks accepted; automatic mask generators return a few hundred.
 const MAX_MASKS: usize = 2000;
-/// A mask this much like a better one is another drawing of the same thing (suppression as with SAM's generator).
-const SAME_IOU: f64 = 0.8;
-/// Largest image that is read, pixels each way.
+/// IoU threshold of non-maximum suppression, as in SAM's mask generator.
+const SUPPRESSION_IOU: f64 = 0.8;
+/// Maximum image side [px].
 const MAX_SIDE: u32 = 8192;
 
-/// What is posted.
+/// Request body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentRequest {
     /// Size and projection of the image.
     pub intrinsics: Intrinsics,
-    /// Where the camera is; x right, y down, z forward; the world's z is up.
+    /// Camera pose; camera axes x right, y down, z forward; the world's z is up.
     pub world_from_camera: Pose,
     /// Colour: three bytes per pixel, row by row from the top left, 8-bit sRGB, in base64.
     pub rgb: String,
-    /// Metres along the optical axis: 32-bit little-endian floats in the same order, 0 for none, in base64.
+    /// Depth along the optical axis [m]: 32-bit little-endian floats in the same order, 0 for none, in base64.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_m: Option<String>,
-    /// Pixels that may not belong to a mask.
+    /// Pixels excluded from masks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ignore: Option<RunLengths>,
-    /// Pixels to be cut into the parts of one thing; without it, the things of the whole image are asked for.
+    /// Pixels of an object to be segmented into parts; without it, the whole image is segmented into objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<RunLengths>,
 }
 
-/// What is answered; further fields are left alone.
+/// Response body; additional fields are ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SegmentReply {
     /// The masks.
     pub masks: Vec<ScoredMask>,
 }
 
-/// One mask.
+/// A mask with its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoredMask {
-    /// Its pixels.
+    /// Pixels of the mask.
     pub segmentation: RunLengths,
-    /// How good it is, higher is better; masks without a score come in the order of the answer.
+    /// Confidence, higher is better; masks without a score keep the order of the response.
     #[serde(default)]
     pub score: Option<f64>,
 }
 
-/// A mask as COCO writes it without compression, and SAM 2 with `uncompressed_rle`: column by column, lengths of runs
-/// outside and inside by turns, beginning with outside.
+/// A mask in COCO's uncompressed run-length encoding, as SAM 2 writes it with `uncompressed_rle`: column-major runs,
+/// alternately outside and inside, starting outside.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RunLengths {
     /// Rows and columns.
@@ -66,12 +66,12 @@ pub struct RunLengths {
 }
 
 impl RunLengths {
-    /// The runs of a mask.
+    /// Encodes a mask.
     pub fn of(mask: &Mask) -> Self {
         Self::of_pixels(mask.width, mask.height, &mask.pixels)
     }
 
-    /// The runs of pixels, row by row.
+    /// Encodes row-major pixels.
     pub fn of_pixels(width: u32, height: u32, pixels: &[bool]) -> Self {
         let (mut counts, mut inside, mut run) = (Vec::new(), false, 0);
         for x in 0..width as usize {
@@ -88,10 +88,10 @@ impl RunLengths {
         Self { size: [height, width], counts }
     }
 
-    /// The mask, if it is of an image of this size.
+    /// Decodes the mask of an image of this size.
     ///
     /// # Errors
-    /// Says what does not fit.
+    /// Describes the inconsistency.
     pub fn mask(&self, width: u32, height: u32) -> Result<Mask, String> {
         if self.size != [height, width] {
             return Err(format!("size {:?}, expected {:?} (rows, columns)", self.size, [height, width]));
@@ -116,7 +116,7 @@ impl RunLengths {
 }
 
 impl SegmentRequest {
-    /// The question as it is posted.
+    /// Builds the request.
     pub fn of(question: &SegmentQuestion) -> Self {
         let image = question.image;
         let (width, height) = (image.width(), image.height());
@@ -131,13 +131,13 @@ impl SegmentRequest {
         }
     }
 
-    /// The image, the pixels to be ignored, and the mask to stay within.
+    /// Decodes the image, the excluded pixels, and the object to segment into parts.
     ///
     /// # Errors
-    /// Says what does not fit together.
+    /// Describes the inconsistency.
     pub fn read(&self) -> Result<(RgbdImage, Vec<bool>, Option<Mask>), String> {
         let (width, height) = (self.intrinsics.width, self.intrinsics.height);
-        let image = posted_image(self.intrinsics, self.world_from_camera, &self.rgb, self.depth_m.as_deref())?;
+        let image = decode_image(self.intrinsics, self.world_from_camera, &self.rgb, self.depth_m.as_deref())?;
         let named = |name: &'static str| move |error: String| format!("{name}: {error}");
         let ignore = self.ignore.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("ignore"))?;
         let within = self.within.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("within"))?;
@@ -145,11 +145,11 @@ impl SegmentRequest {
     }
 }
 
-/// The image of a request: `rgb` and `depth_m` as [`SegmentRequest`] says.
+/// Decodes the image of a request: `rgb` and `depth_m` as in [`SegmentRequest`].
 ///
 /// # Errors
-/// Says what does not fit together.
-pub(crate) fn posted_image(
+/// Describes the inconsistency.
+pub(crate) fn decode_image(
     intrinsics: Intrinsics,
     world_from_camera: Pose,
     rgb: &str,
@@ -185,18 +185,18 @@ pub struct ServiceMasks<S> {
 }
 
 impl<S: Service> ServiceMasks<S> {
-    /// The masks that this service makes.
+    /// Wraps a service.
     pub fn new(service: S) -> Self {
         Self { service }
     }
 }
 
 impl<S: Service> Segmenter for ServiceMasks<S> {
-    /// Masks by score, without pixels that are to be ignored; of those that are nearly the same, the best.
+    /// Masks by descending score, without excluded pixels, after non-maximum suppression.
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
         let asked = serde_json::to_value(SegmentRequest::of(question))
             .map_err(|error| SegmentError::Service(format!("the question cannot be written: {error}")))?;
-        let answer = self.service.ask(&asked).map_err(|error| SegmentError::Service(unanswered(&error)))?;
+        let answer = self.service.ask(&asked).map_err(|error| SegmentError::Service(transport_error(&error)))?;
         let reply: SegmentReply = read(answer).map_err(SegmentError::Service)?;
         masks_of(reply, question).map_err(SegmentError::Service)
     }
@@ -204,7 +204,7 @@ impl<S: Service> Segmenter for ServiceMasks<S> {
 
 fn masks_of(mut reply: SegmentReply, question: &SegmentQuestion) -> Result<Vec<Mask>, String> {
     if reply.masks.len() > MAX_MASKS {
-        return Err(format!("it answered {} masks, expected at most {MAX_MASKS}", reply.masks.len()));
+        return Err(format!("the answer has {} masks, expected at most {MAX_MASKS}", reply.masks.len()));
     }
     if let Some(index) = reply.masks.iter().position(|mask| mask.score.is_some_and(|score| !score.is_finite())) {
         return Err(format!("the score of mask {index} is not finite"));
@@ -222,7 +222,7 @@ fn masks_of(mut reply: SegmentReply, question: &SegmentQuestion) -> Result<Vec<M
     masks.sort_by(|one, other| other.0.total_cmp(&one.0));
     let mut kept: Vec<Mask> = Vec::new();
     for (_, mask) in masks {
-        if mask.area() > 0 && kept.iter().all(|other| other.iou(&mask) < SAME_IOU) {
+        if mask.area() > 0 && kept.iter().all(|other| other.iou(&mask) < SUPPRESSION_IOU) {
             kept.push(mask);
         }
     }

@@ -1,13 +1,13 @@
-//! Masks and grasps from other programs, over HTTP or replayed; what is sent and answered is documented here.
+//! Masks and grasps from other programs, over HTTP or replayed; this module documents requests and responses.
 //!
 //! - [`masks`]: `POST /segment`, for servers like SAM 2.
 //! - [`grasps`]: `POST /grasp`, for servers like AnyGrasp or Contact-GraspNet.
-//! - [`act`]: `POST /agent`, what the agent itself is asked when it is offered to a camera and an arm.
+//! - [`agent_request`]: `POST /agent`, requests to the agent itself from a camera and an arm.
 //!
-//! The first two ask a [`genmanip_llm::Service`], which is a server, a recording, or a recording of a server.
-//! An answer is checked number by number before anything is made of it.
+//! The first two use a [`genmanip_llm::Service`]: a server, a recording, or a recording server.
+//! Every response is validated number by number before use.
 
-pub mod act;
+pub mod agent_request;
 pub mod grasps;
 pub mod masks;
 
@@ -17,18 +17,18 @@ pub use masks::ServiceMasks;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// The longest part of a message about an answer that is repeated.
-const SHOWN: usize = 200;
+/// Maximum number of characters of a parser message to report.
+const MAX_MESSAGE_CHARS: usize = 200;
 
-/// Reads an answer; the message names the place of what is wrong.
+/// Deserialises a response; errors name the JSON path.
 fn read<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
     serde_path_to_error::deserialize(answer).map_err(|error| {
-        let message: String = error.inner().to_string().chars().take(SHOWN).collect();
+        let message: String = error.inner().to_string().chars().take(MAX_MESSAGE_CHARS).collect();
         format!("its answer is wrong at {}: {message}", error.path())
     })
 }
 
-/// A failure of the transport with what to do about it.
-fn unanswered(error: &genmanip_llm::ChatError) -> String {
+/// Transport error with its hint.
+fn transport_error(error: &genmanip_llm::ChatError) -> String {
     format!("{error} ({})", error.hint())
 }

@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex};
 
 use genmanip_agent::ask::{
-    Answer, ChatService, Marks, Moment, PromptStamp, Question, Reasks, Stage, Transcribed, VisionModel, ask,
+    Answer, ChatService, Marks, PromptStamp, Question, QuestionKind, RetryLimits, TranscriptEvent, TranscriptRecorder,
+    VisionModel, ask,
 };
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
@@ -13,21 +14,21 @@ use genmanip_llm::fake::ScriptedChat;
 use genmanip_llm::{ChatError, ChatModel, ChatReply, ChatRequest};
 use proptest::prelude::*;
 
-const REASKS: Reasks = Reasks { most: 2, not_found: true };
+const REASKS: RetryLimits = RetryLimits { most: 2, not_found: true };
 
-pub fn question(stage: Stage) -> Question {
+pub fn question(stage: QuestionKind) -> Question {
     let mask = || Mask { width: 16, height: 9, pixels: vec![true; 144] };
     let grid = Grid::usual(16, 9);
     let marks = match stage {
-        Stage::Object | Stage::Part => Marks::Masks(vec![mask(), mask(), mask()].into()),
-        Stage::GrabPoint => Marks::Points(vec![1, 2, 3, 4, 5]),
-        Stage::GridPath | Stage::PointToPoint => Marks::Grid {
+        QuestionKind::Object | QuestionKind::Part => Marks::Masks(vec![mask(), mask(), mask()].into()),
+        QuestionKind::GrabPoint => Marks::Points(vec![1, 2, 3, 4, 5]),
+        QuestionKind::GridPath | QuestionKind::PointToPoint => Marks::Grid {
             grid,
             // Everywhere but in the last cell.
             targets: grid.cells().filter(|cell| cell.to_string() != "I16").map(|cell| (cell, DVec3::ZERO)).collect(),
             moved: mask(),
         },
-        Stage::Decompose | Stage::Check => Marks::None,
+        QuestionKind::Decompose | QuestionKind::Check => Marks::None,
     };
     let image = RgbdImage::of_depth(Intrinsics::from_vertical_fov(16, 9, 1.0), Pose::IDENTITY, vec![1.0; 144]);
     Question {
@@ -53,7 +54,7 @@ fn service(answers: &[&str]) -> (Arc<ScriptedChat>, ChatService) {
 #[test]
 fn reasons_are_taken_where_they_were_asked_for() {
     let answer = r#"{"reasoning": "The cup is red.", "number": 2, "object_name": "cup", "color": "red"}"#;
-    let mut asked = question(Stage::Object);
+    let mut asked = question(QuestionKind::Object);
     assert!(genmanip_agent::ask::parse(&asked, answer).is_err());
     asked.reasoning = true;
     assert!(matches!(genmanip_agent::ask::parse(&asked, answer), Ok(Answer::Mark(mark)) if mark.mask == 1));
@@ -65,70 +66,72 @@ fn reasons_are_taken_where_they_were_asked_for() {
 #[test]
 fn hostile_answers_are_asked_again_and_then_fail_by_name() {
     let huge = format!("{{\"number\": 1, \"object_name\": \"{}\", \"color\": \"x\"}}", "a".repeat(10 << 20));
-    let cases: Vec<(Stage, &str, &str)> = vec![
-        (Stage::Object, r#"{"number": 4, "object_name": "cup", "color": "red"}"#, "undrawn"),
-        (Stage::Object, r#"{"number": 0, "object_name": "cup", "color": "red"}"#, "undrawn"),
-        (Stage::Object, r#"{"number": -1, "object_name": "not_found", "color": "not_found"}"#, "not_found"),
-        (Stage::Object, r#"{"number": -2, "object_name": "cup", "color": "red"}"#, "undrawn"),
-        (Stage::Object, r#"{"number": 9223372036854775808, "object_name": "cup", "color": "red"}"#, "format"),
-        (Stage::Object, r#"{"number": 1.5, "object_name": "cup", "color": "red"}"#, "format"),
-        (Stage::Object, r#"{"number": "1", "object_name": "cup", "color": "red"}"#, "format"),
-        (Stage::Object, r#"{"number": 1, "object_name": "cup"}"#, "format"),
-        (Stage::Object, r#"{"number": 1, "object_name": "cup", "color": "red", "sure": true}"#, "format"),
-        (Stage::Object, r#"Sure! {"number": 1, "object_name": "cup", "color": "red"}"#, "format"),
-        (Stage::Object, r#"{"number": 1, "object_name": "cup", "color": "red"} Done."#, "format"),
-        (Stage::Object, "I would pick mask 1.", "format"),
-        (Stage::Object, "[]", "format"),
-        (Stage::Object, &huge, "format"),
-        (Stage::Part, r#"{"number": 9, "part_name": "lid", "color": "red"}"#, "undrawn"),
-        (Stage::GrabPoint, r#"{"selected_point": 6, "reason": ""}"#, "undrawn"),
-        (Stage::GrabPoint, r#"{"selected_point": -1, "reason": ""}"#, "undrawn"),
-        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "Z99"}}"#, "undrawn"),
-        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "A17"}}"#, "undrawn"),
-        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "I16"}}"#, "unusable"),
-        (Stage::PointToPoint, r#"{"selected_point": {"type": "pixel", "label": "C4"}}"#, "format"),
-        (Stage::PointToPoint, r#"{"selected_point": "C4"}"#, "format"),
-        (Stage::GridPath, r#"[]"#, "format"),
-        (Stage::GridPath, r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}]"#, "format"),
+    let cases: Vec<(QuestionKind, &str, &str)> = vec![
+        (QuestionKind::Object, r#"{"number": 4, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (QuestionKind::Object, r#"{"number": 0, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (QuestionKind::Object, r#"{"number": -1, "object_name": "not_found", "color": "not_found"}"#, "not_found"),
+        (QuestionKind::Object, r#"{"number": -2, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (QuestionKind::Object, r#"{"number": 9223372036854775808, "object_name": "cup", "color": "red"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": 1.5, "object_name": "cup", "color": "red"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": "1", "object_name": "cup", "color": "red"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": 1, "object_name": "cup"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": 1, "object_name": "cup", "color": "red", "sure": true}"#, "format"),
+        (QuestionKind::Object, r#"Sure! {"number": 1, "object_name": "cup", "color": "red"}"#, "format"),
+        (QuestionKind::Object, r#"{"number": 1, "object_name": "cup", "color": "red"} Done."#, "format"),
+        (QuestionKind::Object, "I would pick mask 1.", "format"),
+        (QuestionKind::Object, "[]", "format"),
+        (QuestionKind::Object, &huge, "format"),
+        (QuestionKind::Part, r#"{"number": 9, "part_name": "lid", "color": "red"}"#, "undrawn"),
+        (QuestionKind::GrabPoint, r#"{"selected_point": 6, "reason": ""}"#, "undrawn"),
+        (QuestionKind::GrabPoint, r#"{"selected_point": -1, "reason": ""}"#, "undrawn"),
+        (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "Z99"}}"#, "undrawn"),
+        (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "A17"}}"#, "undrawn"),
+        (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "I16"}}"#, "unusable"),
+        (QuestionKind::PointToPoint, r#"{"selected_point": {"type": "pixel", "label": "C4"}}"#, "format"),
+        (QuestionKind::PointToPoint, r#"{"selected_point": "C4"}"#, "format"),
+        (QuestionKind::GridPath, r#"[]"#, "format"),
+        (QuestionKind::GridPath, r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}]"#, "format"),
         (
-            Stage::GridPath,
+            QuestionKind::GridPath,
             r#"[{"grid_number": "C4", "height_m": NaN, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
             "format",
         ),
         (
-            Stage::GridPath,
+            QuestionKind::GridPath,
             r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 5.0, "claw_orientation": 0}]"#,
             "format",
         ),
         (
-            Stage::GridPath,
+            QuestionKind::GridPath,
             r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 1e9}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
             "format",
         ),
         (
-            Stage::GridPath,
+            QuestionKind::GridPath,
             r#"[{"grid_number": "Z99", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
             "undrawn",
         ),
-        (Stage::Decompose, r#"{"subtasks": []}"#, "format"),
-        (Stage::Decompose, r#"{"subtasks": [" "]}"#, "format"),
-        (Stage::Check, r#"{"scene_description": "done", "finished": "yes"}"#, "format"),
-        (Stage::Check, r#"{"scene_description": "not yet", "finished": false, "remaining": [" "]}"#, "format"),
+        (QuestionKind::Decompose, r#"{"subtasks": []}"#, "format"),
+        (QuestionKind::Decompose, r#"{"subtasks": [" "]}"#, "format"),
+        (QuestionKind::Check, r#"{"scene_description": "done", "finished": "yes"}"#, "format"),
+        (QuestionKind::Check, r#"{"scene_description": "not yet", "finished": false, "remaining": [" "]}"#, "format"),
     ];
     for (stage, answer, cause) in cases {
         let (script, model) = service(&[answer; REASKS.most + 1]);
-        let transcribed = Transcribed::new(false);
+        let transcribed = TranscriptRecorder::new(false);
         let shown = &answer[..answer.len().min(120)];
         let failure = ask(&model, question(stage), REASKS, &transcribed).expect_err(shown);
         assert_eq!((failure.stage.as_str(), failure.cause.as_str()), (stage.name(), cause), "{shown}");
         let seen = script.seen();
         assert_eq!(seen.len(), REASKS.most + 1, "{shown}: asked within the bound");
-        let complaint = seen[REASKS.most].messages.last().unwrap().text();
-        assert!(complaint.starts_with("This answer cannot be used: "), "{complaint}");
+        let rejection = seen[REASKS.most].messages.last().unwrap().text();
+        assert!(rejection.starts_with("This answer cannot be used: "), "{rejection}");
         assert!(seen[REASKS.most].messages.iter().all(|message| message.text().len() < 4000), "what was huge is cut");
         let moments = transcribed.transcript().moments;
         assert_eq!(moments.len(), REASKS.most + 1);
-        assert!(moments.iter().all(|moment| matches!(moment, Moment::Asked(asked) if asked.refused.is_some())));
+        assert!(
+            moments.iter().all(|moment| matches!(moment, TranscriptEvent::Asked(asked) if asked.refused.is_some()))
+        );
     }
 }
 
@@ -137,15 +140,20 @@ fn a_good_answer_after_a_bad_one_is_taken() {
     let good = r#"{"number": 2, "object_name": "cup", "color": "red"}"#;
     for good in [good.to_owned(), format!("```json\n{good}\n```"), format!("  {good}\n")] {
         let (script, model) = service(&["no idea", &good]);
-        let answer = ask(&model, question(Stage::Object), REASKS, &Transcribed::new(false)).unwrap();
+        let answer = ask(&model, question(QuestionKind::Object), REASKS, &TranscriptRecorder::new(false)).unwrap();
         assert!(matches!(answer, Answer::Mark(answer) if answer.mask == 1 && answer.name == "cup"));
         assert_eq!(script.seen().len(), 2);
     }
     let path = r#"[{"grid_number": "A1", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "B2", "height_m": 0.1, "claw_orientation": -90}]"#;
     for path in [path.to_owned(), format!("{{\"path\": {path}}}")] {
         let (_, model) = service(&[&path]);
-        let answer =
-            ask(&model, question(Stage::GridPath), Reasks { most: 0, ..REASKS }, &Transcribed::new(false)).unwrap();
+        let answer = ask(
+            &model,
+            question(QuestionKind::GridPath),
+            RetryLimits { most: 0, ..REASKS },
+            &TranscriptRecorder::new(false),
+        )
+        .unwrap();
         let Answer::Path(answer) = answer else { panic!("expected a path, got {answer:?}") };
         assert_eq!(answer.cells[1].cell, Cell { row: 1, column: 1 });
     }
@@ -155,8 +163,8 @@ fn a_good_answer_after_a_bad_one_is_taken() {
 fn a_thing_that_another_view_may_show_is_not_asked_for_again() {
     for (not_found, asked) in [(true, 3), (false, 1)] {
         let (script, model) = service(&[r#"{"number": -1, "object_name": "cup", "color": "red"}"#; 3]);
-        let reasks = Reasks { not_found, ..REASKS };
-        let failure = ask(&model, question(Stage::Object), reasks, &Transcribed::new(false)).unwrap_err();
+        let reasks = RetryLimits { not_found, ..REASKS };
+        let failure = ask(&model, question(QuestionKind::Object), reasks, &TranscriptRecorder::new(false)).unwrap_err();
         assert_eq!((failure.cause.as_str(), script.seen().len()), ("not_found", asked));
     }
 }
@@ -194,8 +202,8 @@ fn trouble_of_the_service_and_of_the_model_are_told_apart() {
         let shown = format!("{trouble:?}");
         let chat = Arc::new(Troubled(Mutex::new(trouble)));
         let model = ChatService { chat, model: "script".into(), parameters: Default::default() };
-        let transcribed = Transcribed::new(false);
-        let answer = ask(&model, question(Stage::Check), REASKS, &transcribed);
+        let transcribed = TranscriptRecorder::new(false);
+        let answer = ask(&model, question(QuestionKind::Check), REASKS, &transcribed);
         assert_eq!(answer.err().map(|failure| failure.cause).as_deref(), cause, "{shown}");
         assert_eq!(transcribed.transcript().moments.len(), asked, "{shown}");
     }
@@ -203,7 +211,7 @@ fn trouble_of_the_service_and_of_the_model_are_told_apart() {
 
 #[test]
 fn schemas_are_closed_and_hold_only_drawn_numbers() {
-    for stage in Stage::ALL {
+    for stage in QuestionKind::ALL {
         let schema = question(stage).schema();
         assert_eq!(schema["additionalProperties"], false, "{}", stage.name());
         let names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
@@ -211,7 +219,10 @@ fn schemas_are_closed_and_hold_only_drawn_numbers() {
             schema["required"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
         assert_eq!(names, required);
     }
-    assert_eq!(question(Stage::Object).schema()["properties"]["number"]["enum"], serde_json::json!([-1, 1, 2, 3]));
+    assert_eq!(
+        question(QuestionKind::Object).schema()["properties"]["number"]["enum"],
+        serde_json::json!([-1, 1, 2, 3])
+    );
 }
 
 proptest! {
@@ -225,7 +236,7 @@ proptest! {
             format!(r#"{{"selected_point": {number}, "reason": "x"}}"#),
             format!(r#"{{"selected_point": {{"type": "grid", "label": "{label}"}}}}"#),
         ];
-        for stage in Stage::ALL {
+        for stage in QuestionKind::ALL {
             let question = question(stage);
             for text in &texts {
                 match genmanip_agent::ask::parse(&question, text) {
@@ -239,11 +250,11 @@ proptest! {
     }
 }
 
-/// What a model is shown depends on the question alone, so that recorded answers are found again.
+/// The request depends on the question alone, so that recorded answers match.
 #[test]
 fn the_same_question_is_the_same_request() {
-    let key = || question(Stage::Object).request("m", &Default::default()).unwrap().key();
+    let key = || question(QuestionKind::Object).request("m", &Default::default()).unwrap().key();
     assert_eq!(key(), key());
     let (_, model) = service(&["x"]);
-    assert_eq!(model.answer(&question(Stage::Check)).unwrap().text, "x");
+    assert_eq!(model.answer(&question(QuestionKind::Check)).unwrap().text, "x");
 }

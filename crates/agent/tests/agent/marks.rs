@@ -1,6 +1,6 @@
-//! What is drawn on pictures, at both usual sizes: golden images with a tolerance.
+//! Golden-image tests of the marks at both usual image sizes, with a tolerance.
 //!
-//! After a change for the better run once with `GENMANIP_UPDATE_GOLDEN=1`, look at the pictures, and commit them.
+//! After an intended change, run once with `GENMANIP_UPDATE_GOLDEN=1`, review the images and commit them.
 
 use genmanip_agent::grid::Grid;
 use genmanip_agent::picture::{Picture, marks};
@@ -8,7 +8,7 @@ use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 
-/// A white table with things of plain colours: a large one, a thin one, three small ones side by side.
+/// A white table with single-colour objects: a large one, a thin one, three small ones side by side.
 struct Scene {
     picture: Picture,
     masks: Vec<Mask>,

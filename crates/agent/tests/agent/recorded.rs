@@ -1,9 +1,10 @@
-//! Recorded answers are given to the questions they were recorded for, and to no others.
+//! Recorded answers match only the questions they were recorded for.
 
 use std::sync::Arc;
 
 use genmanip_agent::ask::{
-    Answered, Complaint, Marks, Question, RecordedAnswer, RecordedAnswers, Refused, Shown, Stage, Tolerance,
+    Marks, ModelReply, Question, QuestionImage, QuestionKind, RecordedAnswer, RecordedAnswers, RejectedAnswer,
+    Rejection, Tolerance,
 };
 use genmanip_agent::picture::Picture;
 use genmanip_agent::segmentation::Mask;
@@ -11,7 +12,7 @@ use genmanip_core::Document;
 
 use crate::answers;
 
-/// A picture of 64 x 36 pixels with a bright square.
+/// An image of 64 x 36 pixels with a bright square.
 fn picture(left: usize, shade: u8) -> Arc<Picture> {
     let mut picture = Picture::plain(64, 36, [shade; 3]);
     picture.rectangle([left as f64, 10.0], [left as f64 + 12.0, 22.0], [250; 3], 1.0);
@@ -19,8 +20,8 @@ fn picture(left: usize, shade: u8) -> Arc<Picture> {
 }
 
 fn question(left: usize, shade: u8) -> Question {
-    let shown = Shown { name: "masks", picture: picture(left, shade) };
-    Question { ask: 3, pictures: vec![shown], ..answers::question(Stage::Object) }
+    let shown = QuestionImage { name: "masks", picture: picture(left, shade) };
+    Question { ask: 3, pictures: vec![shown], ..answers::question(QuestionKind::Object) }
 }
 
 fn moved(pixels: usize) -> Marks {
@@ -31,7 +32,7 @@ fn moved(pixels: usize) -> Marks {
 #[test]
 fn a_question_that_differs_is_reported_and_never_answered() {
     let asked = Question { marks: moved(0), ..question(8, 40) };
-    let answered = Answered { text: "{}".into(), usage: None };
+    let answered = ModelReply { text: "{}".into(), usage: None };
     let recorded = RecordedAnswers { scenario: "s-1".into(), answers: vec![RecordedAnswer::new(&asked, &answered)] };
     let recorded = RecordedAnswers::from_json(&recorded.to_json()).unwrap();
     let tolerance = Tolerance::default();
@@ -43,11 +44,11 @@ fn a_question_that_differs_is_reported_and_never_answered() {
     near.pictures[0].picture = Arc::new(pixels);
     assert_eq!(recorded.answer(&near, &tolerance).unwrap(), answered);
 
-    let refused = Refused { answer: "x".into(), complaint: Complaint::Format("no".into()) };
+    let refused = RejectedAnswer { answer: "x".into(), rejection: Rejection::Format("no".into()) };
     let prompt = genmanip_agent::ask::PromptStamp { version: 2, ..asked.prompt.clone() };
     let cases: [(Question, &str); 9] = [
         (Question { ask: 4, ..asked.clone() }, "ask 4 (object) of s-1 is not recorded"),
-        (Question { stage: Stage::Part, ..asked.clone() }, "another stage: object, not part"),
+        (Question { stage: QuestionKind::Part, ..asked.clone() }, "another stage: object, not part"),
         (Question { prompt, ..asked.clone() }, "another prompt: test version 1 (), not test version 2 ()"),
         (Question { text: "Which?".into(), ..asked.clone() }, "another text: ?, not Which?"),
         (Question { refused: vec![refused], ..asked.clone() }, "another conversation: 0 refused answers, not 1"),

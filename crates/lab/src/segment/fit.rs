@@ -4,7 +4,7 @@ use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_agent::segmentation::rgbd::Cut;
+use genmanip_agent::segmentation::rgbd::Oversegmentation;
 use genmanip_agent::segmentation::rgbd::merge::{FEATURES, Features};
 use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion};
 use genmanip_assets::Catalogue;
@@ -50,7 +50,7 @@ pub fn fit_weights(
 ) -> Result<Fitted, LabError> {
     let tasks = task_files::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
-    let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
+    let mut views: Vec<(Oversegmentation, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);
     for (index, task) in tasks.iter().enumerate() {
         if views.len() >= 2 * arguments.count {
@@ -58,7 +58,7 @@ pub fn fit_weights(
         }
         for mut view in scenes.draw(index, task)?.unwrap_or_default() {
             arguments.disturb(&mut view, seed, views.len());
-            let cut = segmenter.cut(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
+            let cut = segmenter.oversegment(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
             let owners = owners(&cut, &view);
             views.push((cut, owners));
         }
@@ -82,7 +82,7 @@ pub fn fit_weights(
 }
 
 /// Object of each region, numbered from 1; 0 is everything else, `None` is ambiguous.
-fn owners(cut: &Cut, view: &SegmentView) -> Vec<Option<usize>> {
+fn owners(cut: &Oversegmentation, view: &SegmentView) -> Vec<Option<usize>> {
     let mut counts = vec![BTreeMap::<usize, usize>::new(); cut.graph.count()];
     for (index, label) in cut.labels.iter().enumerate() {
         if let Some(counts) = counts.get_mut(*label as usize) {
@@ -99,7 +99,7 @@ fn owners(cut: &Cut, view: &SegmentView) -> Vec<Option<usize>> {
 }
 
 /// The pairs met while regions of one object are merged, most certain first.
-fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<Sample>) {
+fn meet(cut: &Oversegmentation, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<Sample>) {
     let mut graph = cut.graph.clone();
     let mut met: Vec<(u32, u32)> = graph.pairs();
     loop {

@@ -1,13 +1,10 @@
-//! Moving a joint of an articulated object: where the hand takes hold or pushes, and the way of the arm along the joint.
+//! Manipulation of articulated objects: contact candidates and arm motions that follow a joint.
 //!
-//! Contacts are proposed from the moving link's own geometry: the handle between the pads, or closed fingers against a
-//! face that looks the right way.
-//! Each is followed along the joint's line or arc by inverse kinematics, and the robot may touch nothing on that way;
-//! layout uses the search to ask whether an object can be served where it stands, the expert to do it.
+//! Contacts are sampled from the moving link's geometry: grasps of its handle, or pushes with closed fingers.
 
 mod contacts;
+mod joint_path;
 mod sweep;
-mod ways;
 
 pub use contacts::JointContact;
 pub use sweep::{JointSweep, Sweeper};
@@ -17,78 +14,81 @@ use genmanip_relations::{PosedObject, PosedScene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// How joints are moved.
+/// Settings of joint motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSettings {
-    /// Distance between the hand and the link where the motion starts, metres; it is closed by the motion itself.
+    /// Distance between gripper and link at the start [m]; the motion closes it.
     pub gap_m: f64,
-    /// Length of the straight way in and out, metres.
+    /// Length of straight approach and retreat [m].
     pub approach_m: f64,
-    /// Shares of the link's turn that a hand may follow, in the order in which they are tried; a hand that holds
-    /// follows it all, unless the handle can turn between the pads.
+    /// Shares of the link's rotation that the gripper follows, in the order tried; a grasp follows all of it unless the
+    /// handle
+    /// pivots between the pads.
     pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,
-    /// Distance the robot keeps from everything but the object itself while the joint moves, metres.
+    /// Clearance to everything but the object while the joint moves [m].
     pub room_m: f64,
-    /// Largest motion of the contact between two states that are tested, metres.
+    /// Maximum contact displacement between two checked states [m].
     pub step_m: f64,
-    /// Largest turn between two states that are tested, radians.
+    /// Maximum rotation between two checked states [rad].
     pub step_rad: f64,
-    /// Largest joint motion of the arm between two such states, radians.
+    /// Maximum change of an arm joint between two checked states [rad].
     pub max_arm_step_rad: f64,
 }
 
 impl Default for JointSettings {
     fn default() -> Self {
         Self {
-            // Chosen, more than the collision margin of the motion before it.
+            // Chosen larger than the collision margin of the approach.
             gap_m: 0.002,
-            // Chosen, so that the hand comes from outside a handle.
+            // Chosen so that the gripper approaches a handle from outside.
             approach_m: 0.07,
-            // Chosen: all of it, half, nothing.
+            // Chosen: all, half, none.
             follow: vec![1.0, 0.5, 0.0],
-            // A bound of the search, chosen.
+            // Search limit, chosen.
             configurations: 6,
-            // Chosen: as the expert keeps from everything where it takes something.
+            // Chosen: the expert's clearance at a grasp.
             room_m: 0.003,
-            // Chosen: what two states a centimetre apart both miss, the motion between them hardly touches.
+            // Chosen: a motion between two free states 1 cm apart hardly collides.
             step_m: 0.012,
-            // Chosen: 3.4 degrees, a centimetre at a door's edge of 20 cm.
+            // Chosen: 3.4 degrees, 1 cm at the edge of a 20 cm door.
             step_rad: 0.06,
-            // Chosen: farther means another branch of the arm, which it cannot follow along the joint.
+            // Chosen: a larger change means another IK branch, which the arm cannot follow.
             max_arm_step_rad: 0.3,
         }
     }
 }
 
-/// One joint that is not where a state wants it.
+/// A required change of one joint to reach a state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointChange {
     /// Index of the object in the scene.
     pub object: usize,
-    /// Index of the link that moves.
+    /// Index of the moving link.
     pub link: usize,
-    /// Index among the object's joint positions.
+    /// Index into the object's joint positions.
     pub joint: usize,
-    /// Position now, radians or metres.
+    /// Current position [rad or m].
     pub from: f64,
-    /// Positions that would do, the preferred one first.
+    /// Acceptable target positions, preferred one first.
     pub targets: Vec<f64>,
 }
 
-/// The joints that must move to bring an object into a state; empty when it is in it, or has no such state.
+/// Joint changes required to bring an object into a state; empty if it is in that state or has no such state.
 ///
-/// In an order that leaves room: what goes back comes first, then from the lowest link up, so that nothing that was
-/// pulled out hangs over what is next.
+/// Ordered to avoid blocking: closing joints first, then from the lowest link up, so that no pulled-out link hangs over
+/// the
+/// next one.
 pub fn joint_changes(scene: &PosedScene, object: usize, state: &str) -> Vec<JointChange> {
     let Some(posed) = scene.objects().nth(object) else { return Vec::new() };
     let Some(wanted) = posed.model.joint_states.iter().find(|known| known.name == state) else { return Vec::new() };
-    let links = posed.model.links.iter().enumerate().filter_map(|(link, part)| Some((link, part.joint.as_ref()?)));
+    let links =
+        posed.model.links.iter().enumerate().filter_map(|(link, link_model)| Some((link, link_model.joint.as_ref()?)));
     let mut changes = Vec::new();
-    for (joint, (link, part)) in links.enumerate() {
-        let interval = wanted.intervals.iter().position(|(name, _)| *name == part.name);
+    for (joint, (link, link_model)) in links.enumerate() {
+        let interval = wanted.intervals.iter().position(|(name, _)| *name == link_model.name);
         let Some((index, from)) = interval.zip(posed.joint_positions.get(joint).copied()) else { continue };
         let [low, high] = wanted.intervals[index].1;
         if (low..=high).contains(&from) {
@@ -103,22 +103,22 @@ pub fn joint_changes(scene: &PosedScene, object: usize, state: &str) -> Vec<Join
         let bounds = Aabb::from_pieces(&poses[change.link], &posed.model.links[change.link].pieces);
         bounds.center().z
     };
-    let goes_back = |change: &JointChange| change.targets[0].abs() < change.from.abs();
-    changes.sort_by(|a, b| goes_back(b).cmp(&goes_back(a)).then(height(a).total_cmp(&height(b))));
+    let closes = |change: &JointChange| change.targets[0].abs() < change.from.abs();
+    changes.sort_by(|a, b| closes(b).cmp(&closes(a)).then(height(a).total_cmp(&height(b))));
     changes
 }
 
-/// How the moving link lies and turns in the world.
+/// Pose and joint axis of the moving link, world frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
-    /// Link pose at the present position.
+    /// Link pose at the current joint position.
     pub world_from_link: Pose,
-    /// Unit axis in the world.
+    /// Unit joint axis, world frame.
     pub axis: DVec3,
-    /// A point of the axis in the world.
+    /// Point on the axis, world frame.
     pub pivot: DVec3,
     pub kind: JointKind,
-    /// +1 when the position has to grow, −1 otherwise.
+    /// +1 if the position must increase, −1 otherwise.
     pub sign: f64,
 }
 
@@ -136,7 +136,7 @@ impl Motion {
         })
     }
 
-    /// Direction in which a point of the link moves, and how far per unit of the joint.
+    /// Direction of motion of a point on the link, and its speed per unit of joint velocity.
     pub fn velocity(&self, point: DVec3) -> (DVec3, f64) {
         let velocity = match self.kind {
             JointKind::Prismatic => self.axis,

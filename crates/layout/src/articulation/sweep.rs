@@ -1,48 +1,48 @@
-//! The way of the arm while it moves a joint.
+//! Search for arm motions that follow a joint.
 
 use genmanip_core::{Failure, FailureCause, JointKind, Pose};
 use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
-use super::contacts::of_link;
-use super::ways::{Checkers, Way};
+use super::contacts::contacts;
+use super::joint_path::{JointPath, PathCheckers};
 use super::{JointChange, JointContact, JointSettings, Motion};
 use crate::obstacles;
 
-/// Fewest and most states tested along a joint; chosen: short ways need a middle, long ones must end.
-const STEPS: [usize; 2] = [3, 60];
+/// Minimum and maximum number of states checked along a joint path; chosen.
+const MIN_MAX_STEPS: [usize; 2] = [3, 60];
 
-/// Least distance of a contact from a joint's axis that is reckoned with, metres; chosen, so that nothing is divided by 0.
-const LEAST_LEVER_M: f64 = 1e-3;
+/// Minimum lever of a contact about the joint axis [m], to avoid division by zero.
+const MIN_LEVER_M: f64 = 1e-3;
 
-/// A contact with an arm that can follow it.
+/// A contact and an arm configuration that can follow it.
 #[derive(Clone, Debug)]
 pub struct JointSweep {
-    /// The change it makes.
+    /// The joint change.
     pub change: JointChange,
-    /// Position at which the joint is meant to end.
+    /// Target joint position.
     pub target: f64,
-    /// The hand on the link.
+    /// Contact of the gripper with the link.
     pub contact: JointContact,
     /// Arm configuration at the start.
     pub config: Vec<f64>,
-    /// Straight way of the hand to that start.
+    /// Straight approach path to that start.
     pub approach: Path,
 }
 
-/// Searches and follows the ways to make one change.
+/// Searches for sweeps that make one joint change.
 pub struct Sweeper<'a> {
     planner: &'a Planner,
     settings: &'a JointSettings,
     object: &'a PosedObject,
     change: &'a JointChange,
-    /// Everything but the object.
+    /// Collision world without the object.
     others: CollisionWorld,
 }
 
 impl<'a> Sweeper<'a> {
-    /// A search in a scene; `None` when the change names no joint of it.
+    /// Creates a search; `None` if the change refers to no object of the scene.
     pub fn new(
         scene: &'a PosedScene,
         change: &'a JointChange,
@@ -54,59 +54,66 @@ impl<'a> Sweeper<'a> {
         Some(Self { planner, settings, object, change, others })
     }
 
-    /// The first sweep that is possible and that `accept` makes something of; the nearest obstacle otherwise.
+    /// First feasible sweep for which `accept` returns a value.
     ///
     /// # Errors
-    /// A failure that says how many contacts were out of reach, blocked, or could not be followed.
+    /// Reports the number of contacts that were out of reach, blocked, or could not be followed.
     pub fn search<T>(&self, reference: &[f64], accept: &mut dyn FnMut(&JointSweep) -> Option<T>) -> Result<T, Failure> {
         let name = &self.object.model.card.name;
         let mut tally = Tally::default();
-        let ways: Vec<Way> = self.change.targets.iter().filter_map(|&target| self.way(target)).collect();
+        let joint_path: Vec<JointPath> = self.change.targets.iter().filter_map(|&target| self.path(target)).collect();
         let link = self.object.model.links.get(self.change.link);
-        let contacts =
-            ways.first().zip(link).map(|(way, link)| of_link(link, &way.motion, self.planner.robot(), self.settings));
-        let nothing = Allowed::none();
-        let mut known: Vec<Checkers> = Vec::new();
+        let contacts = joint_path
+            .first()
+            .zip(link)
+            .map(|(path, link)| contacts(link, &path.motion, self.planner.robot(), self.settings));
+        let no_contact = Allowed::none();
+        let mut known: Vec<PathCheckers> = Vec::new();
         for start in contacts.into_iter().flatten() {
             let mut configs = self.planner.ik_coarse(&start.world_from_tcp, reference).peekable();
             if configs.peek().is_none() {
                 tally.out_of_reach += 1;
                 continue;
             }
-            let at = known.iter().position(|checkers| checkers.width == start.open_width).unwrap_or_else(|| {
-                // Pushes share one width; every hold has its own.
-                known.retain(|checkers| checkers.width == 0.0);
-                let others = (&self.others, self.settings.room_m);
-                known.push(Checkers::new(self.planner, &nothing, &ways, others, start.open_width));
-                known.len() - 1
-            });
-            let checkers = &known[at];
-            if configs.peek().is_none_or(|config| !checkers.hand_is_free(config)) {
+            let at =
+                known.iter().position(|path_checkers| path_checkers.width == start.open_width).unwrap_or_else(|| {
+                    // All pushes share one width; every grasp has its own.
+                    known.retain(|path_checkers| path_checkers.width == 0.0);
+                    let others = (&self.others, self.settings.room_m);
+                    known.push(PathCheckers::new(self.planner, &no_contact, &joint_path, others, start.open_width));
+                    known.len() - 1
+                });
+            let path_checkers = &known[at];
+            if configs.peek().is_none_or(|config| !path_checkers.gripper_is_free(config)) {
                 tally.blocked += 1;
                 continue;
             }
-            let mut starts: Vec<_> =
-                configs.filter(|config| checkers.is_free(0, 0, config)).take(self.settings.configurations).collect();
+            let mut starts: Vec<_> = configs
+                .filter(|config| path_checkers.is_free(0, 0, config))
+                .take(self.settings.configurations)
+                .collect();
             if starts.is_empty() {
                 tally.blocked += 1;
                 continue;
             }
-            starts.retain(|config| checkers.has_room(config));
+            starts.retain(|config| path_checkers.has_clearance(config));
             let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
-            for (&follow, (index, way)) in follows.iter().flat_map(|f| ways.iter().enumerate().map(move |w| (f, w))) {
+            for (&follow, (index, path)) in
+                follows.iter().flat_map(|f| joint_path.iter().enumerate().map(move |w| (f, w)))
+            {
                 let contact = JointContact { follow, ..start.clone() };
                 let mut is_possible = |config: &&Vec<f64>| {
-                    let followed = self.can_follow(way, &contact, config, checkers, index);
+                    let followed = self.can_follow(path, &contact, config, path_checkers, index);
                     tally.unfollowed += usize::from(followed.is_none());
                     followed == Some(true)
                 };
                 let found = starts
                     .iter()
                     .filter(|config| is_possible(config))
-                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, &way.worlds[0].1)?)));
+                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, &path.worlds[0].1)?)));
                 let Some((config, approach)) = found else { continue };
                 tally.possible += 1;
-                let sweep = JointSweep { change: self.change.clone(), target: way.target, contact, config, approach };
+                let sweep = JointSweep { change: self.change.clone(), target: path.target, contact, config, approach };
                 if let Some(result) = accept(&sweep) {
                     return Ok(result);
                 }
@@ -115,29 +122,29 @@ impl<'a> Sweeper<'a> {
         let joint = self.object.model.links.get(self.change.link).map_or("?", |link| link.name.as_str());
         let Tally { out_of_reach, blocked, unfollowed, possible } = tally;
         let evidence = format!(
-            "no way to move the {joint} of {name}: {out_of_reach} contacts out of reach, {blocked} blocked, \
-             {unfollowed} arm postures could not follow, {possible} could but not be got to"
+            "no path to move the {joint} of {name}: {out_of_reach} contacts out of reach, {blocked} blocked, \
+             {unfollowed} arm postures could not follow, {possible} feasible but not approachable"
         );
         Err(Failure { cause: if possible > 0 { FailureCause::Planning } else { FailureCause::NoIk }, evidence })
     }
 
-    /// Arm configurations at `count` equal steps of the joint from its present position to `to`, the start left out.
+    /// Arm configurations at `count` equal joint steps from the current position to `to`, without the start.
     ///
-    /// `None` when the arm cannot follow.
+    /// `None` if the arm cannot follow.
     pub fn follow(&self, sweep: &JointSweep, to: f64, count: usize) -> Option<Vec<Vec<f64>>> {
         let motion = Motion::of(self.object, self.change, sweep.target)?;
-        let way = (1..=count)
+        let path = (1..=count)
             .map(|step| tcp_at(&motion, &sweep.contact, (to - self.change.from) * step as f64 / count as f64));
-        self.planner.follow(&sweep.config, way, self.settings.max_arm_step_rad)
+        self.planner.follow(&sweep.config, path, self.settings.max_arm_step_rad)
     }
 
-    /// Position of the joint to which the hand is sent, a little farther than the joint is to go when it pushes.
+    /// Commanded joint position; for a push slightly beyond the target.
     pub fn end(&self, sweep: &JointSweep) -> f64 {
         let motion = Motion::of(self.object, self.change, sweep.target);
-        sweep.target + motion.map_or(0.0, |motion| beyond(&motion, &sweep.contact))
+        sweep.target + motion.map_or(0.0, |motion| overshoot(&motion, &sweep.contact))
     }
 
-    /// The object's surroundings and itself, joint at a position.
+    /// Collision world including the object with its joint at a position.
     pub fn world_at(&self, position: f64) -> CollisionWorld {
         self.with_object(self.others.clone(), position)
     }
@@ -152,15 +159,15 @@ impl<'a> Sweeper<'a> {
         world
     }
 
-    /// Direction in which the link moves at the contact, and how far per unit of the joint.
+    /// Direction of motion at the contact, and its speed per unit of joint velocity.
     pub fn velocity(&self, sweep: &JointSweep) -> (DVec3, f64) {
         let point = sweep.contact.world_from_tcp.transform_point(sweep.contact.tool_point);
         let velocity = Motion::of(self.object, self.change, sweep.target).map(|motion| motion.velocity(point));
-        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(LEAST_LEVER_M)))
+        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(MIN_LEVER_M)))
     }
 
-    /// The way to a position, with the object at every step, and everything else at the first.
-    fn way(&self, target: f64) -> Option<Way> {
+    /// Joint path to a target: the object at every step, and everything else at the first.
+    fn path(&self, target: f64) -> Option<JointPath> {
         let motion = Motion::of(self.object, self.change, target)?;
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
         let total = (target - self.change.from).abs();
@@ -168,42 +175,44 @@ impl<'a> Sweeper<'a> {
             JointKind::Prismatic => total / self.settings.step_m,
             JointKind::Revolute => (total / self.settings.step_rad).max(total * size / self.settings.step_m / 2.0),
         };
-        let steps = (steps.ceil() as usize).clamp(STEPS[0], STEPS[1]);
+        let steps = (steps.ceil() as usize).clamp(MIN_MAX_STEPS[0], MIN_MAX_STEPS[1]);
         let at = |step: usize| {
             let by = (target - self.change.from) * step as f64 / steps as f64;
-            let around = if step == 0 { self.others.clone() } else { CollisionWorld::default() };
-            (by, self.with_object(around, self.change.from + by))
+            let scene_with = if step == 0 { self.others.clone() } else { CollisionWorld::default() };
+            (by, self.with_object(scene_with, self.change.from + by))
         };
-        Some(Way { target, motion, worlds: (0..=steps).map(at).collect() })
+        Some(JointPath { target, motion, worlds: (0..=steps).map(at).collect() })
     }
 
-    /// Straight to the contact along the fingers.
+    /// Straight approach along the fingers.
     fn approach(&self, contact: &JointContact, config: &[f64], world: &CollisionWorld) -> Option<Path> {
-        let nothing = Allowed::none();
+        let no_contact = Allowed::none();
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
         let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
-        self.planner.straight(&around(world, &nothing, contact), config, &before).ok().map(Path::reversed)
+        self.planner.straight(&scene_with(world, &no_contact, contact), config, &before).ok().map(Path::reversed)
     }
 
-    /// Whether the arm can follow the contact along a way, and beyond its end by what a push needs, free at every step.
+    /// Returns `Some(true)` if the arm can follow the contact along the path, and beyond its end for a push, without
+    /// collision;
+    /// `None` if inverse kinematics fails.
     ///
-    /// The first step that is not possible ends it: following is costly, and most ways are blocked early.
+    /// Stops at the first infeasible step, since most paths are blocked early.
     fn can_follow(
         &self,
-        way: &Way,
+        path: &JointPath,
         contact: &JointContact,
         config: &[f64],
-        checkers: &Checkers,
+        path_checkers: &PathCheckers,
         at: usize,
     ) -> Option<bool> {
-        let last = way.worlds.len() - 1;
-        let end = way.worlds[last].0 + beyond(&way.motion, contact);
+        let last = path.worlds.len() - 1;
+        let end = path.worlds[last].0 + overshoot(&path.motion, contact);
         let mut arm = config.to_vec();
-        for (step, by) in way.worlds.iter().map(|(by, _)| *by).chain([end]).enumerate().skip(1) {
-            let pose = tcp_at(&way.motion, contact, by);
+        for (step, by) in path.worlds.iter().map(|(by, _)| *by).chain([end]).enumerate().skip(1) {
+            let pose = tcp_at(&path.motion, contact, by);
             arm = self.planner.ik_near(&pose, &arm, self.settings.max_arm_step_rad)?;
-            // Room around everything else says that the arm touches none of it; what is left to ask is the object itself.
-            if !checkers.has_room(&arm) || (step <= last && !checkers.is_free(at, step, &arm)) {
+            // The clearance check covers everything else; only the object itself remains.
+            if !path_checkers.has_clearance(&arm) || (step <= last && !path_checkers.is_free(at, step, &arm)) {
                 return Some(false);
             }
         }
@@ -219,17 +228,17 @@ struct Tally {
     possible: usize,
 }
 
-fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointContact) -> PlanningScene<'a> {
+fn scene_with<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointContact) -> PlanningScene<'a> {
     PlanningScene { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 
-/// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.
-fn beyond(motion: &Motion, contact: &JointContact) -> f64 {
+/// Overshoot of the gripper beyond the joint target: a push first closes the gap.
+fn overshoot(motion: &Motion, contact: &JointContact) -> f64 {
     let (_, lever) = motion.velocity(contact.world_from_tcp.transform_point(contact.tool_point));
-    contact.gap_m / lever.max(LEAST_LEVER_M) * motion.sign
+    contact.gap_m / lever.max(MIN_LEVER_M) * motion.sign
 }
 
-/// Pose of the tcp when the joint has moved `by`.
+/// TCP pose after a joint displacement `by`.
 fn tcp_at(motion: &Motion, contact: &JointContact, by: f64) -> Pose {
     let start = contact.world_from_tcp;
     match motion.kind {

@@ -1,4 +1,4 @@
-//! What moves: the links and the carried object, and exact distances between two of them.
+//! Moving bodies: links and the attached object, and exact distances between two of them.
 
 use super::convex::{self, Ball, Convex, Separation};
 use super::cover::CoverBall;
@@ -6,7 +6,7 @@ use super::narrow::Skeleton;
 use super::probe::Planes;
 use crate::rigid::Rigid;
 
-/// A link or the carried object, in the frame that moves it.
+/// A link or the attached object in its moving frame.
 #[derive(Clone, Debug)]
 pub(super) struct Body<'a> {
     pub(super) part: Part,
@@ -17,11 +17,11 @@ pub(super) struct Body<'a> {
     pub(super) cover: &'a [CoverBall],
     pub(super) skeletons: &'a [Skeleton],
     pub(super) planes: &'a [Planes],
-    /// Ball around the body, in the moving frame.
+    /// Bounding sphere, in the moving frame.
     pub(super) ball: Ball,
 }
 
-/// A thing that moves with the robot.
+/// A moving body: a link or the attached object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
     /// A link, by its index in the robot model.
@@ -30,24 +30,25 @@ pub enum Part {
     Attached,
 }
 
-/// Two bodies that may meet.
+/// Two bodies that may collide.
 #[derive(Clone, Debug)]
 pub(super) struct BodyPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Distance to keep, m.
+    /// Required clearance [m].
     pub(super) margin: f64,
-    /// Joints that move one against the other, each with its motion bound: the largest speed of a point per unit speed
-    /// of the joint.
+    /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
+    /// unit joint
+    /// velocity.
     pub(super) movers: Vec<(usize, f64)>,
-    /// Index of the pair's table in the robot's shape.
+    /// Index of the pair's distance table in the robot shape.
     pub(super) table: Option<usize>,
 }
 
-/// How far apart two links are looked at when their motion is advanced, m.
-pub(super) const LOOK: f64 = 0.1;
+/// Maximum distance evaluated in conservative advancement [m].
+pub(super) const MAX_DISTANCE_M: f64 = 0.1;
 
-/// Whether two bodies come within `margin` metres of each other; a negative margin lets them penetrate so far.
+/// True if two bodies are closer than `margin` [m]; a negative margin allows that much penetration.
 pub(super) fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     if margin <= 0.0 {
         return matches!(bodies_separation(a, b, world_from_a, world_from_b, margin), Separation::Within(d) if d < margin);
@@ -61,7 +62,7 @@ pub(super) fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world
     })
 }
 
-/// The distance of two bodies if it is at most `margin` metres.
+/// Distance of two bodies if it is at most `margin` [m].
 pub(super) fn bodies_separation(
     a: &Body,
     b: &Body,

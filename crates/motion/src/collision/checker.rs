@@ -1,4 +1,4 @@
-//! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
+//! Collision checker for one robot, world and attached object.
 
 use std::cell::RefCell;
 
@@ -13,14 +13,14 @@ use super::robot_shape::RobotShape;
 use super::world::{Allowed, Attached, CollisionWorld};
 use crate::rigid::Rigid;
 
-/// Two things that are too close.
+/// A pair that is too close.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CollisionReport {
-    /// The moving one: a link's name, or the attached object's.
+    /// Moving body: name of a link or the attached object.
     pub part: String,
-    /// The other one: an obstacle's, a link's or the attached object's name.
+    /// Other body: name of an obstacle, a link or the attached object.
     pub other: String,
-    /// Distance between them; negative is the depth of penetration.
+    /// Distance [m]; negative is penetration depth.
     pub distance: f64,
 }
 
@@ -35,31 +35,33 @@ impl std::fmt::Display for CollisionReport {
     }
 }
 
-/// Collision tests for one query; cheap to make, holds everything in the shape the tests want.
+/// Collision checks for one query; cheap to create.
 ///
-/// The base (everything that no arm joint moves) is tested against moving links, not against the world:
-/// no motion of the arm could change the answer.
+/// The base (everything that no arm joint moves) is checked against moving links but not against the world: no arm
+/// motion
+/// could change the result.
 #[derive(Clone, Debug)]
 pub struct Checker<'a> {
     pub(super) robot: &'a RobotShape,
     pub(super) bodies: Vec<Body<'a>>,
     pub(super) obstacles: Vec<PlacedObstacle<'a>>,
-    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed or out of reach.
+    /// Clearance per body and obstacle, row-major by body; `None` if contact is allowed or out of reach.
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
-    /// Motion bounds of each body: per joint the largest speed of any of its points per unit speed of the joint, m/rad
-    /// (1 for sliding joints).
+    /// Motion bounds of each body: per joint the maximum speed of its points per unit joint velocity [m/rad] (1 for
+    /// prismatic
+    /// joints).
     pub(super) motion_bounds: Vec<Vec<f64>>,
-    /// The same for the whole robot.
+    /// Motion bounds of the whole robot.
     pub(super) motion_bound: Vec<f64>,
-    /// The same scene for the fast path.
+    /// Single-precision model of the fast path.
     pub(super) fast: FastModel<'a>,
-    /// Storage of the fast path.
+    /// Reused storage of the fast path.
     pub(super) scratch: RefCell<Scratch>,
 }
 
 impl<'a> Checker<'a> {
-    /// Prepares tests that keep `padding` metres from everything that is not allowed to touch.
+    /// Creates a checker with a clearance of `padding` [m] from everything not allowed to touch.
     pub fn new(
         robot: &'a RobotShape,
         world: &'a CollisionWorld,
@@ -100,12 +102,12 @@ impl<'a> Checker<'a> {
         checker
     }
 
-    /// The arm's kinematics.
+    /// The kinematic chain.
     pub fn chain(&self) -> &'a crate::chain::Chain {
         &self.robot.chain
     }
 
-    /// The pair that violates its distance most, if any.
+    /// The pair with the largest clearance violation, if any.
     pub fn check(&self, config: &[f64]) -> Option<CollisionReport> {
         let frames = self.robot.chain.frames(config);
         let mut worst: Option<(f64, CollisionReport)> = None;
@@ -132,7 +134,7 @@ impl<'a> Checker<'a> {
         worst.map(|(_, report)| report)
     }
 
-    /// Pairs of links that penetrate each other.
+    /// Link pairs that penetrate each other.
     pub(crate) fn touching_links(&self, config: &[f64]) -> Vec<(usize, usize)> {
         let frames = self.robot.chain.frames(config);
         let touching = |pair: &BodyPair| {
@@ -147,12 +149,12 @@ impl<'a> Checker<'a> {
         self.body_pairs.iter().filter_map(touching).collect()
     }
 
-    /// Whether every pair keeps its distance.
+    /// True if every pair keeps its clearance.
     pub fn is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
-        // From the hand down: it is what touches something most often.
-        if (0..self.bodies.len()).rev().any(|index| self.meets_obstacle(index, &frames)) {
+        // From the gripper down, where contacts are most frequent.
+        if (0..self.bodies.len()).rev().any(|index| self.violates_obstacle(index, &frames)) {
             return false;
         }
         !self.body_pairs.iter().any(|&BodyPair { first, second, margin, .. }| {
@@ -162,18 +164,19 @@ impl<'a> Checker<'a> {
         })
     }
 
-    /// Whether what is fixed to the last joint, the hand and what it carries, keeps its distance from the obstacles: the
-    /// same for all configurations with one pose of the hand.
-    pub fn hand_is_free(&self, config: &[f64]) -> bool {
+    /// True if the bodies on the last moving frame (gripper and attached object) keep their clearance to obstacles;
+    /// independent of
+    /// the arm configuration for a given gripper pose.
+    pub fn gripper_is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let last = frames.len().saturating_sub(1);
         !(0..self.bodies.len())
             .rev()
-            .any(|index| self.bodies[index].frame == last && self.meets_obstacle(index, &frames))
+            .any(|index| self.bodies[index].frame == last && self.violates_obstacle(index, &frames))
     }
 
-    /// Whether a body is closer to an obstacle than it may be.
-    fn meets_obstacle(&self, index: usize, frames: &[Rigid]) -> bool {
+    /// True if a body violates its clearance to an obstacle.
+    fn violates_obstacle(&self, index: usize, frames: &[Rigid]) -> bool {
         let body = &self.bodies[index];
         let (ball, world_from_body) = (body.ball.moved(&frames[body.frame]), frames[body.frame] * body.frame_from_body);
         self.obstacles.iter().zip(self.margins_of(index)).any(|(target, margin)| {
@@ -188,9 +191,9 @@ impl<'a> Checker<'a> {
         let count = self.obstacles.len();
         let both = |(index, margin): (usize, &Option<f64>)| {
             let margin = (*margin)?;
-            // Where some facets may be touched, only the exact test knows which.
-            let excused = self.obstacles[index % count].excused.any(&self.bodies[index / count]);
-            let reject = if excused { -1.0 } else { margin as f32 };
+            // With relaxed facets, only the exact check knows the clearances.
+            let relaxed_facets = self.obstacles[index % count].relaxed_facets.any(&self.bodies[index / count]);
+            let reject = if relaxed_facets { -1.0 } else { margin as f32 };
             Some(FastMargin { accept: margin.max(0.0) as f32, reject })
         };
         self.fast.margins = self.obstacle_margin.iter().enumerate().map(both).collect();
@@ -198,11 +201,9 @@ impl<'a> Checker<'a> {
             self.body_pairs.iter().map(|pair| (pair.first, pair.second, single(&pair.margin))).collect();
     }
 
-    /// Accepts `config` although pairs are closer than the padding: from now on such a pair keeps (nearly) the
-    /// distance it has there.
+    /// Relaxes the clearance of pairs that are closer than the padding at `config` to (nearly) the distance there.
     ///
-    /// Start and goal of a motion may be anywhere from touching on; fails with the pair that penetrates by more
-    /// than `tolerance`.
+    /// Start and goal of a motion may touch; fails with the pair that penetrates by more than `tolerance`.
     pub fn relax(&mut self, config: &[f64], tolerance: f64) -> Result<(), CollisionReport> {
         let frames = self.robot.chain.frames(config);
         let mut worst: Option<CollisionReport> = None;
@@ -216,13 +217,13 @@ impl<'a> Checker<'a> {
                 }
                 if let Some(surface) = target.surface {
                     surface.each_near(body, &world_from_body, *margin, |facet, distance| {
-                        target.excused.add(body, facet, relaxed(distance).min(*margin));
+                        target.relaxed_facets.add(body, facet, relaxed_margin(distance).min(*margin));
                         note_worst(&mut worst, body.name, target.name, distance);
                     });
                     continue;
                 }
                 if let Separation::Within(distance) = target.separation(body, &world_from_body, *margin) {
-                    *margin = margin.min(relaxed(distance));
+                    *margin = margin.min(relaxed_margin(distance));
                     note_worst(&mut worst, body.name, target.name, distance);
                 }
             }
@@ -232,7 +233,7 @@ impl<'a> Checker<'a> {
             let (world_from_a, world_from_b) =
                 (frames[a.frame] * a.frame_from_body, frames[b.frame] * b.frame_from_body);
             if let Separation::Within(distance) = bodies_separation(a, b, &world_from_a, &world_from_b, *margin) {
-                *margin = margin.min(relaxed(distance));
+                *margin = margin.min(relaxed_margin(distance));
                 note_worst(&mut worst, a.name, b.name, distance);
             }
         }
@@ -243,7 +244,8 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles; surfaces are left out.
+    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles (`false`); without
+    /// surfaces.
     pub(crate) fn solids(&self, config: &[f64]) -> impl Iterator<Item = (Solid<'_>, bool)> {
         let frames = self.robot.chain.frames(config);
         let moving = self.bodies.iter().flat_map(move |body| {
@@ -260,7 +262,7 @@ impl<'a> Checker<'a> {
         moving.chain(fixed)
     }
 
-    /// No point of the robot or of what it carries ever is farther from the base, m.
+    /// Maximum distance of any point of the robot or the attached object from the base [m].
     pub(crate) fn reach_m(&self) -> f64 {
         let from_base = |body: &Body| {
             let reachable = self.robot.reachable_ball(body);
@@ -269,21 +271,21 @@ impl<'a> Checker<'a> {
         self.bodies.iter().map(from_base).fold(0.0, f64::max)
     }
 
-    /// The same tests, but pairs that may come closer keep `distance` metres again.
-    pub(crate) fn keeping(&self, distance: f64) -> Self {
-        let mut firmer = self.clone();
-        for margin in firmer.obstacle_margin.iter_mut().flatten() {
+    /// Copy in which relaxed pairs keep at least `distance` metres.
+    pub(crate) fn with_min_clearance(&self, distance: f64) -> Self {
+        let mut stricter = self.clone();
+        for margin in stricter.obstacle_margin.iter_mut().flatten() {
             *margin = margin.max(distance);
         }
-        for pair in &mut firmer.body_pairs {
+        for pair in &mut stricter.body_pairs {
             pair.margin = pair.margin.max(distance);
         }
-        firmer.refresh_fast_margins();
-        firmer
+        stricter.refresh_fast_margins();
+        stricter
     }
 
-    /// Whether every pair keeps at least `distance` metres, none having been allowed to come closer.
-    pub(crate) fn keeps(&self, distance: f64) -> bool {
+    /// True if the clearance of every pair is at least `distance` metres.
+    pub(crate) fn has_min_clearance(&self, distance: f64) -> bool {
         let obstacles = self.obstacle_margin.iter().flatten();
         obstacles.chain(self.body_pairs.iter().map(|pair| &pair.margin)).all(|margin| *margin >= distance)
     }
@@ -298,7 +300,7 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[PlacedOb
     let joint = |joint: &crate::chain::ChainJoint| FastJoint {
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
-        slides: joint.slides,
+        is_prismatic: joint.is_prismatic,
     };
     let placed = |body: &Body, cover: &CoverBall| CoverBall { ball: cover.ball.moved(&body.frame_from_body), ..*cover };
     let body = |body: &Body<'a>| FastBody {
@@ -322,8 +324,8 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[PlacedOb
     }
 }
 
-/// The distance a pair keeps that was found at `distance`, nearer than its padding: what is apart stays apart.
-fn relaxed(distance: f64) -> f64 {
+/// Relaxed clearance of a pair found at `distance`; separated pairs stay separated.
+fn relaxed_margin(distance: f64) -> f64 {
     let nearly = distance - (0.1 * distance.abs()).max(1e-4);
     if distance > 0.0 { nearly.max(0.0) } else { nearly }
 }

@@ -1,4 +1,4 @@
-//! Exact convex bodies: a polyhedral or curved core, rounded by a radius, and the distance between two of them.
+//! Exact convex bodies: a core rounded by a radius, and the distance between two of them.
 
 use genmanip_core::{Piece, Shape};
 use glam::{DQuat, DVec3};
@@ -10,7 +10,7 @@ use parry3d_f64::shape::SupportMap;
 use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
-/// A piece of geometry that cannot be used.
+/// Error in a collision piece.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("collision piece {index} of {owner}: {what}")]
 pub struct GeometryError {
@@ -18,22 +18,22 @@ pub struct GeometryError {
     pub owner: String,
     /// Index of the piece.
     pub index: usize,
-    /// What is wrong with it.
+    /// Description of the problem.
     pub what: String,
 }
 
-/// One convex body at its place in a link or an object.
+/// A convex body at its pose in a link or object.
 #[derive(Clone, Debug)]
 pub(crate) struct Convex {
     pub(crate) core: Core,
-    /// Everything within this distance of the core belongs to the body.
+    /// Rounding radius around the core [m].
     pub(crate) radius: f64,
     pub(crate) owner_from_core: Rigid,
-    /// Ball that holds the body, in the owner's frame.
+    /// Bounding sphere, owner frame.
     pub(crate) ball: Ball,
 }
 
-/// Centre and radius.
+/// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ball {
     pub(crate) center: DVec3,
@@ -41,7 +41,7 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
-    /// A ball around balls: centred in the middle of their bounds, not the smallest possible.
+    /// Bounding sphere of spheres: centred in their bounds, not minimal.
     pub(crate) fn around(balls: impl Iterator<Item = Self> + Clone) -> Self {
         let bounds = balls.clone().fold(genmanip_core::Aabb::EMPTY, |bounds, ball| {
             bounds.including(ball.center - DVec3::splat(ball.radius)).including(ball.center + DVec3::splat(ball.radius))
@@ -51,13 +51,13 @@ impl Ball {
         Self { center: if center.is_finite() { center } else { DVec3::ZERO }, radius }
     }
 
-    /// The same ball in an outer frame.
+    /// Transforms the sphere to an outer frame.
     #[inline]
     pub(super) fn moved(&self, outer_from_inner: &Rigid) -> Self {
         Self { center: outer_from_inner.point(self.center), radius: self.radius }
     }
 
-    /// Whether two balls certainly keep `margin`, m; a negative one counts as 0.
+    /// True if two spheres certainly keep `margin` [m]; a negative margin counts as 0.
     #[inline]
     pub(super) fn is_apart(&self, other: &Self, margin: f64) -> bool {
         let reach = self.radius + other.radius + margin.max(0.0);
@@ -76,7 +76,7 @@ pub(crate) enum Core {
         half_height: f64,
     },
     Ellipsoid(DVec3),
-    /// Corners, the middle and half extents of their bounds, and for large hulls the neighbours of each corner.
+    /// Vertices, centre and half extents of their bounds, and for large hulls the neighbours of each vertex.
     Hull {
         corners: Vec<DVec3>,
         center: DVec3,
@@ -86,7 +86,7 @@ pub(crate) enum Core {
 }
 
 impl Convex {
-    /// All pieces of a link or an object.
+    /// Compiles all pieces of a link or object.
     pub(crate) fn all(owner: &str, pieces: &[Piece]) -> Result<Vec<Self>, GeometryError> {
         pieces.iter().enumerate().map(|(index, piece)| Self::new(owner, index, piece)).collect()
     }
@@ -105,7 +105,7 @@ impl Convex {
             Shape::Capsule { radius, half_length } => (Core::Segment(*half_length), *radius, vec![*radius]),
             Shape::Hull { points } => {
                 if points.len() < 4 || !points.iter().all(|point| point.is_finite()) {
-                    return bad(format!("a hull needs at least 4 finite corners, got {}", points.len()));
+                    return bad(format!("a hull needs at least 4 finite vertices, got {}", points.len()));
                 }
                 (Core::hull(points.clone()), 0.0, vec![])
             }
@@ -115,7 +115,7 @@ impl Convex {
         }
         let pose = &piece.link_from_piece;
         if !(pose.position.is_finite() && pose.rotation.is_finite()) {
-            return bad("its pose holds a number that is not finite".into());
+            return bad("its pose is not finite".into());
         }
         let owner_from_core = Rigid::from(pose);
         let center = core.center();
@@ -123,7 +123,7 @@ impl Convex {
         Ok(Self { core, radius, owner_from_core, ball })
     }
 
-    /// Farthest point along a direction in the owner's frame.
+    /// Support point along a direction, owner frame.
     pub(crate) fn support(&self, direction: DVec3) -> DVec3 {
         let local = self.owner_from_core.rotation.transpose() * direction;
         self.owner_from_core.point(self.core.farthest(local)) + direction.normalize_or_zero() * self.radius
@@ -133,7 +133,7 @@ impl Convex {
 impl Core {
     fn hull(corners: Vec<DVec3>) -> Self {
         let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
-        let (corners, neighbors) = if corners.len() < LARGE_HULL { (corners, vec![]) } else { linked(corners) };
+        let (corners, neighbors) = if corners.len() < LARGE_HULL { (corners, vec![]) } else { with_neighbors(corners) };
         Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5, neighbors }
     }
 
@@ -141,12 +141,13 @@ impl Core {
         if let Self::Hull { center, .. } = self { *center } else { DVec3::ZERO }
     }
 
-    /// A lower bound on the distance from a point to the core, exact but for hulls and ellipsoids (their boxes count).
+    /// Lower bound on the distance of a point to the core, exact except for hulls and ellipsoids (distance to their
+    /// box).
     pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
         self.nearest(point).distance(point)
     }
 
-    /// The point nearest to `point` of the core, or of the box around it for hulls and ellipsoids.
+    /// Closest point of the core, or of the bounding box for hulls and ellipsoids.
     fn nearest(&self, point: DVec3) -> DVec3 {
         match self {
             Self::Point => DVec3::ZERO,
@@ -160,7 +161,7 @@ impl Core {
         }
     }
 
-    /// Whether `distance_bound` is the distance.
+    /// True if `distance_bound` is exact.
     pub(super) fn nearest_is_exact(&self) -> bool {
         !matches!(self, Self::Hull { .. } | Self::Ellipsoid(_))
     }
@@ -178,7 +179,7 @@ impl Core {
 }
 
 impl Core {
-    /// Farthest point along a direction.
+    /// Support point along a direction.
     fn farthest(&self, direction: DVec3) -> DVec3 {
         match self {
             Self::Point => DVec3::ZERO,
@@ -202,16 +203,16 @@ impl Core {
                 }
                 best.1
             }
-            Self::Hull { corners, neighbors, .. } => climb(corners, neighbors, direction),
+            Self::Hull { corners, neighbors, .. } => hill_climb(corners, neighbors, direction),
         }
     }
 }
 
-/// From this many corners on, the farthest corner is found by walking along edges.
+/// Number of vertices from which support points are found by hill climbing.
 const LARGE_HULL: usize = 40;
 
-/// The corners of the hull and the neighbours of each; no neighbours when the hull cannot be triangulated.
-fn linked(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
+/// Hull vertices and their neighbours; no neighbours if the hull cannot be triangulated.
+fn with_neighbors(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
     let Ok((corners, triangles)) = convex_hull(&points) else { return (points, vec![]) };
     let mut neighbors = vec![Vec::new(); corners.len()];
     for [a, b, c] in triangles {
@@ -225,9 +226,9 @@ fn linked(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
     (corners, neighbors)
 }
 
-/// Walks uphill along edges; on a convex hull the first summit is the highest.
-fn climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
-    // Any start will do; a few spread over the list shorten the walk.
+/// Hill climbing along edges; on a convex hull a local maximum is global.
+fn hill_climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
+    // Several spread starts shorten the walk.
     let stride = corners.len().div_ceil(12);
     let mut best = (f64::NEG_INFINITY, 0);
     for index in (0..corners.len()).step_by(stride) {
@@ -250,19 +251,19 @@ fn climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
     }
 }
 
-/// parry has its own release of glam; only numbers pass between the two.
+/// parry uses a different glam version; convert by numbers.
 impl SupportMap for Core {
     fn local_support_point(&self, direction: Vector) -> Vector {
         Vector::from_array(self.farthest(DVec3::from_array(direction.to_array())).to_array())
     }
 }
 
-/// How far two bodies are apart, as far as it was asked.
+/// Distance query result, up to a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Separation {
-    /// More than the asked distance.
+    /// Beyond the limit.
     Beyond,
-    /// At this distance; negative is the depth by which they penetrate.
+    /// At this distance; negative is penetration depth.
     Within(f64),
 }
 
@@ -277,13 +278,13 @@ impl Separation {
     }
 }
 
-/// Whether `b` comes within `margin` of `a`; `a_from_b` relates their owners' frames.
+/// True if `b` is closer than `margin` to `a`.
 pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
     cores_closer_than(&pose, &a.core, &b.core, margin + a.radius + b.radius)
 }
 
-/// Whether core `b` comes within `reach` of core `a`.
+/// True if core `b` is closer than `reach` to core `a`.
 pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl SupportMap, reach: f64) -> bool {
     let mut simplex = first_simplex(a_from_b, a, b);
     match gjk::closest_points(a_from_b, a, b, reach.max(0.0), false, &mut simplex) {
@@ -292,11 +293,12 @@ pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl Support
     }
 }
 
-/// A quick answer to `closer_than` with one support point of `b`, where that is enough.
+/// Fast inconclusive version of `closer_than` with one support point of `b`.
 ///
-/// The direction from the obstacle `a` to the middle of `b` often separates them; and if the point of `b` farthest
-/// against it is within the margin, they do not keep it.
-pub(crate) fn quickly_closer_than(
+/// The direction from obstacle `a` to the centre of `b` often separates them; if the support point of `b` against it is
+/// within
+/// the margin, they are too close.
+pub(crate) fn try_closer_than(
     a: &Convex,
     b: &Convex,
     core_from_world: &Rigid,
@@ -315,13 +317,13 @@ pub(crate) fn quickly_closer_than(
     (a.core.nearest_is_exact() && a.core.distance_bound(deepest) < reach).then_some(true)
 }
 
-/// The distance of two bodies if it is at most `limit`, with penetration depth.
+/// Distance of two bodies if it is at most `limit`, with penetration depth.
 pub(crate) fn separation(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, limit: f64) -> Separation {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
     cores_separation(&pose, &a.core, &b.core, a.radius + b.radius, limit)
 }
 
-/// Like `separation`, of two cores that are rounded by `rounding` together.
+/// Like `separation`, for two cores with a total rounding radius.
 pub(super) fn cores_separation(
     a_from_b: &ParryPose,
     a: &Core,
@@ -347,7 +349,7 @@ pub(super) fn cores_separation(
     }
 }
 
-/// GJK gives up after a number of steps with the same answer as for "far apart": believe it only with a witness.
+/// GJK reports "far apart" when it runs out of iterations: verify with a separating direction.
 fn separated(pose: &ParryPose, a: &Core, b: &impl SupportMap, direction: Vector, reach: f64) -> bool {
     -direction.dot(CsoPoint::from_shapes(pose, a, b, direction).point) > reach
 }

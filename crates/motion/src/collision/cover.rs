@@ -1,27 +1,27 @@
-//! Balls that together hold a convex body: what the fast path tests instead of the body.
+//! Sphere covers of convex bodies, tested by the fast path instead of the body.
 //!
-//! The cover is conservative (every point of the body is in a ball), so balls that are clear prove that the body is;
-//! balls that are not clear prove nothing, and the exact body decides.
+//! The cover is conservative: every point of the body is in a sphere, so clear spheres prove that the body is clear.
+//! Otherwise the exact body decides.
 
 use glam::DVec3;
 
 use super::convex::{Ball, Convex, Core};
 use crate::hull::convex_hull;
 
-/// How far a ball may stick out before it is split: half of the body's thickness, within these bounds, m.
+/// Maximum overhang of a sphere before it is split: half of the body's thickness, within these bounds [m].
 const OVERHANG: [f64; 2] = [0.008, 0.025];
-/// Halvings per body at most: 2^3 balls.
+/// Maximum split depth per body: 2^3 spheres.
 const DEPTH: usize = 3;
 
-/// A ball of a cover, and how much around its centre certainly belongs to the body.
+/// A cover sphere with an inscribed radius.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CoverBall {
     pub(crate) ball: Ball,
-    /// Everything within this distance of the centre is in the body; 0 where the centre is not.
+    /// Radius around the centre that is certainly inside the body [m]; 0 if the centre is outside.
     pub(crate) inner: f64,
 }
 
-/// Balls around one body, in the frame of its owner.
+/// Computes the cover of a body, in its owner's frame.
 pub(crate) fn cover(body: &Convex) -> Vec<CoverBall> {
     let mut balls = Vec::new();
     split(corners(&body.core), body.radius, DEPTH, &mut balls);
@@ -32,14 +32,14 @@ pub(crate) fn cover(body: &Convex) -> Vec<CoverBall> {
     balls.into_iter().map(placed).collect()
 }
 
-/// Distance from a point in the core to its surface; negative, at least as large as the distance, outside of it.
+/// Depth of a point inside the core [m]; outside negative, at least the distance.
 fn depth_in(core: &Core, point: DVec3) -> f64 {
     match core {
         Core::Point => -point.length(),
         Core::Segment(half_length) => -point.distance(DVec3::Z * point.z.clamp(-half_length, *half_length)),
         Core::Box(half) => (*half - point.abs()).min_element(),
         Core::Cylinder { radius, half_height } => (radius - point.truncate().length()).min(half_height - point.z.abs()),
-        // Of a ball stretched along its axes.
+        // Scaled unit sphere.
         Core::Ellipsoid(radii) => (1.0 - (point / *radii).length()) * radii.min_element(),
         Core::Hull { corners, .. } => depth_in_hull(corners, point),
     }
@@ -54,11 +54,11 @@ fn depth_in_hull(corners: &[DVec3], point: DVec3) -> f64 {
     triangles.into_iter().map(depth).fold(f64::INFINITY, f64::min) - 1e-6
 }
 
-/// Corners of a polyhedron that holds the core.
+/// Vertices of a polyhedron that contains the core.
 pub(super) fn corners(core: &Core) -> Vec<DVec3> {
     const SIDES: usize = 16;
     let prism = |radius: f64, half_height: f64| {
-        // Circumscribed: its sides touch the circle.
+        // Circumscribed polygon.
         let outer = radius / (std::f64::consts::PI / SIDES as f64).cos();
         let corner = move |side: usize, z: f64| {
             let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
@@ -76,7 +76,7 @@ pub(super) fn corners(core: &Core) -> Vec<DVec3> {
         Core::Segment(half_length) => vec![DVec3::Z * *half_length, DVec3::NEG_Z * *half_length],
         Core::Box(half) => cuboid(*half),
         Core::Cylinder { radius, half_height } => prism(*radius, *half_height),
-        // A stack of prisms follows an ellipsoid better than its box: three slabs, each as wide as its widest cut.
+        // Three slabs of prisms bound an ellipsoid more tightly than its box.
         Core::Ellipsoid(radii) => {
             let slab = |low: f64, high: f64| {
                 let widest = if low < 0.0 && high > 0.0 { 0.0 } else { low.abs().min(high.abs()) };
@@ -107,7 +107,7 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     };
     let cut = center.dot(axis);
     let (mut low, mut high): (Vec<DVec3>, Vec<DVec3>) = corners.iter().partition(|corner| corner.dot(axis) < cut);
-    // Every edge of the polyhedron that crosses the cut joins a corner below to one above.
+    // Every edge across the cut joins a vertex below to one above.
     let mut crossings = Vec::with_capacity(low.len() * high.len());
     for a in &low {
         for b in &high {
@@ -121,7 +121,7 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     split(extreme(high), rounding, depth - 1, balls);
 }
 
-/// Only the corners of the hull, where that is worth its price.
+/// Reduces points to hull vertices if worthwhile.
 fn extreme(points: Vec<DVec3>) -> Vec<DVec3> {
     if points.len() <= 32 {
         return points;

@@ -1,17 +1,19 @@
-//! The fast path: balls that cover the robot against simple bounds of the obstacles, eight configurations at a time.
+//! Fast path: sphere covers of the robot against bounding primitives of obstacles, eight configurations at a time
+//! (SIMD).
 //!
-//! What is compiled for wide registers are loops: a closure given to a function of the standard library would not be.
+//! Written as loops, since closures passed to library functions are not compiled for wide registers.
 //!
-//! Its answer is either "clear" or "look closely at this pair in these lanes"; it never says "collision".
-//! After W. Thomason, Z. Kingston and L. Kavraki, *Motions in Microseconds via Vectorized Sampling-Based Planning* (2024).
+//! The result is either "clear", "touching", or a list of unresolved pairs and lanes for the exact check. After W.
+//! Thomason,
+//! Z. Kingston and L. Kavraki, *Motions in Microseconds via Vectorized Sampling-Based Planning* (2024).
 
 use multiversion::multiversion;
 
 use super::convex::Ball;
 use super::cover::CoverBall;
 use super::fast_piece::FastPiece;
-use super::field::Field;
-use super::lane_geometry::{LaneFrame, Point, ROUNDING, Transform, add, place, scale, then, turn_sparse};
+use super::field::DistanceField;
+use super::lane_geometry::{LaneFrame, Point, ROUNDING, Transform, add, place, rotate_sparse, scale, then};
 use super::lanes::{Lanes, Verdict};
 use super::narrow::Skeleton;
 
@@ -21,7 +23,7 @@ pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
     pub(super) bodies: Vec<FastBody<'a>>,
     pub(super) obstacles: Vec<FastObstacle<'a>>,
-    /// Row by row of bodies; `None` where contact is allowed or out of reach.
+    /// Row-major by body; `None` if contact is allowed or out of reach.
     pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
 }
@@ -30,15 +32,15 @@ pub(super) struct FastModel<'a> {
 pub(super) struct FastJoint {
     pub(super) parent_frame: usize,
     pub(super) parent_from_joint: Transform,
-    pub(super) slides: bool,
+    pub(super) is_prismatic: bool,
 }
 
-/// Distance to keep between a body and an obstacle.
+/// Clearance between a body and an obstacle [m].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FastMargin {
     /// Clear beyond this distance.
     pub(super) accept: f32,
-    /// Touching within this distance; negative: only the exact test can tell.
+    /// Touching within this distance; if negative, only the exact check decides.
     pub(super) reject: f32,
 }
 
@@ -55,26 +57,26 @@ pub(super) struct FastBody<'a> {
 pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
-    /// Of a surface, which has no pieces.
-    pub(super) field: Option<&'a Field>,
+    /// Distance field of a surface, which has no pieces.
+    pub(super) field: Option<&'a DistanceField>,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FastBall {
     center: [f32; 3],
     radius: f32,
-    /// Everything within this distance of the centre belongs to the body; 0 where that is not known.
+    /// Inscribed radius around the centre [m]; 0 if unknown.
     inner: f32,
 }
 
-/// A pair that may be too near; for obstacles in the lanes whose bit is set.
+/// A pair that may violate its clearance, in the lanes whose bit is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Doubt {
+pub(super) enum Unresolved {
     Obstacle { body: usize, obstacle: usize, lanes: u8 },
     Bodies { pair: usize, lanes: u8 },
 }
 
-/// A body and an obstacle whose balls do not prove clearance in some lanes.
+/// A body and an obstacle not proven clear by their spheres in some lanes.
 #[derive(Clone, Copy, Debug)]
 struct Near {
     body: usize,
@@ -84,27 +86,27 @@ struct Near {
     reject: f32,
 }
 
-/// Storage that is used again from batch to batch.
+/// Storage reused between batches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
-    /// One position per joint and lane.
+    /// Joint positions, one per joint and lane.
     pub(super) config: Vec<Lanes>,
-    /// Per body: added to the distance that proves clearance.
-    pub(super) swell: Vec<f32>,
+    /// Per body: added to the clearance [m].
+    pub(super) inflation: Vec<f32>,
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,
     cover: Vec<Point>,
     near: Vec<Near>,
-    pub(super) doubts: Vec<Doubt>,
+    pub(super) unresolved: Vec<Unresolved>,
 }
 
-/// Lists the pairs that are not proven clear in the scratch's configurations.
+/// Lists the pairs not proven clear in the scratch's configurations.
 ///
-/// Returns `false`, the list unfinished, as soon as
-/// a body and an obstacle certainly do not keep their distance in one of the lanes.
+/// Returns `false` with an incomplete list as soon as a body and an obstacle certainly violate their clearance in one
+/// lane.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
-pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool {
-    scratch.doubts.clear();
+pub(super) fn find_unresolved(model: &FastModel<'_>, scratch: &mut Scratch) -> bool {
+    scratch.unresolved.clear();
     forward(&model.joints, &scratch.config, &mut scratch.frames);
     scratch.centers.clear();
     for body in &model.bodies {
@@ -112,13 +114,13 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
     }
     let count = model.obstacles.len();
     scratch.near.clear();
-    // From the hand to the base: most contacts are at the tip, and one is enough.
+    // From gripper to base: most contacts are at the tip, and one is enough.
     for (index, body) in model.bodies.iter().enumerate().rev() {
         let center = scratch.centers[index];
         scratch.cover.clear();
         for (other, obstacle) in model.obstacles.iter().enumerate() {
             let Some(margin) = model.margins[index * count + other] else { continue };
-            let accept = margin.accept + scratch.swell[index];
+            let accept = margin.accept + scratch.inflation[index];
             let near = near_obstacle(obstacle, &center, body.ball.radius + accept);
             if near == 0 {
                 continue;
@@ -136,18 +138,18 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
     }
     for near in &scratch.near {
         let body = &model.bodies[near.body];
-        let verdict = look(body, &model.obstacles[near.obstacle], &scratch.frames[body.frame], near);
+        let verdict = narrow_phase(body, &model.obstacles[near.obstacle], &scratch.frames[body.frame], near);
         if verdict.touching != 0 {
             return false;
         }
         if verdict.undecided != 0 {
             let Near { body, obstacle, .. } = *near;
-            scratch.doubts.push(Doubt::Obstacle { body, obstacle, lanes: verdict.undecided });
+            scratch.unresolved.push(Unresolved::Obstacle { body, obstacle, lanes: verdict.undecided });
         }
     }
     for (pair, &(first, second, margin)) in model.body_pairs.iter().enumerate() {
         let (a, b) = (&model.bodies[first], &model.bodies[second]);
-        let margin = margin + scratch.swell[first] + scratch.swell[second];
+        let margin = margin + scratch.inflation[first] + scratch.inflation[second];
         let reach = a.ball.radius + b.ball.radius + margin;
         let near = near_point(&scratch.centers[first], &scratch.centers[second], reach);
         if near == 0 {
@@ -169,15 +171,20 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
             }
         }
         if lanes != 0 {
-            scratch.doubts.push(Doubt::Bodies { pair, lanes });
+            scratch.unresolved.push(Unresolved::Bodies { pair, lanes });
         }
     }
     true
 }
 
-/// The lanes in which one body is not proven clear of one obstacle; `None` when it touches it for certain.
+/// Lanes in which a body is not proven clear of an obstacle; `None` if it certainly touches.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
-pub(super) fn find_doubt(model: &FastModel<'_>, scratch: &mut Scratch, body: usize, obstacle: usize) -> Option<u8> {
+pub(super) fn find_unresolved_lanes(
+    model: &FastModel<'_>,
+    scratch: &mut Scratch,
+    body: usize,
+    obstacle: usize,
+) -> Option<u8> {
     let count = model.obstacles.len();
     let Some(FastMargin { accept, reject }) = model.margins[body * count + obstacle] else { return Some(0) };
     let (index, other) = (body, obstacle);
@@ -191,11 +198,11 @@ pub(super) fn find_doubt(model: &FastModel<'_>, scratch: &mut Scratch, body: usi
     if lanes == 0 || found.touching != 0 {
         return (found.touching == 0).then_some(0);
     }
-    let verdict = look(body, obstacle, frame, &Near { body: index, obstacle: other, lanes, accept, reject });
+    let verdict = narrow_phase(body, obstacle, frame, &Near { body: index, obstacle: other, lanes, accept, reject });
     (verdict.touching == 0).then_some(verdict.undecided)
 }
 
-/// Compares all balls of a cover with an obstacle; ends at the first that touches.
+/// Compares all spheres of a cover with an obstacle; stops at the first contact.
 #[inline(always)]
 fn compare_all(obstacle: &FastObstacle, centers: &[Point], balls: &[FastBall], accept: f32, reject: f32) -> Verdict {
     let mut all = Verdict::default();
@@ -209,9 +216,9 @@ fn compare_all(obstacle: &FastObstacle, centers: &[Point], balls: &[FastBall], a
     all
 }
 
-/// The closer look at one body and one obstacle, piece by piece.
+/// Narrow phase of one body and one obstacle, piece by piece.
 #[inline(always)]
-fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
+fn narrow_phase(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
     let Near { lanes, accept, reject, .. } = *near;
     let mut found = Verdict::default();
     if obstacle.field.is_some() {
@@ -226,7 +233,7 @@ fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near
                 continue;
             }
             let core_from_body = piece.core_from_world.before(&world_from_body);
-            let verdict = skeleton.judge(piece, &core_from_body, accept, reject, near);
+            let verdict = skeleton.compare(piece, &core_from_body, accept, reject, near);
             if verdict.touching != 0 {
                 return verdict;
             }
@@ -236,7 +243,7 @@ fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near
     found
 }
 
-/// Centres of the balls of a cover, unless they are there already.
+/// Transforms the centres of a cover unless already done.
 #[inline(always)]
 fn place_all(frame: &LaneFrame, balls: &[FastBall], centers: &mut Vec<Point>) {
     if centers.is_empty() {
@@ -246,8 +253,8 @@ fn place_all(frame: &LaneFrame, balls: &[FastBall], centers: &mut Vec<Point>) {
     }
 }
 
-/// Joints whose sines are computed before the first is used, so that the processor can overlap them.
-const AHEAD: usize = 7;
+/// Number of joints whose sines are computed in advance, so that the processor can overlap them.
+const PRECOMPUTED: usize = 7;
 
 #[inline(always)]
 fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) {
@@ -257,24 +264,24 @@ fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) 
         columns: [[one, zero, zero], [zero, one, zero], [zero, zero, one]],
         origin: [zero, zero, zero],
     });
-    let mut turns = [(zero, one); AHEAD];
-    for (turn, q) in turns.iter_mut().zip(config) {
-        *turn = q.sin_cos();
+    let mut sines = [(zero, one); PRECOMPUTED];
+    for (sine, q) in sines.iter_mut().zip(config) {
+        *sine = q.sin_cos();
     }
     for (index, (joint, q)) in joints.iter().zip(config).enumerate() {
         let parent = &frames[joint.parent_frame];
         let Transform { rows, translation } = &joint.parent_from_joint;
-        let column = |k: usize| turn_sparse(parent, [rows[0][k], rows[1][k], rows[2][k]]);
+        let column = |k: usize| rotate_sparse(parent, [rows[0][k], rows[1][k], rows[2][k]]);
         let (x, y, z) = (column(0), column(1), column(2));
-        let mut origin = add(turn_sparse(parent, *translation), parent.origin);
-        if joint.slides {
+        let mut origin = add(rotate_sparse(parent, *translation), parent.origin);
+        if joint.is_prismatic {
             origin = add(origin, scale(z, *q));
             frames.push(LaneFrame { columns: [x, y, z], origin });
         } else {
-            let (sin, cos) = turns.get(index).copied().unwrap_or_else(|| q.sin_cos());
-            let turned_x = add(scale(x, cos), scale(y, sin));
-            let turned_y = add(scale(y, cos), scale(x, sin * -1.0));
-            frames.push(LaneFrame { columns: [turned_x, turned_y, z], origin });
+            let (sin, cos) = sines.get(index).copied().unwrap_or_else(|| q.sin_cos());
+            let rotated_x = add(scale(x, cos), scale(y, sin));
+            let rotated_y = add(scale(y, cos), scale(x, sin * -1.0));
+            frames.push(LaneFrame { columns: [rotated_x, rotated_y, z], origin });
         }
     }
 }
@@ -297,7 +304,7 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
     lanes
 }
 
-/// Compares a ball of a body with an obstacle: near (undecided) or certainly touching, lane by lane.
+/// Compares a sphere with an obstacle: near (undecided) or certainly touching, per lane.
 #[inline(always)]
 fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
     let mut found = Verdict::default();

@@ -1,17 +1,17 @@
-//! Simple bounds of an obstacle's pieces, compared with points of eight configurations at a time.
+//! Bounding primitives of obstacle pieces, tested against points of eight configurations at a time (SIMD).
 
 use super::convex::Core;
 use super::lane_geometry::{Point, ROUNDING, Transform, dot, subtract};
 use super::lanes::Lanes;
 use crate::rigid::Rigid;
 
-/// A primitive at least as large as the piece it stands for.
+/// A primitive that contains a collision piece.
 #[derive(Clone, Debug)]
 pub(super) struct FastPiece {
     pub(super) core_from_world: Transform,
     shape: FastShape,
     pub(super) rounding: f32,
-    /// The primitive is the piece, not only a bound.
+    /// True if the primitive equals the piece.
     pub(super) exact: bool,
 }
 
@@ -22,7 +22,7 @@ enum FastShape {
         radius: f32,
         half_height: f32,
     },
-    /// A point when the half length is 0.
+    /// A segment of this half length; a point if 0.
     Segment(f32),
 }
 
@@ -45,14 +45,14 @@ impl FastPiece {
         Self { core_from_world: Transform::from(&core_from_world), shape, rounding: rounding as f32, exact }
     }
 
-    /// The lanes in which the primitive is within `reach` of a point in the world.
+    /// Bit mask of the lanes in which the primitive is within `reach` of a point.
     #[inline(always)]
     pub(super) fn near(&self, center: &Point, reach: f32) -> u8 {
         let reach = reach + self.rounding + ROUNDING;
         (self.squared_distance(center) - Lanes::all(reach * reach)).not_positive()
     }
 
-    /// Squared distance from a point in the world to the primitive without its rounding.
+    /// Squared distance of a point to the primitive without its rounding radius.
     #[inline(always)]
     pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
@@ -64,7 +64,7 @@ impl FastPiece {
         dot(away, away)
     }
 
-    /// The point of the primitive, without its rounding, that is nearest to `point`, both in its own frame.
+    /// Closest point of the primitive without its rounding radius, both in its frame.
     #[inline(always)]
     pub(super) fn nearest(&self, point: &Point) -> Point {
         let [x, y, z] = *point;

@@ -1,39 +1,42 @@
-//! How far every place is at least, and at most, from a surface, on a grid: the fast path's answer for clouds and meshes.
+//! Distance field: grid of lower and upper bounds on the distance to a cloud or mesh, used by the fast path.
 //!
-//! Each cell holds bounds for all its points, so that one look-up may prove a ball clear, or in contact.
-//! Built row by row in three passes (after P. Felzenszwalb and D. Huttenlocher, *Distance Transforms of Sampled
-//! Functions*, 2012), with a window instead of envelopes, since far cells need no number.
+//! Each cell holds bounds for all its points, so that one lookup may prove a sphere clear or in contact. Computed in
+//! three
+//! separable passes (after P. Felzenszwalb and D. Huttenlocher, *Distance Transforms of Sampled Functions*, 2012), with
+//! a
+//! window instead of envelopes, since far cells need no value.
 
 use glam::DVec3;
 
 use super::lane_geometry::{Point, ROUNDING};
 use super::lanes::{LANES, Lanes, Verdict};
 
-/// Smallest cell, m.
+/// Minimum cell size [m].
 const CELL_M: f64 = 0.0125;
-/// Most cells; larger surfaces have larger cells.
+/// Maximum number of cells; larger surfaces have larger cells.
 const MAX_CELLS: f64 = 800_000.0;
-/// Gaps of more cells than this are all alike; their squares fill a byte.
+/// Maximum gap [cells]; its square fits into a byte.
 const WINDOW: usize = 16;
 
-/// Lower bounds on the distance to a surface.
+/// Bounds on the distance to a surface.
 #[derive(Clone, Debug)]
-pub(super) struct Field {
+pub(super) struct DistanceField {
     low: [f32; 3],
     /// Cells along each axis.
     counts: [usize; 3],
     cell: f32,
-    /// Everything within this distance of what was marked belongs to the surface.
+    /// Radius of the surface around its marked facets [m].
     radius: f32,
-    /// Per cell, x fastest: squared distance to the nearest marked cell, in cells.
-    squared_gaps: Vec<u8>,
-    /// Per cell: square of what no place in it is farther than from the surface, in cells; 255 where that is not known.
-    squared_spans: Vec<u8>,
+    /// Lower bound per cell, x fastest: squared distance to the nearest marked cell [cells²].
+    squared_lower: Vec<u8>,
+    /// Upper bound per cell: squared maximum distance of its points from the surface [cells²]; 255 if unknown.
+    squared_upper: Vec<u8>,
 }
 
-impl Field {
-    /// A field over a box (`low` to `high`, world) with cells of at least `cell` metres; `mark` calls its argument
-    /// with boxes that together hold the surface, none much larger than the cell it is given.
+impl DistanceField {
+    /// Builds a field over a box (`low` to `high`, world frame) with cells of at least `cell` metres; `mark` calls its
+    /// argument with
+    /// boxes that together contain the surface, none much larger than a cell.
     pub(super) fn new(
         [low, high]: [DVec3; 2],
         radius: f64,
@@ -52,8 +55,8 @@ impl Field {
             counts,
             cell: cell as f32,
             radius: radius as f32,
-            squared_gaps: vec![u8::MAX; nx * ny * nz],
-            squared_spans: vec![u8::MAX; nx * ny * nz],
+            squared_lower: vec![u8::MAX; nx * ny * nz],
+            squared_upper: vec![u8::MAX; nx * ny * nz],
         };
         mark(cell, &mut |from, to| {
             let index = |point: DVec3| {
@@ -65,29 +68,29 @@ impl Field {
             for z in from[2]..=to[2] {
                 for y in from[1]..=to[1] {
                     let row = (z * ny + y) * nx;
-                    field.squared_gaps[row + from[0]..=row + to[0]].fill(0);
+                    field.squared_lower[row + from[0]..=row + to[0]].fill(0);
                 }
             }
-            // What a box holds of a surface may miss some of its cells, but a point is in its one.
+            // A box may contain cells without surface, but a point marks exactly one cell.
             if is_point {
-                field.squared_spans[(from[2] * ny + from[1]) * nx + from[0]] = 0;
+                field.squared_upper[(from[2] * ny + from[1]) * nx + from[0]] = 0;
             }
         });
-        field.span_neighbours();
-        field.spread_along_rows();
-        field.spread_across(nx, ny, nz, nx * ny);
-        field.spread_across(nx * ny, nz, 1, 0);
+        field.bound_neighbours();
+        field.propagate_along_rows();
+        field.propagate_across(nx, ny, nz, nx * ny);
+        field.propagate_across(nx * ny, nz, 1, 0);
         field
     }
 
-    /// The lanes in which a ball of radius `reach` about `center` is not proven clear.
+    /// Lanes in which a sphere of radius `reach` is not proven clear.
     #[inline(always)]
     pub(super) fn near(&self, center: &Point, reach: f32) -> u8 {
         let (cells, outside) = self.cells_at(center);
         self.not_clear(&cells, outside, reach)
     }
 
-    /// Like `near`, and the lanes in which something within `touch` of the center certainly belongs to the surface.
+    /// Like `near`, and the lanes in which the surface is certainly within `touch` of the centre.
     #[inline(always)]
     pub(super) fn compare(&self, center: &Point, reach: f32, touch: f32) -> Verdict {
         let (cells, outside) = self.cells_at(center);
@@ -96,27 +99,27 @@ impl Field {
         if undecided == 0 || touch < self.cell {
             return Verdict { undecided, touching: 0 };
         }
-        let spans = Lanes::from_array(cells.map(|cell| f32::from(self.squared_spans[cell])));
-        let within = (spans * (self.cell * self.cell) - Lanes::all(touch * touch)).not_positive();
-        let unknown = (Lanes::all(f32::from(u8::MAX)) - spans).not_positive();
+        let upper = Lanes::from_array(cells.map(|cell| f32::from(self.squared_upper[cell])));
+        let within = (upper * (self.cell * self.cell) - Lanes::all(touch * touch)).not_positive();
+        let unknown = (Lanes::all(f32::from(u8::MAX)) - upper).not_positive();
         Verdict { undecided, touching: within & !unknown & outside.not_positive() }
     }
 
     #[inline(always)]
     fn not_clear(&self, cells: &[usize; LANES], outside: Lanes, reach: f32) -> u8 {
-        let gaps = Lanes::from_array(cells.map(|cell| f32::from(self.squared_gaps[cell])));
-        // All of the surface is inside of the grid, so its nearest point is at least as far as both legs say.
-        let squared = outside + gaps * (self.cell * self.cell);
+        let lower = Lanes::from_array(cells.map(|cell| f32::from(self.squared_lower[cell])));
+        // The whole surface is inside the grid, so the distance is at least the hypotenuse of both legs.
+        let squared = outside + lower * (self.cell * self.cell);
         let reach = reach + self.radius + ROUNDING;
         (squared - Lanes::all(reach * reach)).not_positive()
     }
 
-    /// The cells nearest to points, and the squared distances of the points from the grid.
+    /// Nearest cells of points, and the squared distances of the points from the grid.
     #[inline(always)]
     fn cells_at(&self, point: &Point) -> ([usize; LANES], Lanes) {
         let per_cell = 1.0 / self.cell;
         let (mut outside, mut index) = (Lanes::all(0.0), Lanes::all(0.0));
-        // Whole numbers of this size are exact.
+        // Integers of this size are exact.
         for axis in [2, 1, 0] {
             let count = self.counts[axis] as f32;
             let along = point[axis] - Lanes::all(self.low[axis]);
@@ -127,27 +130,28 @@ impl Field {
         (index.to_array().map(|index| index as usize), outside)
     }
 
-    /// Fills the spans of cells with a point in them and of their neighbours: between the farthest corners of two cells so far apart.
-    fn span_neighbours(&mut self) {
+    /// Fills the upper bounds of cells with a point and of their neighbours: the distance between the farthest corners
+    /// of two cells.
+    fn bound_neighbours(&mut self) {
         let [nx, ny, nz] = self.counts;
         for (stride, line) in [(1, nx), (nx, nx * ny), (nx * ny, nx * ny * nz)] {
-            let before = self.squared_spans.clone();
-            for (spans, before) in self.squared_spans.chunks_exact_mut(line).zip(before.chunks_exact(line)) {
-                spans.iter_mut().for_each(|span| *span = span.saturating_add(1));
-                for (span, neighbour) in spans[stride..].iter_mut().zip(before) {
-                    *span = (*span).min(neighbour.saturating_add(4));
+            let before = self.squared_upper.clone();
+            for (upper, before) in self.squared_upper.chunks_exact_mut(line).zip(before.chunks_exact(line)) {
+                upper.iter_mut().for_each(|upper| *upper = upper.saturating_add(1));
+                for (upper, neighbour) in upper[stride..].iter_mut().zip(before) {
+                    *upper = (*upper).min(neighbour.saturating_add(4));
                 }
-                for (span, neighbour) in spans.iter_mut().zip(&before[stride..]) {
-                    *span = (*span).min(neighbour.saturating_add(4));
+                for (upper, neighbour) in upper.iter_mut().zip(&before[stride..]) {
+                    *upper = (*upper).min(neighbour.saturating_add(4));
                 }
             }
         }
     }
 
-    fn spread_along_rows(&mut self) {
+    fn propagate_along_rows(&mut self) {
         let nx = self.counts[0];
-        for row in self.squared_gaps.chunks_exact_mut(nx) {
-            // First steps from the nearest marked cell before, then of the nearest on either side, squared.
+        for row in self.squared_lower.chunks_exact_mut(nx) {
+            // First the distance to the nearest marked cell before, then to the nearest on either side, squared.
             let mut steps = WINDOW as u8 + 1;
             for cell in row.iter_mut() {
                 steps = if *cell == 0 { 0 } else { (steps + 1).min(WINDOW as u8 + 1) };
@@ -160,14 +164,14 @@ impl Field {
         }
     }
 
-    /// One pass along an axis on which neighbours are `stride` bytes apart, `count` of them, in `blocks` blocks.
-    fn spread_across(&mut self, stride: usize, count: usize, blocks: usize, block: usize) {
-        let before = self.squared_gaps.clone();
+    /// One pass along an axis with neighbours `stride` bytes apart, `count` of them, in `blocks` blocks.
+    fn propagate_across(&mut self, stride: usize, count: usize, blocks: usize, block: usize) {
+        let before = self.squared_lower.clone();
         let filled: Vec<bool> =
             before.chunks_exact(stride).map(|row| row.iter().any(|&squared| squared < u8::MAX)).collect();
         for first in (0..blocks).map(|index| index * block) {
             for to in 0..count {
-                let target = &mut self.squared_gaps[first + to * stride..][..stride];
+                let target = &mut self.squared_lower[first + to * stride..][..stride];
                 for from in to.saturating_sub(WINDOW)..(to + WINDOW + 1).min(count) {
                     let source = first + from * stride;
                     if from != to && filled[source / stride] {
@@ -182,7 +186,7 @@ impl Field {
     }
 }
 
-/// Cells between two cells that are so many steps apart, squared.
+/// Squared gap between two cells [cells²].
 fn squared_gap(steps: usize) -> u8 {
     let gap = steps.saturating_sub(1).min(WINDOW);
     (gap * gap).min(usize::from(u8::MAX)) as u8

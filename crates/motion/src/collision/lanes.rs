@@ -1,4 +1,4 @@
-//! Eight numbers at a time.
+//! SIMD arithmetic on eight single-precision numbers.
 //!
 //! No fused multiply-add is used, so every instruction set gives the same bits.
 
@@ -12,16 +12,16 @@ pub(crate) const LANES: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lanes(f32x8);
 
-/// Lanes that were chosen by a comparison.
+/// Lane mask of a comparison.
 #[derive(Clone, Copy)]
 pub(crate) struct Mask(f32x8);
 
-/// What a comparison with an obstacle found; bit k speaks for lane k.
+/// Result of a comparison with an obstacle; bit k refers to lane k.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Verdict {
-    /// Lanes that certainly do not keep their distance.
+    /// Lanes that certainly violate the clearance.
     pub(super) touching: u8,
-    /// Lanes that only a closer test can decide.
+    /// Lanes that need a closer check.
     pub(super) undecided: u8,
 }
 
@@ -41,25 +41,25 @@ impl Lanes {
         self.0.to_array()
     }
 
-    /// The larger of two; not for numbers that are not finite.
+    /// Maximum; only for finite numbers.
     #[inline(always)]
     pub(crate) fn max(self, other: f32) -> Self {
         Self(self.0.fast_max(f32x8::splat(other)))
     }
 
-    /// The smaller of two; not for numbers that are not finite.
+    /// Minimum; only for finite numbers.
     #[inline(always)]
     pub(crate) fn lower(self, other: Self) -> Self {
         Self(self.0.fast_min(other.0))
     }
 
-    /// The larger of two; not for numbers that are not finite.
+    /// Maximum; only for finite numbers.
     #[inline(always)]
     pub(crate) fn higher(self, other: Self) -> Self {
         Self(self.0.fast_max(other.0))
     }
 
-    /// The smaller of two; not for numbers that are not finite.
+    /// Minimum; only for finite numbers.
     #[inline(always)]
     pub(crate) fn min(self, other: f32) -> Self {
         Self(self.0.fast_min(f32x8::splat(other)))
@@ -86,39 +86,39 @@ impl Lanes {
         Mask(self.0.simd_lt(other.0))
     }
 
-    /// Bit k is set when lane k is at most zero.
+    /// Bit mask of lanes that are at most zero.
     #[inline(always)]
     pub(crate) fn not_positive(self) -> u8 {
         (self.0.simd_le(f32x8::ZERO).to_bitmask() & 0xff) as u8
     }
 
-    /// Bit k is set when lane k is below zero.
+    /// Bit mask of lanes below zero.
     #[inline(always)]
     pub(crate) fn negative(self) -> u8 {
         (self.0.simd_lt(f32x8::ZERO).to_bitmask() & 0xff) as u8
     }
 
-    /// The nearest whole numbers; for numbers below 2²².
+    /// Rounds to the nearest integer; for numbers below 2²².
     #[inline(always)]
     fn rounded(self) -> Self {
         // Adding and subtracting 1.5·2²³ rounds.
         (self + Self::all(12_582_912.0)) - Self::all(12_582_912.0)
     }
 
-    /// The next smaller whole numbers; for numbers below 2²².
+    /// Rounds down; for numbers below 2²².
     #[inline(always)]
     pub(crate) fn floor(self) -> Self {
         let nearest = self.rounded();
         nearest - self.below(nearest).pick(Self::all(1.0), Self::all(0.0))
     }
 
-    /// Without what is behind the point; for numbers of 32 bits.
+    /// Truncates to 32-bit integers.
     #[inline(always)]
     pub(crate) fn whole(self) -> [i32; LANES] {
         self.0.fast_trunc_int().to_array()
     }
 
-    /// Sine and cosine, to 3e-7 for arguments of a few turns.
+    /// Sine and cosine with an error of 3e-7 for arguments of a few turns.
     #[inline(always)]
     pub(crate) fn sin_cos(self) -> (Self, Self) {
         let turns = (self * std::f32::consts::FRAC_1_PI).rounded();
@@ -142,14 +142,14 @@ impl Lanes {
 }
 
 impl Mask {
-    /// `yes` in the chosen lanes, `no` in the others.
+    /// Selects `yes` in masked lanes, `no` in the others.
     #[inline(always)]
     pub(crate) fn pick(self, yes: Lanes, no: Lanes) -> Lanes {
         Lanes(self.0.bitselect(yes.0, no.0))
     }
 }
 
-/// The lanes whose bits are set.
+/// Indices of the set bits.
 #[inline]
 pub(super) fn lanes_of(mask: u8) -> impl Iterator<Item = usize> {
     (0..LANES).filter(move |lane| mask >> lane & 1 == 1)

@@ -1,4 +1,4 @@
-//! Triangle meshes as obstacles: their surface counts, not what it encloses.
+//! Triangle meshes as obstacles: only their surface counts, not the enclosed volume.
 
 use std::sync::Arc;
 
@@ -11,10 +11,10 @@ use super::surface::{Facets, Surface};
 use super::triangle::Triangle;
 use crate::rigid::Rigid;
 
-/// Area below which a triangle counts as degenerate, m².
+/// Area below which a triangle counts as degenerate [m²].
 const NO_AREA_M2: f64 = 1e-12;
 
-/// The surface of a mesh whose corners are given in its own frame.
+/// Builds the surface of a mesh with vertices in its own frame.
 pub(super) fn mesh(
     name: &str,
     corners: &[DVec3],
@@ -39,13 +39,14 @@ pub(super) fn mesh(
     Ok(Arc::new(Surface::new(Facets::Triangles(triangles), 0.0)))
 }
 
-/// Triangles of a piece's surface, in the frame of its link: corners, and three of them per triangle, counter-clockwise
-/// seen from outside.
+/// Triangulates a collision piece: vertices in the link frame, and three indices per triangle, counter-clockwise seen
+/// from
+/// outside.
 ///
-/// Curved shapes get 48 corners around, all on the surface: the triangles stay within 1 % of the radius below it.
+/// Curved shapes get 48 vertices around, all on the surface: the triangles are at most 1 % of the radius below it.
 ///
 /// # Errors
-/// A piece without volume, or one that is not finite.
+/// Fails if the piece has no volume or is not finite.
 pub fn triangulate(piece: &Piece) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), GeometryError> {
     const AROUND: usize = 48;
     let directions = (0..AROUND * AROUND / 2).map(|index| {

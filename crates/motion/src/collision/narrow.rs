@@ -1,8 +1,9 @@
-//! A closer look in lanes: corners of a convex body against simple bounds of an obstacle, eight states at a time.
+//! SIMD narrow phase: vertices of a convex body against bounding primitives of an obstacle, eight states at a time.
 //!
 //! Frank-Wolfe steps (M. Frank and P. Wolfe, *An algorithm for quadratic programming*, 1956) move a point of the body
-//! towards the obstacle. At every step the point proves contact when it is near enough, and the direction to the
-//! obstacle proves clearance when all corners lie far enough along it; what neither proves is left to the exact test.
+//! towards
+//! the obstacle. At every step a close point proves contact, and the direction to the obstacle proves clearance if all
+//! vertices are far enough along it; the exact check decides the rest.
 
 use genmanip_core::Pose;
 use glam::DVec3;
@@ -14,31 +15,31 @@ use super::lane_geometry::{LaneFrame, Point, ROUNDING, add, dot, place, scale, s
 use super::lanes::{LANES, Lanes, Verdict};
 use crate::rigid::Rigid;
 
-/// Steps before the exact test is called.
+/// Maximum steps before the exact check.
 const STEPS: usize = 5;
-/// Hulls with more corners are thinned out.
-const MANY_CORNERS: usize = 32;
-/// Distance that may be lost when corners are left out, m.
-const THINNING: f64 = 0.0015;
+/// Hulls with more vertices are simplified.
+const MAX_VERTICES: usize = 32;
+/// Maximum simplification error [m].
+const MAX_ERROR_M: f64 = 0.0015;
 
-/// Corners that stand for a convex body, in the frame of its owner.
+/// Simplified vertices of a convex body, in its owner's frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Skeleton {
     corners: Vec<[f32; 3]>,
     pub(super) center: [f32; 3],
-    /// Radius of the ball around `center` that holds the body.
+    /// Radius of the bounding sphere around `center`.
     pub(super) ball_radius: f32,
-    /// The body holds everything within this distance of the corners' hull; negative when even the hull is too large.
+    /// The body contains everything within this distance of the vertices' hull; negative if even the hull is too large.
     inner: f32,
-    /// The body lies within this distance of the corners' hull.
+    /// The body is within this distance of the vertices' hull.
     outer: f32,
 }
 
 impl Skeleton {
     pub(crate) fn new(body: &Convex) -> Self {
         let (corners, slack) = match &body.core {
-            Core::Hull { corners, .. } if corners.len() > MANY_CORNERS => thinned(corners),
-            // Sixteen sides inside the circle instead of around it.
+            Core::Hull { corners, .. } if corners.len() > MAX_VERTICES => simplified(corners),
+            // Sixteen inscribed sides instead of circumscribed ones.
             Core::Cylinder { radius, .. } => {
                 let shrink = (std::f64::consts::PI / 16.0).cos();
                 let inside = |corner: DVec3| DVec3::new(corner.x * shrink, corner.y * shrink, corner.z);
@@ -48,7 +49,7 @@ impl Skeleton {
         };
         let corners: Vec<DVec3> = corners.iter().map(|corner| body.owner_from_core.point(*corner)).collect();
         let inner = if matches!(body.core, Core::Ellipsoid(_)) { -1.0 } else { body.radius as f32 };
-        // The middle of the corners is inside, which the centre of the ball need not be.
+        // The mean of the vertices is inside, unlike possibly the centre of the bounding sphere.
         let center = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64;
         let reach = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max);
         Self {
@@ -60,10 +61,10 @@ impl Skeleton {
         }
     }
 
-    /// Compares with a piece of an obstacle in the given lanes: clear beyond `accept`, touching within `reject`
-    /// (never when negative).
+    /// Compares with an obstacle piece in the given lanes: clear beyond `accept`, touching within `reject` (never if
+    /// negative).
     #[inline(always)]
-    pub(super) fn judge(
+    pub(super) fn compare(
         &self,
         piece: &FastPiece,
         core_from_body: &LaneFrame,
@@ -103,7 +104,7 @@ impl Skeleton {
         Verdict { touching: 0, undecided: open }
     }
 
-    /// The smallest product of a corner with `direction` (body frame), and that corner, per lane.
+    /// Support vertex opposite to `direction` (body frame) and its projection, per lane.
     #[inline(always)]
     fn lowest(&self, direction: &Point) -> (Lanes, Point) {
         let mut best = Lanes::all(f32::MAX);
@@ -127,8 +128,8 @@ impl Skeleton {
     }
 }
 
-/// Fewer corners, and how far the hull of all reaches beyond the hull of these.
-fn thinned(all: &[DVec3]) -> (Vec<DVec3>, f64) {
+/// Simplified vertices, and how far the full hull extends beyond theirs [m].
+fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
     let mut kept: Vec<DVec3> = Vec::new();
     for x in -1..=1 {
         for y in -1..=1 {
@@ -147,11 +148,11 @@ fn thinned(all: &[DVec3]) -> (Vec<DVec3>, f64) {
         let Some(hull) = hull(&kept) else { return (all.to_vec(), 0.0) };
         let beyond: Vec<f64> = all.iter().map(|corner| distance_to(&hull, *corner)).collect();
         let worst = beyond.iter().copied().fold(0.0, f64::max);
-        if worst <= THINNING || kept.len() >= all.len() {
+        if worst <= MAX_ERROR_M || kept.len() >= all.len() {
             return (kept, worst + 1e-6);
         }
         let before = kept.len();
-        // The farthest first; the others of this round must be well away from what was just added.
+        // Farthest first; others of this round must be well away from those just added.
         let mut order: Vec<usize> = (0..all.len()).filter(|index| beyond[*index] > 0.6 * worst).collect();
         order.sort_by(|a, b| beyond[*b].total_cmp(&beyond[*a]));
         for index in order {

@@ -1,12 +1,12 @@
-//! Distances of two links that only two joints move against each other, tabulated once per robot.
+//! Precomputed distance bounds of link pairs that only two joints move relative to each other.
 //!
-//! Neighbouring links are near each other all the time; looking a lower bound up spares most exact distances.
+//! Neighbouring links are always close; a table lookup replaces most exact distance queries.
 
-/// Lower bounds on the distance of two bodies over a grid of two joint positions.
+/// Lower bounds on the distance of two bodies over a grid of two joint positions [m].
 #[derive(Clone, Debug)]
 pub(crate) struct PairTable {
     axes: [Axis; 2],
-    /// Row by row of the first joint.
+    /// Row-major, first joint first.
     bounds: Vec<f32>,
 }
 
@@ -21,10 +21,11 @@ struct Axis {
 const CELLS: usize = 96;
 
 impl PairTable {
-    /// Fills the table from `distance` (at positions of the two joints, or a lower bound on it); `movers` are the two
-    /// joints, their limits, and how fast each can bring the bodies together per unit speed.
+    /// Fills the table from `distance` (at positions of the two joints, or a lower bound); `movers` are the two joints
+    /// with their
+    /// limits and the maximum approach speed of the bodies per unit joint velocity.
     pub(crate) fn new(movers: [(usize, [f64; 2], f64); 2], mut distance: impl FnMut([f64; 2]) -> f64) -> Self {
-        // A little wider than the limits, so that measured positions just outside find a cell.
+        // Slightly wider than the limits, for measured positions just outside.
         let axis = |(joint, [lower, upper], _): (usize, [f64; 2], f64)| Axis {
             joint,
             lower: lower - 0.01,
@@ -43,12 +44,12 @@ impl PairTable {
         Self { axes, bounds }
     }
 
-    /// A lower bound on the distance everywhere in the table.
+    /// Lower bound over the whole table [m].
     pub(crate) fn nearest(&self) -> f64 {
         self.bounds.iter().copied().fold(f32::INFINITY, f32::min).into()
     }
 
-    /// A lower bound on the distance at a configuration; `None` outside the table.
+    /// Lower bound at a configuration [m]; `None` outside the table.
     pub(crate) fn bound(&self, config: impl Fn(usize) -> f64) -> Option<f64> {
         let index = |axis: &Axis| {
             let cell = (config(axis.joint) - axis.lower) / axis.cell;

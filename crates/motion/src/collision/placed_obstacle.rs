@@ -1,12 +1,12 @@
-//! What is to be kept away from: obstacles at their places in the world, and exact distances of bodies from them.
+//! Obstacles at their poses, and exact distances of bodies from them.
 
 use super::body::Body;
 use super::convex::{self, Ball, Convex, Separation};
-use super::surface::{Excused, Surface};
+use super::surface::{RelaxedFacets, Surface};
 use super::world::Obstacle;
 use crate::rigid::Rigid;
 
-/// An obstacle with balls around it and around its pieces, in the world.
+/// An obstacle with bounding spheres of itself and its pieces, world frame.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedObstacle<'a> {
     pub(super) name: &'a str,
@@ -14,8 +14,8 @@ pub(super) struct PlacedObstacle<'a> {
     pub(super) ball: Ball,
     pub(super) pieces: Vec<PlacedPiece<'a>>,
     pub(super) surface: Option<&'a Surface>,
-    /// Facets of the surface that need not be kept away from as the others.
-    pub(super) excused: Excused,
+    /// Facets with a reduced clearance.
+    pub(super) relaxed_facets: RelaxedFacets,
 }
 
 /// A piece of an obstacle.
@@ -26,7 +26,7 @@ pub(super) struct PlacedPiece<'a> {
 }
 
 impl PlacedPiece<'_> {
-    /// Whether a ball in the world certainly keeps `margin` from the piece.
+    /// True if a sphere certainly keeps `margin` from the piece.
     pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
         let reach = ball.radius + self.convex.radius + margin.max(0.0);
         self.convex.core.distance_bound(self.core_from_world.point(ball.center)) > reach
@@ -49,20 +49,20 @@ impl<'a> PlacedObstacle<'a> {
             ),
             pieces: obstacle.pieces.iter().map(piece).collect(),
             surface: obstacle.surface.as_deref(),
-            excused: Excused::default(),
+            relaxed_facets: RelaxedFacets::default(),
         }
     }
 
-    /// Whether a ball in the world certainly keeps `margin` from the obstacle.
+    /// True if a sphere certainly keeps `margin` from the obstacle.
     pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
         self.surface.is_none_or(|surface| ball.is_apart(&surface.ball, margin))
             && self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
     }
 
-    /// Whether a body comes within `margin` metres of the obstacle.
+    /// True if a body is closer than `margin` [m] to the obstacle.
     pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
         if let Some(surface) = self.surface {
-            return surface.closer_than(body, world_from_body, margin, &self.excused);
+            return surface.closer_than(body, world_from_body, margin, &self.relaxed_facets);
         }
         if margin <= 0.0 {
             return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
@@ -70,9 +70,8 @@ impl<'a> PlacedObstacle<'a> {
         body.pieces.iter().any(|piece| {
             let ball = piece.ball.moved(world_from_body);
             self.pieces.iter().any(|other| {
-                let quick = || {
-                    convex::quickly_closer_than(other.convex, piece, &other.core_from_world, world_from_body, margin)
-                };
+                let quick =
+                    || convex::try_closer_than(other.convex, piece, &other.core_from_world, world_from_body, margin);
                 let exact =
                     || convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin);
                 !other.clear_of(&ball, margin) && quick().unwrap_or_else(exact)
@@ -80,10 +79,10 @@ impl<'a> PlacedObstacle<'a> {
         })
     }
 
-    /// The distance of a body if it is at most `margin` metres.
+    /// Distance of a body if it is at most `margin` [m].
     pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
         if let Some(surface) = self.surface {
-            return surface.separation(body, world_from_body, margin, &self.excused);
+            return surface.separation(body, world_from_body, margin, &self.relaxed_facets);
         }
         let limit = margin.max(0.0);
         let mut nearest = Separation::Beyond;

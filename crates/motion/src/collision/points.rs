@@ -6,24 +6,24 @@ use glam::DVec3;
 
 use super::surface::{Facets, Surface};
 
-/// Most points of a cloud, and triangles of a mesh.
+/// Maximum number of points of a cloud and of triangles of a mesh.
 const MAX_FACETS: usize = 1 << 20;
-/// Points farther from the origin than this are a mistake, m.
+/// Maximum distance of a point from the origin [m].
 const MAX_DISTANCE_M: f64 = 100.0;
 
-/// A point cloud or a triangle mesh that cannot be an obstacle.
+/// Error in a point cloud or triangle mesh obstacle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
-    /// There is nothing in it.
-    #[error("{name} has no {what}; leave it out instead")]
+    /// No facets.
+    #[error("{name} has no {what}; omit it")]
     Empty {
         /// Obstacle.
         name: String,
         /// `points` or `triangles`.
         what: &'static str,
     },
-    /// It has more facets than can be worked with.
-    #[error("{name} has {got} {what}; at most {limit} are taken, so thin it out")]
+    /// Too many facets.
+    #[error("{name} has {got} {what}, at most {limit} are allowed; downsample it")]
     Huge {
         /// Obstacle.
         name: String,
@@ -31,10 +31,10 @@ pub enum SurfaceError {
         what: &'static str,
         /// Their number.
         got: usize,
-        /// The bound.
+        /// The limit.
         limit: usize,
     },
-    /// A coordinate is NaN, infinite or absurd.
+    /// A coordinate is not finite or too large.
     #[error("point {index} of {name} is not finite, or more than 100 m away")]
     NotFinite {
         /// Obstacle.
@@ -42,7 +42,7 @@ pub enum SurfaceError {
         /// Index of the point.
         index: usize,
     },
-    /// The radius of the points makes no sense.
+    /// The point radius is out of range.
     #[error("the points of {name} should have a radius above 0 and up to 1 m, got {radius_m} m")]
     BadRadius {
         /// Obstacle.
@@ -50,20 +50,20 @@ pub enum SurfaceError {
         /// The radius.
         radius_m: f64,
     },
-    /// A triangle names a corner that is not there.
-    #[error("triangle {index} of {name} names corner {corner}, but there are {corners}")]
+    /// A triangle refers to a missing vertex.
+    #[error("triangle {index} of {name} refers to vertex {corner}, but there are only {corners}")]
     NoSuchCorner {
         /// Obstacle.
         name: String,
         /// Index of the triangle.
         index: usize,
-        /// The corner named.
+        /// Vertex index.
         corner: u32,
-        /// Number of corners.
+        /// Number of vertices.
         corners: usize,
     },
-    /// A triangle without area.
-    #[error("triangle {index} of {name} has no area: its corners lie on a line; remove it")]
+    /// A degenerate triangle.
+    #[error("triangle {index} of {name} is degenerate: its vertices are collinear; remove it")]
     Degenerate {
         /// Obstacle.
         name: String,
@@ -72,7 +72,7 @@ pub enum SurfaceError {
     },
 }
 
-/// Balls of one radius around points in the world frame.
+/// Builds a point cloud obstacle: spheres of one radius, world frame.
 pub(super) fn cloud(name: &str, points: &[DVec3], radius_m: f64) -> Result<Arc<Surface>, SurfaceError> {
     check(name, "points", points.len(), points)?;
     if !(radius_m > 0.0 && radius_m <= 1.0) {
@@ -81,7 +81,7 @@ pub(super) fn cloud(name: &str, points: &[DVec3], radius_m: f64) -> Result<Arc<S
     Ok(Arc::new(Surface::new(Facets::Points(points.to_vec()), radius_m)))
 }
 
-/// Tests what clouds and meshes have in common; `count` is the number of their facets.
+/// Common validation of clouds and meshes; `count` is the number of facets.
 pub(super) fn check(name: &str, what: &'static str, count: usize, points: &[DVec3]) -> Result<(), SurfaceError> {
     if count == 0 {
         return Err(SurfaceError::Empty { name: name.to_owned(), what });
@@ -89,7 +89,7 @@ pub(super) fn check(name: &str, what: &'static str, count: usize, points: &[DVec
     if count > MAX_FACETS {
         return Err(SurfaceError::Huge { name: name.to_owned(), what, got: count, limit: MAX_FACETS });
     }
-    // A NaN is within nothing.
+    // NaN compares false.
     let far = |point: &DVec3| !point.abs().cmple(DVec3::splat(MAX_DISTANCE_M)).all();
     match points.iter().position(far) {
         Some(index) => Err(SurfaceError::NotFinite { name: name.to_owned(), index }),

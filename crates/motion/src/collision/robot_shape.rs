@@ -1,31 +1,31 @@
-//! The robot's collision bodies, compiled once.
+//! Compiled collision bodies of a robot.
 
 use std::collections::BTreeSet;
 
 use genmanip_core::RobotModel;
 
-use super::body::{Body, BodyPair, LOOK, Part, bodies_separation};
+use super::body::{Body, BodyPair, MAX_DISTANCE_M, Part, bodies_separation};
 use super::convex::{Ball, Convex, GeometryError, Separation};
 use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
 use super::pair_table::PairTable;
-use super::probe::Planes;
+use super::probe::FacePlanes;
 use super::world::Attached;
 use crate::chain::{Chain, ModelError};
 use crate::rigid::Rigid;
 
-/// Links that stay farther apart than this within the joint limits are not tested against each other, m.
-const NEVER_NEAR: f64 = 0.02;
+/// Links that always stay farther apart than this are not checked against each other [m].
+const NEVER_NEAR_M: f64 = 0.02;
 
-/// Exact convex bodies of a robot's links and the pairs of links that are tested against each other.
+/// Exact convex bodies of a robot's links and the link pairs to check.
 #[derive(Clone, Debug)]
 pub struct RobotShape {
     pub(crate) chain: Chain,
     pub(crate) links: Vec<LinkShape>,
-    /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding, not always apart.
+    /// Link pairs that may collide: not in the same moving frame, not declared as never colliding, not always apart.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
-    /// For each of `pairs` that only two joints move: lower bounds on its distance.
+    /// Distance tables of the pairs that only two joints move.
     pub(crate) tables: Vec<Option<PairTable>>,
 }
 
@@ -33,27 +33,27 @@ pub struct RobotShape {
 pub(crate) struct LinkShape {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
-    /// Balls that hold the pieces, in the link's frame.
+    /// Sphere cover, link frame.
     pub(crate) cover: Vec<CoverBall>,
-    /// The pieces for the closer look.
+    /// Vertices for the SIMD narrow phase.
     pub(crate) skeletons: Vec<Skeleton>,
-    /// The pieces against points and triangles.
-    pub(crate) planes: Vec<Planes>,
+    /// Face planes for points and triangles.
+    pub(crate) planes: Vec<FacePlanes>,
 }
 
-/// A robot model that cannot be compiled for collision checks.
+/// Error of compiling a robot for collision checking.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotError {
-    /// Its kinematics are broken.
+    /// The kinematics are invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// One of its collision pieces is broken.
+    /// A collision piece is invalid.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
 }
 
 impl RobotShape {
-    /// Compiles chain and pieces.
+    /// Compiles kinematics and collision pieces.
     pub fn new(robot: &RobotModel) -> Result<Self, RobotError> {
         let chain = Chain::new(robot)?;
         let links = robot
@@ -63,7 +63,7 @@ impl RobotShape {
                 let pieces = Convex::all(&link.name, &link.pieces)?;
                 let cover = pieces.iter().flat_map(cover).collect();
                 let skeletons = pieces.iter().map(Skeleton::new).collect();
-                let planes = pieces.iter().map(Planes::new).collect();
+                let planes = pieces.iter().map(FacePlanes::new).collect();
                 Ok(LinkShape { name: link.name.clone(), pieces, cover, skeletons, planes })
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
@@ -79,9 +79,12 @@ impl RobotShape {
         let [left, right] = robot.gripper.fingers;
         let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
         shape.tables = shape.pair_tables(&[left, right]);
-        // Many pairs never come near each other, whatever the two joints do.
-        let kept: Vec<bool> =
-            shape.tables.iter().map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR)).collect();
+        // Drop pairs that never come near each other.
+        let kept: Vec<bool> = shape
+            .tables
+            .iter()
+            .map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR_M))
+            .collect();
         let mut keep = kept.iter();
         shape.pairs.retain(|_| keep.next() == Some(&true));
         let mut keep = kept.iter();
@@ -89,12 +92,12 @@ impl RobotShape {
         Ok(shape)
     }
 
-    /// The arm's kinematics.
+    /// The kinematic chain.
     pub fn chain(&self) -> &Chain {
         &self.chain
     }
 
-    /// The links that have pieces and the carried object, at an opening of the gripper (m).
+    /// The links with collision pieces and the attached object, at a gripper opening [m].
     pub(super) fn bodies<'a>(&'a self, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
         let around = |frame_from_body: &Rigid, cover: &[CoverBall]| {
             Ball::around(cover.iter().map(|ball| ball.ball.moved(frame_from_body)))
@@ -115,7 +118,7 @@ impl RobotShape {
         links.chain(carried).collect()
     }
 
-    /// The pairs of bodies that may meet, each to keep `padding` metres.
+    /// Body pairs that may collide, each with a clearance of `padding` [m].
     pub(super) fn body_pairs(&self, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
         let tested = |a: &Body, b: &Body| match (a.part, b.part) {
             (Part::Link(a), Part::Link(b)) => self.pair(a, b).is_some(),
@@ -127,7 +130,7 @@ impl RobotShape {
             .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
             .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
             .map(|(first, second)| {
-                // A joint that carries both moves neither against the other.
+                // A joint that carries both bodies moves neither relative to the other.
                 let (a, b) = (self.motion_bounds(&bodies[first]), self.motion_bounds(&bodies[second]));
                 let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
                 let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
@@ -140,12 +143,12 @@ impl RobotShape {
             .collect()
     }
 
-    /// Place of a pair of links, the smaller index first, among those that are tested; they are in order.
+    /// Index of a link pair (smaller index first) among the checked ones, which are sorted.
     fn pair(&self, a: usize, b: usize) -> Option<usize> {
         self.pairs.binary_search(&(a, b)).ok()
     }
 
-    /// Tables for the pairs of links that exactly two turning joints move; `fingers` move otherwise and have none.
+    /// Distance tables of link pairs that exactly two revolute joints move; `fingers` have none.
     fn pair_tables(&self, fingers: &[usize]) -> Vec<Option<PairTable>> {
         let bodies = self.bodies(None, 0.0);
         let mut tables = vec![None; self.pairs.len()];
@@ -161,17 +164,18 @@ impl RobotShape {
                 (config[first.0], config[second.0]) = (at[0], at[1]);
                 let frames = self.chain.frames(&config);
                 let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-                match bodies_separation(a, b, &world_from_a, &world_from_b, LOOK) {
+                match bodies_separation(a, b, &world_from_a, &world_from_b, MAX_DISTANCE_M) {
                     Separation::Within(distance) => distance,
-                    Separation::Beyond => LOOK,
+                    Separation::Beyond => MAX_DISTANCE_M,
                 }
             }));
         }
         tables
     }
 
-    /// For each joint the largest speed that its unit speed can give to a point of the body, m/rad (1 for sliding
-    /// joints); 0 when it does not move the body.
+    /// Motion bounds per joint: maximum speed of a point of the body per unit joint velocity [m/rad] (1 for prismatic
+    /// joints); 0 if
+    /// the joint does not move the body.
     pub(super) fn motion_bounds(&self, body: &Body) -> Vec<f64> {
         let joints = self.chain.joints();
         let mut bounds = vec![0.0_f64; joints.len()];
@@ -179,24 +183,24 @@ impl RobotShape {
         let mut frame = body.frame;
         while frame > 0 {
             let joint = &joints[frame - 1];
-            // The body's own joint turns about z; of the joints before only the distance of their origins is known.
+            // The body's own joint rotates about z; for earlier joints only the distance of their origins is known.
             let own = body.ball.center.truncate().length() + body.ball.radius;
             let turning = if frame == body.frame { own } else { distance };
-            bounds[frame - 1] = if joint.slides { 1.0 } else { turning };
-            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+            bounds[frame - 1] = if joint.is_prismatic { 1.0 } else { turning };
+            let slide = if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
             distance += joint.parent_from_joint.translation.length() + slide;
             frame = joint.parent_frame;
         }
         bounds
     }
 
-    /// A ball in the world that the body cannot leave, whatever the joints do.
+    /// Sphere that contains the body at every configuration, world frame.
     pub(super) fn reachable_ball(&self, body: &Body) -> Ball {
         let mut ball = body.ball;
         let mut frame = body.frame;
         while frame > 0 {
             let joint = &self.chain.joints()[frame - 1];
-            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+            let slide = if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
             let radius = ball.center.length() + ball.radius + slide;
             ball = Ball { center: joint.parent_from_joint.translation, radius };
             frame = joint.parent_frame;

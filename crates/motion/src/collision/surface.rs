@@ -1,46 +1,47 @@
-//! Surfaces of many small facets, the points of a cloud or the triangles of a mesh: a tree for exact answers, a field of
-//! gaps for the fast path.
+//! Surfaces of many facets (cloud points or mesh triangles): a bounding volume hierarchy for exact queries, a distance
+//! field
+//! for the fast path.
 //!
-//! Each node of the tree has eight children, of which one look with eight lanes finds those that matter.
+//! Each node has eight children, tested with one SIMD operation.
 
 use glam::DVec3;
 
 use super::body::{Body, Part};
 use super::convex::{Ball, Separation};
 use super::fast_piece::FastPiece;
-use super::field::Field;
+use super::field::DistanceField;
 use super::lane_geometry::{Point, ROUNDING};
 use super::lanes::{LANES, Lanes, lanes_of};
 use super::probe::Probe;
 use super::triangle::Triangle;
 use crate::rigid::Rigid;
 
-/// Nodes that wait to be looked at when the deepest of trees is walked: each level leaves seven.
-const MOST_OPEN: usize = 64;
+/// Stack size of the deepest tree: each level adds seven nodes.
+const STACK_SIZE: usize = 64;
 
-/// An immutable surface in the world, built once and shared by all worlds that hold it.
+/// An immutable surface, world frame, shared by all worlds that contain it.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     facets: Facets,
-    /// Everything within this distance of a facet belongs to the surface.
+    /// Radius around facets [m].
     radius: f64,
-    /// Level by level: the facets in eights, then those eights in eights, up to a single one.
-    levels: Vec<Vec<Eight>>,
-    pub(super) field: Field,
-    /// Ball around the surface.
+    /// Levels of the hierarchy: facets in groups of eight, then groups of groups, up to a single one.
+    levels: Vec<Vec<Node>>,
+    pub(super) field: DistanceField,
+    /// Bounding sphere of the surface.
     pub(super) ball: Ball,
 }
 
-/// World frame; any eight, sixty-four, … that stand next to each other from a multiple of their number on are neighbours.
+/// Facets, world frame, sorted so that aligned groups of eight, sixty-four, … are spatial neighbours.
 #[derive(Clone, Debug)]
 pub(super) enum Facets {
     Points(Vec<DVec3>),
     Triangles(Vec<Triangle>),
 }
 
-/// Balls around eight facets, or around eights of the level below; the last eight may have fewer.
+/// Bounding spheres of eight facets or of eight nodes of the level below; the last group may be smaller.
 #[derive(Clone, Copy, Debug)]
-struct Eight {
+struct Node {
     balls: [Ball; LANES],
     count: usize,
     centers: Point,
@@ -53,20 +54,20 @@ impl Surface {
             Facets::Points(points) => sort(points),
             Facets::Triangles(triangles) => sort(triangles),
         };
-        let mut levels = vec![eights(&balls)];
+        let mut levels = vec![nodes_of(&balls)];
         while let Some(top) = levels.last().filter(|top| top.len() > 1) {
-            let balls: Vec<Ball> = top.iter().map(Eight::ball).collect();
-            levels.push(eights(&balls));
+            let balls: Vec<Ball> = top.iter().map(Node::ball).collect();
+            levels.push(nodes_of(&balls));
         }
         let [low, high] = match &facets {
             Facets::Points(points) => bounds(points),
             Facets::Triangles(triangles) => bounds(triangles),
         };
-        let field = Field::new([low, high], radius, facets.smallest_cell(), |cell, mark| match &facets {
+        let field = DistanceField::new([low, high], radius, facets.smallest_cell(), |cell, mark| match &facets {
             Facets::Points(points) => points.iter().for_each(|point| mark(*point, *point)),
-            Facets::Triangles(triangles) => triangles.iter().for_each(|triangle| triangle.cut(cell, mark)),
+            Facets::Triangles(triangles) => triangles.iter().for_each(|triangle| triangle.subdivide(cell, mark)),
         });
-        let around = Ball::around(levels.last().into_iter().flatten().map(Eight::ball));
+        let around = Ball::around(levels.last().into_iter().flatten().map(Node::ball));
         let ball = Ball { radius: around.radius + radius, ..around };
         Self { facets, radius, levels, field, ball }
     }
@@ -75,8 +76,14 @@ impl Surface {
         self.facets.len()
     }
 
-    /// Whether a body comes within `margin` of the surface; `excused` facets keep distances of their own.
-    pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64, excused: &Excused) -> bool {
+    /// True if a body is closer than `margin` to the surface; relaxed facets have their own clearance.
+    pub(super) fn closer_than(
+        &self,
+        body: &Body,
+        world_from_body: &Rigid,
+        margin: f64,
+        relaxed_facets: &RelaxedFacets,
+    ) -> bool {
         probes(body).any(|probe| {
             let core_from_world = (*world_from_body * probe.piece.owner_from_core).inverse();
             let reach = margin + probe.piece.radius + self.radius;
@@ -88,7 +95,7 @@ impl Surface {
                     }
                 };
                 touches
-                    && excused.margin(body, facet).is_none_or(|own| {
+                    && relaxed_facets.margin(body, facet).is_none_or(|own| {
                         let found = self.facet_separation(facet, &probe, &core_from_world, margin);
                         matches!(found, Separation::Within(distance) if distance < own)
                     })
@@ -96,17 +103,17 @@ impl Surface {
         })
     }
 
-    /// The distance of a body if it is at most `margin`; of excused facets only those count that are too near.
+    /// Distance of a body if it is at most `margin`; relaxed facets count only if closer than their own clearance.
     pub(super) fn separation(
         &self,
         body: &Body,
         world_from_body: &Rigid,
         margin: f64,
-        excused: &Excused,
+        relaxed_facets: &RelaxedFacets,
     ) -> Separation {
         let mut nearest = Separation::Beyond;
         self.each_near(body, world_from_body, margin, |facet, distance| {
-            let counts = excused.margin(body, facet).is_none_or(|own| distance < own);
+            let counts = relaxed_facets.margin(body, facet).is_none_or(|own| distance < own);
             if counts && !matches!(nearest, Separation::Within(other) if other <= distance) {
                 nearest = Separation::Within(distance);
             }
@@ -114,7 +121,7 @@ impl Surface {
         nearest
     }
 
-    /// Calls `visit` with every facet within `margin` of a piece of the body, and their distance.
+    /// Calls `visit` with every facet within `margin` of a piece of the body, and its distance.
     pub(super) fn each_near(
         &self,
         body: &Body,
@@ -146,19 +153,19 @@ impl Surface {
         }
     }
 
-    /// Whether `test` holds for any facet that may come within `reach` of the piece's core.
+    /// True if `test` holds for any facet that may be within `reach` of the piece's core.
     fn any(&self, probe: &Probe, core_from_world: &Rigid, reach: f64, test: &mut impl FnMut(usize) -> bool) -> bool {
         let core = FastPiece::new(&probe.piece.core, 0.0, core_from_world);
-        let mut open = [(0, 0); MOST_OPEN];
-        open[0] = (self.levels.len() - 1, 0);
+        let mut stack = [(0, 0); STACK_SIZE];
+        stack[0] = (self.levels.len() - 1, 0);
         let mut count = 1;
         while count > 0 {
             count -= 1;
-            let (level, index) = open[count];
-            let eight = &self.levels[level][index];
-            let farthest = eight.radii + Lanes::all(reach as f32 + ROUNDING);
-            let near = (core.squared_distance(&eight.centers) - farthest * farthest).not_positive();
-            for lane in lanes_of(near).take_while(|lane| *lane < eight.count) {
+            let (level, index) = stack[count];
+            let node = &self.levels[level][index];
+            let farthest = node.radii + Lanes::all(reach as f32 + ROUNDING);
+            let near = (core.squared_distance(&node.centers) - farthest * farthest).not_positive();
+            for lane in lanes_of(near).take_while(|lane| *lane < node.count) {
                 let child = index * LANES + lane;
                 if level == 0 {
                     if test(child) {
@@ -166,9 +173,9 @@ impl Surface {
                     }
                     continue;
                 }
-                let Ball { center, radius } = eight.balls[lane];
+                let Ball { center, radius } = node.balls[lane];
                 if !probe.is_roughly_beyond(core_from_world.point(center), reach + radius) {
-                    open[count] = (level - 1, child);
+                    stack[count] = (level - 1, child);
                     count += 1;
                 }
             }
@@ -177,13 +184,13 @@ impl Surface {
     }
 }
 
-impl Eight {
+impl Node {
     fn new(balls: &[Ball]) -> Self {
         let ball = |lane: usize| balls[lane.min(balls.len() - 1)];
         let center = |axis: usize| Lanes::from_array(std::array::from_fn(|lane| ball(lane).center[axis] as f32));
         let count = balls.len();
         let balls: [Ball; LANES] = std::array::from_fn(ball);
-        // Single precision puts the centres elsewhere by less than this.
+        // Upper bound of the rounding error of centres.
         let rounded = |ball: Ball| (ball.radius + 1e-7 * (ball.radius + ball.center.abs().max_element())) as f32;
         Self { count, centers: [center(0), center(1), center(2)], radii: Lanes::from_array(balls.map(rounded)), balls }
     }
@@ -193,19 +200,19 @@ impl Eight {
     }
 }
 
-fn eights(balls: &[Ball]) -> Vec<Eight> {
-    balls.chunks(LANES).map(Eight::new).collect()
+fn nodes_of(balls: &[Ball]) -> Vec<Node> {
+    balls.chunks(LANES).map(Node::new).collect()
 }
 
-/// Facets that a body may come nearer to than to the others: it is near them at the start or goal of the motion.
+/// Facets with a reduced clearance for a body that is near them at the start or goal of a motion.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Excused {
-    /// Part, facet and distance to keep, sorted.
+pub(super) struct RelaxedFacets {
+    /// Body, facet and clearance, sorted.
     facets: Vec<(Part, u32, f64)>,
 }
 
-impl Excused {
-    /// From now on `body` keeps `margin` from `facet`, or less when that was granted before.
+impl RelaxedFacets {
+    /// Reduces the clearance of `body` from `facet` to `margin`.
     pub(super) fn add(&mut self, body: &Body, facet: usize, margin: f64) {
         match self.find(body, facet) {
             Ok(index) => self.facets[index].2 = self.facets[index].2.min(margin),
@@ -213,7 +220,7 @@ impl Excused {
         }
     }
 
-    /// Whether anything was granted to the body.
+    /// True if the body has any relaxed facet.
     pub(super) fn any(&self, body: &Body) -> bool {
         self.facets.iter().any(|(part, ..)| *part == body.part)
     }
@@ -231,7 +238,7 @@ fn probes<'a>(body: &Body<'a>) -> impl Iterator<Item = Probe<'a>> + use<'a> {
     body.pieces.iter().zip(body.planes).map(|(piece, planes)| Probe::new(piece, planes))
 }
 
-/// What a tree can be built of.
+/// A facet of the hierarchy.
 trait Facet: Copy {
     fn low(&self) -> DVec3;
     fn high(&self) -> DVec3;
@@ -275,7 +282,7 @@ impl Facets {
         }
     }
 
-    /// Cells so large that cutting all triangles into such pieces is done in a moment, m.
+    /// Cell size for which subdividing all triangles stays cheap [m].
     fn smallest_cell(&self) -> f64 {
         const PIECES: f64 = 4e6;
         let Self::Triangles(triangles) = self else { return 0.0 };
@@ -290,14 +297,14 @@ fn bounds<F: Facet>(facets: &[F]) -> [DVec3; 2] {
     facets.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], wider)
 }
 
-/// Puts neighbours together, and returns the balls around the facets in their new order.
+/// Sorts facets spatially and returns their bounding spheres.
 fn sort<F: Facet>(facets: &mut [F]) -> Vec<Ball> {
-    divide(facets);
+    sort_spatially(facets);
     facets.iter().map(Facet::ball).collect()
 }
 
-/// Cuts the facets across their longest extent, again and again, always at a multiple of the largest power of eight.
-fn divide<F: Facet>(facets: &mut [F]) {
+/// Splits facets recursively across their longest extent, at multiples of the largest power of eight.
+fn sort_spatially<F: Facet>(facets: &mut [F]) {
     let mut unit = 1;
     while unit * LANES < facets.len() {
         unit *= LANES;
@@ -311,6 +318,6 @@ fn divide<F: Facet>(facets: &mut [F]) {
     let half = facets.len().div_ceil(unit).div_ceil(2) * unit;
     facets.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
     let (low, high) = facets.split_at_mut(half);
-    divide(low);
-    divide(high);
+    sort_spatially(low);
+    sort_spatially(high);
 }

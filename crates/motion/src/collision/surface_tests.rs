@@ -13,7 +13,7 @@ use crate::test_robot::test_panda;
 
 const RADIUS_M: f64 = 0.004;
 
-/// The same surface twice: as one obstacle, and as one convex piece per facet.
+/// The same surface as one obstacle and as one convex piece per facet.
 struct Twins {
     surface: CollisionWorld,
     pieces: CollisionWorld,
@@ -24,7 +24,7 @@ fn within(rng: &mut impl Rng, low: DVec3, high: DVec3) -> DVec3 {
     DVec3::new(draw(0), draw(1), draw(2))
 }
 
-/// Places around and in front of the robot.
+/// Random points around and in front of the robot.
 fn place(rng: &mut impl Rng) -> DVec3 {
     within(rng, DVec3::new(0.1, -0.5, 0.0), DVec3::new(0.8, 0.5, 0.8))
 }
@@ -32,7 +32,7 @@ fn place(rng: &mut impl Rng) -> DVec3 {
 fn clouds(rng: &mut impl Rng) -> Twins {
     let mut points = Vec::new();
     for _ in 0..5 {
-        // Patches of a wall, as a camera sees them.
+        // Patches of a wall, as seen by a camera.
         let (corner, a, b) = (place(rng), place(rng) * 0.2, place(rng) * 0.2);
         points.extend((0..30).map(|_| corner + a * rng.random_range(0.0..1.0) + b * rng.random_range(0.0..1.0)));
     }
@@ -52,7 +52,7 @@ fn meshes(rng: &mut impl Rng) -> Twins {
         triangles.push([3 * index, 3 * index + 1, 3 * index + 2]);
     }
     let pose = Pose::from_position_yaw(DVec3::new(0.02, 0.03, 0.1), 0.3);
-    // A hull needs four corners; here two of them are the same.
+    // A hull needs four vertices; here two of them coincide.
     let hull = |c: &[DVec3]| Piece::at(DVec3::ZERO, Shape::Hull { points: vec![c[0], c[1], c[2], c[2]] });
     let pieces: Vec<Piece> = corners.chunks_exact(3).map(hull).collect();
     let mut twins = Twins { surface: CollisionWorld::new(), pieces: CollisionWorld::new() };
@@ -61,7 +61,7 @@ fn meshes(rng: &mut impl Rng) -> Twins {
     twins
 }
 
-/// A carried object with every kind of piece.
+/// An attached object with every kind of piece.
 fn carried(rng: &mut impl Rng) -> Attached {
     let points = (0..60).map(|_| within(rng, DVec3::splat(-1.0), DVec3::ONE).normalize() * 0.04).collect();
     let shapes = [
@@ -146,7 +146,7 @@ fn only_the_points_near_the_start_are_excused() {
     assert_eq!(checker.check(&robot.home).unwrap().to_string(), "hand is 1.0 mm from seen");
     checker.relax(&robot.home, 0.001).unwrap();
     assert!(checker.is_free(&robot.home) && checker.check(&robot.home).is_none());
-    // Elsewhere the hand keeps its padding: just before the wall it is still too near.
+    // Elsewhere the hand keeps its padding: just before the wall it is still too close.
     let turned = |angle: f64| [&[angle][..], &robot.home[1..]].concat();
     let exact = Checker::new(&shape, &world, None, &allowed, 0.08, 0.0);
     let too_near = (0..2000).map(|k| turned(f64::from(k) * 5e-4)).find(|config| !checker.is_free(config)).unwrap();
@@ -185,7 +185,7 @@ fn fields_never_promise_more_room_or_less_than_there_is() {
             assert!(lanes == 0 || lanes_of(lanes).count() == LANES);
             assert!(lanes != 0 || nearest > reach, "case {case}: {center} has {nearest} m, not {reach} m");
             clear += usize::from(lanes == 0);
-            // Nor much less in the middle of a small surface: two cells of 12.5 mm.
+            // The bounds are tight to two cells of 12.5 mm.
             let is_inside = size < 0.5 && center.abs().max_element() < 0.9 * size;
             assert!(lanes == 0 || !is_inside || nearest < reach + 0.045, "case {case}: {nearest} {reach}");
         }
@@ -261,14 +261,14 @@ fn triangulated_pieces_have_the_surface_of_the_piece() {
     for shape in one_of_each_shape() {
         let piece = Piece::at(DVec3::new(0.1, 0.2, 0.3), shape.clone());
         let (corners, triangles) = triangulate(&piece).unwrap();
-        // As far in every direction as the piece, but for the chords of 48 sides.
+        // Same extent as the piece in every direction, except for the chords of 48 sides.
         for _ in 0..300 {
             let outward = within(&mut rng, DVec3::splat(-1.0), DVec3::ONE).normalize();
             let farthest = corners.iter().map(|corner| corner.dot(outward)).fold(f64::MIN, f64::max);
             let lost = piece.support(outward).dot(outward) - farthest;
             assert!((-1e-9..1e-3).contains(&lost), "{shape:?}: {lost} m");
         }
-        // Closed and facing outwards: the volume is positive and every edge is used once either way.
+        // Closed and oriented outwards: positive volume, and every edge is used once in either direction.
         let corner = |index: u32| corners[index as usize] - corners[0];
         let volume: f64 = triangles.iter().map(|[a, b, c]| corner(*a).cross(corner(*b)).dot(corner(*c))).sum();
         let mut edges: Vec<(u32, u32)> =

@@ -33,7 +33,7 @@ fn reports_name_the_worst_pair_and_its_distance() {
     let robot = test_panda();
     let tcp = robot.tcp_pose(&robot.home);
     let mut world = CollisionWorld::new();
-    // The hand is 66 mm deep and ends 37.4 mm behind the tcp; a ball in the middle of the grasp touches nothing yet.
+    // The hand is 66 mm deep and ends 37.4 mm behind the TCP; a ball in the middle of the grasp touches nothing yet.
     world.add("ball", &[ball(0.02)], &tcp).unwrap();
     assert_eq!(check(&world, None, &Allowed::none(), 0.003), None);
     assert_eq!(check(&world, None, &Allowed::none(), 0.02).as_deref(), Some("hand is 17.4 mm from ball"));
@@ -75,7 +75,7 @@ fn relaxing_accepts_closeness_but_not_penetration() {
     }
 }
 
-/// 0.04 mm from a ball: what then touches the ball by as little is no closeness, but contact.
+/// 0.04 mm from a ball: touching it by as little is a contact, not just proximity.
 #[test]
 fn what_was_apart_may_come_close_but_not_touch() {
     let robot = test_panda();
@@ -133,7 +133,7 @@ fn edges_are_free_exactly_when_their_states_are() {
         let states = (1..=steps).map(|step| crate::path::lerp(&from, &to, step as f64 / steps as f64));
         let expected = states.into_iter().all(|state| checker.is_free(&state));
         assert_eq!(checker.edge_is_free(&from, &to, 0.006), expected);
-        // The test of whole paths proves more, and says no only where something is too close.
+        // The path check proves more, and fails only where something is too close.
         let clear = checker.polyline_is_free(&[from.clone(), to.clone()], 0.006);
         let exact = Checker::new(&shape, &world, Some(&held), &Allowed::none(), 0.05, 0.0);
         let mut dense = (0..=2000).map(|k| crate::path::lerp(&from, &to, f64::from(k) / 2000.0));
@@ -167,7 +167,7 @@ fn bodies_stay_in_their_room() {
     }
 }
 
-/// Every kind of piece, none of them a cube or a ball in disguise.
+/// Every kind of piece, none of them degenerate to a cube or a sphere.
 pub(super) fn one_of_each_shape() -> [Shape; 6] {
     [
         Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
@@ -196,7 +196,7 @@ fn covers_hold_their_bodies() {
                 .map(|cover| cover.ball.center.distance(point) - cover.ball.radius)
                 .fold(f64::MAX, f64::min);
             assert!(outside < 1e-9, "{shape:?}: {point} is {outside} m outside its {} balls", balls.len());
-            // And whatever is within the inner radius is inside: no support plane cuts it off.
+            // Everything within the inscribed radius is inside: no support plane cuts it off.
             let outward = draw().normalize();
             for cover::CoverBall { ball, inner } in &balls {
                 let room = (body.support(outward) - ball.center).dot(outward);

@@ -6,7 +6,7 @@ use parry3d_f64::shape::SupportMap;
 
 use crate::rigid::Rigid;
 
-/// Three corners.
+/// A triangle by its vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Triangle(pub(super) [DVec3; 3]);
 
@@ -25,8 +25,8 @@ impl Triangle {
         a.distance(b) + b.distance(c) + c.distance(a)
     }
 
-    /// Calls `mark` with boxes that together hold the triangle, each about as large as a cell or smaller.
-    pub(super) fn cut(&self, cell: f64, mark: &mut dyn FnMut(DVec3, DVec3)) {
+    /// Calls `mark` with boxes that together contain the triangle, each at most about as large as a cell.
+    pub(super) fn subdivide(&self, cell: f64, mark: &mut dyn FnMut(DVec3, DVec3)) {
         let [a, b, c] = self.0;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if (high - low).max_element() <= cell {
@@ -36,8 +36,8 @@ impl Triangle {
         let sides = [[a, b, c], [b, c, a], [c, a, b]].into_iter();
         let [a, b, c] = sides.max_by(|one, other| length(one).total_cmp(&length(other))).unwrap_or(self.0);
         let middle = (a + b) / 2.0;
-        Self([a, middle, c]).cut(cell, mark);
-        Self([middle, b, c]).cut(cell, mark);
+        Self([a, middle, c]).subdivide(cell, mark);
+        Self([middle, b, c]).subdivide(cell, mark);
     }
 }
 

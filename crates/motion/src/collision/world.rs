@@ -1,4 +1,4 @@
-//! What the robot must not touch, what it carries, and what it may touch after all.
+//! Obstacles, attached object and allowed contacts.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::cover::{CoverBall, cover};
 use super::mesh::mesh;
 use super::narrow::Skeleton;
 use super::points::{SurfaceError, cloud};
-use super::probe::Planes;
+use super::probe::FacePlanes;
 use super::surface::Surface;
 use crate::rigid::Rigid;
 
@@ -32,7 +32,7 @@ pub struct CollisionWorld {
     pub(crate) obstacles: Vec<Obstacle>,
 }
 
-/// One obstacle: convex pieces and where they are, or a surface in the world.
+/// One obstacle: convex pieces with a pose, or a surface, world frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Obstacle {
     pub(crate) name: String,
@@ -41,25 +41,25 @@ pub(crate) struct Obstacle {
     pub(crate) surface: Option<Arc<Surface>>,
 }
 
-/// An object held by the gripper: it moves rigidly with the tcp.
+/// An object held by the gripper, rigidly attached to the TCP.
 #[derive(Clone, Debug)]
 pub struct Attached {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
-    /// Balls that hold the pieces, in the object's frame.
+    /// Sphere cover, object frame.
     pub(crate) cover: Vec<CoverBall>,
     pub(crate) skeletons: Vec<Skeleton>,
-    pub(crate) planes: Vec<Planes>,
+    pub(crate) planes: Vec<FacePlanes>,
     pub(crate) tcp_from_object: Rigid,
 }
 
-/// Pairs of a moving part and an obstacle that may touch and are not tested.
+/// Pairs of a moving body and an obstacle that may touch and are not checked (allowed collision matrix).
 ///
-/// The grasped object may be touched by hand and fingers; a carried object may rest on its support.
+/// For example, gripper and grasped object, or carried object and its support.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Allowed {
     pairs: Vec<(Part, String)>,
-    /// Obstacles that everything may touch.
+    /// Obstacles ignored entirely.
     ignored: Vec<String>,
 }
 
@@ -69,7 +69,7 @@ impl CollisionWorld {
         Self::default()
     }
 
-    /// Adds an obstacle, or replaces the one of the same name; `pieces` are in the obstacle's own frame.
+    /// Adds or replaces an obstacle; `pieces` are in the obstacle frame.
     pub fn add(&mut self, name: &str, pieces: &[Piece], world_from_obstacle: &Pose) -> Result<(), GeometryError> {
         self.put(Obstacle {
             name: name.to_owned(),
@@ -80,28 +80,28 @@ impl CollisionWorld {
         Ok(())
     }
 
-    /// Adds a point cloud, or replaces the obstacle of the same name: balls of `radius_m` around `points` (world frame).
+    /// Adds or replaces a point cloud: spheres of `radius_m` around `points` (world frame).
     ///
-    /// What makes it quick is built here, once; clones of the world share it.
-    /// A cloud is tested like any other obstacle, under its one name; near the start and the goal of a motion single
-    /// points may be as near as they are there, all others keep the full padding.
+    /// The acceleration structure is built once and shared by clones of the world. A cloud is checked like any other
+    /// obstacle; near
+    /// the start and goal of a motion single points may be as close as they are there, all others keep the padding.
     ///
     /// # Errors
-    /// A cloud that is empty, not finite or larger than a million points, or a bad radius.
+    /// Fails if the cloud is empty, not finite or larger than a million points, or if the radius is out of range.
     pub fn add_points(&mut self, name: &str, points: &[DVec3], radius_m: f64) -> Result<(), SurfaceError> {
         self.put_surface(name, cloud(name, points, radius_m)?);
         Ok(())
     }
 
-    /// Adds a triangle mesh, or replaces the obstacle of the same name; `corners` are in the mesh's frame, each
-    /// triangle names three of them.
+    /// Adds or replaces a triangle mesh; `corners` are vertices in the mesh frame, three indices per triangle.
     ///
-    /// Its surface is the obstacle, not what it encloses: a robot that starts inside of a closed mesh may move there.
-    /// What makes it quick is built here, once; clones of the world share it.
+    /// Only its surface is an obstacle: a robot that starts inside a closed mesh may move there. The acceleration
+    /// structure is built
+    /// once and shared by clones of the world.
     ///
     /// # Errors
-    /// A mesh that is empty, not finite or larger than a million triangles, a corner that is not there, or a triangle
-    /// without area.
+    /// Fails if the mesh is empty, not finite or larger than a million triangles, a vertex is missing, or a triangle is
+    /// degenerate.
     pub fn add_mesh(
         &mut self,
         name: &str,
@@ -125,33 +125,33 @@ impl CollisionWorld {
         }
     }
 
-    /// Number of points of a cloud, or of triangles of a mesh; `None` when there is none of this name.
+    /// Number of points or triangles of an obstacle; `None` if it has none.
     pub fn facet_count(&self, name: &str) -> Option<usize> {
         let obstacle = self.obstacles.iter().find(|obstacle| obstacle.name == name)?;
         obstacle.surface.as_ref().map(|surface| surface.facet_count())
     }
 
-    /// Removes an obstacle; says whether there was one of this name.
+    /// Removes an obstacle; returns true if it existed.
     pub fn remove(&mut self, name: &str) -> bool {
         let before = self.obstacles.len();
         self.obstacles.retain(|obstacle| obstacle.name != name);
         self.obstacles.len() < before
     }
 
-    /// Names in the order in which they were first added.
+    /// Obstacle names in insertion order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.obstacles.iter().map(|obstacle| obstacle.name.as_str())
     }
 }
 
 impl Attached {
-    /// An object whose frame sits at `tcp_from_object` while it is held; `pieces` are in the object's frame.
+    /// Attaches an object with frame at `tcp_from_object`; `pieces` are in the object frame.
     pub fn new(name: &str, pieces: &[Piece], tcp_from_object: &Pose) -> Result<Self, GeometryError> {
         let tcp_from_object = finite_pose(name, tcp_from_object)?;
         let pieces = Convex::all(name, pieces)?;
         let cover = pieces.iter().flat_map(cover).collect();
         let skeletons = pieces.iter().map(Skeleton::new).collect();
-        let planes = pieces.iter().map(Planes::new).collect();
+        let planes = pieces.iter().map(FacePlanes::new).collect();
         Ok(Self { name: name.to_owned(), pieces, cover, skeletons, planes, tcp_from_object })
     }
 
@@ -162,42 +162,42 @@ impl Attached {
 }
 
 impl Allowed {
-    /// Nothing may touch.
+    /// No allowed contacts.
     pub const NONE: Self = Self { pairs: Vec::new(), ignored: Vec::new() };
 
-    /// Nothing may touch.
+    /// No allowed contacts.
     pub fn none() -> Self {
         Self::NONE
     }
 
-    /// Also lets a moving part touch an obstacle.
+    /// Allows contact between a moving body and an obstacle.
     #[must_use]
     pub fn and(mut self, part: Part, obstacle: &str) -> Self {
         self.pairs.push((part, obstacle.to_owned()));
         self
     }
 
-    /// Also lets the hand and both fingers touch an obstacle (the one about to be grasped or just released).
+    /// Allows contact of the hand and both fingers with an obstacle (to be grasped or just released).
     #[must_use]
     pub fn and_gripper(self, robot: &genmanip_core::RobotModel, obstacle: &str) -> Self {
         let [left, right] = robot.gripper.fingers;
         [robot.hand, left, right].into_iter().fold(self, |allowed, link| allowed.and(Part::Link(link), obstacle))
     }
 
-    /// Also lets the attached object touch an obstacle (its support).
+    /// Allows contact of the attached object with an obstacle (its support).
     #[must_use]
     pub fn and_attached(self, obstacle: &str) -> Self {
         self.and(Part::Attached, obstacle)
     }
 
-    /// Also lets everything that moves touch an obstacle, as if it were not there.
+    /// Ignores an obstacle entirely.
     #[must_use]
     pub fn and_all(mut self, obstacle: &str) -> Self {
         self.ignored.push(obstacle.to_owned());
         self
     }
 
-    /// Whether a pair may touch.
+    /// True if a pair may touch.
     pub fn contains(&self, part: Part, obstacle: &str) -> bool {
         self.ignored.iter().any(|name| name == obstacle)
             || self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
@@ -208,6 +208,6 @@ fn finite_pose(owner: &str, pose: &Pose) -> Result<Rigid, GeometryError> {
     if pose.position.is_finite() && pose.rotation.is_finite() {
         return Ok(Rigid::from(pose));
     }
-    let what = "its pose holds a number that is not finite".to_owned();
+    let what = "its pose is not finite".to_owned();
     Err(GeometryError { owner: owner.to_owned(), index: 0, what })
 }

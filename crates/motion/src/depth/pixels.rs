@@ -1,4 +1,4 @@
-//! Which cells of a grid the pixels of a depth image fall into, eight pixels at a time.
+//! Voxel indices of depth image pixels, eight pixels at a time.
 
 use genmanip_core::{Intrinsics, RgbdImage};
 use glam::DVec3;
@@ -6,18 +6,18 @@ use multiversion::multiversion;
 
 use crate::collision::lanes::{LANES, Lanes};
 
-/// Cubic cells in the world.
+/// A grid of cubic voxels, world frame.
 pub(super) struct Grid {
     pub(super) low: DVec3,
     pub(super) cells_per_m: f64,
-    /// Cells along each axis.
+    /// Voxels along each axis.
     pub(super) count: u32,
 }
 
-/// Where the pixels of an image look.
+/// Pixel rays of an image.
 pub(super) struct View {
-    eye: DVec3,
-    /// The first pixel of the first row at a depth of 1 m, seen from the eye; the next column; the next row.
+    camera: DVec3,
+    /// Ray of the first pixel at a depth of 1 m, and the steps to the next column and the next row.
     corner: DVec3,
     right: DVec3,
     down: DVec3,
@@ -28,27 +28,27 @@ impl View {
         let Intrinsics { fx, fy, cx, cy, .. } = image.intrinsics;
         let [right, down, forward] = DVec3::AXES.map(|axis| image.world_from_camera.transform_vector(axis));
         let (right, down) = (right / fx, down / fy);
-        Self { eye: image.world_from_camera.position, corner: forward - down * cy - right * cx, right, down }
+        Self { camera: image.world_from_camera.position, corner: forward - down * cy - right * cx, right, down }
     }
 
-    /// The point of the world that a pixel saw.
+    /// Point seen by a pixel, world frame.
     pub(super) fn point(&self, row: usize, column: usize, depth_m: f32) -> DVec3 {
-        self.eye + (self.corner + self.down * row as f64 + self.right * column as f64) * f64::from(depth_m)
+        self.camera + (self.corner + self.down * row as f64 + self.right * column as f64) * f64::from(depth_m)
     }
 }
 
 impl Grid {
-    /// Columns and cells of the pixels of a row that saw something inside of the grid; of neighbours in one cell the first.
+    /// Columns and voxels of a row's pixels with depth inside the grid; of neighbours in one voxel only the first.
     pub(super) fn cells_of_row(&self, view: &View, row: usize, depths_m: &[f32], cells: &mut Vec<(usize, [u32; 3])>) {
         let in_cells = |vector: DVec3| (vector * self.cells_per_m).as_vec3().to_array();
-        let (eye, start) = (in_cells(view.eye - self.low), in_cells(view.corner + view.down * row as f64));
+        let (camera, start) = (in_cells(view.camera - self.low), in_cells(view.corner + view.down * row as f64));
         let (step, limit) = (in_cells(view.right), self.count as f32);
         cells.clear();
-        find_cells(&std::array::from_fn(|axis| [eye[axis], start[axis], step[axis]]), limit, depths_m, cells);
+        find_cells(&std::array::from_fn(|axis| [camera[axis], start[axis], step[axis]]), limit, depths_m, cells);
     }
 }
 
-/// `axes` hold the eye, the ray of the first column and the step to the next, all in cells.
+/// `axes` hold camera position, ray of the first column and step to the next column, all in voxels.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 fn find_cells(axes: &[[f32; 3]; 3], limit: f32, depths_m: &[f32], cells: &mut Vec<(usize, [u32; 3])>) {
     let (zero, nowhere) = (Lanes::all(0.0), Lanes::all(-1.0));
@@ -58,12 +58,12 @@ fn find_cells(axes: &[[f32; 3]; 3], limit: f32, depths_m: &[f32], cells: &mut Ve
         let mut depth = [0.0; LANES];
         depth[..eight.len()].copy_from_slice(eight);
         let depth = Lanes::from_array(depth);
-        // What is not a number is below nothing.
+        // NaN compares false.
         let depth = zero.below(depth).pick(depth, zero);
         let depth = depth.below(Lanes::all(f32::INFINITY)).pick(depth, zero);
-        let along = |[eye, start, step]: [f32; 3]| (columns * step + Lanes::all(start)) * depth + Lanes::all(eye);
+        let along = |[camera, start, step]: [f32; 3]| (columns * step + Lanes::all(start)) * depth + Lanes::all(camera);
         let (x, y, z) = (along(axes[0]), along(axes[1]), along(axes[2]));
-        // A negative number marks what is not in the grid.
+        // A negative number marks points outside the grid.
         let marked = zero.below(depth).pick(x, nowhere);
         let marked = x.lower(y).lower(z).below(zero).pick(nowhere, marked);
         let marked = x.higher(y).higher(z).below(Lanes::all(limit)).pick(marked, nowhere);

@@ -11,7 +11,7 @@ fn camera() -> Camera {
     Camera::looking_at("test", DVec3::new(0.55, -0.9, 0.9), DVec3::new(0.5, 0.0, 0.1), intrinsics)
 }
 
-/// What the camera sees of a ball over the plane z = 0, and of the robot's hand at home, which is drawn as a ball.
+/// Depth image of a ball over the plane z = 0, and of the robot's hand at home, modelled as a ball.
 fn picture(camera: &Camera, balls: &[(DVec3, f64)]) -> Vec<f32> {
     let k = camera.intrinsics;
     let eye = camera.mount_from_camera.position;
@@ -59,7 +59,7 @@ fn paths_go_around_what_is_seen() {
     let count = seen.facet_count("seen").unwrap();
     assert!((300..2500).contains(&count), "{count}");
     assert!(planner.check(&around(&seen), &start).is_none(), "the hand is not its own obstacle");
-    // The straight way runs through the ball; the path keeps clear of the half that was seen.
+    // The straight path crosses the ball; the planned path keeps clear of its visible half.
     let straight = planner.plan_joint(&around(&tables), &start, std::slice::from_ref(&goal), Seed::new(1)).unwrap();
     let path = planner.plan_joint(&around(&seen), &start, &[goal], Seed::new(1)).unwrap();
     let mut truth = CollisionWorld::new();
@@ -67,7 +67,7 @@ fn paths_go_around_what_is_seen() {
     let touches =
         |path: &crate::Path| path.states(0.02).iter().any(|state| planner.check(&around(&truth), state).is_some());
     assert!(touches(&straight) && !touches(&path));
-    // The same image twice adds nothing, and nothing is added where all is known.
+    // A second copy of the image adds nothing, nor does a fully known scene.
     let twice = [image(&camera, &depth_m), image(&camera, &depth_m)];
     let again = planner.world_seen(&around(&tables), &start, "seen", &twice).unwrap();
     assert_eq!(again.facet_count("seen"), Some(count));

@@ -1,28 +1,28 @@
-//! What can be wrong with a description of a robot.
+//! Errors in robot descriptions.
 
 use crate::collision::RobotError;
 
-/// Why a description is no robot that can be planned for.
+/// Error in a robot description.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DescriptionError {
-    /// Not well-formed XML; the message says where.
+    /// Not well-formed XML; the message has the location.
     #[error("not well-formed XML: {0}")]
     NotXml(String),
-    /// XML of something else.
+    /// The root element is not `<robot>`.
     #[error("expected <robot> as the outermost element, found <{found}>")]
     NotARobot {
         /// The element.
         found: String,
     },
-    /// A link is named that is not there.
-    #[error("{by} names link {name}, which does not exist")]
+    /// A reference to a missing link.
+    #[error("{by} refers to link {name}, which does not exist")]
     UnknownLink {
         /// The link.
         name: String,
-        /// Who names it.
+        /// The referring element.
         by: String,
     },
-    /// Two elements of one name.
+    /// Two elements have the same name.
     #[error("there are two {kind}s named {name}")]
     Twice {
         /// `link` or `joint`.
@@ -33,78 +33,78 @@ pub enum DescriptionError {
     /// A link is the child of two joints.
     #[error("link {0} is the child of two joints")]
     TwoParents(String),
-    /// Not one tree: no base, several, or a ring.
-    #[error("the links are no tree with one base: {0}")]
+    /// Not one tree: no base, several, or a cycle.
+    #[error("the links do not form a tree with one base: {0}")]
     NotATree(String),
-    /// An attribute is missing or makes no sense.
+    /// An attribute is missing or invalid.
     #[error("{place}: {attribute} should be {expected}, got {got:?}")]
     BadAttribute {
         /// Link or joint.
         place: String,
         /// Attribute or element.
         attribute: &'static str,
-        /// What was expected.
+        /// Expected value.
         expected: &'static str,
-        /// What is there.
+        /// Actual value.
         got: String,
     },
-    /// Too large to be meant.
-    #[error("{what} has {size} {unit}; at most {limit} are read")]
+    /// Too large.
+    #[error("{what} has {size} {unit}, at most {limit} are allowed")]
     Huge {
-        /// What is too large.
+        /// The oversized element.
         what: String,
         /// Its size.
         size: usize,
-        /// The bound.
+        /// The limit.
         limit: usize,
         /// Unit of both.
         unit: &'static str,
     },
-    /// A number that no robot has.
+    /// An implausible value.
     #[error("{place}: {what} should be {expected}, got {got}")]
     Implausible {
         /// Link or joint.
         place: String,
-        /// What is out of bounds.
+        /// The quantity.
         what: &'static str,
-        /// The bounds, with their unit.
+        /// Allowed range with unit.
         expected: String,
-        /// What is there.
+        /// Actual value.
         got: String,
-        /// What most likely happened.
+        /// Likely cause.
         hint: &'static str,
     },
-    /// A mesh is missing or cannot be read as one.
+    /// A mesh is missing or invalid.
     #[error("mesh {name} of link {link}: {what}")]
     Mesh {
         /// Name in the file.
         name: String,
         /// Link.
         link: String,
-        /// What is wrong.
+        /// Description of the problem.
         what: String,
     },
-    /// There is no moving joint, hence no arm and no tip.
-    #[error("no joint moves: there is no arm and no tip")]
+    /// No joint moves.
+    #[error("no joint moves")]
     NothingMoves,
-    /// It reads well, but is no robot that can be tested for collision.
+    /// The robot cannot be compiled for collision checking.
     #[error(transparent)]
     Robot(#[from] RobotError),
 }
 
 impl DescriptionError {
-    /// What a person can do about it.
+    /// Advice for fixing the error.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Implausible { hint, .. } => hint,
             Self::NotXml(_) | Self::NotARobot { .. } => "expected URDF: <robot> with <link> and <joint> elements",
-            Self::Huge { .. } => "expected one robot; take links and pieces out that planning does not need",
-            Self::UnknownLink { .. } | Self::Twice { .. } => "names of links and joints must match and differ",
-            Self::TwoParents(_) | Self::NotATree(_) => "expected every link but the base to be the child of one joint",
-            Self::Mesh { .. } => {
-                "expected STL or OBJ in metres; a simpler hull beside it as MESH.convex.stl is preferred"
+            Self::Huge { .. } => "remove links and pieces that planning does not need",
+            Self::UnknownLink { .. } | Self::Twice { .. } => {
+                "link and joint names must be unique and references must match them"
             }
-            Self::BadAttribute { .. } => "the URDF specification says what each attribute holds",
+            Self::TwoParents(_) | Self::NotATree(_) => "every link but the base must be the child of exactly one joint",
+            Self::Mesh { .. } => "expected STL or OBJ in metres; a simplified hull in MESH.convex.stl is preferred",
+            Self::BadAttribute { .. } => "see the URDF specification of the attribute",
             Self::NothingMoves => "expected at least one revolute, continuous or prismatic joint",
             Self::Robot(_) => "expected convex or nearly convex collision geometry (box, cylinder, sphere, STL, OBJ)",
         }

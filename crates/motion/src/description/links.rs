@@ -1,4 +1,4 @@
-//! Links with their joints, limits and collision pieces.
+//! Links with joints, limits and collision pieces.
 
 use genmanip_core::{
     JointKind, MassProperties, Piece, Pose, RobotJoint, RobotLink, Shape,
@@ -9,7 +9,7 @@ use roxmltree::Node;
 use super::tree::Tree;
 use super::{DescriptionError, MeshFile, mesh, plausible};
 
-/// What URDF does not say about a joint: rad/s² or m/s², and rad/s³ or m/s³.
+/// Joint limits missing in URDF: acceleration [rad/s² or m/s²] and jerk [rad/s³ or m/s³].
 const ACCELERATION: f64 = 10.0;
 const JERK: f64 = 5000.0;
 
@@ -17,7 +17,7 @@ pub(super) fn read(
     tree: &Tree,
     load: &mut dyn FnMut(&str) -> Result<MeshFile, String>,
 ) -> Result<Vec<RobotLink>, DescriptionError> {
-    // Planning needs no masses; a unit mass keeps the model well formed.
+    // Planning needs no masses; a unit mass keeps the model valid.
     let mass = MassProperties { mass_kg: 1.0, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
     let read_link = |(node, above): &(Node, Option<(Node, usize)>)| {
         let name = node.attribute("name").unwrap_or_default().to_owned();
@@ -41,7 +41,7 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
         Err(DescriptionError::BadAttribute { place: place.to_owned(), attribute, expected, got: got.to_owned() })
     };
     let mimics = node.children().any(|child| child.has_tag_name("mimic"));
-    let (kind, turns_freely) = match node.attribute("type").unwrap_or_default() {
+    let (kind, is_continuous) = match node.attribute("type").unwrap_or_default() {
         "fixed" => return Ok(None),
         _ if mimics => return Ok(None),
         "revolute" => (JointKind::Revolute, false),
@@ -64,7 +64,7 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
         (None, Some(value)) => Ok(value),
         (None, None) => finite(place, attribute, "nothing"),
     };
-    let (lower, upper) = if turns_freely {
+    let (lower, upper) = if is_continuous {
         (-std::f64::consts::PI, std::f64::consts::PI)
     } else {
         (number("lower", None)?, number("upper", None)?)
@@ -89,7 +89,7 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
     }))
 }
 
-/// Planning needs no masses, but a file whose masses make no sense is not what its reader takes it for.
+/// Planning needs no masses, but implausible masses indicate a misread file.
 fn inertial(link: &str, node: Node) -> Result<(), DescriptionError> {
     let Some(inertial) = node.children().find(|child| child.has_tag_name("inertial")) else { return Ok(()) };
     let place = format!("link {link}");

@@ -1,4 +1,4 @@
-//! Corners of the convex hull of a mesh, from STL (binary or text) and OBJ.
+//! Convex hull vertices of a mesh, from STL (binary or text) and OBJ.
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::limits::MESH;
@@ -6,42 +6,42 @@ use genmanip_core::limits::MESH;
 use super::plausible::MAX_CORNERS;
 use crate::hull::convex_hull;
 
-/// The corners of the mesh's convex hull, scaled; the words say what is wrong.
+/// Vertices of the mesh's convex hull, scaled; the error is a description.
 pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec<DVec3>, String> {
     if bytes.len() as u64 > MESH.bytes {
         return Err(format!("{} bytes; at most {} are read", bytes.len(), MESH.human_readable()));
     }
-    let ending = name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
-    let mut points = match ending.as_str() {
+    let extension = name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+    let mut points = match extension.as_str() {
         "obj" => words_after("v", bytes)?,
         "stl" if bytes.starts_with(b"solid") && !is_binary(bytes) => words_after("vertex", bytes)?,
         "stl" if is_binary(bytes) => binary_stl(bytes),
-        "stl" => return Err("neither text nor binary STL: its length does not fit its number of triangles".into()),
-        other => return Err(format!("expected a mesh in STL or OBJ, got the ending `{other}`")),
+        "stl" => return Err("neither text nor binary STL: its size does not match its number of triangles".into()),
+        other => return Err(format!("expected a mesh in STL or OBJ, got the extension `{other}`")),
     };
     for point in &mut points {
         *point *= scale;
     }
     if !points.iter().all(|point| point.is_finite() && point.abs().max_element() < 1e3) {
-        return Err("a corner is not finite, or a kilometre away".into());
+        return Err("a vertex is not finite or more than 1 km away".into());
     }
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     points.dedup();
     if points.len() < 4 {
-        return Err(format!("{} different corners; a body needs at least 4", points.len()));
+        return Err(format!("{} distinct vertices; a body needs at least 4", points.len()));
     }
     if points.len() > MAX_CORNERS {
         points = outermost(points);
     }
     if points.len() > MAX_CORNERS {
-        return Err(format!("its convex hull has about {} corners; at most {MAX_CORNERS} are taken", points.len()));
+        return Err(format!("its convex hull has about {} vertices; at most {MAX_CORNERS} are allowed", points.len()));
     }
     convex_hull(&points).map(|(corners, _)| corners)
 }
 
-/// Points without those that are surely inside: within the hull of the points that are farthest along some directions.
+/// Removes points that are certainly inside the hull of the extreme points along sampled directions.
 fn outermost(points: Vec<DVec3>) -> Vec<DVec3> {
-    // Spread evenly over the sphere (Fibonacci lattice); chosen, enough for all but a few per cent of an even cloud.
+    // Fibonacci lattice; chosen, sufficient for all but a few per cent of an even cloud.
     const DIRECTIONS: usize = 256;
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let direction = |index: usize| {
@@ -65,7 +65,7 @@ fn outermost(points: Vec<DVec3>) -> Vec<DVec3> {
             Some((outward, outward.dot(a)))
         })
         .collect();
-    // Well inside: what lies in the planes may be a corner.
+    // Strictly inside: points in the planes may be vertices.
     let is_inside = |point: &DVec3| planes.iter().all(|(outward, reach)| outward.dot(*point) < reach - 1e-9);
     points.into_iter().filter(|point| !is_inside(point)).collect()
 }
@@ -81,7 +81,7 @@ fn binary_stl(bytes: &[u8]) -> Vec<DVec3> {
     bytes[84..].chunks_exact(50).flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect()
 }
 
-/// The three numbers in every line that starts with `key`.
+/// The three numbers of every line that starts with `key`.
 fn words_after(key: &str, bytes: &[u8]) -> Result<Vec<DVec3>, String> {
     let text = std::str::from_utf8(bytes).map_err(|error| format!("not text: {error}"))?;
     let mut points = Vec::new();

@@ -1,8 +1,9 @@
-//! Robots from URDF text: links, joints and convex collision pieces, with typed errors for what is broken.
+//! Robot models from URDF: links, joints and convex collision pieces, with typed errors.
 //!
-//! Text and meshes are arguments: whoever calls reads the files.
-//! What URDF does not hold is chosen here: accelerations, a home configuration, and the tool frame.
-//! Every mesh stands for its convex hull, and fingers stay where the file puts them.
+//! Text and meshes are arguments: the caller reads the files. Values missing in URDF are chosen here: accelerations, a
+//! home
+//! configuration, and the tool frame. Every mesh is replaced by its convex hull, and fingers are fixed at their zero
+//! position.
 
 mod error;
 mod links;
@@ -22,28 +23,29 @@ use crate::collision::{Allowed, Checker, CollisionWorld, RobotShape};
 pub use error::DescriptionError;
 pub use plausible::{MAX_CORNERS, MAX_JOINTS, MAX_LINKS, MAX_PIECES, MAX_REACH_M};
 
-/// Configurations at which links that always touch are found.
+/// Number of sampled configurations to find links that always touch.
 const SAMPLES: usize = 64;
 
-/// What was found for the name of a mesh.
+/// A mesh file.
 #[derive(Clone, Debug)]
 pub struct MeshFile {
-    /// Its file name; the ending tells the format (`stl`, `obj`).
+    /// File name; the extension determines the format (`stl`, `obj`).
     pub name: String,
-    /// Its contents.
+    /// File contents.
     pub bytes: Vec<u8>,
 }
 
-/// A robot from its URDF, and the pairs of links that its SRDF lets touch.
+/// Reads a robot from URDF, and the pairs allowed to touch from SRDF.
 ///
-/// `mesh` gives the mesh, or another with the same convex hull, for a name in the file, or says why it cannot.
-/// `tip` names the link that is the tool frame; without it, the SRDF's end effector, or the last frame of the arm, is.
-/// Links that are joined, and without an SRDF those that touch at every sampled configuration, are never tested
-/// against each other.
+/// `mesh` loads the mesh of a name in the file, or another with the same convex hull. `tip` names the link of the tool
+/// frame;
+/// the default is the SRDF's end effector or the last frame of the arm. Adjacent links, and without an SRDF those that
+/// touch at
+/// every sampled configuration, are never checked against each other.
 ///
 /// # Errors
 ///
-/// One for the first thing that is wrong, with its place; see [`DescriptionError`].
+/// Reports the first problem with its location; see [`DescriptionError`].
 pub fn read_robot(
     urdf: &str,
     srdf: Option<&str>,
@@ -66,7 +68,7 @@ pub fn read_robot(
     if root.tag_name().name() != "robot" {
         return Err(DescriptionError::NotARobot { found: root.tag_name().name().to_owned() });
     }
-    let rules = srdf.map(parse).transpose()?;
+    let semantics = srdf.map(parse).transpose()?;
     let tree = tree::Tree::of(root)?;
     let links = links::read(&tree, mesh)?;
     plausible::check(&links)?;
@@ -78,11 +80,11 @@ pub fn read_robot(
     };
     let mut never_colliding: Vec<(usize, usize)> =
         links.iter().enumerate().filter_map(|(index, link)| Some((link.parent?, index))).collect();
-    let mut named_tip = tip.map(|name| position(name, "the wish for a tool frame")).transpose()?;
-    if let Some(rules) = &rules {
-        for rule in rules.descendants() {
-            let attribute = |key| rule.attribute(key).unwrap_or_default();
-            match rule.tag_name().name() {
+    let mut named_tip = tip.map(|name| position(name, "the requested tool frame")).transpose()?;
+    if let Some(semantics) = &semantics {
+        for semantic in semantics.descendants() {
+            let attribute = |key| semantic.attribute(key).unwrap_or_default();
+            match semantic.tag_name().name() {
                 "disable_collisions" => never_colliding.push((
                     position(attribute("link1"), "disable_collisions")?,
                     position(attribute("link2"), "disable_collisions")?,
@@ -106,7 +108,7 @@ pub fn read_robot(
         name: root.attribute("name").unwrap_or("robot").to_owned(),
         hand,
         hand_from_tcp: Pose::IDENTITY,
-        // No link is a finger: the tool frame never moves by itself.
+        // No finger links: the tool frame never moves by itself.
         gripper: Gripper { fingers: [hand, hand], max_width: 0.0, max_force: 0.0, pad_size: DVec3::ZERO },
         home,
         drives: None,
@@ -121,7 +123,7 @@ pub fn read_robot(
     robot.never_colliding.sort_unstable();
     robot.never_colliding.dedup();
     plausible::check_reach(&robot)?;
-    if rules.is_none() {
+    if semantics.is_none() {
         let always = always_touching(&robot)?;
         robot.never_colliding.extend(always);
     }
@@ -129,7 +131,7 @@ pub fn read_robot(
     Ok(robot)
 }
 
-/// Pairs of links that touch at every sampled configuration: their hulls overlap by construction.
+/// Link pairs that touch at every sampled configuration: their hulls overlap by construction.
 fn always_touching(robot: &RobotModel) -> Result<Vec<(usize, usize)>, DescriptionError> {
     let shape = RobotShape::new(robot)?;
     let (world, allowed) = (CollisionWorld::new(), Allowed::none());

@@ -1,43 +1,44 @@
-//! What a robot can be: bounds within which everything made of a description stays small and fast.
+//! Plausibility bounds of robot descriptions that keep all derived data small and fast.
 //!
-//! All bounds are chosen, generous for real arms (the largest industrial ones reach five metres) and far below what
-//! grids, tables and sampled motions could not hold. A file in millimetres is a thousand times outside of them.
+//! All bounds are chosen: generous for real arms (the largest industrial ones reach five metres) and far below what
+//! grids,
+//! tables and sampled motions could not handle. A file in millimetres exceeds them by a factor of a thousand.
 
 use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
 
 use super::DescriptionError;
 
-/// Most links of a robot.
+/// Maximum number of links.
 pub const MAX_LINKS: usize = 512;
-/// Most joints that move: more than two arms with hands.
+/// Maximum number of moving joints: more than two arms with hands.
 pub const MAX_JOINTS: usize = 64;
-/// Most collision pieces of all links together.
+/// Maximum number of collision pieces of all links.
 pub const MAX_PIECES: usize = 512;
-/// Most corners of a mesh's convex hull: what is made of hulls grows with their square.
+/// Maximum number of vertices of a mesh's convex hull: hull costs grow quadratically.
 pub const MAX_CORNERS: usize = 4096;
-/// Farthest a corner of the robot may come from its base with all joints stretched out, m.
+/// Maximum distance of a vertex from the base with all joints stretched out [m].
 pub const MAX_REACH_M: f64 = 10.0;
-/// Extents of a collision piece, and coordinates of a frame in the frame above, m.
+/// Allowed extents of a collision piece, and coordinates of a frame in its parent frame [m].
 const SIZES_M: [f64; 2] = [1e-6, 10.0];
-/// Limits of a turning joint, rad: 16 turns either way.
+/// Maximum limit of a revolute joint [rad]: 16 turns either way.
 const MAX_ANGLE: f64 = 100.0;
-/// Smallest interval between the limits of a joint, rad or m.
+/// Minimum range of a joint [rad or m].
 const MIN_RANGE: f64 = 1e-6;
-/// Speeds of a joint, rad/s or m/s.
+/// Allowed joint velocities [rad/s or m/s].
 const SPEEDS: [f64; 2] = [1e-4, 1e3];
-/// Longest time from one limit of a joint to the other, s: motions are sampled at the control rate.
+/// Maximum time from one joint limit to the other [s]: motions are sampled at the control rate.
 const MAX_CROSSING_S: f64 = 1000.0;
-/// Largest effort of a joint, N·m or N.
+/// Maximum joint effort [N·m or N].
 const MAX_EFFORT: f64 = 1e6;
-/// Mass of a link, kg, and moments of inertia, kg·m².
+/// Maximum mass of a link [kg] and moment of inertia [kg·m²].
 const MAX_MASS: f64 = 1e5;
 
-/// What most likely happened to lengths that are too large.
+/// Likely causes of oversized values.
 const MILLIMETRES: &str =
     "is this in millimetres? URDF is in metres; a mesh can be scaled with scale=\"0.001 0.001 0.001\"";
 const DEGREES: &str = "is this in degrees? URDF is in radians";
 
-/// Checks what the links say one by one, and then the whole.
+/// Checks each link, then the whole.
 pub(super) fn check(links: &[RobotLink]) -> Result<(), DescriptionError> {
     let joints = links.iter().filter(|link| link.joint.is_some()).count();
     let pieces = links.iter().map(|link| link.pieces.len()).sum();
@@ -53,9 +54,9 @@ pub(super) fn check(links: &[RobotLink]) -> Result<(), DescriptionError> {
     Ok(())
 }
 
-/// Checks how far the whole robot reaches.
+/// Checks the reach of the whole robot.
 pub(super) fn check_reach(robot: &RobotModel) -> Result<(), DescriptionError> {
-    // Stretched out: each frame at the end of the one above, each slide at its farther end.
+    // Stretched out: each frame at the end of its parent, each slide at its farther limit.
     let mut reach_m: Vec<f64> = Vec::with_capacity(robot.links.len());
     for link in &robot.links {
         let above = link.parent.and_then(|parent| reach_m.get(parent)).copied().unwrap_or(0.0);
@@ -96,7 +97,7 @@ fn check_link(link: &RobotLink) -> Result<(), DescriptionError> {
         };
         let [smallest, largest] = SIZES_M;
         if let Some(size) = sizes.into_iter().find(|size| !(smallest..=largest).contains(size)) {
-            let hint = if size > largest { MILLIMETRES } else { "leave pieces without extent out" };
+            let hint = if size > largest { MILLIMETRES } else { "remove pieces without extent" };
             return Err(implausible(place(), "size of the collision geometry", (smallest, largest, "m"), size, hint));
         }
     }
@@ -126,25 +127,25 @@ fn check_joint(link: &RobotLink) -> Result<(), DescriptionError> {
     }
     let range = joint.upper - joint.lower;
     if range < MIN_RANGE {
-        let fixed = "make a joint that does not move type=\"fixed\"";
+        let fixed = "use type=\"fixed\" for a joint that does not move";
         return Err(implausible(place(), "range of the limits", (MIN_RANGE, 2.0 * farthest, unit), range, fixed));
     }
     let [slowest, fastest] = SPEEDS;
     let slowest = slowest.max(range / MAX_CROSSING_S);
     if !(slowest..=fastest).contains(&joint.max_velocity) {
-        let hint = "a joint crosses its range within 1000 s; velocities are rad/s or m/s";
+        let hint = "a joint must cross its range within 1000 s; velocities are in rad/s or m/s";
         return Err(implausible(place(), "velocity", (slowest, fastest, "per second"), joint.max_velocity, hint));
     }
     if !(0.0..=MAX_EFFORT).contains(&joint.max_effort) {
-        let hint = "efforts are N·m or N";
+        let hint = "efforts are in N·m or N";
         return Err(implausible(place(), "effort", (0.0, MAX_EFFORT, "N·m or N"), joint.max_effort, hint));
     }
     Ok(())
 }
 
-/// Mass and moments of inertia of a link, which planning does without.
+/// Checks mass and moments of inertia of a link, which planning does not use.
 pub(super) fn check_inertial(place: &str, mass: f64, inertia: [f64; 6]) -> Result<(), DescriptionError> {
-    let hint = "masses are kilograms, moments of inertia kg·m²";
+    let hint = "masses are in kg, moments of inertia in kg·m²";
     if !(0.0..=MAX_MASS).contains(&mass) {
         return Err(implausible(place.to_owned(), "mass", (0.0, MAX_MASS, "kg"), mass, hint));
     }
@@ -175,7 +176,7 @@ fn implausible(
     }
 }
 
-/// Distance of the farthest corner from the middle, or from the origin for a hull.
+/// Distance of the farthest vertex from the centre, or from the origin for a hull.
 fn radius_m(shape: &Shape) -> f64 {
     match shape {
         Shape::Box { half_extents } => half_extents.length(),

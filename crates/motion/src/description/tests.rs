@@ -6,7 +6,7 @@ use rand::RngExt;
 use super::*;
 use crate::{IkSettings, InverseKinematics, Planner, PlannerSettings, PlanningScene};
 
-/// Six joints like those of many industrial arms, one of them with another axis, plus a rail and a tool.
+/// Six joints like those of many industrial arms, one with a different axis, plus a rail and a tool.
 const ARM: &str = r#"<robot name="six">
   <link name="world"/>
   <link name="base"><collision><geometry><cylinder radius="0.08" length="0.1"/></geometry></collision></link>
@@ -152,7 +152,7 @@ fn every_flaw_has_its_own_message() {
     );
 }
 
-/// Robots that are none: each cost minutes, gigabytes or a panic before robots were checked when they are read.
+/// Invalid robots: each cost minutes, gigabytes or a panic before descriptions were validated.
 #[test]
 fn robots_that_cannot_be_are_refused_with_a_hint() {
     let cases = [
@@ -173,7 +173,7 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
         ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e-5\"", "joint j3: velocity", "within 1000 s"),
         ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e30\"", "joint j3: velocity", "within 1000 s"),
         ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" effort=\"-1\" velocity=\"2\"", "joint j3: effort", "N·m"),
-        // What planning does not need, but a reader can know.
+        // Values that planning does not use but the reader can validate.
         (
             "<link name=\"roll\"/>",
             "<link name=\"roll\"><inertial><mass value=\"-1\"/></inertial></link>",
@@ -196,7 +196,7 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
             error.hint()
         );
     }
-    // Too many of something.
+    // Too many elements.
     let joint = |index: usize| {
         format!(
             "<link name=\"l{}\"/><joint name=\"j{index}\" type=\"revolute\"><parent link=\"l{index}\"/>\
@@ -216,7 +216,7 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
     }
 }
 
-/// Triangles that have no corner in common, spread over a ball: all their corners are corners of the hull.
+/// Triangles without common vertices, spread over a sphere: all their vertices are hull vertices.
 #[test]
 fn a_mesh_whose_hull_has_too_many_corners_is_refused_at_once() {
     let mut rng = Seed::new(3).rng();

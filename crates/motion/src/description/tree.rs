@@ -1,4 +1,4 @@
-//! The links of a description as one tree, parents first.
+//! Kinematic tree of a description, parents first.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use roxmltree::Node;
 
 use super::{DescriptionError, plausible::MAX_LINKS};
 
-/// A link's element, the joint above it and the index of its parent, parents first.
+/// Link elements with their parent joint and parent index, parents first.
 pub(super) struct Tree<'a> {
     pub(super) links: Vec<(Node<'a, 'a>, Option<(Node<'a, 'a>, usize)>)>,
 }
@@ -53,7 +53,7 @@ impl<'a> Tree<'a> {
         let mut order = vec![*base];
         let mut links = vec![(elements[base], None)];
         let mut next = 0;
-        // Joints in the order of the file, so that the arm's joints keep theirs.
+        // Joints in file order, so that the arm's joints keep theirs.
         let mut below: Vec<(&str, Node, &str)> =
             above.iter().map(|(&child, &(joint, parent))| (child, joint, parent)).collect();
         below.sort_by_key(|(_, joint, _)| joint.id().get());
@@ -66,7 +66,7 @@ impl<'a> Tree<'a> {
             next += 1;
         }
         if let Some(name) = elements.keys().find(|name| !order.contains(name)) {
-            return Err(DescriptionError::NotATree(format!("{name} is part of a ring")));
+            return Err(DescriptionError::NotATree(format!("{name} is part of a cycle")));
         }
         Ok(Self { links })
     }
@@ -86,8 +86,9 @@ fn unique<'a>(
     Ok(found)
 }
 
-/// The frame at the end of the longest arm: a leaf without geometry behind its last joint where there is one
-/// (tool frames are such), or else the link farthest down without a fork.
+/// The frame at the end of the longest arm: preferably a leaf without geometry after its last joint (such as a tool
+/// frame),
+/// otherwise the last link before a branch.
 pub(super) fn last_frame(links: &[RobotLink]) -> usize {
     let depth = |mut index: usize| {
         let mut joints = usize::from(links[index].joint.is_some());
@@ -111,7 +112,7 @@ pub(super) fn last_frame(links: &[RobotLink]) -> usize {
     last
 }
 
-/// Puts a link of its own, without body, where the tool frame is: a link that a joint moves cannot be the hand.
+/// Adds a link without geometry at the tool frame: a link moved by a joint cannot be the hand.
 pub(super) fn add_tool_frame(robot: &mut RobotModel) {
     let parent = &robot.links[robot.hand];
     robot.links.push(RobotLink {

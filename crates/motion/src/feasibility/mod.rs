@@ -1,17 +1,20 @@
-//! Whether an object can be picked and placed: one query for everybody who asks.
+//! Feasibility of picks and placements.
 //!
-//! A [`PickQuery`] holds the obstacles, the object, goal poses and where the arm is.
-//! [`PickQuery::grasps`] goes through grasp candidates in their order and yields those that the arm can carry out:
-//! 1. a configuration is in reach and free of everything but the object, and so is the start of the approach where
-//!    [`FeasibilitySettings::tests_pregrasp`] asks for it;
-//! 2. beside the object there is room for the open fingers;
-//! 3. at some goal pose there is room for the same hand to let go, as low as possible.
+//! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
+//! grasp
+//! candidates in order and yields the feasible ones:
+//! 1. an arm configuration is reachable and free of everything but the object, as is the pre-grasp if
+//! [`FeasibilitySettings::tests_pregrasp`] is set;
+//! 2. the open fingers fit beside the object;
+//! 3. at some goal pose the same grasp can release the object, as low as possible.
 //!
-//! The search is lazy, and ends after [`FeasibilitySettings::wanted`] grasps; what was refused is counted by reason.
-//! Motions are planned for one grasp at a time, when they are asked for: straight approach, free motion to it, lift.
-//! Once the object is in the hand, a [`PlaceQuery`] plans how it is carried, lowered and left.
+//! The search is lazy and ends after [`FeasibilitySettings::wanted`] grasps; rejections are counted by reason. Motions
+//! are
+//! planned for one grasp at a time on demand: straight approach, free motion to it, lift. For a held object, a
+//! [`PlaceQuery`]
+//! plans carry, lower and retreat.
 //!
-//! Nothing here knows what a goal means: goal poses are arguments.
+//! Goal poses are arguments; this module knows nothing about task goals.
 
 mod motions;
 mod place;
@@ -34,64 +37,64 @@ use crate::collision::{Allowed, Checker, CollisionWorld};
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
-/// Largest joint motion between grasp and pre-grasp, rad: other branches of the inverse kinematics lie farther away.
+/// Maximum joint motion between grasp and pre-grasp [rad]; other IK branches are farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
 
-/// The object to be picked, where it is.
+/// The object to be picked, at its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct PickedObject<'a> {
-    /// Its name among the obstacles.
+    /// Obstacle name of the object.
     pub name: &'a str,
-    /// Where it is.
+    /// Object pose, world frame.
     pub world_from_object: Pose,
-    /// Its convex pieces, object frame.
+    /// Convex collision pieces, object frame.
     pub pieces: &'a [Piece],
 }
 
-/// A pose at which the object may be let go of, or somewhat above it.
+/// A goal pose of the object, with its release heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaceGoal {
     /// `world_from_object` at rest.
     pub world_from_object: Pose,
-    /// Greatest height above it at which the object may be let go of, m.
+    /// Maximum release height above the goal pose [m].
     pub highest_release_m: f64,
-    /// Height above it at which the object is clear of what will receive it, m; it is lowered from there, or from
+    /// Height above the goal pose at which the object is clear of its receiver [m]; it is lowered from there, or from
     /// [`FeasibilitySettings::lift_m`] if that is higher.
     pub clear_height_m: f64,
 }
 
-/// What is asked about picking one object.
+/// Query for picking one object.
 #[derive(Clone, Copy, Debug)]
 pub struct PickQuery<'a> {
     /// Robot and gripper.
     pub planner: &'a Planner,
-    /// All obstacles, the object among them under its name.
+    /// All obstacles, including the object under its name.
     pub world: &'a CollisionWorld,
     /// The object.
     pub object: PickedObject<'a>,
-    /// Poses at one of which the object must be let go of; none: it need not.
+    /// Goal poses, one of which must allow a release; empty for none.
     pub goals: &'a [PlaceGoal],
-    /// Where the arm is, rad; the grasp's configurations are sought near it.
+    /// Current arm configuration [rad]; IK solutions near it are preferred.
     pub arm: &'a [f64],
-    /// What counts as feasible.
+    /// Feasibility criteria.
     pub settings: &'a FeasibilitySettings,
 }
 
-/// A grasp that the arm can carry out.
+/// A feasible grasp.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeasibleGrasp {
-    /// The grasp in the object's frame; perhaps turned by half a circle against the candidate it came from.
+    /// The grasp, object frame; possibly the candidate rotated by half a turn.
     pub object_from_tcp: Grasp,
-    /// Arm configuration at the grasp, rad.
+    /// Arm configuration at the grasp [rad].
     pub config: Vec<f64>,
-    /// Opening while approaching, m.
+    /// Gripper opening during the approach [m].
     pub opening_m: f64,
-    /// Least height above a goal pose at which the hand has room to let go, m; `None` when there are no goals.
+    /// Minimum release height above a goal pose [m]; `None` without goals.
     pub release_height_m: Option<f64>,
 }
 
 impl<'a> PickQuery<'a> {
-    /// Those of `candidates` (object frame) that are feasible, in their order.
+    /// Feasible grasps among `candidates` (object frame), in order.
     pub fn grasps<I: Iterator<Item = Grasp>>(&self, candidates: I) -> FeasibleGrasps<'a, I> {
         FeasibleGrasps {
             query: *self,
@@ -104,7 +107,7 @@ impl<'a> PickQuery<'a> {
         }
     }
 
-    /// Everything but the object may not be touched, and the object only as the settings say.
+    /// Ignores the object; its clearance is checked separately.
     fn without_object(&self) -> Allowed {
         Allowed::none().and_all(self.object.name)
     }
@@ -113,19 +116,19 @@ impl<'a> PickQuery<'a> {
         Allowed::none().and_gripper(self.planner.robot(), self.object.name)
     }
 
-    fn empty_hand<'q>(&'q self, allowed: &'q Allowed, opening_m: f64) -> PlanningScene<'q> {
+    fn empty_gripper<'q>(&'q self, allowed: &'q Allowed, opening_m: f64) -> PlanningScene<'q> {
         PlanningScene { world: self.world, attached: None, allowed, gripper_width: opening_m }
     }
 
-    /// Openings with which a grasp may be approached, m, the preferred one first.
+    /// Gripper openings for an approach [m], preferred one first.
     fn openings(&self, grasp: &Grasp) -> impl Iterator<Item = f64> + use<> {
         let max_width = self.planner.gripper().max_width;
-        let roomy = self.settings.finger_room_m.map(|room| (grasp.width + room).min(max_width));
-        roomy.into_iter().chain([self.planner.opening(grasp)])
+        let widened = self.settings.finger_room_m.map(|room| (grasp.width + room).min(max_width));
+        widened.into_iter().chain([self.planner.opening(grasp)])
     }
 
-    /// The grasp at its free configurations, as many as the settings keep.
-    fn at(&self, grasp: &Grasp) -> Result<Vec<FeasibleGrasp>, Refusal> {
+    /// The grasp at its free configurations, up to the configured number.
+    fn configurations_of(&self, grasp: &Grasp) -> Result<Vec<FeasibleGrasp>, LazyRejection> {
         let PickQuery { planner, object, settings, .. } = *self;
         let Some(opening_m) = self.openings(grasp).next() else { return Ok(Vec::new()) };
         let world_from_tcp = object.world_from_object * grasp.pose;
@@ -135,23 +138,23 @@ impl<'a> PickQuery<'a> {
             Some(_) => self.without_object(),
             None => self.with_gripper_touching(),
         };
-        let checker = planner.checker(&self.empty_hand(&allowed, opening_m), settings.clearance_m);
+        let checker = planner.checker(&self.empty_gripper(&allowed, opening_m), settings.clearance_m);
         let mut free = configs.filter(|config| checker.is_free(config)).peekable();
         if free.peek().is_none() {
-            return Err(Refusal::Blocked { opening_m, config: first });
+            return Err(LazyRejection::Blocked { opening_m, config: first });
         }
         let mut feasible = Vec::new();
-        let mut refusal = Refusal::from(no_approach());
+        let mut rejection = LazyRejection::from(no_approach());
         for config in free
             .filter(|config| self.has_pregrasp(&world_from_tcp, config, &checker))
             .take(settings.configurations_kept)
         {
-            match self.in_the_hand(grasp, config, &checker) {
+            match self.complete(grasp, config, &checker) {
                 Ok(grasp) => feasible.push(grasp),
-                Err(rejection) => refusal = rejection.into(),
+                Err(rejection) => rejection = rejection.into(),
             }
         }
-        if feasible.is_empty() { Err(refusal) } else { Ok(feasible) }
+        if feasible.is_empty() { Err(rejection) } else { Ok(feasible) }
     }
 
     fn has_pregrasp(&self, world_from_tcp: &Pose, config: &[f64], checker: &Checker) -> bool {
@@ -160,8 +163,8 @@ impl<'a> PickQuery<'a> {
         !self.settings.tests_pregrasp || pregrasp().is_some_and(|config| checker.is_free(&config))
     }
 
-    /// Room for the fingers beside the object, and for the hand at a goal pose; `checker` is that of the grasp.
-    fn in_the_hand(&self, grasp: &Grasp, config: Vec<f64>, checker: &Checker) -> Result<FeasibleGrasp, GraspRejection> {
+    /// Checks finger clearance beside the object and a release at a goal pose; `checker` is that of the grasp.
+    fn complete(&self, grasp: &Grasp, config: Vec<f64>, checker: &Checker) -> Result<FeasibleGrasp, GraspRejection> {
         let opening_m = self
             .openings(grasp)
             .find(|&opening_m| self.is_beside_object(opening_m, &config))
@@ -174,24 +177,25 @@ impl<'a> PickQuery<'a> {
         Ok(FeasibleGrasp { object_from_tcp: grasp.clone(), config, opening_m, release_height_m })
     }
 
-    /// Whether the robot keeps its distance from the object, if it has to keep one.
+    /// True if the robot keeps its clearance to the object, if one is set.
     fn is_beside_object(&self, opening_m: f64, config: &[f64]) -> bool {
-        let nothing = Allowed::none();
-        let keeps =
-            |clearance_m| self.planner.checker(&self.empty_hand(&nothing, opening_m), clearance_m).is_free(config);
+        let no_contact = Allowed::none();
+        let keeps = |clearance_m| {
+            self.planner.checker(&self.empty_gripper(&no_contact, opening_m), clearance_m).is_free(config)
+        };
         self.settings.object_clearance_m.is_none_or(keeps)
     }
 
-    /// The least height above a goal pose at which the hand has room.
+    /// Minimum release height above a goal pose [m].
     fn release_height_m(&self, grasp: &Grasp, config: &[f64], at_grasp: &Checker) -> Option<f64> {
         let (planner, settings) = (self.planner, self.settings);
-        // The object will not be where it is now.
+        // The object will have left its current pose.
         let allowed = self.without_object();
         let opening_m = self.openings(grasp).next()?;
         let elsewhere = settings
             .object_clearance_m
             .is_none()
-            .then(|| planner.checker(&self.empty_hand(&allowed, opening_m), settings.clearance_m));
+            .then(|| planner.checker(&self.empty_gripper(&allowed, opening_m), settings.clearance_m));
         let checker = elsewhere.as_ref().unwrap_or(at_grasp);
         let is_free_at = |goal: &PlaceGoal, height_m: f64| {
             let world_from_tcp = goal.raised(height_m) * grasp.pose;
@@ -205,46 +209,46 @@ impl<'a> PickQuery<'a> {
 }
 
 impl PlaceGoal {
-    /// `world_from_object` this much above the goal pose.
+    /// `world_from_object` at a height above the goal pose.
     fn raised(&self, height_m: f64) -> Pose {
         let position = self.world_from_object.position + DVec3::Z * height_m;
         Pose { position, ..self.world_from_object }
     }
 }
 
-/// Why one grasp was refused; what it is blocked by is only looked up when it is asked for, since that takes exact
-/// distances to everything.
-enum Refusal {
+/// Reason for rejecting a grasp; the blocking obstacle is determined on demand, since that takes exact distances to
+/// everything.
+enum LazyRejection {
     Known(GraspRejection),
     Blocked { opening_m: f64, config: Vec<f64> },
 }
 
-impl From<GraspRejection> for Refusal {
+impl From<GraspRejection> for LazyRejection {
     fn from(rejection: GraspRejection) -> Self {
         Self::Known(rejection)
     }
 }
 
 fn no_approach() -> GraspRejection {
-    GraspRejection::NoApproach(PlanError::Unreachable { what: "the start of the straight approach".into() })
+    GraspRejection::NoApproach(PlanError::Unreachable { what: "the pre-grasp pose".into() })
 }
 
-/// Feasible grasps, one after the other, see [`PickQuery::grasps`].
+/// Iterator over feasible grasps, see [`PickQuery::grasps`].
 #[derive(Clone, Debug)]
 pub struct FeasibleGrasps<'a, I> {
     query: PickQuery<'a>,
     candidates: I,
-    /// The last candidate turned by half a circle, when it is still to be tried.
+    /// The last candidate rotated by half a turn, if still to be tried.
     turned: Option<Grasp>,
     pending: VecDeque<FeasibleGrasp>,
     found: usize,
     rejections: GraspRejections,
-    /// Openings (m) and configurations of grasps where something is in the way.
+    /// Openings [m] and configurations of blocked grasps.
     blocked: Vec<(f64, Vec<f64>)>,
 }
 
 impl<I> FeasibleGrasps<'_, I> {
-    /// What was refused so far, with the names of obstacles.
+    /// Rejections so far, with obstacle names.
     pub fn rejections(&self) -> GraspRejections {
         let PickQuery { planner, settings, .. } = self.query;
         let allowed = match settings.object_clearance_m {
@@ -253,7 +257,7 @@ impl<I> FeasibleGrasps<'_, I> {
         };
         let mut rejections = self.rejections.clone();
         for (opening_m, config) in &self.blocked {
-            let checker = planner.checker(&self.query.empty_hand(&allowed, *opening_m), settings.clearance_m);
+            let checker = planner.checker(&self.query.empty_gripper(&allowed, *opening_m), settings.clearance_m);
             if let Some(report) = checker.check(config) {
                 rejections.count(&GraspRejection::Blocked { by: report.other });
             }
@@ -262,10 +266,10 @@ impl<I> FeasibleGrasps<'_, I> {
     }
 
     fn feasible(&mut self, grasp: &Grasp) -> Vec<FeasibleGrasp> {
-        self.query.at(grasp).unwrap_or_else(|refusal| {
-            match refusal {
-                Refusal::Known(rejection) => self.rejections.count(&rejection),
-                Refusal::Blocked { opening_m, config } => self.blocked.push((opening_m, config)),
+        self.query.configurations_of(grasp).unwrap_or_else(|rejection| {
+            match rejection {
+                LazyRejection::Known(rejection) => self.rejections.count(&rejection),
+                LazyRejection::Blocked { opening_m, config } => self.blocked.push((opening_m, config)),
             }
             Vec::new()
         })
@@ -311,9 +315,9 @@ impl<I: Iterator<Item = Grasp>> Iterator for FeasibleGrasps<'_, I> {
 }
 
 impl Planner {
-    /// Whether the hand, pointing straight down, gets to a point of the world, turned about the vertical as it suits.
+    /// True if the gripper can reach a point pointing straight down, at any yaw.
     ///
-    /// A cheap test of goal poses, before there is a grasp.
+    /// A cheap check of goal poses before grasps are known.
     pub fn reaches_from_above(&self, point: DVec3) -> bool {
         let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
         (0..4).any(|turn| {

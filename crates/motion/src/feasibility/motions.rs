@@ -1,4 +1,4 @@
-//! The motions of one pick, planned when they are asked for.
+//! Motions of one pick, planned on demand.
 
 use genmanip_core::{Pose, Seed};
 use glam::DVec3;
@@ -9,26 +9,27 @@ use crate::path::Path;
 use crate::plan::PlanError;
 use crate::planner::PlanningScene;
 
-/// Largest joint step between states of an approach that are tested against the object, rad: less than half a
-/// millimetre of the fingers' way at the length of the forearm.
+/// Maximum joint step between states of an approach checked against the object [rad]: less than 0.5 mm of finger motion
+/// at the
+/// forearm's length.
 const APPROACH_STEP_RAD: f64 = 0.005;
 
-/// The motions of one pick, in their order; the fingers close after the second.
+/// Motions of one pick, in order; the gripper closes after the second.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PickMotions {
-    /// From where the arm is to the start of the approach.
+    /// Free motion to the pre-grasp.
     pub reach: Path,
-    /// Straight to the grasp.
+    /// Straight approach to the grasp.
     pub approach: Path,
-    /// Straight up with the object.
+    /// Straight lift with the object.
     pub lift: Path,
 }
 
 impl PickQuery<'_> {
-    /// All motions with a feasible grasp.
+    /// Plans all motions of a feasible grasp.
     ///
     /// # Errors
-    /// The first of them that cannot be made, and why.
+    /// Reports the first motion that cannot be planned.
     pub fn motions(&self, grasp: &FeasibleGrasp, seed: Seed) -> Result<PickMotions, GraspRejection> {
         let approach = self.approach(grasp).map_err(GraspRejection::NoApproach)?;
         let reach = self.reach(grasp, &approach, seed).map_err(GraspRejection::NoReach)?;
@@ -45,8 +46,8 @@ impl PickQuery<'_> {
         let world_from_tcp = planner.tcp_pose(&grasp.config);
         let back = world_from_tcp.transform_vector(DVec3::Z) * settings.approach_m;
         let before = Pose { position: world_from_tcp.position - back, ..world_from_tcp };
-        let (nothing, touching) = (Allowed::none(), self.with_gripper_touching());
-        let open = self.empty_hand(&nothing, grasp.opening_m);
+        let (no_contact, touching) = (Allowed::none(), self.with_gripper_touching());
+        let open = self.empty_gripper(&no_contact, grasp.opening_m);
         let beside = PlanningScene { allowed: &touching, ..open };
         let path = match settings.object_clearance_m {
             None => planner.straight(&beside, &grasp.config, &before)?,
@@ -65,13 +66,13 @@ impl PickQuery<'_> {
         Ok(path.reversed())
     }
 
-    /// From where the arm is to the start of an approach, the object being an obstacle like any other.
+    /// Free motion to the pre-grasp.
     ///
     /// # Errors
     /// Why there is no such motion.
     pub fn reach(&self, grasp: &FeasibleGrasp, approach: &Path, seed: Seed) -> Result<Path, PlanError> {
-        let nothing = Allowed::none();
-        let open = self.empty_hand(&nothing, grasp.opening_m);
+        let no_contact = Allowed::none();
+        let open = self.empty_gripper(&no_contact, grasp.opening_m);
         self.planner.plan_joint(&open, self.arm, &[approach.start().to_vec()], seed)
     }
 

@@ -9,80 +9,80 @@ use crate::path::Path;
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
-/// What is asked about placing the object in the hand.
+/// Query for placing the held object.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceQuery<'a> {
     /// Robot and gripper.
     pub planner: &'a Planner,
-    /// All obstacles but the object.
+    /// All obstacles except the object.
     pub world: &'a CollisionWorld,
     /// Name of the object.
     pub name: &'a str,
-    /// Its convex pieces, object frame.
+    /// Convex collision pieces, object frame.
     pub pieces: &'a [Piece],
-    /// How it sits in the hand.
+    /// Object pose in the TCP frame.
     pub tcp_from_object: Pose,
-    /// Where the arm is, rad.
+    /// Current arm configuration [rad].
     pub arm: &'a [f64],
-    /// Present opening, m.
+    /// Current gripper opening [m].
     pub held_width_m: f64,
-    /// Opening to let go with, m.
+    /// Gripper opening for the release [m].
     pub open_width_m: f64,
-    /// What counts as feasible.
+    /// Feasibility criteria.
     pub settings: &'a FeasibilitySettings,
-    /// Searches for a free motion that may find nothing before there is no release; `usize::MAX` for no bound.
+    /// Maximum failed motion searches; `usize::MAX` for no limit.
     pub searches: usize,
 }
 
-/// The motions of one place, in their order; the fingers open after the second.
+/// Motions of one placement, in order; the gripper opens after the second.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Release {
-    /// From where the arm is to above the goal pose.
+    /// Free motion to above the goal pose.
     pub carry: Path,
-    /// Straight down to where the object is let go of.
+    /// Straight lowering to the release pose.
     pub lower: Path,
-    /// Straight back along the fingers.
+    /// Straight retreat along the fingers.
     pub retreat: Path,
 }
 
 impl PlaceQuery<'_> {
-    /// Whether the hand gets to where the object is this much above a pose: a cheap test, before anything is planned.
+    /// True if the release pose at this height is reachable: a cheap check before planning.
     pub fn reaches(&self, world_from_object: &Pose, height_m: f64) -> bool {
         let raised = Pose { position: world_from_object.position + DVec3::Z * height_m, ..*world_from_object };
         self.planner.ik_each(&(raised * self.tcp_from_object.inverse()), self.arm).next().is_some()
     }
 
-    /// The first release that can be made at any of the goals.
+    /// First feasible release at any of the goals.
     ///
-    /// What falls far tips over and meets the hand again: every goal is tried low before any is tried from higher up.
+    /// Objects dropped from high topple and hit the gripper: every goal is tried low before any is tried higher.
     ///
     /// # Errors
-    /// Why the first try failed; `None` when no goal allows any height.
+    /// Error of the first attempt; `None` if no goal allows any height.
     pub fn first(&self, goals: &[PlaceGoal], seed: Seed) -> Result<Release, Option<PlanError>> {
-        let (mut problem, mut searches) = (None, self.searches);
+        let (mut failure, mut searches) = (None, self.searches);
         for &height_m in &self.settings.release_heights_m {
             for (index, goal) in goals.iter().enumerate().filter(|(_, goal)| height_m <= goal.highest_release_m) {
                 match self.release_within(&mut searches, goal, height_m, seed.fork_index(index as u64)) {
                     Ok(release) => return Ok(release),
-                    Err(error) => problem = problem.or(Some(error)),
+                    Err(error) => failure = failure.or(Some(error)),
                 }
                 if searches == 0 {
-                    return Err(problem);
+                    return Err(failure);
                 }
             }
         }
-        Err(problem)
+        Err(failure)
     }
 
-    /// The motions that let go of the object this much above a goal pose.
+    /// Plans a release at a height above a goal pose.
     ///
     /// # Errors
-    /// Why the last arm configuration does not do; a piece of the object that is not finite or has no size.
+    /// Error of the last arm configuration, or an invalid collision piece.
     pub fn release(&self, goal: &PlaceGoal, height_m: f64, seed: Seed) -> Result<Release, PlanError> {
         self.release_within(&mut self.searches.clone(), goal, height_m, seed)
     }
 
-    /// The same; `searches` loses one for each search that finds nothing, and none is begun when none is left.
+    /// Like [`Self::release`]; each failed search decrements `searches`, and none is started at 0.
     fn release_within(
         &self,
         searches: &mut usize,
@@ -93,18 +93,18 @@ impl PlaceQuery<'_> {
         let (planner, settings) = (self.planner, self.settings);
         let unusable = |error: GeometryError| PlanError::Unreachable { what: error.to_string() };
         let attached = Attached::new(self.name, self.pieces, &self.tcp_from_object).map_err(unusable)?;
-        let nothing = Allowed::none();
+        let no_contact = Allowed::none();
         let carrying = PlanningScene {
             world: self.world,
             attached: Some(&attached),
-            allowed: &nothing,
+            allowed: &no_contact,
             gripper_width: self.held_width_m,
         };
         let tcp_at = |height_m: f64| goal.raised(height_m) * self.tcp_from_object.inverse();
         let world_from_release = tcp_at(height_m);
         let above = tcp_at(goal.clear_height_m.max(settings.lift_m));
 
-        // Once let go of, the object is an obstacle.
+        // After the release the object is an obstacle.
         let mut occupied = self.world.clone();
         occupied.add(self.name, self.pieces, &goal.raised(height_m)).map_err(unusable)?;
         let leaving = match settings.object_clearance_m {
@@ -118,7 +118,7 @@ impl PlaceQuery<'_> {
         let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
         let retreated = Pose { position: world_from_release.position + back, ..world_from_release };
 
-        let mut problem = PlanError::Unreachable { what: "the place where to let go".into() };
+        let mut failure = PlanError::Unreachable { what: "the release pose".into() };
         let configs = planner.ik(&world_from_release, self.arm);
         for config in configs.iter().filter(|config| checker.is_free(config)).take(settings.goal_configurations) {
             let planned = (|| {
@@ -131,13 +131,13 @@ impl PlaceQuery<'_> {
                 Ok(release) => return Ok(release),
                 Err(error) => {
                     *searches -= usize::from(matches!(error, PlanError::Exhausted { .. }));
-                    problem = error;
+                    failure = error;
                 }
             }
             if *searches == 0 {
                 break;
             }
         }
-        Err(problem)
+        Err(failure)
     }
 }

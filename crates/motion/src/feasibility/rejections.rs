@@ -1,54 +1,54 @@
-//! Why grasps were refused, counted.
+//! Counted rejections of grasps.
 
 use std::collections::BTreeMap;
 
 use crate::plan::PlanError;
 
-/// Why one grasp is not feasible.
+/// Reason why a grasp is infeasible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GraspRejection {
-    /// No arm configuration brings the hand there.
+    /// No IK solution.
     #[error("out of reach")]
     OutOfReach,
-    /// Every configuration touches something; the obstacle is that of the first.
+    /// Every configuration collides; the obstacle is that of the first.
     #[error("blocked by {by}")]
     Blocked {
-        /// Name of the obstacle, or of the link that the robot hits itself.
+        /// Name of the obstacle, or of a robot link in self-collision.
         by: String,
     },
-    /// There is no room to let go of the object at any goal pose.
-    #[error("of no use at any goal pose")]
+    /// The object cannot be released at any goal pose.
+    #[error("no release possible at any goal pose")]
     NoUse,
-    /// The hand does not come in on a straight line.
+    /// No straight approach.
     #[error("no straight approach: {0}")]
     NoApproach(PlanError),
-    /// No free motion leads to the start of the approach.
+    /// No free motion to the pre-grasp.
     #[error("no free motion to the approach: {0}")]
     NoReach(PlanError),
-    /// The object cannot be lifted on a straight line.
+    /// No straight lift.
     #[error("no straight lift: {0}")]
     NoLift(PlanError),
 }
 
-/// How many grasps were refused for which reason; the hand turned by half a circle counts on its own.
+/// Number of rejected grasps by reason; the gripper rotated by half a turn counts separately.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GraspRejections {
-    /// Grasps out of the arm's reach.
+    /// Unreachable grasps.
     pub out_of_reach: usize,
-    /// Grasps where something is in the way, by the name of the first obstacle.
+    /// Blocked grasps, by the name of the first obstacle.
     pub blocked: BTreeMap<String, usize>,
-    /// Grasps with which the object cannot be let go of at any goal pose.
+    /// Grasps without a possible release at any goal pose.
     pub no_use: usize,
     /// Grasps without a straight approach.
     pub no_approach: usize,
-    /// Grasps to which no free motion leads.
+    /// Grasps without a free motion to the pre-grasp.
     pub no_reach: usize,
-    /// Grasps with which the object cannot be lifted straight.
+    /// Grasps without a straight lift.
     pub no_lift: usize,
 }
 
 impl GraspRejections {
-    /// Counts one.
+    /// Counts a rejection.
     pub fn count(&mut self, rejection: &GraspRejection) {
         match rejection {
             GraspRejection::OutOfReach => self.out_of_reach += 1,
@@ -60,12 +60,12 @@ impl GraspRejections {
         }
     }
 
-    /// Grasps where anything is in the way.
+    /// Total number of blocked grasps.
     pub fn blocked_count(&self) -> usize {
         self.blocked.values().sum()
     }
 
-    /// What stands in the way and how often, the most frequent first.
+    /// Blocking obstacles with counts, most frequent first.
     pub fn obstacles(&self) -> Vec<(&str, usize)> {
         let mut counts: Vec<_> = self.blocked.iter().map(|(name, &count)| (name.as_str(), count)).collect();
         counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
@@ -74,7 +74,7 @@ impl GraspRejections {
 }
 
 impl GraspRejection {
-    /// Why there is no path, if that is the reason.
+    /// Planning error, if that is the reason.
     pub fn plan_error(&self) -> Option<&PlanError> {
         match self {
             Self::NoApproach(error) | Self::NoReach(error) | Self::NoLift(error) => Some(error),

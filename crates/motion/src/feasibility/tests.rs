@@ -25,14 +25,14 @@ fn cube() -> Vec<Piece> {
     cuboid(DVec3::splat(CUBE_M / 2.0))
 }
 
-/// From above, closing along an axis of the cube that is turned by `yaw` rad.
+/// A grasp from above, closing along an axis of the cube with yaw `yaw` [rad].
 fn from_above(yaw: f64) -> Grasp {
     let pose = Pose::from_position_yaw(DVec3::ZERO, yaw)
         * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };
     Grasp { pose, width: CUBE_M, score: 1.0 }
 }
 
-/// A cube of 5 cm on a table, and what else stands there.
+/// A 5 cm cube on a table with other obstacles.
 struct Scene {
     world: CollisionWorld,
     world_from_cube: Pose,
@@ -84,7 +84,7 @@ fn goal_at(position: DVec3) -> PlaceGoal {
     PlaceGoal { world_from_object: Pose::from_position(position), highest_release_m: 0.02, clear_height_m: 0.0 }
 }
 
-/// What is searched for where, and how many grasps are found and refused for which reason, for one candidate.
+/// Test case: obstacles, goals, and expected numbers of grasps found and rejected by reason for one candidate.
 fn check(name: &str, scene: &Scene, goals: &[PlaceGoal], expected: impl Fn(&[FeasibleGrasp], &GraspRejections)) {
     let planner = planner();
     for settings in
@@ -118,7 +118,7 @@ fn grasps_are_found_or_refused_with_the_reason() {
     check("under a shelf", &Scene::with(&[lid], MIDDLE), &[], |found, rejections| {
         assert_eq!((found.len(), rejections.obstacles()), (0, vec![("shelf", 2)]));
     });
-    // Fingers of 1.5 cm depth have no room in a gap of 4 mm.
+    // Fingers of 1.5 cm depth do not fit into a gap of 4 mm.
     let walls = [("left", 1.0), ("right", -1.0)].map(|(name, side)| {
         let at = MIDDLE + DVec3::Y * side * (CUBE_M / 2.0 + 0.004 + 0.01);
         (name, cuboid(DVec3::new(0.1, 0.01, 0.05)), at)
@@ -142,9 +142,9 @@ fn a_grasp_must_also_work_at_a_goal() {
     check("one of two goals", &scene, &[goal_at(DVec3::X * 2.0), goal_at(MIDDLE + DVec3::Y * 0.2)], |found, _| {
         assert_eq!(found.len(), 2);
     });
-    // The cube may be let go of where it is: it will not be in its own way.
+    // The cube may be released at its current pose: it does not block itself.
     check("where it is", &scene, &[goal_at(MIDDLE)], |found, _| assert_eq!(found.len(), 2));
-    // 1 cm beside the cube and 4 cm high: too near for a finger, too low for one that lets go from 3 cm up.
+    // 1 cm beside the cube and 4 cm high: too close for a finger, too low for a release from 3 cm.
     let frame = ("frame", cuboid(DVec3::new(0.1, 0.005, 0.02)), DVec3::new(0.5, 0.24, 0.02));
     let beside = Scene::with(&[frame], MIDDLE);
     let goal = goal_at(DVec3::new(0.5, 0.20, 0.025));
@@ -196,7 +196,7 @@ fn more_configurations_of_one_grasp_are_returned_when_wanted() {
     assert!(of_first.windows(2).all(|pair| pair[0].config != pair[1].config));
 }
 
-/// All states of a path keep clear of `around`.
+/// True if all states of a path are free.
 fn assert_free(name: &str, planner: &Planner, around: &PlanningScene, path: &Path) {
     let checker = planner.checker(around, 0.0);
     for state in path.states(0.02) {

@@ -1,4 +1,4 @@
-//! The exact look at a proposal: is there room for the hand, where do the fingers meet the object, how good is it.
+//! Exact evaluation of grasp proposals: clearance, contacts and score.
 
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
@@ -9,19 +9,19 @@ use crate::collision::GeometryError;
 use crate::collision::convex::{self, Convex, Separation};
 use crate::rigid::Rigid;
 
-/// Object, table and gripper, ready for exact tests in the object's frame.
-pub(super) struct Bench<'a> {
+/// Object, table and gripper for exact checks, object frame.
+pub(super) struct GraspEvaluator<'a> {
     target: &'a GraspTarget<'a>,
     gripper: &'a Gripper,
     settings: &'a GraspSettings,
     object: Vec<Convex>,
-    /// Unit vector away from the table.
+    /// Unit vector up from the table.
     up: DVec3,
     /// Value of `up · point` on the table.
     table: f64,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> GraspEvaluator<'a> {
     pub(super) fn new(
         target: &'a GraspTarget<'a>,
         gripper: &'a Gripper,
@@ -33,12 +33,12 @@ impl<'a> Bench<'a> {
         Ok(Self { target, gripper, settings, object, up, table })
     }
 
-    /// The grasp a proposal becomes once the fingers have closed, or `None` when there is no room or no hold.
+    /// Evaluates a proposal after closing the fingers; `None` without clearance or contact.
     pub(super) fn assess(&self, proposal: &Proposal) -> Option<Grasp> {
         let mut tcp = Rigid::from(&proposal.object_from_tcp);
         let approach = tcp.rotation.z_axis;
         let opening = (proposal.width + 2.0 * self.settings.opening_clearance).min(self.gripper.max_width);
-        // Out of the table, as long as the contacts stay on the pads.
+        // Move out of the table as long as the contacts stay on the pads.
         let lift = self.settings.table_clearance - (self.lowest(&tcp, opening) - self.table);
         if lift > 0.0 {
             let back = lift / -approach.dot(self.up).min(-0.05);
@@ -67,11 +67,11 @@ impl<'a> Bench<'a> {
         Some(Grasp { pose, width, score })
     }
 
-    /// A quick test that spares the exact one: a surface point lies inside the bounds of the hand's body.
+    /// Quick rejection: a surface point is inside the bounds of the hand.
     pub(super) fn palm_is_blocked(&self, proposal: &Proposal) -> bool {
         let tcp = Rigid::from(&proposal.object_from_tcp).inverse();
         let hand = &self.gripper.hand_bounds;
-        // The hand may still be lifted off the table, by half a pad at most.
+        // The hand may still be raised off the table by up to half a pad.
         let low = hand.max.z - self.gripper.pad_size.z / 2.0;
         let stride = (self.target.surface.len() / 200).max(1);
         self.target.surface.iter().step_by(stride).any(|(point, _)| {
@@ -80,19 +80,19 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Whether the hand may come from where a grasp wants it to, as the object lies.
+    /// True if the approach angle of a grasp is allowed at the object's pose.
     pub(super) fn is_upright(&self, grasp: &Grasp) -> bool {
         let top = self.object.iter().map(|piece| piece.support(self.up).dot(self.up)).fold(f64::NEG_INFINITY, f64::max);
         -grasp.approach().dot(self.up) >= self.settings.largest_tilt(top - self.table).cos()
     }
 
-    /// Whether the gripper, opened for a grasp, has room around it.
+    /// True if the open gripper has clearance at a grasp.
     pub(super) fn is_clear(&self, grasp: &Grasp) -> bool {
         let opening = self.gripper.opening_for(grasp, self.settings.opening_clearance);
         self.fits(&Rigid::from(&grasp.pose), opening)
     }
 
-    /// Smallest `up · point` of hand and fingers.
+    /// Lowest `up · point` of hand and fingers.
     fn lowest(&self, object_from_tcp: &Rigid, opening: f64) -> f64 {
         let gripper = self.gripper;
         let fingers = gripper.fingers.iter().map(|finger| (&finger.pieces, finger.place(opening)));
@@ -108,7 +108,7 @@ impl<'a> Bench<'a> {
         lowest
     }
 
-    /// Whether hand and open fingers keep their distance from the object and stay above the table.
+    /// True if hand and open fingers have clearance to object and table.
     fn fits(&self, object_from_tcp: &Rigid, opening: f64) -> bool {
         let gripper = self.gripper;
         let clearance = self.settings.object_clearance;
@@ -131,9 +131,9 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Opening at which a closing finger meets the object; `None` when it never does.
+    /// Opening at which a closing finger touches the object; `None` if it never does.
     ///
-    /// Each step closes by as much as is certainly free (conservative advancement), so thin walls are not jumped over.
+    /// Conservative advancement: each step closes by the free distance, so thin walls are not skipped.
     fn touch(&self, object_from_tcp: &Rigid, finger: usize, opening: f64) -> Option<f64> {
         const CONTACT: f64 = 1e-4;
         let finger = &self.gripper.fingers[finger];
@@ -143,7 +143,7 @@ impl<'a> Bench<'a> {
             if distance < CONTACT {
                 return Some(width);
             }
-            // A finger moves half as far as the opening changes.
+            // A finger moves by half the change of opening.
             width -= 2.0 * distance;
             if width <= 0.0 {
                 return None;
@@ -152,7 +152,7 @@ impl<'a> Bench<'a> {
         Some(width)
     }
 
-    /// Distance of pieces from the object if it is at most `limit`.
+    /// Distance of pieces to the object if it is at most `limit`.
     fn distance(&self, pieces: &[Convex], object_from_pieces: &Rigid, limit: f64) -> Option<f64> {
         let mut nearest = limit;
         let mut found = false;
@@ -171,11 +171,11 @@ impl<'a> Bench<'a> {
         found.then_some(nearest)
     }
 
-    /// What the surface samples under the pads say.
+    /// Contact quality from the surface samples under the pads.
     fn contact(&self, object_from_tcp: &Rigid, width: f64, antipodality: f64) -> Contact {
         let tcp_from_object = object_from_tcp.inverse();
         let half = self.gripper.pad_size * 0.5;
-        // Squareness summed, count, lowest and highest place along the finger, for each side.
+        // Per side: sum of alignment, count, lowest and highest position along the finger.
         let mut sides = [(0.0, 0_u32, f64::INFINITY, f64::NEG_INFINITY); 2];
         for (point, normal) in self.target.surface {
             let p = tcp_from_object.point(*point);

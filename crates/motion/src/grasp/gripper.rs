@@ -1,4 +1,4 @@
-//! The gripper alone, in the frame of its tcp.
+//! Gripper geometry in the TCP frame.
 
 use genmanip_core::{Aabb, Grasp, RobotModel};
 use glam::DVec3;
@@ -7,24 +7,24 @@ use crate::collision::RobotShape;
 use crate::collision::convex::Convex;
 use crate::rigid::Rigid;
 
-/// A parallel gripper as the grasp generators see it: exact pieces of hand and fingers, and the pads.
+/// A parallel gripper for grasp sampling: exact pieces of hand and fingers, and the pads.
 #[derive(Clone, Debug)]
 pub struct Gripper {
-    /// Size of a pad: along the closing direction, across, along the finger, m.
+    /// Pad size along the closing direction, across, and along the finger [m].
     pub pad_size: DVec3,
-    /// Largest opening between the pads, m.
+    /// Maximum opening between the pads [m].
     pub max_width: f64,
-    /// How far the fingers reach beyond the tcp along the approach direction, m.
+    /// Extent of the fingers beyond the TCP along the approach direction [m].
     pub tip: f64,
-    /// How far the hand's body stays behind the tcp, m.
+    /// Distance of the palm behind the TCP [m].
     pub palm: f64,
-    /// How far a finger reaches outwards from the face of its pad, m.
+    /// Extent of a finger outwards from its pad face [m].
     pub finger_reach: f64,
     pub(crate) hand: Vec<Convex>,
-    /// Bounds of the hand's body in the frame of the tcp.
+    /// Bounds of the hand, TCP frame.
     pub(crate) hand_bounds: Aabb,
     pub(crate) tcp_from_hand: Rigid,
-    /// Pieces of each finger, its place with the gripper closed, and its motion per metre of opening.
+    /// Pieces of each finger, its pose with the gripper closed, and its motion per metre of opening.
     pub(crate) fingers: [Finger; 2],
 }
 
@@ -36,7 +36,7 @@ pub(crate) struct Finger {
 }
 
 impl Gripper {
-    /// Hand and fingers of a robot.
+    /// Gripper of a robot.
     pub(crate) fn of(robot: &RobotModel, shape: &RobotShape) -> Self {
         let (_, frame_from_tcp) = shape.chain.tcp_mount();
         let tcp_from_link = |link: usize, width: f64| frame_from_tcp.inverse() * shape.chain.link_mount(link, width).1;
@@ -83,7 +83,7 @@ impl Gripper {
         }
     }
 
-    /// Opening with which a grasp is approached: the contacts' distance and `clearance` on either side.
+    /// Gripper opening for the approach: grasp width plus `clearance` on either side.
     pub fn opening_for(&self, grasp: &Grasp, clearance: f64) -> f64 {
         (grasp.width + 2.0 * clearance).min(self.max_width)
     }

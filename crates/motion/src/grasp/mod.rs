@@ -1,10 +1,12 @@
-//! Grasp candidates from an object's exact geometry; nothing is learned.
+//! Grasp sampling from exact object geometry; nothing is learned.
 //!
-//! Pairs of opposite surface points (antipodal, after V.-D. Nguyen, *Constructing Force-Closure Grasps*, 1988) come
-//! from lines through the convex pieces, so that widths are exact and walls, rims and handles are found as well as
-//! whole bodies; flat things get lines along the table.
-//! Each pair is tried from several directions; hand and fingers are tested exactly against object and table,
-//! the fingers are closed until they touch, and what is left is scored.
+//! Antipodal point pairs (after V.-D. Nguyen, *Constructing Force-Closure Grasps*, 1988) come from lines through the
+//! convex
+//! pieces, so that widths are exact and walls, rims and handles are found as well as whole bodies; flat objects are
+//! also sampled
+//! with lines along the table. Each pair is tried from several approach directions: gripper clearance is checked
+//! exactly, the
+//! fingers are closed until contact, and the result is scored.
 
 mod assess;
 pub mod cloud;
@@ -22,59 +24,59 @@ pub use gripper::Gripper;
 
 use crate::collision::GeometryError;
 
-/// How candidates are found and ranked.
+/// Sampling and ranking settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GraspSettings {
-    /// Surface points from which lines are shot through the object.
+    /// Number of surface points from which lines are cast through the object.
     pub surface_points: usize,
-    /// Tilts of the approach about the closing direction, rad; each is tried to both sides.
+    /// Approach tilts about the closing direction [rad]; each is tried to both sides.
     pub tilts: Vec<f64>,
-    /// Largest angle between approach and straight down, rad.
+    /// Maximum angle between approach and vertical [rad].
     pub max_tilt: f64,
-    /// The same for objects at least `tall_height` high, rad.
+    /// The same for objects at least `tall_height` high [rad].
     pub max_tilt_tall: f64,
-    /// Height from which an object may be held from the side, m.
+    /// Minimum height of objects that may be grasped from the side [m].
     pub tall_height: f64,
-    /// Friction coefficient for the antipodality test.
+    /// Friction coefficient of the antipodality check.
     pub friction: f64,
-    /// Difference between the gripper's largest opening and the widest grasp, m.
+    /// Difference between the maximum opening and the widest grasp [m].
     pub width_clearance: f64,
-    /// Extra opening on either side while approaching, m.
+    /// Additional opening on either side during the approach [m].
     pub opening_clearance: f64,
-    /// Distance of hand and open fingers from the object, m.
+    /// Clearance of hand and open fingers to the object [m].
     pub object_clearance: f64,
-    /// Height of the lowest point of the gripper above the table, m.
+    /// Minimum height of the gripper above the table [m].
     pub table_clearance: f64,
-    /// Objects lower than this are also searched with lines along the table, m.
+    /// Objects lower than this are also sampled with lines along the table [m].
     pub flat_height: f64,
-    /// Proposals that are tested exactly before giving up.
+    /// Maximum number of proposals checked exactly.
     pub max_assessed: usize,
-    /// Candidates returned.
+    /// Maximum number of candidates.
     pub max_candidates: usize,
-    /// Candidates nearer than this (m) and `same_angle` (rad) to a better one are dropped.
+    /// Candidates closer than this [m] and `same_angle` [rad] to a better one are dropped.
     pub same_distance: f64,
     /// See `same_distance`.
     pub same_angle: f64,
-    /// Distance from the centre of mass at which the lever term reaches 0, m.
+    /// Distance from the centre of mass at which the lever term reaches 0 [m].
     pub longest_lever: f64,
     /// Weights of the score's terms.
     pub weights: GraspWeights,
 }
 
-/// Weights of the terms of a grasp's score; each term is 0-1, and so is the score: their weighted mean.
+/// Weights of the score terms; each term, and the score as their weighted mean, is in [0, 1].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GraspWeights {
-    /// How squarely the pads meet the surface.
+    /// Alignment of pads and surface normals.
     pub antipodality: f64,
-    /// How much of the pads' length touches.
+    /// Contact length along the pads.
     pub contact_depth: f64,
-    /// How far the width is below the largest opening.
+    /// Margin between width and maximum opening.
     pub width_margin: f64,
-    /// How near the closing line passes the centre of mass.
+    /// Proximity of the closing line to the centre of mass.
     pub lever: f64,
-    /// How nearly straight down the approach is.
+    /// Vertical alignment of the approach.
     pub downward: f64,
 }
 
@@ -108,34 +110,34 @@ impl Default for GraspWeights {
     }
 }
 
-/// The object to be grasped, where it is.
+/// The object to be grasped, at its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct GraspTarget<'a> {
-    /// Points on the surface with outward unit normals, object frame.
+    /// Surface points with outward unit normals, object frame.
     pub surface: &'a [(DVec3, DVec3)],
-    /// Exact convex pieces, object frame.
+    /// Convex collision pieces, object frame.
     pub pieces: &'a [Piece],
     /// Centre of mass, object frame.
     pub center_of_mass: DVec3,
-    /// Where the object is.
+    /// Object pose, world frame.
     pub world_from_object: Pose,
-    /// Height (world z) of the surface on which it rests.
+    /// Height of its support, world z [m].
     pub table_height: f64,
 }
 
-/// Candidates in the object's frame, best first, none equal to another up to half a turn about the approach axis.
+/// Grasp candidates, object frame, best first, distinct up to half a turn about the approach axis.
 ///
-/// Empty when no grasp fits, or when the target has no surface points.
+/// Empty if no grasp fits or the target has no surface points.
 ///
 /// # Errors
-/// A piece that is not finite or has no volume.
+/// Fails if a collision piece is not finite or has no volume.
 pub fn candidates(
     target: &GraspTarget,
     gripper: &Gripper,
     settings: &GraspSettings,
     seed: Seed,
 ) -> Result<Vec<Grasp>, GeometryError> {
-    let bench = assess::Bench::new(target, gripper, settings)?;
+    let evaluator = assess::GraspEvaluator::new(target, gripper, settings)?;
     let mut proposals = propose::proposals(target, gripper, settings, seed.fork("grasp"))?;
     proposals.sort_by(|a, b| b.promise.total_cmp(&a.promise));
     let mut kept: Vec<Grasp> = Vec::new();
@@ -144,12 +146,12 @@ pub fn candidates(
         if kept.len() >= settings.max_candidates || assessed >= settings.max_assessed {
             break;
         }
-        let fresh = |pose: &Pose, kept: &[Grasp]| !kept.iter().any(|other| same(&other.pose, pose, settings));
-        if !fresh(&proposal.object_from_tcp, &kept) || bench.palm_is_blocked(proposal) {
+        let is_new = |pose: &Pose, kept: &[Grasp]| !kept.iter().any(|other| same(&other.pose, pose, settings));
+        if !is_new(&proposal.object_from_tcp, &kept) || evaluator.palm_is_blocked(proposal) {
             continue;
         }
         assessed += 1;
-        if let Some(grasp) = bench.assess(proposal).filter(|grasp| fresh(&grasp.pose, &kept)) {
+        if let Some(grasp) = evaluator.assess(proposal).filter(|grasp| is_new(&grasp.pose, &kept)) {
             kept.push(grasp);
         }
     }
@@ -157,34 +159,36 @@ pub fn candidates(
     Ok(kept)
 }
 
-/// Those of known grasps (object frame) that fit where the object is, in their order: the hand comes steeply enough and
-/// has room beside object and table.
+/// Known grasps (object frame) that fit at the object's pose, in their order: allowed approach angle, and clearance to
+/// object
+/// and table.
 ///
 /// # Errors
-/// A piece that is not finite or has no size.
+/// Fails if a collision piece is not finite or has no size.
 pub(crate) fn fitting<'a>(
     target: &GraspTarget,
     gripper: &Gripper,
     settings: &GraspSettings,
     known: impl Iterator<Item = &'a Grasp>,
 ) -> Result<Vec<Grasp>, GeometryError> {
-    let bench = assess::Bench::new(target, gripper, settings)?;
-    Ok(known.filter(|grasp| bench.is_upright(grasp) && bench.is_clear(grasp)).cloned().collect())
+    let evaluator = assess::GraspEvaluator::new(target, gripper, settings)?;
+    Ok(known.filter(|grasp| evaluator.is_upright(grasp) && evaluator.is_clear(grasp)).cloned().collect())
 }
 
 impl GraspSettings {
-    /// Largest angle between approach and straight down for an object of some height, rad.
+    /// Maximum angle between approach and vertical for an object of this height [rad].
     fn largest_tilt(&self, height: f64) -> f64 {
         if height >= self.tall_height { self.max_tilt_tall } else { self.max_tilt }
     }
 }
 
-/// 1 when the pads meet the surface squarely, 0 at the edge of the friction cone; from the cosine of the larger angle.
+/// Alignment from the cosine of the larger contact angle: 1 if the pads are parallel to the surface, 0 at the friction
+/// cone.
 fn squareness(cosine: f64, friction: f64) -> f64 {
     1.0 - cosine.clamp(-1.0, 1.0).acos() / friction.atan()
 }
 
-/// Whether two grasps are the same for all practical purposes, half a turn of the hand included.
+/// True if two grasps are practically equal, up to half a turn of the gripper.
 fn same(a: &Pose, b: &Pose, settings: &GraspSettings) -> bool {
     if a.position.distance(b.position) > settings.same_distance {
         return false;

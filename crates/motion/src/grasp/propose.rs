@@ -1,4 +1,4 @@
-//! Where the fingers could meet an object: pairs of opposite surface points, and directions to come from.
+//! Grasp proposals: antipodal point pairs and approach directions.
 
 use genmanip_core::{Pose, Seed};
 use glam::{DQuat, DVec3};
@@ -8,21 +8,21 @@ use super::solid::{Chord, Solid};
 use super::{GraspSettings, GraspTarget, Gripper, squareness};
 use crate::collision::GeometryError;
 
-/// Places along either axis at which flat things are searched.
-const FLAT_PLACES: usize = 24;
+/// Number of slices along either axis of flat objects.
+const FLAT_SLICES: usize = 24;
 
-/// A pose of the tcp worth an exact look, object frame.
+/// A TCP pose to be checked exactly, object frame.
 pub(super) struct Proposal {
     pub(super) object_from_tcp: Pose,
-    /// Distance of the contacts along the line that found them.
+    /// Distance of the contacts along their line [m].
     pub(super) width: f64,
     /// Cosine of the larger angle between closing line and surface normals.
     pub(super) antipodality: f64,
-    /// A rough score; proposals are looked at in this order.
-    pub(super) promise: f64,
+    /// Heuristic score; proposals are checked in descending order.
+    pub(super) priority: f64,
 }
 
-/// Opposite contacts: middle, unit closing direction, distance, cosine of the larger angle to the normals.
+/// An antipodal pair: midpoint, unit closing direction, distance, cosine of the larger angle to the normals.
 struct Pair {
     middle: DVec3,
     closing: DVec3,
@@ -30,7 +30,7 @@ struct Pair {
     antipodality: f64,
 }
 
-/// All proposals; the order is a function of target, settings and seed.
+/// All proposals; the order depends only on target, settings and seed.
 pub(super) fn proposals(
     target: &GraspTarget,
     gripper: &Gripper,
@@ -65,7 +65,7 @@ pub(super) fn proposals(
     Ok(proposals)
 }
 
-/// Points to start from: half of them anywhere, half from the top 3 cm, where rims and tops are.
+/// Start points: half of them anywhere, half from the top 3 cm, where rims are.
 fn pick(surface: &[(DVec3, DVec3)], up: DVec3, high: f64, count: usize, rng: &mut impl Rng) -> Vec<(DVec3, DVec3)> {
     let top: Vec<(DVec3, DVec3)> = surface.iter().copied().filter(|(point, _)| point.dot(up) > high - 0.03).collect();
     let draw = |from: &[(DVec3, DVec3)], rng: &mut dyn FnMut(usize) -> usize| from[rng(from.len())];
@@ -75,7 +75,7 @@ fn pick(surface: &[(DVec3, DVec3)], up: DVec3, high: f64, count: usize, rng: &mu
     anywhere.into_iter().chain(rim).collect()
 }
 
-/// Pairs on a line through the solid: the body the line enters at `entry`, and everything from there to its far side.
+/// Pairs on a line through the solid: the body entered at `entry`, and everything from there to its far side.
 fn pairs_along(
     solid: &Solid,
     origin: DVec3,
@@ -104,7 +104,7 @@ fn pairs_along(
     }
 }
 
-/// Lines along the table across flat things: at several places of the outline, square to its long and short axes.
+/// Lines along the table across flat objects: at several slices, perpendicular to their long and short axes.
 fn flat_pairs(
     solid: &Solid,
     surface: &[(DVec3, DVec3)],
@@ -129,10 +129,10 @@ fn flat_pairs(
         let (first, last) = surface
             .iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (p, _)| (low.min(along(*p)), high.max(along(*p))));
-        let slice = (last - first) / FLAT_PLACES as f64;
-        for place in 0..FLAT_PLACES {
+        let slice = (last - first) / FLAT_SLICES as f64;
+        for place in 0..FLAT_SLICES {
             let center = first + slice * (place as f64 + 0.5);
-            // Where the thing is here, seen from the side: handles are thinner and higher than bowls.
+            // Local extent of the object: handles are thinner and higher than bowls.
             let here: Vec<DVec3> = surface
                 .iter()
                 .map(|(point, _)| *point)
@@ -153,7 +153,7 @@ fn flat_pairs(
     }
 }
 
-/// Poses of the tcp for a pair: the approach is square to the closing line, as near to straight down as tilts say.
+/// TCP poses for a pair: approaches perpendicular to the closing line, as vertical as the tilts allow.
 fn approaches(
     pair: &Pair,
     target: &GraspTarget,
@@ -177,7 +177,7 @@ fn approaches(
                 let position = pair.middle + approach * depth;
                 let object_from_tcp = Pose::from_axes(position, x, pair.closing, approach);
                 let lever = (pair.middle - target.center_of_mass).length();
-                let promise = weights.antipodality * squareness(pair.antipodality, settings.friction)
+                let priority = weights.antipodality * squareness(pair.antipodality, settings.friction)
                     + weights.lever * (1.0 - lever / settings.longest_lever)
                     + weights.downward * downward
                     - 0.2 * weights.contact_depth * f64::from(u8::from(depth > 0.0));
@@ -185,7 +185,7 @@ fn approaches(
                     object_from_tcp,
                     width: pair.width,
                     antipodality: pair.antipodality,
-                    promise,
+                    priority,
                 });
             }
         }
@@ -198,7 +198,7 @@ fn jitter(direction: DVec3, amount: f64, rng: &mut impl Rng) -> DVec3 {
     (direction + offset).normalize_or(direction)
 }
 
-/// The nearest horizontal direction, or the direction itself when it is steep.
+/// Nearest horizontal direction, or the direction itself if it is steep.
 fn flattened(direction: DVec3, up: DVec3) -> DVec3 {
     let flat = direction - up * direction.dot(up);
     if flat.length() > 0.7 { flat.normalize() } else { direction.normalize() }

@@ -1,4 +1,4 @@
-//! Straight lines through a solid made of convex pieces.
+//! Ray casting through a union of convex pieces.
 
 use genmanip_core::{Piece, Shape};
 use glam::{DMat3, DVec3};
@@ -7,12 +7,12 @@ use crate::collision::GeometryError;
 use crate::hull::convex_hull;
 use crate::rigid::Rigid;
 
-/// The object as a set of convex pieces that lines can be cut with.
+/// An object as a union of convex pieces for ray casting.
 pub(crate) struct Solid {
-    pieces: Vec<Cuttable>,
+    pieces: Vec<RayPiece>,
 }
 
-/// A stretch of a line inside the solid, and the outward normals where it enters and leaves.
+/// An interval of a line inside the solid, with the outward normals where it enters and leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Chord {
     pub(crate) enter: f64,
@@ -21,7 +21,7 @@ pub(crate) struct Chord {
     pub(crate) leave_normal: DVec3,
 }
 
-struct Cuttable {
+struct RayPiece {
     piece_from_object: Rigid,
     object_from_piece: DMat3,
     surface: Surface,
@@ -41,25 +41,25 @@ enum Surface {
     },
 }
 
-/// Hulls with less than this are flat, m³: a square millimetre, a micrometre thick.
-const LEAST_VOLUME_M3: f64 = 1e-12;
+/// Minimum hull volume [m³]: 1 mm² times 1 µm.
+const MIN_VOLUME_M3: f64 = 1e-12;
 
 impl Solid {
-    /// From pieces in the object's frame; a piece without volume is an error.
+    /// Builds the solid from pieces in the object frame; a piece without volume is an error.
     pub(crate) fn new(pieces: &[Piece]) -> Result<Self, GeometryError> {
-        let cuttable = |(index, piece): (usize, &Piece)| {
+        let ray_piece = |(index, piece): (usize, &Piece)| {
             let object_from_piece = Rigid::from(&piece.link_from_piece);
             let flat = || GeometryError { owner: "object".into(), index, what: "its corners span no volume".into() };
-            Ok(Cuttable {
+            Ok(RayPiece {
                 piece_from_object: object_from_piece.inverse(),
                 object_from_piece: object_from_piece.rotation,
                 surface: Surface::new(&piece.shape).ok_or_else(flat)?,
             })
         };
-        Ok(Self { pieces: pieces.iter().enumerate().map(cuttable).collect::<Result<_, _>>()? })
+        Ok(Self { pieces: pieces.iter().enumerate().map(ray_piece).collect::<Result<_, _>>()? })
     }
 
-    /// The stretches of a line inside the solid, in order; stretches closer than `gap` are joined.
+    /// Intervals of a line inside the solid, in order; intervals closer than `gap` are merged.
     pub(crate) fn chords(&self, origin: DVec3, direction: DVec3, gap: f64) -> Vec<Chord> {
         let mut chords: Vec<Chord> = self.pieces.iter().filter_map(|piece| piece.chord(origin, direction)).collect();
         chords.sort_by(|a, b| a.enter.total_cmp(&b.enter));
@@ -78,7 +78,7 @@ impl Solid {
     }
 }
 
-impl Cuttable {
+impl RayPiece {
     fn chord(&self, origin: DVec3, direction: DVec3) -> Option<Chord> {
         let from = self.piece_from_object.point(origin);
         let along = self.piece_from_object.rotation * direction;
@@ -109,7 +109,7 @@ impl Surface {
                     let [a, b, c] = triangle.map(|index| corners[index as usize] - middle);
                     a.dot(b.cross(c)).abs() / 6.0
                 };
-                if triangles.iter().map(volume).sum::<f64>() < LEAST_VOLUME_M3 {
+                if triangles.iter().map(volume).sum::<f64>() < MIN_VOLUME_M3 {
                     return None;
                 }
                 let plane = |triangle: &[u32; 3]| {
@@ -125,25 +125,25 @@ impl Surface {
 
     fn chord(&self, from: DVec3, along: DVec3) -> Option<Chord> {
         match self {
-            Self::Planes(planes) => cut_planes(planes, from, along),
+            Self::Planes(planes) => clip_planes(planes, from, along),
             Self::Ellipsoid(radii) => {
-                let (enter, leave) = cut_unit_ball(from / *radii, along / *radii)?;
+                let (enter, leave) = clip_unit_sphere(from / *radii, along / *radii)?;
                 let normal = |t: f64| ((from + along * t) / (*radii * *radii)).normalize_or_zero();
                 Some(Chord { enter, leave, enter_normal: normal(enter), leave_normal: normal(leave) })
             }
             Self::Cylinder { radius, half_height } => {
                 let caps = [(DVec3::Z, *half_height), (DVec3::NEG_Z, *half_height)];
-                let ends = cut_planes(&caps, from, along)?;
-                let tube = cut_tube(*radius, from, along)?;
-                meet(ends, tube)
+                let ends = clip_planes(&caps, from, along)?;
+                let tube = clip_cylinder(*radius, from, along)?;
+                intersect(ends, tube)
             }
             Self::Capsule { radius, half_length } => {
                 let caps = [(DVec3::Z, *half_length), (DVec3::NEG_Z, *half_length)];
-                let tube = cut_planes(&caps, from, along).zip(cut_tube(*radius, from, along));
-                let tube = tube.and_then(|(ends, tube)| meet(ends, tube));
+                let tube = clip_planes(&caps, from, along).zip(clip_cylinder(*radius, from, along));
+                let tube = tube.and_then(|(ends, tube)| intersect(ends, tube));
                 let ball = |z: f64| {
                     let center = DVec3::Z * z;
-                    let (enter, leave) = cut_unit_ball((from - center) / *radius, along / *radius)?;
+                    let (enter, leave) = clip_unit_sphere((from - center) / *radius, along / *radius)?;
                     let normal = |t: f64| (from + along * t - center).normalize_or_zero();
                     Some(Chord { enter, leave, enter_normal: normal(enter), leave_normal: normal(leave) })
                 };
@@ -157,7 +157,7 @@ impl Surface {
     }
 }
 
-fn cut_planes(planes: &[(DVec3, f64)], from: DVec3, along: DVec3) -> Option<Chord> {
+fn clip_planes(planes: &[(DVec3, f64)], from: DVec3, along: DVec3) -> Option<Chord> {
     let mut chord =
         Chord { enter: f64::NEG_INFINITY, leave: f64::INFINITY, enter_normal: DVec3::ZERO, leave_normal: DVec3::ZERO };
     for (normal, offset) in planes {
@@ -175,7 +175,7 @@ fn cut_planes(planes: &[(DVec3, f64)], from: DVec3, along: DVec3) -> Option<Chor
     (chord.enter < chord.leave).then_some(chord)
 }
 
-fn cut_tube(radius: f64, from: DVec3, along: DVec3) -> Option<Chord> {
+fn clip_cylinder(radius: f64, from: DVec3, along: DVec3) -> Option<Chord> {
     let flat = DVec3::new(1.0, 1.0, 0.0);
     let (a, b) = (from * flat / radius, along * flat / radius);
     if b.length_squared() < 1e-18 {
@@ -187,18 +187,18 @@ fn cut_tube(radius: f64, from: DVec3, along: DVec3) -> Option<Chord> {
             leave_normal: DVec3::ZERO,
         });
     }
-    let (enter, leave) = cut_unit_ball(a, b)?;
+    let (enter, leave) = clip_unit_sphere(a, b)?;
     let normal = |t: f64| (a + b * t).normalize_or_zero();
     Some(Chord { enter, leave, enter_normal: normal(enter), leave_normal: normal(leave) })
 }
 
-fn cut_unit_ball(from: DVec3, along: DVec3) -> Option<(f64, f64)> {
+fn clip_unit_sphere(from: DVec3, along: DVec3) -> Option<(f64, f64)> {
     let (a, b, c) = (along.length_squared(), from.dot(along), from.length_squared() - 1.0);
     let root = b * b - a * c;
     (root > 0.0 && a > 0.0).then(|| ((-b - root.sqrt()) / a, (-b + root.sqrt()) / a))
 }
 
-fn meet(a: Chord, b: Chord) -> Option<Chord> {
+fn intersect(a: Chord, b: Chord) -> Option<Chord> {
     let (enter, enter_normal) = if a.enter >= b.enter { (a.enter, a.enter_normal) } else { (b.enter, b.enter_normal) };
     let (leave, leave_normal) = if a.leave <= b.leave { (a.leave, a.leave_normal) } else { (b.leave, b.leave_normal) };
     (enter < leave).then_some(Chord { enter, leave, enter_normal, leave_normal })

@@ -8,7 +8,7 @@ use super::*;
 use crate::test_robot::test_panda;
 use crate::{Planner, PlannerSettings};
 
-/// Points on the outside of pieces: rays from far away against the exact solid.
+/// Surface points of pieces by ray casting against the exact solid.
 fn surface(pieces: &[Piece], count: usize) -> Vec<(DVec3, DVec3)> {
     let solid = solid::Solid::new(pieces).unwrap();
     let mut rng = Seed::new(9).rng();

@@ -1,5 +1,6 @@
-//! Analytic inverse kinematics of arms with the Panda's geometry, after Y. He and S. Liu,
-//! *Analytical Inverse Kinematics for Franka Emika Panda* (2021): joint 7 is the free parameter.
+//! Analytic inverse kinematics of arms with the Panda's geometry, after Y. He and S. Liu, *Analytical Inverse
+//! Kinematics for
+//! Franka Emika Panda* (2021): joint 7 is the free parameter.
 //!
 //! With joint 7 given, the wrist centre W (axes 5 and 6 meet there) is known, and the shoulder S is fixed.
 //! The triangle S - elbow - W gives joint 4; axis 5 lies in the triangle's plane, at a known angle to S-W,
@@ -11,7 +12,7 @@ use glam::DVec3;
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 
-/// The lengths of an arm with the Panda's axes (modified Denavit-Hartenberg, metres), read from the model.
+/// Link lengths of an arm with the Panda's axes (modified Denavit-Hartenberg parameters) [m].
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FrankaGeometry {
     base_from_shoulder: Rigid,
@@ -23,7 +24,7 @@ pub(crate) struct FrankaGeometry {
     frame7_from_tcp: Rigid,
 }
 
-/// Up to eight configurations, without allocation.
+/// Up to eight configurations without allocation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Branches {
     configs: [[f64; 7]; 8],
@@ -44,7 +45,7 @@ impl Branches {
 }
 
 impl FrankaGeometry {
-    /// Recognises the geometry; `None` when the chain is built differently.
+    /// Detects the geometry; `None` if the chain differs.
     pub(crate) fn of(chain: &Chain) -> Option<Self> {
         const TOLERANCE: f64 = 1e-7;
         // sin of the twist between each axis and its predecessor; the cosine is 0, but 1 for the first.
@@ -54,7 +55,7 @@ impl FrankaGeometry {
         if joints.len() != 7 || tcp_frame != 7 {
             return None;
         }
-        let serial = joints.iter().enumerate().all(|(index, joint)| joint.parent_frame == index && !joint.slides);
+        let serial = joints.iter().enumerate().all(|(index, joint)| joint.parent_frame == index && !joint.is_prismatic);
         let twisted = joints.iter().zip(TWISTS).skip(1).all(|(joint, sin)| {
             let rotation = joint.parent_from_joint.rotation;
             (rotation.x_axis - DVec3::X).length() < TOLERANCE
@@ -82,15 +83,15 @@ impl FrankaGeometry {
         })
     }
 
-    /// All solutions for a pose of the tcp and a value of joint 7, joint limits not applied.
+    /// All solutions for a TCP pose and a value of joint 7, without applying joint limits.
     ///
-    /// `joint1` is used where joint 1 is free (the upper arm upright).
+    /// `joint1` is used if joint 1 is free (upper arm vertical).
     pub(crate) fn solve(&self, world_from_tcp: &Rigid, joint7: f64, joint1: f64) -> Branches {
         let mut branches = Branches::default();
         let shoulder_from_frame7 = self.base_from_shoulder.inverse() * *world_from_tcp * self.frame7_from_tcp.inverse();
-        // Frame 6 from frame 7: undo the turn of joint 7, its twist of +90° and the offset along x.
+        // Frame 6 from frame 7: undo the rotation of joint 7, its twist of +90° and the offset along x.
         let (sin7, cos7) = joint7.sin_cos();
-        let untwisted = shoulder_from_frame7.turned_z(-sin7, cos7).rotation;
+        let untwisted = shoulder_from_frame7.rotated_z(-sin7, cos7).rotation;
         let (x6, y6, z6) = (untwisted.x_axis, -untwisted.z_axis, untwisted.y_axis);
         let wrist = shoulder_from_frame7.translation - x6 * self.wrist_offset;
 
@@ -139,7 +140,7 @@ impl FrankaGeometry {
     }
 }
 
-/// arccos, forgiving rounding just beyond ±1.
+/// arccos, tolerating rounding just beyond ±1.
 fn angle_of_cosine(cosine: f64) -> Option<f64> {
     (cosine.abs() <= 1.0 + 1e-9).then(|| cosine.clamp(-1.0, 1.0).acos())
 }

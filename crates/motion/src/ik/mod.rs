@@ -1,4 +1,4 @@
-//! Inverse kinematics: every way the arm can bring its tcp to a pose, best first.
+//! Inverse kinematics: all solutions for a TCP pose, best first.
 
 mod franka;
 mod numeric;
@@ -12,27 +12,27 @@ use serde::{Deserialize, Serialize};
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 use franka::FrankaGeometry;
-use numeric::{Descent, Range, descend};
+use numeric::{DescentSettings, Range, descend};
 
-/// How solutions are searched and ranked.
+/// Search and ranking settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IkSettings {
-    /// Values of the free joint that the analytic solver tries, spread evenly over its range.
+    /// Values of the free joint in the analytic solver's sweep, evenly spread over its range.
     pub free_joint_values: usize,
-    /// Values tried when the coarse sweep found nothing (poses at the edge of reach).
+    /// Values of the fine sweep if the coarse one finds nothing (poses at the reach limit).
     pub fine_free_joint_values: usize,
-    /// Distance every joint keeps from its limits, rad or m.
+    /// Margin to the joint limits [rad or m].
     pub limit_margin: f64,
     /// Start configurations of the numeric solver.
     pub numeric_starts: usize,
-    /// Steps of the numeric solver per start.
+    /// Maximum iterations of the numeric solver per start.
     pub numeric_iterations: usize,
-    /// Largest error of a solution, m and rad.
+    /// Maximum error of a solution [m and rad].
     pub tolerance: f64,
-    /// Solutions closer than this to a better one are dropped (largest joint difference, rad or m).
+    /// Minimum distance of distinct solutions (largest joint difference) [rad or m].
     pub distinct: f64,
-    /// Solutions returned at most.
+    /// Maximum number of solutions.
     pub max_solutions: usize,
     /// Weight of the distance to the reference configuration, per rad.
     pub reference_weight: f64,
@@ -42,10 +42,10 @@ pub struct IkSettings {
     pub singularity_weight: f64,
 }
 
-/// Distance from the limits that a motion which continues keeps at most, rad: it may come nearer than one that begins.
+/// Maximum limit margin of continued motions [rad]; they may come closer than new ones.
 const CONTINUED_MARGIN: f64 = 0.005;
 
-/// Steps of a motion that drifts; without the drift there is time for all.
+/// Maximum iterations with drift.
 const DRIFTING_ITERATIONS: usize = 30;
 
 impl Default for IkSettings {
@@ -66,7 +66,7 @@ impl Default for IkSettings {
     }
 }
 
-/// Inverse kinematics of one arm: analytic when its geometry is the Panda's, numeric otherwise.
+/// Inverse kinematics of one arm: analytic for the Panda's geometry, numeric otherwise.
 #[derive(Clone, Debug)]
 pub struct InverseKinematics {
     chain: Chain,
@@ -75,31 +75,31 @@ pub struct InverseKinematics {
 }
 
 impl InverseKinematics {
-    /// Recognises the arm's geometry.
+    /// Detects the arm's geometry.
     pub fn new(chain: Chain, settings: IkSettings) -> Self {
         Self { franka: FrankaGeometry::of(&chain), chain, settings }
     }
 
-    /// Whether the closed form is used.
+    /// True if the closed-form solver is used.
     pub fn is_analytic(&self) -> bool {
         self.franka.is_some()
     }
 
-    /// Configurations that bring the tcp to `world_from_tcp`, best first; empty when the pose is out of reach.
+    /// IK solutions for a TCP pose, best first; empty if it is unreachable.
     ///
-    /// `reference` is the configuration near which the arm would like to stay.
-    /// Every solution keeps the limit margin and is exact to the settings' tolerance.
+    /// `reference` is the preferred configuration. Every solution keeps the limit margin and is exact to the tolerance.
     pub fn solve(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
         self.solutions(world_from_tcp, reference).collect()
     }
 
-    /// What [`InverseKinematics::solve`] returns, each refined when it is asked for.
+    /// Lazy version of [`InverseKinematics::solve`]: solutions are refined on demand.
     pub fn solutions(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
-        self.refined(world_from_tcp, reference, Self::rough)
+        self.refined(world_from_tcp, reference, Self::unrefined)
     }
 
-    /// What [`InverseKinematics::solutions`] gives after its coarse sweep: none where only the edge of reach is left, which
-    /// an arm with a closed form is told in a thirtieth of the time. Another arm gives all.
+    /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, thirty times faster for
+    /// unreachable poses with
+    /// the closed form. Other arms are unaffected.
     pub fn coarse_solutions(
         &self,
         world_from_tcp: &Pose,
@@ -107,7 +107,7 @@ impl InverseKinematics {
     ) -> impl Iterator<Item = Vec<f64>> + use<'_> {
         self.refined(world_from_tcp, reference, |ik, wanted, reference| match &ik.franka {
             Some(franka) => ik.sweep(franka, wanted, reference, ik.settings.free_joint_values),
-            None => ik.rough(wanted, reference),
+            None => ik.unrefined(wanted, reference),
         })
     }
 
@@ -123,46 +123,48 @@ impl InverseKinematics {
         if finite && reference.len() == self.chain.dof() {
             solutions = self.ranked(search(self, &wanted, reference), reference);
         }
-        // Rounding near a singularity costs the closed form a few digits; a step of refinement brings them back.
-        let how = Descent { iterations: 10, ..self.descent() };
+        // Refinement restores the digits that the closed form loses near singularities.
+        let how = DescentSettings { iterations: 10, ..self.descent() };
         solutions.into_iter().filter_map(move |config| descend(&self.chain, &wanted, &config, &how))
     }
 
-    /// Solutions that are not refined, in no order.
-    fn rough(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
+    /// Unrefined solutions, unordered.
+    fn unrefined(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
         let mut solutions = Vec::new();
         if let Some(franka) = &self.franka {
             solutions = self.sweep(franka, wanted, reference, self.settings.free_joint_values);
-            if solutions.is_empty() && self.may_reach(wanted) {
+            if solutions.is_empty() && self.is_maybe_reachable(wanted) {
                 solutions = self.sweep(franka, wanted, reference, self.settings.fine_free_joint_values);
             }
         }
-        if solutions.is_empty() && self.may_reach(wanted) {
-            solutions = self.descend_from_many(wanted, reference);
+        if solutions.is_empty() && self.is_maybe_reachable(wanted) {
+            solutions = self.descend_from_random_starts(wanted, reference);
         }
         solutions
     }
 
-    /// The solution that continues a motion: the free joint of `previous` is kept as far as possible.
+    /// Solution that continues a motion from `previous`.
     ///
-    /// `None` when no solution lies within `max_step` (largest joint difference) of `previous`.
+    /// `None` if no solution is within `max_step` (largest joint difference) of `previous`.
     pub fn continue_from(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
-        let how = Descent { ranges: self.ranges(self.continued_margin()).collect(), ..self.descent() };
+        let how = DescentSettings { ranges: self.ranges(self.continued_margin()).collect(), ..self.descent() };
         let solution = descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)?;
         (largest_difference(&solution, previous) <= max_step).then_some(solution)
     }
 
-    /// The solution that follows a tool from where the arm is. A joint at its limit, or as far from where it was as it may
-    /// come (`reach`, rad or m, base to hand), stays there while the others go on.
+    /// Solution that follows a tool pose. A joint at its limit, or at the end of its `reach` around `previous` (rad or
+    /// m, base to
+    /// hand), is held while the others continue.
     ///
-    /// `None` when the pose is not to be had so; with an infinite reach the arm may go however far.
+    /// `None` if the pose is unreachable that way; an infinite reach means no bound.
     pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64], reach: &[f64]) -> Option<Vec<f64>> {
         let how = self.following(previous, reach);
         descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
     }
 
-    /// As [`InverseKinematics::follow`], and each joint moves by `drift` (rad or m, base to hand) as far as that leaves
-    /// the tool alone. `None` where that leads nowhere, which a motion without drift need not.
+    /// Like [`InverseKinematics::follow`] with null-space motion: each joint moves by `drift` (rad or m, base to hand)
+    /// as far as that
+    /// leaves the tool pose unchanged. `None` if it does not converge, even if it would without drift.
     pub fn follow_drifting(
         &self,
         world_from_tcp: &Pose,
@@ -170,33 +172,35 @@ impl InverseKinematics {
         reach: &[f64],
         drift: Vec<f64>,
     ) -> Option<Vec<f64>> {
-        let how = Descent { drift: Some(drift), iterations: DRIFTING_ITERATIONS, ..self.following(previous, reach) };
+        let how =
+            DescentSettings { drift: Some(drift), iterations: DRIFTING_ITERATIONS, ..self.following(previous, reach) };
         descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
     }
 
-    fn following(&self, previous: &[f64], reach: &[f64]) -> Descent {
+    fn following(&self, previous: &[f64], reach: &[f64]) -> DescentSettings {
         let near = previous.iter().zip(reach);
         let ranges = self.ranges(self.continued_margin()).zip(near).map(|(range, (&q, &reach))| range.around(q, reach));
-        Descent { ranges: ranges.collect(), holds_at_limits: true, ..self.descent() }
+        DescentSettings { ranges: ranges.collect(), hold_at_limits: true, ..self.descent() }
     }
 
-    fn descent(&self) -> Descent {
+    fn descent(&self) -> DescentSettings {
         let IkSettings { limit_margin, tolerance, numeric_iterations, .. } = self.settings;
         let ranges = self.ranges(limit_margin).collect();
-        Descent { ranges, tolerance, iterations: numeric_iterations, holds_at_limits: false, drift: None }
+        DescentSettings { ranges, tolerance, iterations: numeric_iterations, hold_at_limits: false, drift: None }
     }
 
     fn continued_margin(&self) -> f64 {
         self.settings.limit_margin.min(CONTINUED_MARGIN)
     }
 
-    /// The joints' ranges less a margin at either end.
+    /// Joint ranges reduced by a margin at either end.
     fn ranges(&self, margin: f64) -> impl Iterator<Item = Range> + use<'_> {
         self.chain.joints().iter().map(move |joint| Range::new(joint.lower + margin, joint.upper - margin))
     }
 
-    /// All branches of the closed form for one value of the free joint (joint 7), inside the joint limits,
-    /// not refined; empty for an arm without closed form.
+    /// All closed-form branches for one value of the free joint (joint 7), inside the joint limits, unrefined; empty
+    /// without a closed
+    /// form.
     pub fn branches(&self, world_from_tcp: &Pose, free_joint: f64, reference: &[f64]) -> Vec<Vec<f64>> {
         let Some(franka) = &self.franka else { return Vec::new() };
         let mut found = Vec::new();
@@ -222,7 +226,7 @@ impl InverseKinematics {
         solutions
     }
 
-    fn descend_from_many(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
+    fn descend_from_random_starts(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
         let s = &self.settings;
         let mut rng = Seed::new(0).fork("inverse kinematics").rng();
         let starts = (0..s.numeric_starts).map(|start| {
@@ -248,16 +252,16 @@ impl InverseKinematics {
         Some(inside)
     }
 
-    /// A cheap test that spares the long search for poses far out of reach.
-    fn may_reach(&self, wanted: &Rigid) -> bool {
+    /// Cheap check that rejects poses far out of reach.
+    fn is_maybe_reachable(&self, wanted: &Rigid) -> bool {
         let joints = self.chain.joints();
         let slide = |joint: &crate::chain::ChainJoint| {
-            if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 }
+            if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 }
         };
         let first = joints.first().map_or(glam::DVec3::ZERO, |joint| joint.parent_from_joint.translation);
         let links: f64 = joints.iter().skip(1).map(|joint| joint.parent_from_joint.translation.length()).sum();
-        let slides: f64 = joints.iter().map(slide).sum();
-        let reach = links + slides + self.chain.tcp_mount().1.translation.length();
+        let is_prismatic: f64 = joints.iter().map(slide).sum();
+        let reach = links + is_prismatic + self.chain.tcp_mount().1.translation.length();
         (wanted.translation - first).length() <= reach + 1e-9
     }
 

@@ -64,7 +64,7 @@ fn the_branches_hold_the_configuration_they_came_from() {
     }
 }
 
-/// An arm with a joint at its limit still follows its tool, with the others.
+/// An arm with a joint at its limit still follows its tool with the other joints.
 #[test]
 fn a_tool_is_followed_along_limits() {
     let (chain, ik) = solver();
@@ -87,7 +87,7 @@ fn a_tool_is_followed_along_limits() {
     assert!(followed >= 396 && clamped < followed, "{followed} followed, {clamped} with clamped joints");
 }
 
-/// Where one joint may not go as far as it would, the others bring the tool there all the same.
+/// If one joint is limited, the others still reach the tool pose.
 #[test]
 fn a_tool_is_followed_within_reach() {
     let (chain, ik) = solver();
@@ -183,8 +183,7 @@ fn a_broken_robot_is_refused() {
     assert!(matches!(Chain::new(&robot), Err(crate::ModelError::ParentOrder { index: 3, got: 7, .. })));
 }
 
-/// A motion that drifts has its tool where it was asked to be, within reach, and its joints nearer to where they drift
-/// than without.
+/// Null-space drift keeps the tool pose, respects the reach, and moves the joints towards their targets.
 #[test]
 fn a_motion_drifts_where_the_tool_leaves_it_free() {
     let (chain, ik) = solver();

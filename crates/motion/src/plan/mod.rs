@@ -1,4 +1,4 @@
-//! Collision-free motions: joint-space planning between configurations and straight lines of the tcp.
+//! Collision-free motion planning: joint-space paths and straight TCP motions.
 
 mod rrt;
 mod smooth;
@@ -14,35 +14,37 @@ use crate::path::{Path, distance};
 pub use straight::StraightSettings;
 pub(crate) use straight::straight_line;
 
-/// How joint-space paths are searched and smoothed.
+/// Settings of joint-space search and smoothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlanSettings {
-    /// Distance kept from everything that may not be touched.
+    /// Clearance to everything that must not be touched [m].
     pub padding: f64,
-    /// Depth by which start and goal may already penetrate something (contacts in physics do, a little).
+    /// Allowed penetration of start and goal [m] (physical contacts penetrate slightly).
     pub contact_tolerance: f64,
-    /// Longest edge of the search tree, rad (`rrt_range` of the paper's planner, which used 0.001).
+    /// Maximum edge of the search tree [rad] (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,
-    /// Every second sample is drawn at most this far outside the box that start and goals span, rad:
-    /// most ways lead through there, and shorter ones.
+    /// Every second sample is drawn from the bounding box of start and goals extended by this [rad]: most paths lead
+    /// through it, and
+    /// shorter ones.
     pub sample_around: f64,
-    /// Nodes the search may add before it gives up.
+    /// Maximum iterations of the search.
     pub max_iterations: usize,
-    /// Largest motion of any robot point between states tested during the search, m.
+    /// Maximum motion of any robot point between states checked during the search [m].
     pub search_spacing: f64,
-    /// Largest motion of any robot point between states tested in the returned path, m;
-    /// up to twice the padding nothing can be touched in between.
+    /// Maximum motion of any robot point between states checked in the returned path [m]; up to twice the padding
+    /// nothing can be
+    /// touched in between.
     pub final_spacing: f64,
-    /// Searches with denser tests when the final test finds a contact.
+    /// Maximum repeated searches with denser checks after the final check finds a contact.
     pub retries: usize,
-    /// Random shortcuts tried.
+    /// Maximum random shortcuts.
     pub shortcuts: usize,
-    /// Shortcuts that may fail in a row before the path counts as short.
+    /// Consecutive failed shortcuts before shortening stops.
     pub shortcut_failures: usize,
-    /// Widest rounding of a corner, rad on either edge.
+    /// Maximum blend of a corner [rad on either edge].
     pub blend: f64,
-    /// How often the rounding may be halved before the robot has to stop at the corner.
+    /// Maximum halvings of a blend before the robot has to stop at the corner.
     pub blend_halvings: usize,
 }
 
@@ -65,17 +67,17 @@ impl Default for PlanSettings {
     }
 }
 
-/// Why there is no path.
+/// Planning error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// A configuration has the wrong length or holds a number that is not finite.
+    /// A configuration has the wrong length or is not finite.
     #[error("{which} configuration: expected {expected} finite joint positions, got {got:?}")]
     BadConfiguration {
         /// `start` or `goal`.
         which: &'static str,
         /// Number of arm joints.
         expected: usize,
-        /// What was given.
+        /// The given values.
         got: Vec<f64>,
     },
     /// A configuration lies outside the joint limits.
@@ -83,46 +85,46 @@ pub enum PlanError {
     OutsideLimits {
         /// `start` or `goal`.
         which: &'static str,
-        /// By how much.
+        /// Excess [rad].
         beyond: f64,
     },
-    /// The robot touches something where it is.
+    /// The start is in collision.
     #[error("the start is in collision: {0}")]
     StartInCollision(CollisionReport),
-    /// The robot would touch something at every goal; the report is for the first.
+    /// Every goal is in collision; the report is for the first.
     #[error("every goal is in collision; at the first, {0}")]
     GoalInCollision(CollisionReport),
-    /// No configuration reaches what was asked for.
+    /// No configuration reaches the target.
     #[error("out of reach: {what}")]
     Unreachable {
-        /// What was asked for and how far the arm got.
+        /// The target and how far the arm got.
         what: String,
     },
-    /// A straight line runs into something.
-    #[error("the straight line is blocked after {:.0} % of its way: {report}", fraction * 100.0)]
+    /// A straight motion is blocked.
+    #[error("the straight line is blocked after {:.0} % of its length: {report}", fraction * 100.0)]
     Blocked {
-        /// Part of the line that is free, 0-1.
+        /// Free share of the line, 0-1.
         fraction: f64,
-        /// What is in the way.
+        /// The obstacle.
         report: CollisionReport,
     },
     /// The search ended without a path.
-    #[error("no path found in {iterations} iterations{}", told(in_the_way.as_ref()))]
+    #[error("no path found in {iterations} iterations{}", straight_contact(straight_collision.as_ref()))]
     Exhausted {
         /// Nodes added by all searches together.
         iterations: usize,
-        /// What the straight way in joint space runs into first.
-        in_the_way: Option<CollisionReport>,
+        /// First collision of the straight joint-space path.
+        straight_collision: Option<CollisionReport>,
     },
 }
 
-fn told(in_the_way: Option<&CollisionReport>) -> String {
-    in_the_way.map_or_else(String::new, |report| format!("; on the straight way {report}"))
+fn straight_contact(straight_collision: Option<&CollisionReport>) -> String {
+    straight_collision.map_or_else(String::new, |report| format!("; on the straight path {report}"))
 }
 
-/// A path from `start` to the goal that is found first, start and goals given as configurations.
+/// Plans a path from `start` to the first goal found; start and goals are configurations.
 ///
-/// `checker` is left with the distances of pairs relaxed that are too close at start or goal.
+/// Relaxes the clearances of `checker` for pairs that are too close at start or goal.
 pub(crate) fn plan(
     checker: &mut Checker,
     settings: &PlanSettings,
@@ -130,7 +132,7 @@ pub(crate) fn plan(
     goals: &[Vec<f64>],
     seed: Seed,
 ) -> Result<Path, PlanError> {
-    let goals = admit(checker, settings, start, goals)?;
+    let goals = free_goals(checker, settings, start, goals)?;
     let straight = |goal: &&Vec<f64>| checker.edges_are_free(vec![[start, goal]], settings.final_spacing);
     if let Some(goal) = goals.iter().find(straight) {
         return Ok(Path::polyline(vec![start.to_vec(), goal.clone()]));
@@ -148,16 +150,16 @@ pub(crate) fn plan(
     Err(exhausted(checker, start, &goals, iterations))
 }
 
-/// Nothing was found from `start` to any of the goals, the nearest first.
+/// Error of an exhausted search; goals are sorted nearest first.
 fn exhausted(checker: &Checker, start: &[f64], goals: &[Vec<f64>], iterations: usize) -> PlanError {
     let nearest = goals.first().map_or(start, Vec::as_slice);
     let straight = Path::polyline(vec![start.to_vec(), nearest.to_vec()]);
-    let in_the_way = straight.states(0.02).iter().find_map(|state| checker.check(state));
-    PlanError::Exhausted { iterations, in_the_way }
+    let straight_collision = straight.states(0.02).iter().find_map(|state| checker.check(state));
+    PlanError::Exhausted { iterations, straight_collision }
 }
 
-/// Tests start and goals; returns the goals that are free, nearest first.
-fn admit(
+/// Checks start and goals; returns the free goals, nearest first.
+fn free_goals(
     checker: &mut Checker,
     settings: &PlanSettings,
     start: &[f64],
@@ -169,7 +171,7 @@ fn admit(
     }
     checker.relax(start, settings.contact_tolerance).map_err(PlanError::StartInCollision)?;
     let mut free = Vec::new();
-    let mut first_problem = None;
+    let mut first_error = None;
     for goal in goals {
         let tested = within_limits(checker, "goal", goal).and_then(|()| {
             let mut relaxed = checker.clone();
@@ -181,11 +183,11 @@ fn admit(
                 *checker = relaxed;
                 free.push(goal.clone());
             }
-            Err(problem) => first_problem = first_problem.or(Some(problem)),
+            Err(error) => first_error = first_error.or(Some(error)),
         }
     }
-    if let (true, Some(problem)) = (free.is_empty(), first_problem) {
-        return Err(problem);
+    if let (true, Some(error)) = (free.is_empty(), first_error) {
+        return Err(error);
     }
     free.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
     Ok(free)
@@ -196,7 +198,7 @@ pub(crate) fn within_limits(checker: &Checker, which: &'static str, config: &[f6
     if config.len() != chain.dof() || !config.iter().all(|q| q.is_finite()) {
         return Err(PlanError::BadConfiguration { which, expected: chain.dof(), got: config.to_vec() });
     }
-    // Measured positions may lie a hair outside.
+    // Measured positions may be slightly outside.
     let margin = chain.limit_margin(config);
     if margin < -2e-3 {
         return Err(PlanError::OutsideLimits { which, beyond: -margin });

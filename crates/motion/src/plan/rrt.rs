@@ -6,10 +6,10 @@ use super::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{distance, lerp};
 
-/// A tree of configurations; nodes without parent are roots.
+/// A tree of configurations; roots have no parent.
 struct Tree {
     dof: usize,
-    /// All configurations, one after the other.
+    /// All configurations, concatenated.
     numbers: Vec<f64>,
     parents: Vec<Option<usize>>,
 }
@@ -20,7 +20,7 @@ enum Growth {
     Arrived(usize),
 }
 
-/// Waypoints from `start` to one of `goals` (nearest first), or `None` after the settings' iterations.
+/// Waypoints from `start` to one of `goals`; `None` after the maximum iterations.
 ///
 /// `iterations` counts the nodes added.
 pub(super) fn connect(
@@ -102,7 +102,7 @@ impl Tree {
         best.1
     }
 
-    /// Grows from a node towards a target, at most as far as the settings' range.
+    /// Extends a node towards a target by at most the maximum edge.
     fn extend(
         &mut self,
         checker: &Checker,

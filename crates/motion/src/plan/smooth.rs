@@ -1,4 +1,4 @@
-//! Shorter and smoother: shortcuts between any two points of a path, rounded corners, and the final test.
+//! Path smoothing: random shortcuts, rounded corners, and the final collision check.
 
 use rand::{Rng, RngExt};
 
@@ -6,11 +6,12 @@ use super::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
-/// Distance kept on rounded corners, m, also by pairs that may come closer at start or goal:
-/// the timed motion leaves the path there by fractions of a millimetre.
+/// Clearance on rounded corners [m], also for relaxed pairs: the timed motion deviates from the path there by fractions
+/// of a
+/// millimetre.
 const CORNER_CLEARANCE: f64 = 0.001;
 
-/// Shortens a path of the search, tests what is left of it, and rounds its corners; `None` when an edge does not pass.
+/// Shortens a path, checks the remaining edges and rounds its corners; `None` if an edge is not free.
 pub(super) fn smooth(
     checker: &Checker,
     settings: &PlanSettings,
@@ -18,7 +19,7 @@ pub(super) fn smooth(
     rng: &mut impl Rng,
 ) -> Option<Path> {
     let spacing = settings.final_spacing;
-    let mut route = Route { proven: vec![false; waypoints.len().saturating_sub(1)], waypoints };
+    let mut route = Route { checked: vec![false; waypoints.len().saturating_sub(1)], waypoints };
     route.skip(checker, spacing);
     route.shorten(checker, settings, rng);
     route.skip(checker, spacing);
@@ -26,30 +27,31 @@ pub(super) fn smooth(
         return None;
     }
     let mut path = Path::polyline(route.waypoints);
-    let firmer;
-    let rounding = if checker.keeps(CORNER_CLEARANCE) {
+    let stricter;
+    let rounding = if checker.has_min_clearance(CORNER_CLEARANCE) {
         checker
     } else {
-        firmer = checker.keeping(CORNER_CLEARANCE);
-        &firmer
+        stricter = checker.with_min_clearance(CORNER_CLEARANCE);
+        &stricter
     };
     path.round_corners(settings.blend, settings.blend_halvings, |states| rounding.polyline_is_free(states, spacing));
     Some(path)
 }
 
-/// A polyline, and for each of its edges whether it has passed the final test.
+/// A polyline with a flag per edge that passed the final check.
 struct Route {
     waypoints: Vec<Vec<f64>>,
-    proven: Vec<bool>,
+    checked: Vec<bool>,
 }
 
 impl Route {
-    /// Goes from each waypoint straight to the farthest later one it can see.
+    /// Connects each waypoint to the farthest later one in line of sight.
     fn skip(&mut self, checker: &Checker, spacing: f64) {
         let mut index = 0;
         while index + 2 < self.waypoints.len() {
-            let sees = |later: &usize| self.sees(checker, &self.waypoints[index], &self.waypoints[*later], spacing);
-            if let Some(later) = (index + 2..self.waypoints.len()).rev().find(sees) {
+            let is_visible =
+                |later: &usize| self.is_visible(checker, &self.waypoints[index], &self.waypoints[*later], spacing);
+            if let Some(later) = (index + 2..self.waypoints.len()).rev().find(is_visible) {
                 self.replace(index, later, []);
             }
             index += 1;
@@ -74,7 +76,8 @@ impl Route {
             let along: f64 = distance(&first, &self.waypoints[first_edge + 1])
                 + lengths[first_edge + 1..last_edge].iter().sum::<f64>()
                 + distance(&self.waypoints[last_edge], &last);
-            if distance(&first, &last) < along - 1e-3 && self.sees(checker, &first, &last, settings.final_spacing) {
+            if distance(&first, &last) < along - 1e-3 && self.is_visible(checker, &first, &last, settings.final_spacing)
+            {
                 self.replace(first_edge, last_edge + 1, [first, last]);
                 failures = 0;
             } else {
@@ -83,28 +86,29 @@ impl Route {
         }
     }
 
-    /// Puts a shortcut that passed the final test, its ends on the edges behind `first` and before `last`, between the
-    /// two waypoints; without ends of its own it joins the waypoints themselves.
+    /// Inserts a checked shortcut with its ends on the edges after `first` and before `last`; without ends it connects
+    /// the two
+    /// waypoints.
     fn replace<const ENDS: usize>(&mut self, first: usize, last: usize, ends: [Vec<f64>; ENDS]) {
-        // Parts of edges that passed have passed.
-        let (before, after) = (self.proven[first], self.proven[last - 1]);
-        let proven: &[bool] = if ENDS == 0 { &[true] } else { &[before, true, after] };
-        self.proven.splice(first..last, proven.iter().copied());
+        // Parts of checked edges are checked.
+        let (before, after) = (self.checked[first], self.checked[last - 1]);
+        let checked: &[bool] = if ENDS == 0 { &[true] } else { &[before, true, after] };
+        self.checked.splice(first..last, checked.iter().copied());
         self.waypoints.splice(first + 1..last, ends);
     }
 
-    fn sees(&self, checker: &Checker, from: &[f64], to: &[f64], spacing: f64) -> bool {
+    fn is_visible(&self, checker: &Checker, from: &[f64], to: &[f64], spacing: f64) -> bool {
         checker.edges_are_free(vec![[from, to]], spacing)
     }
 
-    /// The final test of the edges that have not passed it yet.
+    /// Final check of the remaining edges.
     fn is_free(&self, checker: &Checker, spacing: f64) -> bool {
-        let edges = self.waypoints.windows(2).zip(&self.proven);
-        let open = edges.filter(|(_, proven)| !**proven).map(|(edge, _)| [&*edge[0], &*edge[1]]).collect();
+        let edges = self.waypoints.windows(2).zip(&self.checked);
+        let open = edges.filter(|(_, checked)| !**checked).map(|(edge, _)| [&*edge[0], &*edge[1]]).collect();
         checker.edges_are_free(open, spacing)
     }
 
-    /// The edge and the point at a length along the path.
+    /// Edge and point at an arc length.
     fn at_length(&self, lengths: &[f64], mut length: f64) -> (usize, Vec<f64>) {
         for (edge, edge_length) in lengths.iter().enumerate() {
             if length <= *edge_length && *edge_length > 0.0 {

@@ -1,4 +1,4 @@
-//! Straight lines of the tcp: approach, lift, lower and retreat.
+//! Straight TCP motions: approach, lift, lower and retreat.
 
 use genmanip_core::Pose;
 use serde::{Deserialize, Serialize};
@@ -8,15 +8,15 @@ use crate::collision::{Checker, CollisionReport};
 use crate::ik::InverseKinematics;
 use crate::path::{Path, lerp};
 
-/// How straight lines are followed.
+/// Settings of straight motions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StraightSettings {
-    /// Distance of the tcp between two solutions of the inverse kinematics, m.
+    /// TCP distance between two IK solutions [m].
     pub step: f64,
-    /// Turn of the tcp between two solutions, rad.
+    /// TCP rotation between two IK solutions [rad].
     pub turn: f64,
-    /// Largest joint motion between two solutions, rad; more means the arm runs into a singularity or a limit.
+    /// Maximum joint motion between two IK solutions [rad]; more indicates a singularity or a limit.
     pub max_joint_step: f64,
 }
 
@@ -26,9 +26,9 @@ impl Default for StraightSettings {
     }
 }
 
-/// A path on which the tcp moves straight from where it is at `start` to `world_from_goal`.
+/// Plans a straight TCP motion from `start` to `world_from_goal`.
 ///
-/// Only at the start may pairs be closer than the padding, and then they may stay as close.
+/// Pairs may be closer than the padding only at the start, and then stay as close.
 pub(crate) fn straight_line(
     checker: &mut Checker,
     ik: &InverseKinematics,
@@ -39,7 +39,7 @@ pub(crate) fn straight_line(
 ) -> Result<Path, PlanError> {
     within_limits(checker, "start", start)?;
     if !(world_from_goal.position.is_finite() && world_from_goal.rotation.is_finite()) {
-        return Err(PlanError::Unreachable { what: "the goal pose holds a number that is not finite".into() });
+        return Err(PlanError::Unreachable { what: "the goal pose is not finite".into() });
     }
     let waypoints = follow(checker, ik, settings, start, world_from_goal)?;
     checker.relax(start, plan.contact_tolerance).map_err(PlanError::StartInCollision)?;
@@ -85,7 +85,7 @@ fn follow(
     Ok(waypoints)
 }
 
-/// Where an edge first comes too close to something, 0-1 of the edge, and to what.
+/// First contact of an edge: its position as a share of the edge, and the pair.
 fn first_contact(checker: &Checker, from: &[f64], to: &[f64], spacing: f64) -> Option<(f64, CollisionReport)> {
     let steps = checker.edge_steps(from, to, spacing);
     (1..=steps).find_map(|step| {

@@ -11,7 +11,7 @@ fn cuboid(center: DVec3, size: DVec3) -> Piece {
     Piece::at(center, Shape::Box { half_extents: size / 2.0 })
 }
 
-/// A table and a wall across the straight way between the two sides.
+/// A table and a wall across the straight path between two sides.
 fn walled() -> CollisionWorld {
     let mut world = CollisionWorld::new();
     world.add("table", &[cuboid(DVec3::new(0.55, 0.0, -0.02), DVec3::new(0.7, 1.0, 0.04))], &Pose::IDENTITY).unwrap();
@@ -115,7 +115,7 @@ fn tiny_steps_find_the_same_way_around() {
     }
 }
 
-/// Fingertips 0.02 mm above the table at both ends: the timed motion, which cuts corners a little, touches nothing.
+/// Fingertips 0.02 mm above the table at both ends: the timed motion, which cuts corners slightly, touches nothing.
 #[test]
 fn timed_motions_from_and_to_near_contact_touch_nothing() {
     let (planner, world, allowed) = (planner(), walled(), Allowed::none());

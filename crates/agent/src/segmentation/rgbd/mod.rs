@@ -1,122 +1,126 @@
-//! Masks from colour and depth alone: no model, no network, no truth.
+//! Segmentation from colour and depth: no learned model, no network, no ground truth.
 //!
-//! 1. `surface`: points, normals and the noise of the depth, which is smoothed along surfaces where there is any.
-//! 2. `support`: large level planes; what rises above them is looked at.
-//! 3. `regions`: small regions of one surface and one colour.
-//! 4. `merge`: neighbouring regions become things, by what their border looks like.
+//! 1. `cloud`: organised point cloud with normals and the noise of the depth, which is smoothed along surfaces if
+//! noisy.
+//! 2. `support`: large horizontal planes; only points above them are segmented.
+//! 3. `regions`: oversegmentation into small regions of one surface and one colour.
+//! 4. `merge`: merges neighbouring regions into objects by a classifier on their border.
 
+mod cloud;
 pub mod merge;
 mod regions;
 mod support;
-mod surface;
 
 use genmanip_core::RgbdImage;
 
 use super::{Mask, SegmentError, SegmentQuestion, Segmenter};
+use cloud::OrganizedCloud;
 use merge::Graph;
 use regions::{NONE, RegionSettings, regions};
-use surface::Surface;
 
-/// How masks are made.
+/// Segmentation settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RgbdSettings {
-    /// What rises less above a support belongs to it, m.
-    pub least_height_m: f32,
-    /// The same as standard deviations of the height.
-    pub least_height_noises: f32,
-    /// Neighbouring regions belong to one thing when the chance is at least this.
-    pub least_chance: f64,
-    /// The same for regions within one thing, whose parts are asked for.
-    pub least_chance_in_thing: f64,
-    /// Smaller masks are left out, pixels.
-    pub least_px: usize,
+    /// Minimum height of an object above its support [m].
+    pub min_height_m: f32,
+    /// The same in standard deviations of the measured height.
+    pub min_height_sigmas: f32,
+    /// Minimum merge probability of neighbouring regions of one object.
+    pub min_probability: f64,
+    /// The same when segmenting one object into parts.
+    pub min_probability_within_object: f64,
+    /// Minimum mask area [px].
+    pub min_area_px: usize,
 }
 
 impl Default for RgbdSettings {
     fn default() -> Self {
         Self {
-            least_height_m: 0.0025,
-            least_height_noises: 3.5,
-            least_chance: 0.5,
-            least_chance_in_thing: 0.97,
-            least_px: 40,
+            min_height_m: 0.0025,
+            min_height_sigmas: 3.5,
+            min_probability: 0.5,
+            min_probability_within_object: 0.97,
+            min_area_px: 40,
         }
     }
 }
 
-/// Finds things in colour and depth.
+/// Segments objects in colour and depth images.
 #[derive(Clone, Debug, Default)]
 pub struct RgbdSegmenter {
-    /// How.
+    /// Settings.
     pub settings: RgbdSettings,
 }
 
 impl Segmenter for RgbdSegmenter {
-    /// Masks by size, largest first.
+    /// Masks by descending area.
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
         check(question.image)?;
-        let cut = self.cut(question);
-        // Of one thing everything belongs together; its parts are what is left at a much higher chance.
-        let least =
-            if question.within.is_some() { self.settings.least_chance_in_thing } else { self.settings.least_chance };
-        let group = cut.graph.merge(merge::chance, least);
+        let oversegment = self.oversegment(question);
+        // Within one object all regions belong together; its parts remain separate at a much higher threshold.
+        let min = if question.within.is_some() {
+            self.settings.min_probability_within_object
+        } else {
+            self.settings.min_probability
+        };
+        let group = oversegment.graph.merge(merge::merge_probability, min);
         let (width, height) = (question.image.width(), question.image.height());
         let mut areas = vec![0_usize; group.len()];
         let of_pixel = |label: &u32| if *label == NONE { NONE } else { group[*label as usize] };
-        let things: Vec<u32> = cut.labels.iter().map(of_pixel).collect();
-        for thing in things.iter().filter(|thing| **thing != NONE) {
-            areas[*thing as usize] += 1;
+        let object_labels: Vec<u32> = oversegment.labels.iter().map(of_pixel).collect();
+        for object in object_labels.iter().filter(|object| **object != NONE) {
+            areas[*object as usize] += 1;
         }
         let mut order: Vec<u32> =
-            (0..areas.len() as u32).filter(|thing| areas[*thing as usize] >= self.settings.least_px).collect();
-        order.sort_by_key(|thing| (std::cmp::Reverse(areas[*thing as usize]), *thing));
-        Ok(order.iter().map(|thing| Mask::of_label(width, height, &things, thing)).collect())
+            (0..areas.len() as u32).filter(|object| areas[*object as usize] >= self.settings.min_area_px).collect();
+        order.sort_by_key(|object| (std::cmp::Reverse(areas[*object as usize]), *object));
+        Ok(order.iter().map(|object| Mask::of_label(width, height, &object_labels, object)).collect())
     }
 }
 
-/// An image in small regions.
+/// An oversegmented image.
 #[derive(Clone, Debug)]
-pub struct Cut {
+pub struct Oversegmentation {
     /// Region of each pixel, `u32::MAX` for none.
     pub labels: Vec<u32>,
-    /// The regions and their borders.
+    /// Region adjacency graph.
     pub graph: Graph,
 }
 
 impl RgbdSegmenter {
-    /// The small regions that things are made of.
-    pub fn cut(&self, question: &SegmentQuestion) -> Cut {
+    /// Oversegments the image into small regions.
+    pub fn oversegment(&self, question: &SegmentQuestion) -> Oversegmentation {
         let image = question.image;
-        let colors = surface::colors(&image.rgb, image.width() as usize);
-        let surface = Surface::new(image, &colors, question.ignore);
-        let planes = support::planes(&surface);
-        let (mut is_asked, mut is_support) = (vec![false; colors.len()], vec![false; colors.len()]);
+        let colors = cloud::colors(&image.rgb, image.width() as usize);
+        let cloud = OrganizedCloud::new(image, &colors, question.ignore);
+        let planes = support::planes(&cloud);
+        let (mut is_foreground, mut is_support) = (vec![false; colors.len()], vec![false; colors.len()]);
         let mut heights = vec![0.0; colors.len()];
-        for index in (0..colors.len()).filter(|index| surface.is_seen[*index]) {
-            let point = surface.points[index];
-            // The highest plane below; a point just below a plane belongs to it.
+        for index in (0..colors.len()).filter(|index| cloud.is_seen[*index]) {
+            let point = cloud.points[index];
+            // The highest plane below the point; a point just below a plane belongs to it.
             let above = planes.iter().rev().filter_map(|plane| plane.height_of(point)).find(|height| *height > -0.01);
             let Some(height) = above else { continue };
-            let least = self.least_height(&surface, index);
+            let min = self.min_height(&cloud, index);
             heights[index] = height;
-            is_support[index] = height < least;
-            is_asked[index] = height >= least;
+            is_support[index] = height < min;
+            is_foreground[index] = height >= min;
         }
         if let Some(within) = question.within {
-            for (asked, inside) in is_asked.iter_mut().zip(&within.pixels) {
+            for (asked, inside) in is_foreground.iter_mut().zip(&within.pixels) {
                 *asked &= inside;
             }
         }
-        let (labels, count) = regions(&surface, &colors, &is_asked, &RegionSettings::default());
-        let graph = Graph::new(&surface, &colors, &heights, &is_support, &labels, count);
-        Cut { labels, graph }
+        let (labels, count) = regions(&cloud, &colors, &is_foreground, &RegionSettings::default());
+        let graph = Graph::new(&cloud, &colors, &heights, &is_support, &labels, count);
+        Oversegmentation { labels, graph }
     }
 
-    fn least_height(&self, surface: &Surface, index: usize) -> f32 {
-        let point = surface.points[index];
-        let view = (surface.eye - point).normalize_or_zero();
-        let noise_m = surface.depth_noise_m(point) * view.z.abs();
-        self.settings.least_height_m.max(self.settings.least_height_noises * noise_m)
+    fn min_height(&self, cloud: &OrganizedCloud, index: usize) -> f32 {
+        let point = cloud.points[index];
+        let view = (cloud.camera - point).normalize_or_zero();
+        let noise_m = cloud.depth_noise_m(point) * view.z.abs();
+        self.settings.min_height_m.max(self.settings.min_height_sigmas * noise_m)
     }
 }
 
@@ -137,22 +141,22 @@ mod tests {
     use genmanip_core::{Camera, Intrinsics};
     use glam::{DVec2, DVec3};
 
-    /// A table with boxes on it, each from a lower to an upper corner and of one colour.
+    /// A table with boxes, each given by lower corner, upper corner and colour.
     fn image(boxes: &[(DVec3, DVec3, [u8; 3])]) -> RgbdImage {
         let intrinsics = Intrinsics::from_vertical_fov(256, 144, 0.5);
         let world_from_camera = Camera::pose_looking_at(DVec3::new(1.4, 0.1, 1.0), DVec3::new(0.5, 0.0, 0.0));
-        let eye = world_from_camera.position;
+        let camera = world_from_camera.position;
         let (mut depth, mut rgb) = (Vec::new(), Vec::new());
         for index in 0..256 * 144 {
             let pixel = DVec2::new(f64::from(index % 256), f64::from(index / 256));
             let along = world_from_camera.transform_vector(intrinsics.unproject(pixel, 1.0));
             let hit = |(low, high, color): &(DVec3, DVec3, [u8; 3])| {
-                let (one, other) = ((*low - eye) / along, (*high - eye) / along);
+                let (one, other) = ((*low - camera) / along, (*high - camera) / along);
                 let (near, far) = (one.min(other).max_element(), one.max(other).min_element());
                 (near < far).then_some((near, *color))
             };
             let nearest = boxes.iter().filter_map(hit).min_by(|one, other| one.0.total_cmp(&other.0));
-            let (at, color) = nearest.unwrap_or((-eye.z / along.z, [190, 170, 140]));
+            let (at, color) = nearest.unwrap_or((-camera.z / along.z, [190, 170, 140]));
             depth.push(at as f32);
             rgb.extend(color);
         }

@@ -1,84 +1,84 @@
-//! Small regions of one surface and one colour: the image cut finer than its things.
+//! Oversegmentation into small regions of one surface and one colour.
 //!
 //! After Felzenszwalb and Huttenlocher, "Efficient graph-based image segmentation", IJCV 2004: neighbouring pixels are
-//! joined from the most alike on, as long as they differ little more than the pixels of either region do among each other.
+//! merged by ascending dissimilarity while it exceeds the internal variation of either region by little.
 
 use glam::Vec3;
 
-use super::surface::Surface;
+use super::cloud::OrganizedCloud;
 
-/// How pixels become regions.
+/// Oversegmentation settings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RegionSettings {
-    /// Step out of the tangent plane that counts as one difference, m.
+    /// Distance from the tangent plane with dissimilarity 1 [m].
     pub step_m: f32,
-    /// The same as standard deviations of the depth.
-    pub step_noises: f32,
-    /// Angle of a concave edge that counts as one, rad.
+    /// The same in standard deviations of the depth.
+    pub step_sigmas: f32,
+    /// Concave angle with dissimilarity 1 [rad].
     pub concave_rad: f32,
-    /// Angle of a convex edge that counts as one, rad.
+    /// Convex angle with dissimilarity 1 [rad].
     pub convex_rad: f32,
-    /// Difference of brightness that counts as one.
+    /// Brightness difference with dissimilarity 1.
     pub brightness: f32,
-    /// Difference of hue and saturation that counts as one.
+    /// Chroma difference with dissimilarity 1.
     pub hue: f32,
-    /// How much more regions of a pixel may differ, times the number of pixels.
+    /// Scale parameter `k` of the paper: larger values give larger regions.
     pub scale: f32,
-    /// Regions with fewer pixels join the neighbour that is most alike.
-    pub least_px: u32,
+    /// Regions with fewer pixels are merged into their most similar neighbour.
+    pub min_px: u32,
 }
 
 impl Default for RegionSettings {
     fn default() -> Self {
         Self {
             step_m: 0.004,
-            step_noises: 4.0,
+            step_sigmas: 4.0,
             concave_rad: 0.4,
             convex_rad: 0.9,
             brightness: 0.16,
             hue: 0.10,
             scale: 8.0,
-            least_px: 12,
+            min_px: 12,
         }
     }
 }
 
-/// Marks pixels of no region.
+/// Label of pixels without a region.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Region of each pixel, numbered from 0 in the order of their first pixels, and how many there are.
+/// Region of each pixel, numbered from 0 in the order of their first pixels, and the number of regions.
 pub(super) fn regions(
-    surface: &Surface,
+    cloud: &OrganizedCloud,
     colors: &[Vec3],
-    is_asked: &[bool],
+    is_foreground: &[bool],
     settings: &RegionSettings,
 ) -> (Vec<u32>, usize) {
-    let (width, count) = (surface.width, surface.points.len());
+    let (width, count) = (cloud.width, cloud.points.len());
     let mut edges: Vec<(f32, u32, u32)> = Vec::new();
-    for index in (0..count).filter(|index| is_asked[*index]) {
+    for index in (0..count).filter(|index| is_foreground[*index]) {
         let right = (index % width + 1 < width).then_some(index + 1);
         let below = (index + width < count).then_some(index + width);
-        for other in [right, below].into_iter().flatten().filter(|other| is_asked[*other]) {
-            edges.push((difference(surface, colors, index, other, settings), index as u32, other as u32));
+        for other in [right, below].into_iter().flatten().filter(|other| is_foreground[*other]) {
+            edges.push((dissimilarity(cloud, colors, index, other, settings), index as u32, other as u32));
         }
     }
     edges.sort_unstable_by(|one, other| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1)).then(one.2.cmp(&other.2)));
-    let mut forest = Forest::new(count);
-    let mut inner = vec![0.0_f32; count];
+    let mut forest = DisjointSets::new(count);
+    let mut internal_difference = vec![0.0_f32; count];
     for &(weight, one, other) in &edges {
         let (one, other) = (forest.root(one), forest.root(other));
         if one == other {
             continue;
         }
-        let bound = |root: u32| inner[root as usize] + settings.scale / forest.size[root as usize] as f32;
+        let bound = |root: u32| internal_difference[root as usize] + settings.scale / forest.size[root as usize] as f32;
         if weight <= bound(one).min(bound(other)).min(1.0) {
             let root = forest.join(one, other);
-            inner[root as usize] = weight;
+            internal_difference[root as usize] = weight;
         }
     }
     for &(_, one, other) in &edges {
         let (one, other) = (forest.root(one), forest.root(other));
-        let is_small = |root: u32| forest.size[root as usize] < settings.least_px;
+        let is_small = |root: u32| forest.size[root as usize] < settings.min_px;
         if one != other && (is_small(one) || is_small(other)) {
             forest.join(one, other);
         }
@@ -86,7 +86,7 @@ pub(super) fn regions(
     let mut number_of = vec![NONE; count];
     let mut labels = vec![NONE; count];
     let mut regions = 0;
-    for index in (0..count).filter(|index| is_asked[*index]) {
+    for index in (0..count).filter(|index| is_foreground[*index]) {
         let root = forest.root(index as u32) as usize;
         if number_of[root] == NONE {
             number_of[root] = regions;
@@ -97,44 +97,44 @@ pub(super) fn regions(
     (labels, regions as usize)
 }
 
-/// How unlike two neighbouring pixels are; 1 looks like an edge between things.
-fn difference(surface: &Surface, colors: &[Vec3], one: usize, other: usize, settings: &RegionSettings) -> f32 {
-    let step_m = settings.step_m.max(settings.step_noises * surface.depth_noise_m(surface.points[one]));
-    let step = step_of(surface, one, other) / step_m;
-    let bend = bend_of(surface, one, other);
+/// Dissimilarity of two neighbouring pixels; 1 corresponds to an object edge.
+fn dissimilarity(cloud: &OrganizedCloud, colors: &[Vec3], one: usize, other: usize, settings: &RegionSettings) -> f32 {
+    let step_m = settings.step_m.max(settings.step_sigmas * cloud.depth_noise_m(cloud.points[one]));
+    let step = tangent_distance_m(cloud, one, other) / step_m;
+    let bend = normal_angle(cloud, one, other);
     let bend = if bend < 0.0 { -bend / settings.concave_rad } else { bend / settings.convex_rad };
     let color = colors[one] - colors[other];
     let brightness = color.x.abs() / settings.brightness;
-    let hue = hue_of(color) / settings.hue;
+    let hue = chroma(color) / settings.hue;
     (step * step).max(bend * bend).min(4.0) + brightness * brightness + hue * hue
 }
 
-/// Distance of one point from the tangent plane of the other, m; the smaller one of both.
-fn step_of(surface: &Surface, one: usize, other: usize) -> f32 {
-    let apart = surface.points[other] - surface.points[one];
-    apart.dot(surface.normals[one]).abs().min(apart.dot(surface.normals[other]).abs())
+/// Smaller distance of either point from the other's tangent plane [m].
+fn tangent_distance_m(cloud: &OrganizedCloud, one: usize, other: usize) -> f32 {
+    let apart = cloud.points[other] - cloud.points[one];
+    apart.dot(cloud.normals[one]).abs().min(apart.dot(cloud.normals[other]).abs())
 }
 
-/// Angle between the normals, rad; negative where the surface is concave.
-pub(super) fn bend_of(surface: &Surface, one: usize, other: usize) -> f32 {
-    let (a, b) = (surface.normals[one], surface.normals[other]);
+/// Angle between the normals [rad]; negative if concave.
+pub(super) fn normal_angle(cloud: &OrganizedCloud, one: usize, other: usize) -> f32 {
+    let (a, b) = (cloud.normals[one], cloud.normals[other]);
     let angle = a.dot(b).clamp(-1.0, 1.0).acos();
-    let apart = surface.points[other] - surface.points[one];
+    let apart = cloud.points[other] - cloud.points[one];
     if (b - a).dot(apart) < 0.0 { -angle } else { angle }
 }
 
-/// Length of what is not brightness in a difference of colours.
-pub(super) fn hue_of(difference: Vec3) -> f32 {
-    difference.y.hypot(difference.z)
+/// Chroma difference: norm of the non-brightness components.
+pub(super) fn chroma(dissimilarity: Vec3) -> f32 {
+    dissimilarity.y.hypot(dissimilarity.z)
 }
 
-/// Disjoint sets.
-struct Forest {
+/// Disjoint-set forest.
+struct DisjointSets {
     parent: Vec<u32>,
     size: Vec<u32>,
 }
 
-impl Forest {
+impl DisjointSets {
     fn new(count: usize) -> Self {
         Self { parent: (0..count as u32).collect(), size: vec![1; count] }
     }
@@ -148,7 +148,7 @@ impl Forest {
         node
     }
 
-    /// Joins two roots; the larger one stays.
+    /// Unites two roots; returns the root of the larger set.
     fn join(&mut self, one: u32, other: u32) -> u32 {
         let (low, high) = if self.size[one as usize] < self.size[other as usize] { (one, other) } else { (other, one) };
         self.parent[low as usize] = high;

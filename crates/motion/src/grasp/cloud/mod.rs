@@ -1,19 +1,22 @@
-//! Grasp candidates from points alone: no model, no network.
+//! Grasp sampling from point clouds: no object model, no network.
 //!
-//! The hand comes straight in along one of a few approach directions; for each, and for each roll of the hand, the
-//! points are seen as heights over a strip as wide as the pads.
-//! Where the strip rises above the tips it must fit between the pads, and beside it the pads must find room: so bodies,
-//! rims, walls and handles come out alike, and things that lie flat on the table are searched down to the table.
-//! The contacts are where flat pads would meet the points on closing; their slope, offset, area and lever to the centre
-//! give features, and a logistic model fitted to physics trials (`genmanip-lab grasp`) turns these into a chance.
+//! The gripper approaches straight along one of a few directions; for each direction and roll, the points form a height
+//! profile
+//! over a strip of pad width. Parts of the strip above the tips must fit between the pads, with space for the pads
+//! beside them.
+//! This covers bodies, rims, walls and handles alike; flat objects are searched down to the table. Contacts are where
+//! flat pads
+//! would touch the points on closing; their slope, offset, area and lever to the centre are features of a logistic
+//! regression
+//! fitted to physics trials (`genmanip-lab grasp`) that predicts the success probability.
 
 mod filter;
+mod occlusion;
 mod points;
 mod score;
 mod strip;
 #[cfg(test)]
 mod tests;
-mod unseen;
 
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
@@ -23,20 +26,20 @@ pub use score::{Features, Weights};
 
 use super::{GraspSettings, Gripper, same};
 
-/// Points of what is to be grasped, and what is known around it; world frame.
+/// Target and scene points, world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudTarget<'a> {
-    /// Points on the target, from one view, several fused ones, or its whole surface.
+    /// Target points, from one view, several fused views, or the whole surface.
     pub points: &'a [DVec3],
-    /// Where the cameras were; empty when the points cover the whole surface. With cameras, hidden sides are guessed.
+    /// Camera positions; empty if the points cover the whole surface. With cameras, hidden sides are estimated.
     pub cameras: &'a [DVec3],
-    /// Points of everything else that the hand must keep clear of; the table need not be among them.
+    /// Points of obstacles; the table may be omitted.
     pub scene: &'a [DVec3],
-    /// Height of the table's top (world z), m.
+    /// Height of the table, world z [m].
     pub table_height: f64,
 }
 
-/// A cloud that cannot be worked with.
+/// Error in a point cloud.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CloudError {
     /// There are no points.
@@ -53,12 +56,12 @@ pub enum CloudError {
     /// A number is NaN or infinite.
     #[error("point {index} of the {what} is not finite")]
     NotFinite {
-        /// Which input.
+        /// Input name.
         what: &'static str,
         /// Index of the point.
         index: usize,
     },
-    /// All points lie on a line or in one place.
+    /// All points are collinear or coincide.
     #[error("the cloud of the target has no extent: {extent_mm:.2} mm across, expected a surface")]
     NoExtent {
         /// Standard deviation along the second principal axis, mm.
@@ -66,33 +69,33 @@ pub enum CloudError {
     },
 }
 
-/// How points become grasps.
+/// Sampling settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CloudSettings {
-    /// Points are averaged in cells of this size, m.
+    /// Voxel size of downsampling [m].
     pub voxel: f64,
-    /// Points of the target above which the cells are made larger: a thing with many is large, and needs no finer ones.
+    /// Maximum target points; above it, voxels are enlarged, since large objects need less detail.
     pub most_points: usize,
-    /// Share of a mirror image that must be hidden from all cameras for the image to be believed.
+    /// Share of a mirror image that must be hidden from all cameras to be accepted.
     pub hidden_share: f64,
-    /// Rolls of the hand over half a turn, coming from above; two more are along the target's axes.
+    /// Number of rolls over half a turn when approaching from above; two more follow the target's axes.
     pub rolls: usize,
-    /// Angles from straight down of the other approaches, rad.
+    /// Tilts of the other approaches from vertical [rad].
     pub tilts: Vec<f64>,
-    /// How far below the top of a strip the tips are tried, m.
+    /// Tip depths below the top of a strip to try [m].
     pub depths: Vec<f64>,
-    /// Height of the lowest point of the gripper above the table, m.
+    /// Minimum height of the gripper above the table [m].
     pub table_clearance: f64,
-    /// Room on either side between open pads and target, widest first, m.
+    /// Clearance on either side between open pads and target, widest first [m].
     pub opening_clearances: Vec<f64>,
-    /// Distance of the hand's body from everything, m.
+    /// Clearance of the hand to everything [m].
     pub hand_clearance: f64,
-    /// Difference between the gripper's largest opening and the widest grasp, m.
+    /// Difference between the maximum opening and the widest grasp [m].
     pub width_clearance: f64,
-    /// Candidates returned.
+    /// Maximum number of candidates.
     pub max_candidates: usize,
-    /// The model of the score.
+    /// Weights of the success model.
     pub weights: Weights,
 }
 
@@ -115,23 +118,23 @@ impl Default for CloudSettings {
     }
 }
 
-/// A candidate with what its score was made of.
+/// A candidate with its features.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CloudGrasp {
-    /// Pose of the tcp in the world, distance of the contacts, and the chance that the grasp holds.
+    /// TCP pose in the world frame, contact distance, and success probability.
     pub grasp: Grasp,
-    /// Opening with which to approach, m.
+    /// Gripper opening for the approach [m].
     pub opening: f64,
-    /// The terms of the score.
+    /// Features of the success model.
     pub features: Features,
 }
 
-/// Candidates in the world frame, best first, none equal to another up to half a turn about the approach axis.
+/// Grasp candidates, world frame, best first, distinct up to half a turn about the approach axis.
 ///
-/// Empty when nothing fits the hand.
+/// Empty if nothing fits the gripper.
 ///
 /// # Errors
-/// A cloud that is empty, not finite, too small or without extent.
+/// Fails if the cloud is empty, not finite, too small or without extent.
 pub fn cloud_grasps(
     target: &CloudTarget,
     gripper: &Gripper,
@@ -152,28 +155,28 @@ pub fn cloud_grasps(
         if kept.len() >= settings.max_candidates {
             break;
         }
-        let fresh = |other: &CloudGrasp| !same(&other.grasp.pose, &grasp.grasp.pose, sameness);
-        if kept.iter().all(fresh) && strip::hand_is_clear(&cloud, gripper, settings, &grasp.grasp.pose, &mut blocker) {
+        let is_new = |other: &CloudGrasp| !same(&other.grasp.pose, &grasp.grasp.pose, sameness);
+        if kept.iter().all(is_new) && strip::hand_is_clear(&cloud, gripper, settings, &grasp.grasp.pose, &mut blocker) {
             kept.push(grasp);
         }
     }
     Ok(kept)
 }
 
-/// Approach directions, each with closing directions at a right angle to it.
+/// Approach directions, each with perpendicular closing directions.
 fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Vec<DVec3>)> {
-    let level = |angle: f64| DVec3::new(angle.cos(), angle.sin(), 0.0);
+    let horizontal = |angle: f64| DVec3::new(angle.cos(), angle.sin(), 0.0);
     let rolls = settings.rolls.max(1);
-    let even = (0..rolls).map(|roll| level(std::f64::consts::PI * roll as f64 / rolls as f64));
+    let even = (0..rolls).map(|roll| horizontal(std::f64::consts::PI * roll as f64 / rolls as f64));
     let long = points::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
     let down = [DVec3::new(-long.y, long.x, 0.0), long].into_iter().chain(even).collect();
     let mut all = vec![(DVec3::NEG_Z, down)];
-    // From the side the hand closes along the table, as from above: the palm's long side stays level.
+    // From the side the gripper closes along the table, as from above: the palm's long side stays horizontal.
     let height = cloud.target.iter().map(|seen| seen.point.z).fold(f64::NEG_INFINITY, f64::max) - cloud.table_height;
-    let ways = rolls / 2;
+    let directions = rolls / 2;
     for &tilt in settings.tilts.iter().filter(|&&tilt| height > 0.03 + 0.05 * tilt) {
-        for way in 0..ways {
-            let side = level(std::f64::consts::TAU * way as f64 / ways as f64);
+        for direction in 0..directions {
+            let side = horizontal(std::f64::consts::TAU * direction as f64 / directions as f64);
             let approach = side * tilt.sin() - DVec3::Z * tilt.cos();
             all.push((approach, vec![side.cross(DVec3::Z)]));
         }
@@ -181,7 +184,7 @@ fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Ve
     all
 }
 
-/// The tcp's pose from its axes: z = approach, y = closing.
+/// TCP pose from its axes: z = approach, y = closing.
 fn tcp_pose(position: DVec3, approach: DVec3, closing: DVec3) -> Pose {
     Pose::from_axes(position, closing.cross(approach), closing, approach)
 }

@@ -1,4 +1,4 @@
-//! The points that the sampler works on: their kinds, how they are thinned, and how far and which way they spread.
+//! Point types of the sampler, downsampling, extents and principal axes.
 
 use glam::DVec3;
 
@@ -6,34 +6,32 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) point: DVec3,
-    /// Whether it was put there by [`super::unseen::Unseen::complete`].
+    /// True if estimated by [`super::occlusion::Occlusion::complete`].
     pub(super) guessed: bool,
 }
 
-/// A point in the frame of a hand: along closing, across, along approach, m; in 32 bits, since most of the sampler's time
-/// goes into passing these on.
+/// A point in gripper coordinates: along closing, across, along approach [m]; in 32 bits for memory bandwidth.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Local {
     pub(super) c: f32,
     pub(super) h: f32,
     pub(super) a: f32,
-    /// 1 when it was guessed, 0 when it was seen.
+    /// 1 if estimated, 0 if observed.
     pub(super) guessed: f32,
 }
 
-/// Points of a surface `cell` apart, or farther, so that about `most` are left.
+/// Downsamples a surface to about `most` points at least `cell` apart.
 pub(super) fn thinned_to(points: &[DVec3], cell: f64, most: usize) -> Vec<DVec3> {
     let fine = thinned(points, cell);
     let excess = fine.len() as f64 / most.max(1) as f64;
     if excess > 1.0 { thinned(points, cell * excess.sqrt()) } else { fine }
 }
 
-/// Means of the points in each cell of a grid, in the order of the cells; averaging also takes noise away where views
-/// overlap.
+/// Voxel-grid downsampling: mean of the points in each cell, in cell order; averages noise of overlapping views.
 pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
     let key = |point: &DVec3| {
         let index = (*point / cell).floor();
-        // 21 bits each cover kilometres; farther points merge, which is harmless.
+        // 21 bits each cover kilometres; farther points wrap around, which is harmless.
         [index.x, index.y, index.z]
             .into_iter()
             .fold(0_u64, |key, i| key << 21 | ((i as i64 + (1 << 20)) as u64 & 0x1f_ffff))
@@ -46,12 +44,12 @@ pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// The corners of the box around points.
+/// Bounding box corners.
 pub(super) fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)))
 }
 
-/// Level direction in which points spread most.
+/// Horizontal direction of largest variance.
 pub(super) fn long_axis(points: impl Iterator<Item = DVec3>, middle: DVec3) -> DVec3 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for point in points {

@@ -1,4 +1,4 @@
-//! What speaks for a grasp, and the chance that follows from it.
+//! Features of a grasp and its success probability.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -7,29 +7,29 @@ use super::filter::Cloud;
 use super::points::Local;
 use crate::grasp::Gripper;
 
-/// Points within this distance of the outermost one are in contact, m.
+/// Points within this distance of the outermost one are in contact [m].
 const CONTACT_M: f64 = 0.0015;
-/// Points within this distance of the outermost one give the contact's slope, m.
+/// Points within this distance of the outermost one determine the contact's slope [m].
 const SLOPE_M: f64 = 0.004;
 
-/// Where one pad meets the points.
+/// Contact patch of one pad.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    /// Along the closing direction, m.
+    /// Position along the closing direction [m].
     pub(super) c: f64,
-    /// Middle of the patch across, from the pad's middle, m.
+    /// Lateral offset of the patch from the pad's centre [m].
     h: f64,
-    /// Middle of the patch behind the tips, m.
+    /// Distance of the patch's centre behind the tips [m].
     depth: f64,
-    /// Extents of the patch across and along the finger, m.
+    /// Extents of the patch across and along the finger [m].
     size: [f64; 2],
-    /// Slope of the surface against the pad, from a plane through the points near the contact; tangent.
+    /// Tangent of the angle between surface and pad, from a plane fit near the contact.
     slope: f64,
-    /// Share of points that were guessed.
+    /// Share of estimated points.
     guessed: f64,
 }
 
-/// Where both pads meet the points.
+/// Contact patches of both pads.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contacts {
     pub(super) low: Patch,
@@ -37,10 +37,11 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// Flat pads closed at `ends` on points between them, sorted along the closing direction; pads in the middle `h`
-    /// across, tips at `tip` along the approach.
+    /// Contacts of flat pads closed on points between them, sorted along the closing direction; pads centred at `h`
+    /// across, tips at
+    /// `tip` along the approach.
     pub(super) fn of(points: &[Local], [low, high]: [f64; 2], h: f64, tip: f64) -> Self {
-        // Each side sees its own half only, or walls would count for both pads.
+        // Each pad uses its own half only, so that walls do not count for both.
         let reach = |distance: f64| distance.min((high - low) / 2.0).max(0.0005);
         let below = |limit: f64| points.partition_point(|p| f64::from(p.c) <= low + reach(limit));
         let above = |limit: f64| points.partition_point(|p| f64::from(p.c) < high - reach(limit));
@@ -53,7 +54,7 @@ impl Contacts {
 }
 
 impl Patch {
-    /// From the points in contact and those near it, for a pad at `c`, its middle at `h`, its tip at `tip`.
+    /// Patch from the points in contact and those nearby, for a pad at `c`, centred at `h`, tip at `tip`.
     fn of(contact: &[Local], near: &[Local], [c, h, tip]: [f64; 3]) -> Self {
         let count = contact.len().max(1) as f64;
         let mut sums = [0.0; 3];
@@ -73,8 +74,8 @@ impl Patch {
     }
 }
 
-/// Tangent of the angle between the pad and the plane that fits points best, by least squares with a slight pull to 0;
-/// `origin` is any place near them.
+/// Tangent of the angle between pad and the least-squares plane of points, regularised towards 0; `origin` is any
+/// nearby point.
 fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     let count = points.len().max(1) as f64;
     let mut means = [0.0; 3];
@@ -87,7 +88,7 @@ fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     }
     let [c, h, a] = means.map(|sum| sum / count);
     let [hh, aa, ha, hc, ac] = products.map(|sum| sum / count);
-    // As if everything lay on the pad to within a millimetre.
+    // Regularisation: 1 mm standard deviation.
     let pull = 1e-6;
     let (hh, aa, ha) = (hh - h * h + pull, aa - a * a + pull, ha - h * a);
     let (hc, ac) = (hc - h * c, ac - a * c);
@@ -96,39 +97,39 @@ fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     along_h.hypot(along_a)
 }
 
-/// Terms of a grasp's score, 0-1 unless said otherwise; larger is worse, except where said.
+/// Features of the success model, in [0, 1] unless stated otherwise; larger is worse unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Features {
     /// Mean slope of the surface against the pads (tangent).
     pub slope: f64,
-    /// How far the contacts are from opposite each other: tangent of the angle of their line to the closing direction.
+    /// Offset of the contacts: tangent of the angle between their line and the closing direction.
     pub offset: f64,
-    /// How far the worse contact is off the pad's middle across, as a share of its half width, to the fourth power: only
-    /// the pad's border is a bad place.
+    /// Lateral offset of the worse contact as a share of the pad's half width, to the fourth power: only the pad's
+    /// border is bad.
     pub off_pad: f64,
-    /// How near the tips the worse contact is, as a share of 9 mm, to the third power; 0 in the middle of the
-    /// pad.
+    /// Proximity of the worse contact to the tips, as a share of 9 mm, to the third power; 0 in the middle of the pad.
     pub at_tip: f64,
-    /// Size of the smaller contact as a share of the pad's; larger is better.
+    /// Area of the smaller contact as a share of the pad's; larger is better.
     pub area: f64,
-    /// Level distance from the middle of the target to the closing line, in units of 0.1 m.
+    /// Horizontal distance from the target's centre to the closing line [0.1 m].
     pub lever: f64,
-    /// Distance of the contacts as a share of the largest opening.
+    /// Contact distance as a share of the maximum opening.
     pub width: f64,
-    /// Cosine lost by not coming from above.
+    /// One minus the cosine of the approach tilt.
     pub tilt: f64,
-    /// Share of the less certain contact that was guessed, not seen.
+    /// Share of estimated points of the less certain contact.
     pub guessed: f64,
-    /// How far the middle of the target hangs below the tips, in units of 0.1 m.
+    /// Height of the tips above the target's centre [0.1 m].
     pub below: f64,
-    /// Distance from the middle of the target to the closing line, in units of 0.1 m, times the target's spread (root
-    /// mean square distance from its middle, in units of 0.05 m): what is large weighs more.
+    /// Distance from the target's centre to the closing line [0.1 m] times the target's RMS radius [0.05 m]: a proxy of
+    /// weight times
+    /// lever.
     pub torque: f64,
-    /// 1 when the pads come in with hardly any room, 0 with plenty.
+    /// 1 with minimal pad clearance, 0 with plenty.
     pub tight: f64,
-    /// Share of the room for the pads that other things hide from all cameras.
+    /// Share of the pads' space that other objects hide from all cameras.
     pub unseen: f64,
-    /// Share of the more certain contact that was guessed.
+    /// Share of estimated points of the more certain contact.
     pub both_guessed: f64,
 }
 
@@ -171,7 +172,7 @@ impl Features {
     }
 }
 
-/// A logistic model: the chance is 1 / (1 + exp(-(bias + Σ weight · feature))).
+/// Logistic regression: probability = 1 / (1 + exp(-(bias + Σ weight · feature))).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
@@ -230,7 +231,7 @@ impl Default for Weights {
 }
 
 impl Weights {
-    /// The chance that a grasp with these features holds, 0-1.
+    /// Success probability of a grasp with these features.
     pub fn chance(&self, features: &Features) -> f64 {
         let f = features;
         let sum = self.bias

@@ -1,4 +1,4 @@
-//! One approach and one roll: the points as heights over strips, and where pads fit on them.
+//! Grasp search for one approach and one roll: height profiles over strips, and pad positions on them.
 
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
@@ -8,31 +8,31 @@ use super::points::Local;
 use super::score::{Contacts, Features};
 use super::{CloudGrasp, CloudSettings, Gripper, tcp_pose};
 
-/// Cells along the closing direction and across it, m.
+/// Cell size along the closing direction and across it [m].
 const CELL: f64 = 0.002;
 const ROW: f64 = 0.003;
-/// Distance between strips that are looked at, in rows.
+/// Distance between strips [rows].
 const STRIDE: usize = 2;
-/// Distance of the middle of a pad from what it touches, m.
+/// Distance of a pad's centre from its contact [m].
 const PAD_MIDDLE_M: f64 = 0.005;
-/// The target counts from this far above the tips on, m.
-const BITE: f64 = 0.0015;
+/// Minimum height of the target above the tips [m].
+const MIN_GRASP_HEIGHT_M: f64 = 0.0015;
 
-/// What is nearest to the hand, per cell.
-struct Relief {
+/// Height field towards the gripper.
+struct HeightField {
     columns: usize,
     target: Vec<f32>,
     all: Vec<f32>,
 }
 
-/// Points of a strip after the other, each strip's sorted along the closing direction.
+/// Points grouped by strip, sorted along the closing direction.
 struct Strips {
     points: Vec<Local>,
-    /// Where each strip begins in `points`, and their end.
+    /// Start index of each strip in `points`, and the end.
     starts: Vec<usize>,
 }
 
-/// Adds every candidate with this approach and closing direction.
+/// Adds all candidates with this approach and closing direction.
 pub(super) fn search(
     cloud: &Cloud,
     gripper: &Gripper,
@@ -53,7 +53,7 @@ pub(super) fn search(
     let (h_low, h_high) =
         points.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), p| (low.min(p.h), high.max(p.h)));
     let [c_low, c_high, h_low, h_high] = [c_low, c_high, h_low, h_high].map(f64::from);
-    // Room for an open finger on either side.
+    // Space for an open finger on either side.
     let margin = gripper.max_width / 2.0 + finger_thickness(gripper);
     let (c_low, h_margin) = (c_low - margin, gripper.pad_size.y / 2.0 + 0.003);
     let columns = ((c_high + margin - c_low) / CELL).ceil() as usize + 1;
@@ -76,7 +76,7 @@ pub(super) fn search(
             all[cell] = all[cell].min(point.a);
         }
     }
-    let relief = Relief { columns, target, all };
+    let heights = HeightField { columns, target, all };
     let half = (h_margin / ROW).round() as usize;
     let middles: Vec<usize> = (half..rows.saturating_sub(half)).step_by(STRIDE).collect();
     let middle_of = |row: usize| h_low + (row as f64 + 0.5) * ROW;
@@ -85,12 +85,12 @@ pub(super) fn search(
     let mut buffer = vec![Local::default(); points.len() + 1];
     for (strip, &row) in strips.iter().zip(&middles).filter(|(strip, _)| strip.len() >= 4) {
         let rows = row - half..row + half + 1;
-        let (target, all) = (relief.lowest(&relief.target, rows.clone()), relief.lowest(&relief.all, rows));
+        let (target, all) = (heights.lowest(&heights.target, rows.clone()), heights.lowest(&heights.all, rows));
         frame.strip(middle_of(row), strip, &target, &all, &mut buffer, found);
     }
 }
 
-/// The points in the order of `c`, to 0.1 µm: whole numbers sort faster.
+/// Sorts points by `c` to 0.1 µm; integer keys sort faster.
 fn sorted(points: Vec<Local>) -> Vec<Local> {
     let low = points.iter().map(|point| point.c).fold(f32::INFINITY, f32::min);
     let key = |(index, point): (usize, &Local)| ((f64::from(point.c - low) * 1e7) as u64) << 32 | index as u64;
@@ -100,13 +100,13 @@ fn sorted(points: Vec<Local>) -> Vec<Local> {
 }
 
 impl Strips {
-    /// Deals points out, sorted along the closing direction as they are, to `count` overlapping strips whose middles
-    /// begin at `first` and that reach `half_width` to either side.
+    /// Distributes sorted points to `count` overlapping strips with centres from `first` on and half width
+    /// `half_width`.
     fn new(points: &[Local], first: f64, count: usize, half_width: f64) -> Self {
         let step = STRIDE as f64 * ROW;
         let per_strip = 1.0 / step;
         let strips_of = |point: &Local| {
-            // Casts cut off towards 0; calls for rounding and unsigned casts would take a tenth of the sampler's time.
+            // Casts truncate towards 0; rounding and unsigned casts would take a tenth of the sampler's time.
             let begun = |h: f64| if h < 0.0 { 0 } else { h as i32 as usize + 1 };
             let h = f64::from(point.h) - first;
             begun((h - half_width) * per_strip)..begun((h + half_width) * per_strip).min(count)
@@ -119,14 +119,14 @@ impl Strips {
             starts[strip + 1] += starts[strip];
         }
         let mut next = starts.clone();
-        let mut dealt = vec![Local::default(); starts[count]];
+        let mut distributed = vec![Local::default(); starts[count]];
         for point in points {
             for strip in strips_of(point) {
-                dealt[next[strip]] = *point;
+                distributed[next[strip]] = *point;
                 next[strip] += 1;
             }
         }
-        Self { points: dealt, starts }
+        Self { points: distributed, starts }
     }
 
     fn iter(&self) -> impl Iterator<Item = &[Local]> {
@@ -134,7 +134,7 @@ impl Strips {
     }
 }
 
-impl Relief {
+impl HeightField {
     fn lowest(&self, field: &[f32], rows: std::ops::Range<usize>) -> Vec<f32> {
         let mut lowest = vec![f32::INFINITY; self.columns];
         for row in rows {
@@ -158,8 +158,8 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Candidates in one strip, its points sorted along the closing direction: `target` and `all` hold the nearest point
-    /// per column, `buffer` has room for all points.
+    /// Finds candidates in one strip of sorted points: `target` and `all` are the height profiles, `buffer` has space
+    /// for all points.
     fn strip(
         &self,
         h: f64,
@@ -170,21 +170,23 @@ impl Frame<'_> {
         found: &mut Vec<CloudGrasp>,
     ) {
         let top = f64::from(target.iter().copied().fold(f32::INFINITY, f32::min));
-        let table = self.deepest(h);
+        let table = self.max_depth(h);
         let mut levels: Vec<f64> = self.settings.depths.iter().map(|depth| top + depth).collect();
-        // Down to the table, if the palm does not stop the hand before.
+        // Down to the table unless the palm collides first.
         levels.push(table);
-        levels.retain(|&tip| tip <= table && tip > top + BITE && tip < top + self.gripper.palm + self.gripper.tip);
+        levels.retain(|&tip| {
+            tip <= table && tip > top + MIN_GRASP_HEIGHT_M && tip < top + self.gripper.palm + self.gripper.tip
+        });
         levels.sort_by(f64::total_cmp);
         levels.dedup_by(|a, b| *a - *b < 0.003);
-        // Both pads and a little room must fit between two things for them to be held one by one.
+        // Both pads and some clearance must fit between two parts for them to be grasped separately.
         let slot = ((self.gripper.pad_size.x + 0.002) / CELL).ceil() as usize;
         for tip in levels {
-            let runs = runs(target, tip - BITE, slot);
+            let runs = runs(target, tip - MIN_GRASP_HEIGHT_M, slot);
             if runs.is_empty() {
                 continue;
             }
-            let between = self.reached(tip, points, buffer);
+            let between = self.points_between(tip, points, buffer);
             for first in 0..runs.len() {
                 for last in first..runs.len() {
                     let (from, to) = (runs[first].0, runs[last].1);
@@ -200,28 +202,28 @@ impl Frame<'_> {
         }
     }
 
-    /// The points of a strip at the height of the pads.
-    fn reached<'a>(&self, tip: f64, points: &[Local], buffer: &'a mut [Local]) -> &'a [Local] {
+    /// Points of a strip within the pads' length.
+    fn points_between<'a>(&self, tip: f64, points: &[Local], buffer: &'a mut [Local]) -> &'a [Local] {
         let (above, below) = ((tip - self.gripper.pad_size.z) as f32, tip as f32);
         let mut count = 0;
         for point in points {
             buffer[count] = *point;
-            // Without a branch, since nobody could guess which way it goes.
+            // Branchless, since the branch is unpredictable.
             count += usize::from(point.a > above) & usize::from(point.a < below);
         }
         &buffer[..count]
     }
 
-    /// How deep the tips may go at a strip, along the approach.
-    fn deepest(&self, h: f64) -> f64 {
-        let lean = self.across.z.abs() * self.gripper.pad_size.y / 2.0
+    /// Maximum tip depth at a strip, along the approach.
+    fn max_depth(&self, h: f64) -> f64 {
+        let tilt_height = self.across.z.abs() * self.gripper.pad_size.y / 2.0
             + self.closing.z.abs() * (self.gripper.max_width / 2.0 + finger_thickness(self.gripper));
-        let height = self.cloud.table_height + self.settings.table_clearance + lean;
-        // z = c·closing.z + h·across.z + a·approach.z, and closing is level.
+        let height = self.cloud.table_height + self.settings.table_clearance + tilt_height;
+        // z = c·closing.z + h·across.z + a·approach.z, with a horizontal closing direction.
         (height - h * self.across.z) / self.approach.z
     }
 
-    /// Closes the pads on points between them, if they find room beside these.
+    /// Closes the pads on points between them if there is space beside these.
     fn close(&self, h: f64, tip: f64, between: &[Local], all: &[f32]) -> Option<CloudGrasp> {
         let (gripper, settings) = (self.gripper, self.settings);
         let (low, high) = extremes(between)?;
@@ -234,14 +236,14 @@ impl Frame<'_> {
         let &clearance = settings
             .opening_clearances
             .iter()
-            .find(|&&clearance| self.has_room(c, tip, opening_for(clearance), all))?;
+            .find(|&&clearance| self.has_clearance(c, tip, opening_for(clearance), all))?;
         let opening = opening_for(clearance);
         if self.enters_solid([low, high], h, tip) {
             return None;
         }
         let contacts = Contacts::of(between, [low, high], h, tip);
         let position = self.closing * c + self.across * h + self.approach * (tip - gripper.tip);
-        let unseen = self.unseen([low, high], opening, h, tip);
+        let unseen = self.hidden_share([low, high], opening, h, tip);
         let features = Features {
             unseen,
             ..Features::new(self.cloud, gripper, &contacts, position, self.approach, self.closing, clearance)
@@ -251,28 +253,29 @@ impl Frame<'_> {
         Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening, features })
     }
 
-    /// Whether a pad coming in from the side would go where nothing was seen but a surface above, as into the end of a
-    /// box; from above, what was seen is in the way itself.
+    /// True if a pad approaching from the side would enter unobserved space below a surface, such as the end of a box;
+    /// from above,
+    /// the observed points block it themselves.
     fn enters_solid(&self, ends: [f64; 2], h: f64, tip: f64) -> bool {
         let half_pad = self.gripper.pad_size.y / 2.0;
         self.approach.z > -0.99
             && [ends[0] - PAD_MIDDLE_M, ends[1] + PAD_MIDDLE_M].into_iter().any(|c| {
                 [-0.6, 0.0, 0.6].into_iter().any(|share| {
-                    let inside = |a: f64| self.cloud.unseen.is_inside(self.world(c, h + share * half_pad, a));
+                    let inside = |a: f64| self.cloud.occlusion.is_inside(self.world(c, h + share * half_pad, a));
                     inside(tip - 0.003) || inside(tip - self.gripper.pad_size.z / 2.0)
                 })
             })
     }
 
-    /// Share of the room for the pads, from the contacts on, that other things hide: the target may go on there.
-    fn unseen(&self, [low, high]: [f64; 2], opening: f64, h: f64, tip: f64) -> f64 {
+    /// Share of the pads' space, from the contacts outward, that other objects hide: the target may extend there.
+    fn hidden_share(&self, [low, high]: [f64; 2], opening: f64, h: f64, tip: f64) -> f64 {
         let pad = self.gripper.pad_size;
         let outer = (opening - (high - low)) / 2.0 + pad.x / 2.0;
         let mut hidden = 0;
         for c in [low - PAD_MIDDLE_M, low - outer, high + PAD_MIDDLE_M, high + outer] {
             for h in [h - 0.3 * pad.y, h + 0.3 * pad.y] {
                 for a in [tip - 0.002, tip - 0.6 * pad.z] {
-                    hidden += usize::from(self.cloud.unseen.is_behind_others(self.world(c, h, a)));
+                    hidden += usize::from(self.cloud.occlusion.is_behind_others(self.world(c, h, a)));
                 }
             }
         }
@@ -283,8 +286,8 @@ impl Frame<'_> {
         self.closing * c + self.across * h + self.approach * a
     }
 
-    /// Whether pads and fingers, so far open about `middle`, find nothing where they go.
-    fn has_room(&self, middle: f64, tip: f64, opening: f64, all: &[f32]) -> bool {
+    /// True if open pads and fingers, centred at `middle`, collide with nothing.
+    fn has_clearance(&self, middle: f64, tip: f64, opening: f64, all: &[f32]) -> bool {
         let (pad, inner) = (self.gripper.pad_size, opening / 2.0);
         let outer = inner + finger_thickness(self.gripper);
         let is_free = |from: f64, to: f64, level: f64| {
@@ -293,7 +296,7 @@ impl Frame<'_> {
             cells.is_some_and(|cells| cells.iter().all(|&nearest| f64::from(nearest) >= level))
         };
         let body = tip - pad.z;
-        // One cell of slack, for what is touched lies in it.
+        // One cell of slack, since the contact lies in it.
         is_free(middle - inner - pad.x, middle - inner - CELL, tip)
             && is_free(middle + inner + CELL, middle + inner + pad.x, tip)
             && is_free(middle - outer, middle - inner - pad.x, body)
@@ -301,14 +304,14 @@ impl Frame<'_> {
     }
 }
 
-/// Where pads would stop on points between them, sorted along the closing direction; `None` when there are too few.
+/// Contact positions of pads on points between them, sorted along the closing direction; `None` if there are too few.
 fn extremes(between: &[Local]) -> Option<(f64, f64)> {
-    // The outermost points of a noisy cloud are noise.
+    // Skip the outermost points as noise.
     let skipped = between.len() / 80;
     (between.len() >= 4).then(|| (f64::from(between[skipped].c), f64::from(between[between.len() - 1 - skipped].c)))
 }
 
-/// Stretches of columns nearer than `level`, with gaps of fewer than `slot` columns closed.
+/// Column ranges nearer than `level`, with gaps of fewer than `slot` columns closed.
 fn runs(nearest: &[f32], level: f64, slot: usize) -> Vec<(usize, usize)> {
     let mut runs: Vec<(usize, usize)> = Vec::new();
     for column in (0..nearest.len()).filter(|&column| f64::from(nearest[column]) < level) {
@@ -320,14 +323,14 @@ fn runs(nearest: &[f32], level: f64, slot: usize) -> Vec<(usize, usize)> {
     runs
 }
 
-/// How far a finger reaches outwards from its pad's face, m.
+/// Extent of a finger outwards from its pad face [m].
 fn finger_thickness(gripper: &Gripper) -> f64 {
     gripper.finger_reach
 }
 
-/// Whether the hand's body keeps clear of points and table at a pose of the tcp and all along the way there.
+/// True if the hand keeps clear of points and table at a TCP pose and along the approach.
 ///
-/// `blocker` is the point that was in the way last time: most likely it is in the way again, and so is tried first.
+/// `blocker` is the last blocking point: most likely it blocks again, and is tried first.
 pub(super) fn hand_is_clear(
     cloud: &Cloud,
     gripper: &Gripper,
@@ -341,11 +344,11 @@ pub(super) fn hand_is_clear(
     let blocks = |point: &DVec3| {
         let offset = *point - pose.position;
         let within = |axis: usize| (low[axis]..high[axis]).contains(&offset.dot(axes[axis]));
-        // What is behind the hand's body now was in front of it on the way.
+        // Points behind the hand were in front of it during the approach.
         offset.dot(axes[2]) < high.z && within(0) && within(1)
     };
-    let lean = |axis: usize| (low[axis] * axes[axis].z).min(high[axis] * axes[axis].z);
-    if pose.position.z + lean(0) + lean(1) + lean(2) <= cloud.table_height
+    let tilt_height = |axis: usize| (low[axis] * axes[axis].z).min(high[axis] * axes[axis].z);
+    if pose.position.z + tilt_height(0) + tilt_height(1) + tilt_height(2) <= cloud.table_height
         || cloud.coarse.get(*blocker).is_some_and(blocks)
     {
         return false;

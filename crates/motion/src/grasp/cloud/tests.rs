@@ -1,4 +1,4 @@
-//! Tests of the sampler on points.
+//! Tests of the point-cloud sampler.
 
 use genmanip_core::Seed;
 use glam::{DQuat, DVec3};
@@ -11,7 +11,7 @@ use crate::{Planner, PlannerSettings};
 
 const CAMERA: DVec3 = DVec3::new(1.5, 0.2, 1.0);
 
-/// Points over the six sides of a box that stands on the table.
+/// Points on the six faces of a box on the table.
 fn cuboid(size: DVec3, yaw: f64, count: usize) -> Vec<(DVec3, DVec3)> {
     let mut rng = Seed::new(3).rng();
     let areas = [size.y * size.z, size.x * size.z, size.x * size.y];
@@ -32,7 +32,7 @@ fn cuboid(size: DVec3, yaw: f64, count: usize) -> Vec<(DVec3, DVec3)> {
         .collect()
 }
 
-/// What a camera sees of a convex body.
+/// Points of a convex body visible to a camera.
 fn facing(points: &[(DVec3, DVec3)], camera: DVec3) -> Vec<DVec3> {
     points.iter().filter(|(point, normal)| normal.dot(camera - *point) > 0.0).map(|(point, _)| *point).collect()
 }
@@ -62,7 +62,7 @@ fn boxes_are_grasped_across_their_narrow_side_from_all_sides_and_from_one() {
             let aligned = (DQuat::from_rotation_z(yaw) * narrow).dot(closing).abs();
             let square = (size.x - size.y).abs() < 1e-9 && aligned < 0.3;
             assert!(aligned > 0.97 || square, "{size}: closes {aligned} off the narrow side");
-            // From one view half of a long side's contacts are guesses, and the grasp may be off the middle.
+            // From one view half of a long side's contacts are estimates, and the grasp may be off-centre.
             let (off, width_off) = if cameras.is_empty() { (0.03, 0.006) } else { (0.07, 0.008) };
             assert!((best.width - size.x.min(size.y)).abs() < width_off, "{size}: width {}", best.width);
             assert!((best.pose.position - DVec3::new(0.5, 0.0, size.z / 2.0)).length() < off, "{size}: {best:?}");
@@ -75,7 +75,7 @@ fn boxes_are_grasped_across_their_narrow_side_from_all_sides_and_from_one() {
 fn what_stands_in_the_way_is_kept_clear_of_and_what_is_too_wide_has_no_good_grasp() {
     let planner = planner();
     let body: Vec<DVec3> = cuboid(DVec3::new(0.05, 0.05, 0.08), 0.0, 3000).iter().map(|(point, _)| *point).collect();
-    // Two walls beside it, along x: the fingers only fit in along x.
+    // Two walls beside it, along x: the fingers only fit along x.
     let walls: Vec<DVec3> = cuboid(DVec3::new(0.2, 0.04, 0.08), 0.0, 3000)
         .iter()
         .flat_map(|(point, _)| [*point + DVec3::Y * 0.05, *point - DVec3::Y * 0.05])
@@ -93,7 +93,7 @@ fn what_stands_in_the_way_is_kept_clear_of_and_what_is_too_wide_has_no_good_gras
     }
 }
 
-/// Distance of a point from a box's surface, below 0 inside; the box as [`cuboid`] makes it.
+/// Signed distance of a point to a box as [`cuboid`] makes it, negative inside.
 fn from_surface(point: DVec3, size: DVec3, yaw: f64) -> f64 {
     let local = DQuat::from_rotation_z(-yaw) * (point - DVec3::new(0.5, 0.0, size.z / 2.0));
     let beyond = local.abs() - size / 2.0;
@@ -134,7 +134,7 @@ fn no_pad_goes_where_only_the_camera_sees_nothing() {
 fn what_others_hide_and_what_lies_below_a_top_is_known_to_be_unknown() {
     let size = DVec3::new(0.06, 0.06, 0.08);
     let seen = facing(&cuboid(size, 0.0, 6000), CAMERA);
-    // A wall between camera and box, left of it.
+    // A wall between camera and box, to its left.
     let wall: Vec<DVec3> =
         (0..6000).map(|i| DVec3::new(0.6, 0.02 + 0.0015 * f64::from(i % 60), 0.0015 * f64::from(i / 60))).collect();
     let unseen = unseen::Unseen::new(&seen, &wall, &[CAMERA]);
@@ -178,7 +178,7 @@ fn broken_clouds_are_refused_with_the_reason() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// Any cloud gives grasps that fit the hand and stay above the table, or one error.
+    /// Any cloud yields grasps that fit the gripper and stay above the table, or one error.
     #[test]
     fn any_cloud_gives_sound_grasps(
         points in prop::collection::vec(prop::array::uniform3(-0.1..0.1_f64), 0..400),

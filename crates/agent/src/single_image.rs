@@ -1,4 +1,4 @@
-//! One pick and one placement from a single RGB-D image: for images of files, or a real camera and arm.
+//! Plans one pick and one placement from a single RGB-D image, for recorded images or a real camera and arm.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,87 +8,88 @@ use genmanip_motion::Planner;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::ask::{FailedStage, Transcribed};
+use crate::ask::{FailedStage, TranscriptRecorder};
 use crate::pipeline::Agent;
 use crate::settings::AgentSettings;
 
-/// Name of the one camera.
+/// Camera name.
 const CAMERA: &str = "camera";
 /// Commands per second.
 const RATE_HZ: f64 = 60.0;
-/// Joints that move less in one step stand still, rad.
+/// Largest joint step of an arm at rest [rad].
 const STILL_RAD: f32 = 1e-6;
 
-/// What is to be done, and how things stand.
+/// Instruction, image and robot state to plan from.
 #[derive(Clone, Debug)]
 pub struct ActQuestion {
-    /// Colour and depth, with where the camera is in the robot's base frame.
+    /// Colour and depth image; its camera pose is in the robot's base frame.
     pub image: RgbdImage,
-    /// Arm joint positions, rad.
+    /// Arm joint positions [rad].
     pub joints: Vec<f64>,
-    /// Opening of the gripper, m.
+    /// Gripper opening [m].
     pub gripper_width_m: f64,
-    /// What is to be done, in words.
+    /// Instruction in natural language.
     pub instruction: String,
-    /// Of the searches.
+    /// Seed of grasp sampling and motion planning.
     pub seed: Seed,
 }
 
-/// The motions of the first sub-task, or why there are none.
+/// Motions of the first sub-task, or the reason why planning failed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Acted {
     /// Commands per second.
     pub rate_hz: f64,
     /// The pick, then the placement.
     pub steps: Vec<ActedStep>,
-    /// Why the rest is missing.
+    /// Failure of the first step that could not be planned.
     pub failure: Option<FailedStage>,
 }
 
 /// One motion from rest to rest.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ActedStep {
-    /// What it does, in words.
+    /// Description of the motion.
     pub what: String,
-    /// Since the start of the first step, s.
+    /// Time since the start of the first step [s].
     pub start_s: f64,
-    /// Where the arm comes to rest, or the fingers begin to move.
+    /// Configurations at which the arm stops or the gripper starts to move.
     pub waypoints: Vec<Waypoint>,
-    /// Arm joint targets (rad) and opening of the gripper (m), one row per command.
+    /// Arm joint targets [rad] and gripper opening [m], one row per command.
     pub trajectory: Vec<Vec<f32>>,
 }
 
-/// A place on the way.
+/// A configuration on the trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Waypoint {
-    /// Since the start of the first step, s.
+    /// Time since the start of the first step [s].
     pub time_s: f64,
-    /// Arm joint targets, rad.
+    /// Arm joint targets [rad].
     pub joints: Vec<f64>,
-    /// Opening of the gripper, m.
+    /// Gripper opening [m].
     pub gripper_width_m: f64,
-    /// Pose of the tool in the robot's base frame; z points along the fingers, y from one to the other.
+    /// Tool pose (TCP) in the robot's base frame; z points along the fingers, y from one finger to the other.
     pub world_from_tcp: Pose,
 }
 
 impl AgentSettings {
-    /// The same for one image: one camera, and no second look.
+    /// Adapts the settings to a single image: one camera, open loop.
     #[must_use]
     pub fn for_one_image(self) -> Self {
         Self { cameras: vec![CAMERA.into()], size: None, ..self.open_loop() }
     }
 }
 
-/// Asks about an image and plans one pick and one placement; nothing is moved. The thing counts as taken after the first.
+/// Plans one pick and one placement from an image without moving the robot. The second plan assumes that the pick
+/// succeeded.
 ///
 /// `agent` must have been made with [`AgentSettings::for_one_image`], `transcribed` is its transcript.
 ///
 /// # Errors
-/// What the agent cannot work with: an image without depth, a wrong number of joints; a service that does not answer.
-/// That no way was found is a result.
-pub fn act_once(
+/// Fails if the image has no depth, the number of joints is wrong, or a service does not answer. A planning failure is
+/// reported in [`Acted::failure`].
+pub fn plan_pick_and_place(
     agent: &mut Agent,
-    transcribed: &Transcribed,
+    transcribed: &TranscriptRecorder,
     planner: &Planner,
     question: &ActQuestion,
 ) -> Result<Acted, PolicyError> {
@@ -116,7 +117,7 @@ pub fn act_once(
         };
         let Some((&last_width, last_arm)) = trajectory.last().and_then(|last| last.split_last()) else { break };
         joints = last_arm.iter().copied().map(f64::from).collect();
-        // The fingers press on the thing, and so stand wider than they are told.
+        // While holding, the measured width exceeds the commanded width by the squeeze.
         width_m = f64::from(last_width) + agent.settings().motion.squeeze_m;
         let waypoints = waypoints(planner, &trajectory, start_s);
         let what = transcribed.transcript().last_act().unwrap_or_default();
@@ -127,7 +128,7 @@ pub fn act_once(
     Ok(acted)
 }
 
-/// Commands after which the arm stands still, or stood still and moves, and the last.
+/// Waypoints where the arm starts or stops moving, and the last command.
 fn waypoints(planner: &Planner, trajectory: &[Vec<f32>], start_s: f64) -> Vec<Waypoint> {
     let arm = |command: &[f32]| command[..command.len().saturating_sub(1)].to_vec();
     let moves = |index: usize| {

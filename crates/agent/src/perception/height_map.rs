@@ -1,22 +1,22 @@
-//! Heights over the table, from points.
+//! Height map from points.
 
 use glam::{DVec2, DVec3};
 
-/// Edge of a cell, m: a pixel of the usual cameras covers two to four millimetres.
+/// Cell size [m]; a pixel of the usual cameras covers 2 to 4 mm.
 const CELL_M: f64 = 0.005;
 
-/// The highest point over each cell of a part of the plane.
+/// Height map: the highest point in each cell of a horizontal grid.
 #[derive(Clone, Debug)]
 pub struct HeightMap {
     low: DVec2,
     columns: usize,
     rows: usize,
-    /// Row by row; not a number where there is no point.
+    /// Heights in row-major order; NaN without points.
     heights: Vec<f32>,
 }
 
 impl HeightMap {
-    /// Of the points over a rectangle.
+    /// Builds the map of the points over a rectangle.
     pub fn new(low: DVec2, high: DVec2, points: impl IntoIterator<Item = DVec3>) -> Self {
         let count = |extent: f64| ((extent / CELL_M).ceil() as usize).clamp(1, 1000);
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
@@ -35,7 +35,7 @@ impl HeightMap {
         inside.then(|| cell.y as usize * self.columns + cell.x as usize)
     }
 
-    /// The heights over a rectangle, where there are points.
+    /// Heights of the non-empty cells in a rectangle.
     pub fn within(&self, center: DVec2, half: DVec2) -> impl Iterator<Item = f64> + '_ {
         let low = ((center - half - self.low) / CELL_M).floor().max(DVec2::ZERO);
         let high = ((center + half - self.low) / CELL_M).ceil().max(DVec2::ZERO);
@@ -45,12 +45,12 @@ impl HeightMap {
             .filter_map(|index| self.heights.get(index).filter(|height| height.is_finite()).map(|&z| f64::from(z)))
     }
 
-    /// The greatest height over a rectangle; `None` where there are no points.
+    /// Maximum height over a rectangle; `None` without points.
     pub fn highest(&self, center: DVec2, half: DVec2) -> Option<f64> {
         self.within(center, half).reduce(f64::max)
     }
 
-    /// The height that a share of the cells over a rectangle stays below; `None` where there are no points.
+    /// Quantile of the cell heights over a rectangle; `None` without points.
     pub fn quantile(&self, center: DVec2, half: DVec2, share: f64) -> Option<f64> {
         let mut heights: Vec<f64> = self.within(center, half).collect();
         heights.sort_by(f64::total_cmp);

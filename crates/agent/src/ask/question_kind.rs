@@ -1,33 +1,33 @@
-//! The stages that ask a model, and which prompt a stage used.
+//! The kinds of questions and the identity of their prompts.
 
 use serde::{Deserialize, Serialize};
 
-/// The stages that ask a model, in their order.
+/// A kind of question, in pipeline order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Stage {
-    /// An instruction into picks and places.
+pub enum QuestionKind {
+    /// Split an instruction into pick-and-place sub-tasks.
     Decompose,
-    /// Which numbered mask is to be moved.
+    /// Choose the numbered mask of the object to move.
     Object,
-    /// Which numbered part of it is to be held.
+    /// Choose the numbered part to grasp.
     Part,
-    /// Which of five points to hold it at.
+    /// Choose one of five grab points.
     GrabPoint,
-    /// A way over the lettered grid, with heights and turns.
+    /// Give a path over the lettered grid, with heights and yaw.
     GridPath,
-    /// The one cell where to put it.
+    /// Choose the grid cell of the placement.
     PointToPoint,
-    /// Whether the task is done.
+    /// Decide if the task is finished.
     Check,
 }
 
-impl Stage {
-    /// All stages.
+impl QuestionKind {
+    /// All kinds.
     pub const ALL: [Self; 7] =
         [Self::Decompose, Self::Object, Self::Part, Self::GrabPoint, Self::GridPath, Self::PointToPoint, Self::Check];
 
-    /// Its name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Decompose => "decompose",
@@ -41,14 +41,14 @@ impl Stage {
     }
 }
 
-/// Which prompt was used.
+/// Identity of a prompt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PromptStamp {
-    /// Name, e.g. `agent.object`.
+    /// Prompt id, e.g. `agent.object`.
     pub id: String,
-    /// Grows with every change of the text.
+    /// Version, incremented with every change of the text.
     pub version: u32,
-    /// First twelve digits of the SHA-256 of the text, in case somebody forgot to raise the version.
+    /// First twelve hexadecimal digits of the SHA-256 of the text, in case the version was not incremented.
     pub sha256: String,
 }

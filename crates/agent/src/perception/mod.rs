@@ -1,56 +1,56 @@
-//! What is seen at one moment: images of several cameras, the things in them, and where these are.
+//! Perception: segmented RGB-D images of several cameras and the 3D positions of the objects in them.
 
-mod cell;
-mod heights;
-mod smooth;
-mod thing;
+mod height_map;
+mod object;
+mod placement;
+mod smoothing;
 
 use std::sync::Arc;
 
 use genmanip_core::RgbdImage;
 use glam::DVec3;
 
-pub use cell::{CellSettings, Placing, on_plane, targets};
-pub use heights::HeightMap;
-pub use smooth::{LEFT_OVER, smoothed};
-pub use thing::Thing;
+pub use height_map::HeightMap;
+pub use object::ObservedObject;
+pub use placement::{CellSettings, PlacementTarget, on_plane, targets};
+pub use smoothing::{RESIDUAL_NOISE, smoothed};
 
 use crate::picture::Picture;
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
-/// Two measured depths of one point may differ by this much, m: a pixel's width at a slant, and little noise.
-const SAME_DEPTH_M: f64 = 0.01;
-/// Share of a mask's visible points that another camera must see as one thing for the two masks to be the same thing's.
-const SAME_THING: f64 = 0.5;
-/// Fewest points that tell whether two masks are the same thing's.
-const FEWEST_COMMON: usize = 5;
+/// Maximum depth difference between two views of one point [m]: a pixel's width on a slanted surface plus some noise.
+const DEPTH_TOLERANCE_M: f64 = 0.01;
+/// Minimum share of a mask's visible points inside a mask of another view for the two to match.
+const MIN_OVERLAP: f64 = 0.5;
+/// Minimum number of common points for two masks to match.
+const MIN_COMMON_POINTS: usize = 5;
 
-/// One camera's image with the things in it.
+/// One camera's segmented image.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// The camera.
+    /// Camera name.
     pub camera: String,
-    /// Colour and depth.
+    /// Colour and depth image.
     pub image: Arc<RgbdImage>,
-    /// The things.
+    /// Object masks.
     pub masks: Arc<[Mask]>,
 }
 
-/// What all cameras see at one moment; the first is the one that models are shown.
+/// Segmented images of all cameras at one moment; the first one is shown to models.
 #[derive(Clone, Debug)]
-pub struct Sight {
-    /// The images, the shown one first.
+pub struct SegmentedViews {
+    /// Views; the first one is shown to models.
     pub views: Vec<View>,
-    /// For each mask of the first view, the mask of the same thing in each further view.
-    same: Vec<Vec<Option<usize>>>,
+    /// For each mask of the first view, the matching mask in each further view.
+    matches: Vec<Vec<Option<usize>>>,
 }
 
-impl Sight {
-    /// Segments images, and finds out which masks are of the same things. `ignore` holds the pixels of the robot and
-    /// of what it carries, for each image.
+impl SegmentedViews {
+    /// Segments images and matches masks across views. `ignore` marks the pixels of the robot and of the held object,
+    /// per image.
     ///
     /// # Errors
-    /// When there are no masks of an image.
+    /// Fails if an image cannot be segmented.
     pub fn new(
         images: Vec<(String, Arc<RgbdImage>)>,
         ignore: &[Vec<bool>],
@@ -73,26 +73,26 @@ impl Sight {
             }
             views.push(View { camera, image, masks: masks.into() });
         }
-        let same = same_things(&views);
-        Ok(Self { views, same })
+        let matches = match_masks(&views);
+        Ok(Self { views, matches })
     }
 
-    /// The view that models are shown.
+    /// View shown to models.
     pub fn shown(&self) -> Option<&View> {
         self.views.first()
     }
 
-    /// The same with another view as the one that models are shown.
+    /// Moves another view to the front, to be shown to models.
     #[must_use]
-    pub fn shown_by(&self, view: usize) -> Self {
+    pub fn with_shown_view(&self, view: usize) -> Self {
         let mut views = self.views.clone();
         let first = views.remove(view.min(views.len().saturating_sub(1)));
         views.insert(0, first);
-        let same = same_things(&views);
-        Self { views, same }
+        let matches = match_masks(&views);
+        Self { views, matches }
     }
 
-    /// Points on the thing of a mask of the first view, from all cameras.
+    /// Points of an object from all cameras, by its mask in the first view, world frame.
     pub fn points(&self, mask: usize) -> Vec<DVec3> {
         let mut points = Vec::new();
         for (view, mask) in self.masks_of(mask) {
@@ -101,26 +101,26 @@ impl Sight {
         points
     }
 
-    /// The images with a thing cut out of their depth, a pixel beyond its outline too: what is left is everything else.
+    /// Images with the depth of an object removed, including one pixel around its outline.
     pub fn without(&self, mask: usize) -> Vec<RgbdImage> {
         let mut images: Vec<RgbdImage> = self.views.iter().map(|view| view.image.pinhole_depth()).collect();
         for (index, view) in self.views.iter().enumerate() {
             let Some(mask) = self.mask_in(index, mask) else { continue };
-            let grown = view.masks[mask].grown();
-            for (depth, _) in images[index].depth_m.iter_mut().zip(grown.pixels).filter(|(_, inside)| *inside) {
+            let dilated = view.masks[mask].dilated();
+            for (depth, _) in images[index].depth_m.iter_mut().zip(dilated.pixels).filter(|(_, inside)| *inside) {
                 *depth = 0.0;
             }
         }
         images
     }
 
-    /// Where the cameras are.
-    pub fn eyes(&self) -> Vec<DVec3> {
+    /// Camera positions, world frame.
+    pub fn camera_positions(&self) -> Vec<DVec3> {
         self.views.iter().map(|view| view.image.world_from_camera.position).collect()
     }
 
     fn mask_in(&self, view: usize, mask: usize) -> Option<usize> {
-        if view == 0 { Some(mask) } else { *self.same.get(mask)?.get(view - 1)? }
+        if view == 0 { Some(mask) } else { *self.matches.get(mask)?.get(view - 1)? }
     }
 
     fn masks_of(&self, mask: usize) -> impl Iterator<Item = (&View, usize)> {
@@ -129,18 +129,18 @@ impl Sight {
 }
 
 impl View {
-    /// The points in the world that a mask's pixels see.
+    /// Points of a mask, world frame.
     pub fn points<'a>(&'a self, mask: &'a Mask) -> impl Iterator<Item = DVec3> + 'a {
         mask.indices().filter_map(|index| self.image.point(index))
     }
 
-    /// The image as a picture; black where there is no colour.
+    /// Colour image; black without colour.
     pub fn picture(&self) -> Picture {
         let (width, height) = (self.image.width(), self.image.height());
         Picture::new(width, height, self.image.rgb.clone()).unwrap_or_else(|| Picture::plain(width, height, [0; 3]))
     }
 
-    /// The pixel that sees a point of the world, if the point is what it sees.
+    /// Pixel that sees a point; `None` if the point is occluded or outside the image.
     fn pixel_of(&self, point: DVec3) -> Option<usize> {
         let seen = self.image.world_from_camera.inverse().transform_point(point);
         let pixel = self.image.pixel_of(point)?.round();
@@ -148,26 +148,26 @@ impl View {
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(width) && pixel.y < f64::from(height);
         let index = inside.then(|| pixel.y as usize * width as usize + pixel.x as usize)?;
         let depth = f64::from(*self.image.depth_m.get(index)?);
-        ((depth - seen.z).abs() <= SAME_DEPTH_M).then_some(index)
+        ((depth - seen.z).abs() <= DEPTH_TOLERANCE_M).then_some(index)
     }
 }
 
-/// For each mask of the first view, the mask in each further view that sees the same thing: most points of the one that
-/// the other camera sees lie in the other mask, and the other way round.
-fn same_things(views: &[View]) -> Vec<Vec<Option<usize>>> {
+/// For each mask of the first view, the matching mask in each further view: most visible points of either mask lie in
+/// the other.
+fn match_masks(views: &[View]) -> Vec<Vec<Option<usize>>> {
     let Some((first, others)) = views.split_first() else { return Vec::new() };
     let partner = |mask: &Mask, other: &View| {
-        let best = most_common(first, mask, other)?;
-        let back = most_common(other, &other.masks[best], first)?;
+        let best = best_overlap(first, mask, other)?;
+        let back = best_overlap(other, &other.masks[best], first)?;
         (first.masks[back] == *mask).then_some(best)
     };
     first.masks.iter().map(|mask| others.iter().map(|other| partner(mask, other)).collect()).collect()
 }
 
-/// The mask of `other` in which most points of a mask lie that `other` sees at all.
-fn most_common(view: &View, mask: &Mask, other: &View) -> Option<usize> {
+/// Mask of `other` that contains most of the points of `mask` visible in `other`.
+fn best_overlap(view: &View, mask: &Mask, other: &View) -> Option<usize> {
     let seen: Vec<usize> = view.points(mask).filter_map(|point| other.pixel_of(point)).collect();
     let votes = other.masks.iter().map(|mask| seen.iter().filter(|&&index| mask.pixels[index]).count());
     let (best, count) = votes.enumerate().max_by_key(|&(index, count)| (count, std::cmp::Reverse(index)))?;
-    (count >= FEWEST_COMMON && count as f64 >= SAME_THING * seen.len() as f64).then_some(best)
+    (count >= MIN_COMMON_POINTS && count as f64 >= MIN_OVERLAP * seen.len() as f64).then_some(best)
 }

@@ -1,27 +1,27 @@
-//! Why an answer was not taken.
+//! Reasons for rejecting an answer.
 
 use serde::{Deserialize, Serialize};
 
-/// Why an answer does not fit.
+/// Reason for rejecting an answer. The message is sent to the model.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[serde(rename_all = "snake_case")]
-pub enum Complaint {
-    /// It is not the JSON object that was asked for.
+pub enum Rejection {
+    /// The answer is not the requested JSON object.
     #[error("{0}")]
     Format(String),
-    /// It names a mark that was not drawn.
+    /// The answer names a mark that was not drawn.
     #[error("{0}")]
     Undrawn(String),
-    /// It says that no mark fits.
+    /// The answer says that no mark fits.
     #[error("it says that no numbered {0} fits; look again, one of them may")]
     NotFound(String),
-    /// The thing cannot be put there.
+    /// The object cannot be placed there.
     #[error("{0}")]
     Unusable(String),
 }
 
-impl Complaint {
-    /// The name under which failures are counted.
+impl Rejection {
+    /// Cause name in results.
     pub fn cause(&self) -> &'static str {
         match self {
             Self::Format(_) => "format",
@@ -32,11 +32,11 @@ impl Complaint {
     }
 }
 
-/// An answer that was not taken.
+/// A rejected answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Refused {
-    /// Its beginning.
+pub struct RejectedAnswer {
+    /// The answer, truncated.
     pub answer: String,
-    /// What was wrong.
-    pub complaint: Complaint,
+    /// Reason for the rejection.
+    pub rejection: Rejection,
 }

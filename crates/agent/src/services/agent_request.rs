@@ -1,50 +1,50 @@
-//! What is asked of an agent over HTTP: one RGB-D image, the arm's joints and an instruction.
+//! Request to the agent over HTTP: one RGB-D image, joint positions and an instruction.
 
 use genmanip_core::{Intrinsics, Pose, Seed};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::masks::posted_image;
+use super::masks::decode_image;
 use crate::ActQuestion;
 
-/// Longest instruction that is read, bytes.
+/// Maximum length of an instruction [bytes].
 const MAX_INSTRUCTION: usize = 4096;
 
-/// What is posted.
+/// Request body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActRequest {
     /// Size and projection of the image.
     pub intrinsics: Intrinsics,
-    /// Where the camera is in the robot's base frame; x right, y down, z forward; the base's z is up.
+    /// Camera pose in the robot's base frame; camera axes x right, y down, z forward; base z is up.
     pub world_from_camera: Pose,
     /// Colour: three bytes per pixel, row by row from the top left, 8-bit sRGB, in base64.
     pub rgb: String,
-    /// Metres along the optical axis: 32-bit little-endian floats in the same order, 0 for none, in base64.
+    /// Depth along the optical axis [m]: 32-bit little-endian floats in the same order, 0 for none, in base64.
     pub depth_m: String,
-    /// Arm joint positions, rad.
+    /// Arm joint positions [rad].
     pub joints: Vec<f64>,
-    /// Opening of the gripper, m.
+    /// Gripper opening [m].
     pub gripper_width_m: f64,
-    /// What is to be done, in words.
+    /// Instruction in natural language.
     pub instruction: String,
-    /// Seed of the searches.
+    /// Seed of grasp sampling and motion planning.
     #[serde(default)]
     pub seed: u64,
 }
 
 impl ActRequest {
-    /// The question for an arm with so many joints.
+    /// Validates the request for an arm with `arm_dof` joints.
     ///
     /// # Errors
-    /// Says what does not fit together.
+    /// Describes the inconsistency.
     pub fn read(&self, arm_dof: usize) -> Result<ActQuestion, String> {
-        let image = posted_image(self.intrinsics, self.world_from_camera, &self.rgb, Some(&self.depth_m))?;
+        let image = decode_image(self.intrinsics, self.world_from_camera, &self.rgb, Some(&self.depth_m))?;
         if self.joints.len() != arm_dof || !self.joints.iter().all(|joint| joint.is_finite()) {
             return Err(format!("joints has {} numbers, expected {arm_dof} finite ones, rad", self.joints.len()));
         }
         if !(0.0..1.0).contains(&self.gripper_width_m) {
-            return Err(format!("gripper_width_m is {}, expected metres between the fingers", self.gripper_width_m));
+            return Err(format!("gripper_width_m is {}, expected a gripper opening below 1 m", self.gripper_width_m));
         }
         let length = self.instruction.len();
         if self.instruction.trim().is_empty() || length > MAX_INSTRUCTION {
@@ -92,7 +92,7 @@ mod tests {
         let cases: [(Spoil, &str); 6] = [
             (|it| it.joints.truncate(6), "joints has 6 numbers, expected 7 finite ones"),
             (|it| it.joints[2] = f64::NAN, "joints has 7 numbers, expected 7 finite ones"),
-            (|it| it.gripper_width_m = 80.0, "gripper_width_m is 80, expected metres"),
+            (|it| it.gripper_width_m = 80.0, "gripper_width_m is 80, expected a gripper opening"),
             (|it| it.instruction = "  ".into(), "instruction has 2 bytes, expected 1 to 4096"),
             (|it| it.depth_m = String::new(), "depth_m has 0 bytes, expected 8"),
             (|it| it.intrinsics.fx = 0.0, "no focal length"),

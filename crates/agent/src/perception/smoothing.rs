@@ -1,20 +1,21 @@
-//! Measured depth with its noise averaged out, as far as the surface goes.
+//! Edge-preserving smoothing of measured depth.
 
 use genmanip_core::RgbdImage;
 
-/// Pixels on each side that are averaged; chosen: errors of stereo cameras hang together over about three pixels, so
-/// nine of them leave a third.
+/// Filter radius [px]. Chosen: errors of stereo cameras are correlated over about three pixels, so that nine pixels
+/// reduce
+/// them to a third.
 const RADIUS: usize = 4;
-/// Errors by which the inverse depths of two pixels of one surface may differ: three of their difference.
+/// Maximum inverse-depth difference within one surface, in standard deviations of a single depth (three of the
+/// difference).
 const SAME_SURFACE: f32 = 4.5;
-/// What averaging leaves of the error of a surface without edges.
-pub const LEFT_OVER: f64 = 1.0 / 3.0;
+/// Residual noise after smoothing, as a share, on surfaces without edges.
+pub const RESIDUAL_NOISE: f64 = 1.0 / 3.0;
 
-/// The image with each depth replaced by the mean over its surface around it; `error_m` is the standard deviation of a
-/// depth of 1 m, which grows with the square of the depth.
+/// Replaces each depth by the mean over its surface; `error_m` is the standard deviation of a depth of 1 m, which grows
+/// with the square of the depth.
 ///
-/// Inverse depths are averaged: those of a plane are linear in the picture, however it leans. Pixels without depth stay
-/// without.
+/// Averages inverse depth, which is linear in pixel coordinates on a plane. Missing depths stay missing.
 #[must_use]
 pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
     let (width, height) = (image.width() as usize, image.height() as usize);
@@ -30,7 +31,7 @@ pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
             return 0.0;
         }
         let (column, row) = (index % width, index / width);
-        // As far to one side as to the other, or what leans would be moved.
+        // Symmetric window: an asymmetric one would bias slanted surfaces.
         let reach = |at: usize, count: usize| RADIUS.min(at).min(count - 1 - at);
         let (across, along) = (reach(column, width), reach(row, height));
         let (mut sum, mut count) = (0.0, 0.0);
@@ -39,7 +40,7 @@ pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
                 let place = (row + y - along) * width + column + x - across;
                 let mirrored = (row + along - y) * width + column + across - x;
                 let is_same = |place: usize| inverse[place] > 0.0 && (inverse[place] - own).abs() <= most;
-                // Pairs about the pixel: of a plane that leans, each is right in the mean.
+                // Average symmetric pairs: on a slanted plane each pair has the right mean.
                 if is_same(place) && is_same(mirrored) {
                     sum += inverse[place];
                     count += 1.0;
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
     use genmanip_core::{Intrinsics, Pose};
 
-    /// A picture whose depth is the function of column and row.
+    /// An image with depth as a function of column and row.
     fn picture(depth: impl Fn(usize, usize) -> f32) -> RgbdImage {
         let (width, height) = (48, 32);
         RgbdImage {
@@ -74,7 +75,7 @@ mod tests {
     #[test]
     fn noise_goes_planes_and_edges_stay() {
         let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 97) as f32 / 97.0 - 0.5;
-        // A table that leans, with a step of 8 cm, and a hole.
+        // A tilted table with a step of 8 cm and a hole.
         let exact = |x: usize, y: usize| 1.0 / (1.0 + 0.004 * y as f32 + if x < 24 { 0.0 } else { 0.08 });
         let hole = |x: usize, y: usize| (10..12).contains(&x) && (10..12).contains(&y);
         let measured = picture(|x, y| if hole(x, y) { 0.0 } else { 1.0 / (1.0 / exact(x, y) + 0.01 * noise(x, y)) });

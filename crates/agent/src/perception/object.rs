@@ -1,40 +1,40 @@
-//! A thing as the arm knows it: points, and a convex body that holds them.
+//! An observed object: its points and a convex body for collision checking.
 
 use genmanip_core::{Aabb, Piece, Pose, Shape};
 use glam::{DVec2, DVec3};
 
-/// Directions in which the hull's corners are sought.
+/// Sampled directions for the vertices of the hull.
 const HULL_DIRECTIONS: usize = 80;
-/// Directions in the plane in which the corners of the base are sought.
+/// Sampled horizontal directions for the vertices of the base.
 const BASE_DIRECTIONS: usize = 16;
-/// Things that are seen down to this height stand on the table, m.
+/// Objects visible down to this height stand on the table [m].
 const ON_TABLE_M: f64 = 0.012;
-/// Least height of the body of a flat thing, m.
-const LEAST_HEIGHT_M: f64 = 0.004;
-/// How much the body stays above what the thing stands on, m: points are not that exact.
+/// Minimum height of the body of a flat object [m].
+const MIN_HEIGHT_M: f64 = 0.004;
+/// Gap between the body and its support [m]: points are not that accurate.
 const ABOVE_BASE_M: f64 = 0.002;
-/// Share of points at each end along each axis that do not count for the extent: stray pixels at edges.
-const STRAY: f64 = 0.002;
+/// Share of outliers at each end of each axis, excluded from the extent: stray pixels at edges.
+const OUTLIER_SHARE: f64 = 0.002;
 
-/// A thing that is to be moved. Its frame stands upright in the middle of its footprint, on what it stands on.
+/// An object to be moved. Its frame is upright, at the centre of its footprint, at the height of its support.
 #[derive(Clone, Debug)]
-pub struct Thing {
-    /// Points on it, world frame.
+pub struct ObservedObject {
+    /// Object points, world frame [m].
     pub points: Vec<DVec3>,
-    /// `world_from_thing`: middle of the footprint, height of the base, no turn.
+    /// `world_from_object`: centre of the footprint, height of the support, no rotation.
     pub pose: Pose,
-    /// A convex body that holds the points and reaches down to the base, in the thing's frame.
+    /// Convex body that contains the points and reaches down to the base, object frame.
     pub pieces: Vec<Piece>,
-    /// Half of its extent along x and y.
+    /// Half extents along x and y [m].
     pub half: DVec2,
-    /// Height above its base.
+    /// Height above the base [m].
     pub height_m: f64,
 }
 
-impl Thing {
-    /// A thing from the points seen of it; `around` are the points of everything else. `None` when there are too few.
+impl ObservedObject {
+    /// Builds an object from its points; `around` holds all other points. `None` if there are too few points.
     pub fn new(points: Vec<DVec3>, around: &[DVec3], table_height: f64) -> Option<Self> {
-        let bounds = sturdy_bounds(&points)?;
+        let bounds = robust_bounds(&points)?;
         let points: Vec<DVec3> = points.into_iter().filter(|point| is_inside(&bounds, *point)).collect();
         let under = around.iter().filter(|point| {
             let margin = 0.01;
@@ -45,13 +45,13 @@ impl Thing {
         });
         let base = match bounds.min.z - table_height < ON_TABLE_M {
             true => table_height,
-            // What it stands on is seen beside it.
+            // The support is visible beside the object.
             false => under.map(|point| point.z).fold(bounds.min.z, f64::min).max(table_height),
         };
         let center = bounds.center().truncate();
         let pose = Pose::from_position(center.extend(base));
         let local: Vec<DVec3> = points.iter().map(|&point| point - pose.position).collect();
-        let height_m = (bounds.max.z - base).max(LEAST_HEIGHT_M);
+        let height_m = (bounds.max.z - base).max(MIN_HEIGHT_M);
         Some(Self {
             pieces: vec![body(&local, height_m)],
             pose,
@@ -62,8 +62,8 @@ impl Thing {
     }
 }
 
-/// Bounds without stray points.
-fn sturdy_bounds(points: &[DVec3]) -> Option<Aabb> {
+/// Bounds without outliers.
+fn robust_bounds(points: &[DVec3]) -> Option<Aabb> {
     if points.len() < 12 {
         return None;
     }
@@ -72,7 +72,7 @@ fn sturdy_bounds(points: &[DVec3]) -> Option<Aabb> {
     for (axis, ends) in ends.iter_mut().enumerate() {
         let mut along: Vec<f64> = points.iter().map(|point| point[axis]).collect();
         along.sort_by(f64::total_cmp);
-        let skip = (along.len() as f64 * STRAY) as usize;
+        let skip = (along.len() as f64 * OUTLIER_SHARE) as usize;
         *ends = [along[skip], along[along.len() - 1 - skip]];
     }
     bounds = bounds.including(DVec3::new(ends[0][0], ends[1][0], ends[2][0]));
@@ -84,14 +84,14 @@ fn is_inside(bounds: &Aabb, point: DVec3) -> bool {
     point.cmpge(bounds.min - margin).all() && point.cmple(bounds.max + margin).all()
 }
 
-/// The convex hull of the extreme points and of their outline on the base.
+/// Convex hull of the extreme points and of their footprint.
 fn body(points: &[DVec3], height_m: f64) -> Piece {
     let farthest = |direction: DVec3| {
         points.iter().copied().max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction))).unwrap_or_default()
     };
     let mut corners: Vec<DVec3> = (0..HULL_DIRECTIONS)
         .map(|index| {
-            // Points spread evenly over a sphere along a spiral (Vogel).
+            // Vogel spiral: evenly distributed directions.
             let z = 1.0 - (2.0 * index as f64 + 1.0) / HULL_DIRECTIONS as f64;
             let turn = index as f64 * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
             let level = (1.0 - z * z).sqrt();
@@ -102,7 +102,7 @@ fn body(points: &[DVec3], height_m: f64) -> Piece {
         let turn = index as f64 / BASE_DIRECTIONS as f64 * std::f64::consts::TAU;
         let edge = farthest(DVec3::new(turn.cos(), turn.sin(), 0.0));
         corners.push(edge.with_z(ABOVE_BASE_M));
-        corners.push(edge.with_z((edge.z).max(LEAST_HEIGHT_M.min(height_m))));
+        corners.push(edge.with_z((edge.z).max(MIN_HEIGHT_M.min(height_m))));
     }
     for corner in &mut corners {
         corner.z = corner.z.max(ABOVE_BASE_M);

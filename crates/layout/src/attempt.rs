@@ -1,21 +1,22 @@
-//! Why a placed layout is not kept: because of the layout, or because nobody can tell.
+//! Outcome of a layout attempt that is not accepted.
 
 use genmanip_sim::SimError;
 
 use crate::error::LayoutError;
 use crate::rejection::Rejection;
 
-/// Why a placed layout is not kept.
-pub(crate) enum Refusal {
-    /// It is not good enough; another attempt may be.
+/// Reason for discarding a layout attempt.
+pub(crate) enum AttemptError {
+    /// The layout is invalid; another attempt may succeed.
     Rejected(Rejection),
-    /// Nobody can tell.
+    /// The layout could not be evaluated.
     Defect(LayoutError),
 }
 
-impl Refusal {
-    /// What physics say about a layout: only a simulation that ran and blew up, or has more contacts than it can hold,
-    /// tells about the layout. Everything else (no memory, a broken library, a world that it refuses) does not.
+impl AttemptError {
+    /// Classifies a simulation error: instability and dropped contacts reject the layout; everything else (out of
+    /// memory, a
+    /// broken library, an invalid world) is a defect.
     pub(crate) fn of_physics(error: SimError) -> Self {
         match error {
             SimError::Unstable { .. } | SimError::ContactsDropped { .. } => {
@@ -26,7 +27,7 @@ impl Refusal {
     }
 }
 
-impl From<Rejection> for Refusal {
+impl From<Rejection> for AttemptError {
     fn from(reason: Rejection) -> Self {
         Self::Rejected(reason)
     }
@@ -39,10 +40,10 @@ mod tests {
     #[test]
     fn a_shortage_is_no_verdict_about_the_task() {
         let unstable = SimError::Unstable { time_s: 0.1, what: "speed of the mug".into() };
-        assert!(matches!(Refusal::of_physics(unstable), Refusal::Rejected(_)));
-        // What the engine says when it gets no memory.
+        assert!(matches!(AttemptError::of_physics(unstable), AttemptError::Rejected(_)));
+        // Error of the engine when out of memory.
         for error in [SimError::Compile("unknown error".into()), SimError::Settings("no table".into())] {
-            let Refusal::Defect(error) = Refusal::of_physics(error) else { panic!("taken for a verdict") };
+            let AttemptError::Defect(error) = AttemptError::of_physics(error) else { panic!("taken for a verdict") };
             assert!(error.is_defect(), "{error}");
         }
     }

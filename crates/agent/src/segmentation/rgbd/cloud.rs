@@ -1,31 +1,31 @@
-//! What the camera sees as a surface: points, normals and colours per pixel, and how noisy the depth is.
+//! Organised point cloud: points, normals and colours per pixel, with the depth noise.
 
 use genmanip_core::RgbdImage;
 use glam::{DVec3, Vec3};
 
-/// Second differences that are enough to tell the noise.
+/// Number of second differences sampled for the noise estimate.
 const NOISE_SAMPLES: usize = 8192;
-/// Below this inverse depth noise (1/m) smoothing is spared: rounding to millimetres at 1 m gives about 3e-4.
-const NOISELESS: f32 = 5e-5;
+/// Inverse-depth noise below which smoothing is skipped [1/m]: rounding to millimetres at 1 m gives about 3e-4.
+const MIN_NOISE: f32 = 5e-5;
 
-/// An image as a surface; all channels row by row.
-pub(super) struct Surface {
+/// An organised point cloud; all channels are row-major.
+pub(super) struct OrganizedCloud {
     pub width: usize,
-    /// Whether there is a depth.
+    /// True for pixels with depth.
     pub is_seen: Vec<bool>,
-    /// Points in the world, m.
+    /// Points, world frame [m].
     pub points: Vec<Vec3>,
-    /// Unit normals in the world, towards the camera; zero where nothing is seen.
+    /// Unit normals towards the camera, world frame; zero without depth.
     pub normals: Vec<Vec3>,
-    /// Standard deviation of the inverse depth that is left after smoothing, 1/m.
+    /// Standard deviation of the inverse depth after smoothing [1/m].
     pub noise: f32,
-    /// Where the camera is.
-    pub eye: Vec3,
-    /// Focal length, pixels; the smaller one of both axes.
+    /// Camera position, world frame.
+    pub camera: Vec3,
+    /// Smaller focal length of both axes [px].
     pub focal_px: f32,
 }
 
-impl Surface {
+impl OrganizedCloud {
     pub fn new(image: &RgbdImage, colors: &[Vec3], is_ignored: &[bool]) -> Self {
         let (width, height) = (image.width() as usize, image.height() as usize);
         let usable = |(index, depth): (usize, &f32)| {
@@ -33,33 +33,33 @@ impl Surface {
             if is_seen { 1.0 / depth } else { 0.0 }
         };
         let mut inverse: Vec<f32> = image.depth_m.iter().enumerate().map(usable).collect();
-        let mut noise = noise_of(&inverse, width);
-        if noise > NOISELESS {
+        let mut noise = inverse_depth_noise(&inverse, width);
+        if noise > MIN_NOISE {
             inverse = smoothed(&inverse, colors, width, noise);
             noise /= SMOOTHING_GAIN;
         }
         let points = points(image, &inverse);
         let is_seen: Vec<bool> = inverse.iter().map(|inverse| *inverse > 0.0).collect();
-        let reach = if noise > NOISELESS { 2 } else { 1 };
-        let eye = image.world_from_camera.position.as_vec3();
-        let normals = normals(&points, &inverse, [width, height], reach, noise, eye);
+        let reach = if noise > MIN_NOISE { 2 } else { 1 };
+        let camera = image.world_from_camera.position.as_vec3();
+        let normals = normals(&points, &inverse, [width, height], reach, noise, camera);
         let focal_px = image.intrinsics.fx.min(image.intrinsics.fy) as f32;
-        Self { width, is_seen, points, normals, noise, eye, focal_px }
+        Self { width, is_seen, points, normals, noise, camera, focal_px }
     }
 
-    /// Standard deviation of the depth at a point, m.
+    /// Standard deviation of the depth at a point [m].
     pub fn depth_noise_m(&self, point: Vec3) -> f32 {
-        self.noise * point.distance_squared(self.eye)
+        self.noise * point.distance_squared(self.camera)
     }
 
-    /// Distance of the points of neighbouring pixels on a surface that faces the camera, m.
+    /// Distance between neighbouring pixels on a surface that faces the camera [m].
     pub fn footprint_m(&self, point: Vec3) -> f32 {
-        point.distance(self.eye) / self.focal_px
+        point.distance(self.camera) / self.focal_px
     }
 }
 
-/// Noise of the inverse depth, from second differences, which vanish on planes: a robust standard deviation.
-fn noise_of(inverse: &[f32], width: usize) -> f32 {
+/// Robust standard deviation of the inverse depth, from second differences, which vanish on planes.
+fn inverse_depth_noise(inverse: &[f32], width: usize) -> f32 {
     let step = (inverse.len() / NOISE_SAMPLES).max(1);
     let mut second: Vec<f32> = (1..inverse.len().saturating_sub(1))
         .step_by(step)
@@ -78,16 +78,16 @@ fn noise_of(inverse: &[f32], width: usize) -> f32 {
     1.4826 * *median / 6.0_f32.sqrt()
 }
 
-/// Pixels to either side that smoothing takes in.
+/// Smoothing radius [px].
 const SMOOTHING_PX: usize = 4;
-/// By how much smoothing lowers white noise, near edges too; on planes it is more, as the test below measures.
+/// Noise reduction factor of smoothing near edges; larger on planes, see the test below.
 const SMOOTHING_GAIN: f32 = 6.0;
-/// Differences beyond so many standard deviations belong to another surface.
-const SMOOTHING_NOISES: f32 = 3.5;
-/// Difference of colour at which a neighbour counts half.
+/// Differences of more standard deviations belong to another surface.
+const SMOOTHING_SIGMAS: f32 = 3.5;
+/// Colour difference at which a neighbour has half weight.
 const SMOOTHING_COLOR: f32 = 0.06;
 
-/// Averages along rows and columns of what is near in depth and colour; fills in what is missing.
+/// Bilateral smoothing along rows and columns by depth and colour; fills gaps.
 fn smoothed(inverse: &[f32], colors: &[Vec3], width: usize, noise: f32) -> Vec<f32> {
     let height = inverse.len() / width.max(1);
     let pass = |values: &[f32], step: usize, place: &dyn Fn(usize) -> usize, count: usize, noise: f32| -> Vec<f32> {
@@ -97,22 +97,22 @@ fn smoothed(inverse: &[f32], colors: &[Vec3], width: usize, noise: f32) -> Vec<f
                 let (back, ahead) = (at.min(SMOOTHING_PX), (count - 1 - at).min(SMOOTHING_PX));
                 let mut here = values[index];
                 if here <= 0.0 {
-                    // The nearest neighbours along this axis; what only one side knows is not filled in.
+                    // Nearest neighbours along this axis; a gap with one known side only is not filled.
                     let known = |other: usize| (values[other] > 0.0).then_some(values[other]);
                     let before = (1..=back).find_map(|k| known(index - k * step));
                     let after = (1..=ahead).find_map(|k| known(index + k * step));
                     match (before, after) {
-                        // The farther one: what is missing at an edge mostly belongs to the surface behind.
+                        // Take the farther one: gaps at edges mostly belong to the background.
                         (Some(one), Some(other)) => here = one.min(other),
                         _ => return 0.0,
                     }
                 }
                 let color = colors[index];
-                // A line through the neighbours, at this place: an average would be off where they lie on one side only.
+                // Weighted line fit: an average would be biased where neighbours lie on one side only.
                 let (mut weights, mut x, mut xx, mut v, mut xv) = (1.0, 0.0, 0.0, 0.0, 0.0);
                 for other in (index - back * step..=index + ahead * step).step_by(step) {
                     let value = values[other];
-                    if other == index || value <= 0.0 || (value - here).abs() > SMOOTHING_NOISES * 1.5 * noise {
+                    if other == index || value <= 0.0 || (value - here).abs() > SMOOTHING_SIGMAS * 1.5 * noise {
                         continue;
                     }
                     let difference = (colors[other] - color).length_squared() / (SMOOTHING_COLOR * SMOOTHING_COLOR);
@@ -146,26 +146,26 @@ fn points(image: &RgbdImage, inverse: &[f32]) -> Vec<Vec3> {
     let [right, down, forward] = DVec3::AXES.map(|axis| image.world_from_camera.transform_vector(axis));
     let (right, down) = ((right / k.fx).as_vec3(), (down / k.fy).as_vec3());
     let corner = forward.as_vec3() - right * k.cx as f32 - down * k.cy as f32;
-    let eye = image.world_from_camera.position.as_vec3();
+    let camera = image.world_from_camera.position.as_vec3();
     let width = image.width() as usize;
     let mut points = Vec::with_capacity(inverse.len());
     for (row, inverse) in inverse.chunks(width.max(1)).enumerate() {
         let start = corner + down * row as f32;
         points.extend(inverse.iter().enumerate().map(|(column, inverse)| {
-            if *inverse > 0.0 { eye + (start + right * column as f32) / *inverse } else { Vec3::ZERO }
+            if *inverse > 0.0 { camera + (start + right * column as f32) / *inverse } else { Vec3::ZERO }
         }));
     }
     points
 }
 
-/// Cross products of differences to the neighbours, on the side where the inverse depth changes less.
+/// Normals as cross products of point differences, on the side where inverse depth changes less.
 fn normals(
     points: &[Vec3],
     inverse: &[f32],
     [width, height]: [usize; 2],
     reach: usize,
     noise: f32,
-    eye: Vec3,
+    camera: Vec3,
 ) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; points.len()];
     for y in 0..height {
@@ -183,7 +183,7 @@ fn normals(
                 match (before, after) {
                     (Some(before), Some(after)) => {
                         let (one, other) = (change(before), change(after));
-                        // Both sides where they agree, which halves the noise; else the smoother one.
+                        // Use both sides if they agree, which halves the noise; otherwise the smoother one.
                         if (one - other).abs() <= 0.5 * one.min(other) + 3.0 * noise {
                             points[after] - points[before]
                         } else if one < other {
@@ -198,19 +198,19 @@ fn normals(
                 }
             };
             let normal = along(y, height, width).cross(along(x, width, 1)).normalize_or_zero();
-            normals[index] = if normal.dot(eye - points[index]) < 0.0 { -normal } else { normal };
+            normals[index] = if normal.dot(camera - points[index]) < 0.0 { -normal } else { normal };
         }
     }
     normals
 }
 
-/// Brightness and two differences of colour that shading hardly changes, each about 0-1; one pixel's neighbours averaged.
+/// Brightness and two chroma components nearly invariant to shading, each about 0-1, after a 3x3 binomial filter.
 pub(super) fn colors(rgb: &[u8], width: usize) -> Vec<Vec3> {
     let raw: Vec<Vec3> = rgb
         .chunks_exact(3)
         .map(|pixel| {
             let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(|channel| f32::from(channel) / 255.0);
-            // 0.3 keeps dark pixels, whose hue is mostly rounding, from being told apart.
+            // 0.3 suppresses the chroma of dark pixels, which is mostly rounding.
             let sum = r + g + b + 0.3;
             Vec3::new((r + g + b) / 3.0, (r - g) * 2.0 / sum, (0.5 * (r + g) - b) * 2.0 / sum)
         })
@@ -238,7 +238,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [120, 90];
 
-    /// Inverse depths of a slanted plane, with noise of a standard deviation.
+    /// Inverse depths of a slanted plane with Gaussian noise.
     fn slanted(noise: f32) -> Vec<f32> {
         let rng = &mut Seed::new(3).rng();
         let [width, height] = SIZE.map(|side| side as usize);
@@ -256,9 +256,9 @@ mod tests {
 
     #[test]
     fn noise_is_told_from_slopes() {
-        assert!(noise_of(&slanted(0.0), SIZE[0] as usize) < NOISELESS);
+        assert!(inverse_depth_noise(&slanted(0.0), SIZE[0] as usize) < MIN_NOISE);
         for noise in [5e-4, 2e-3] {
-            let told = noise_of(&slanted(noise), SIZE[0] as usize);
+            let told = inverse_depth_noise(&slanted(noise), SIZE[0] as usize);
             assert!((told / noise - 1.0).abs() < 0.1, "{told} for {noise}");
         }
     }
@@ -279,10 +279,12 @@ mod tests {
         let pose = Pose::default();
         let image = RgbdImage::of_depth(intrinsics, pose, slanted(0.0).iter().map(|inverse| 1.0 / inverse).collect());
         let colors = vec![Vec3::ZERO; (SIZE[0] * SIZE[1]) as usize];
-        let surface = Surface::new(&image, &colors, &[]);
-        let first = surface.normals[0];
-        assert!(first.z < -0.5 && surface.normals.iter().all(|normal| normal.distance(first) < 1e-2), "{first}");
+        let cloud = OrganizedCloud::new(&image, &colors, &[]);
+        let first = cloud.normals[0];
+        assert!(first.z < -0.5 && cloud.normals.iter().all(|normal| normal.distance(first) < 1e-2), "{first}");
         let ignored: Vec<bool> = (0..colors.len()).map(|index| index % 2 == 0).collect();
-        assert!(Surface::new(&image, &colors, &ignored).is_seen.iter().zip(&ignored).all(|(seen, out)| seen != out));
+        assert!(
+            OrganizedCloud::new(&image, &colors, &ignored).is_seen.iter().zip(&ignored).all(|(seen, out)| seen != out)
+        );
     }
 }

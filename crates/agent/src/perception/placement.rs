@@ -1,0 +1,297 @@
+//! Resolution of grid cells to placement targets.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::RgbdImage;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use super::{HeightMap, ObservedObject, SegmentedViews, View};
+use crate::grid::{Cell, Grid};
+use crate::segmentation::Mask;
+
+/// Resolution of grid cells to placement targets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CellSettings {
+    /// If true, a cell resolves to the surface seen in it: the middle of an object, or the free part of the table
+    /// nearest to
+    /// the cell's centre. If false, the measured point under the cell's centre is used as is.
+    pub snap: bool,
+    /// Minimum share of a cell's pixels that an object must cover for the cell to refer to it.
+    pub thing_share: f64,
+    /// Clearance around the placed object [m].
+    pub clearance_m: f64,
+    /// Candidate points along each side of a cell.
+    pub samples: usize,
+}
+
+impl Default for CellSettings {
+    fn default() -> Self {
+        Self {
+            snap: true,
+            // Chosen: an object that covers less is better addressed by neighbouring cells.
+            thing_share: 0.3,
+            // Chosen: margin for the release error; the fingers are collision-checked separately.
+            clearance_m: 0.006,
+            samples: 7,
+        }
+    }
+}
+
+/// A placement target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacementTarget {
+    /// Rest position of the object's footprint centre, world frame [m].
+    pub point: DVec3,
+    /// Alternative free points in the same cell if the first is out of reach, nearest first.
+    pub others: Vec<DVec3>,
+    /// True if the receiver is hollow, so that the object may be released from any height.
+    pub hollow: bool,
+    /// Height of the receiver's rim, world z [m].
+    pub rim_m: f64,
+}
+
+/// Placement targets of all cells that can receive the object.
+///
+/// `around` holds the points of everything but the moved object and the table.
+pub fn targets(
+    views: &SegmentedViews,
+    moved: usize,
+    object: &ObservedObject,
+    around: &[DVec3],
+    table_m: f64,
+    settings: &CellSettings,
+) -> BTreeMap<Cell, PlacementTarget> {
+    let Some(view) = views.shown() else { return BTreeMap::new() };
+    let grid = Grid::usual(view.image.width(), view.image.height());
+    let resolver = Resolver::new(views, view, moved, object, around, table_m, settings);
+    grid.cells().filter_map(|cell| Some((cell, resolver.target(&grid, cell)?))).collect()
+}
+
+struct Resolver<'a> {
+    view: &'a View,
+    moved: usize,
+    object: &'a ObservedObject,
+    table_m: f64,
+    settings: &'a CellSettings,
+    /// Possible receivers: the objects of the shown view except the moved one.
+    receivers: Vec<Option<Receiver>>,
+    /// Height map of everything except the moved object.
+    around: HeightMap,
+}
+
+/// An object that may receive another.
+struct Receiver {
+    heights: HeightMap,
+    /// Centre and half extents of its upper rim, world xy [m].
+    middle: DVec2,
+    half: DVec2,
+    top_m: f64,
+    hollow: bool,
+}
+
+/// Corners of the reachable part of the table, world xy [m].
+const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
+/// Clearance levels that rank candidate points [m]; more clearance is no better.
+const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
+/// Points lower than this above the target are not obstacles [m].
+const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
+/// A receiver longer than this multiple of the moved object holds two of them.
+const HOLDS_TWO_RATIO: f64 = 2.2;
+/// Usable share of the free extent on a receiver.
+const USABLE_SHARE: f64 = 0.8;
+/// Maximum number of alternative points per cell, and their minimum distance [m].
+const MAX_ALTERNATIVES: usize = 3;
+const MIN_ALTERNATIVE_DISTANCE_M: f64 = 0.012;
+
+/// Minimum depth of the middle below the rim of a hollow receiver [m]; deeper than plates and boards.
+const MIN_HOLLOW_DEPTH_M: f64 = 0.025;
+/// Height of the rim band as a share of the receiver's height, and its minimum [m].
+const RIM_SHARE: f64 = 0.25;
+const MIN_RIM_M: f64 = 0.015;
+
+impl<'a> Resolver<'a> {
+    fn new(
+        views: &SegmentedViews,
+        view: &'a View,
+        moved: usize,
+        object: &'a ObservedObject,
+        around: &[DVec3],
+        table_m: f64,
+        settings: &'a CellSettings,
+    ) -> Self {
+        let receiver = |mask: usize| (mask != moved).then(|| Receiver::new(&views.points(mask), table_m)).flatten();
+        let receivers = (0..view.masks.len()).map(receiver).collect();
+        let around = HeightMap::new(REACH_M[0], REACH_M[1], around.iter().copied());
+        Self { view, moved, object, table_m, settings, receivers, around }
+    }
+
+    fn target(&self, grid: &Grid, cell: Cell) -> Option<PlacementTarget> {
+        let pixels = self.pixels(grid, cell);
+        let middle = pixels.get(pixels.len() / 2).copied()?;
+        if !self.settings.snap {
+            return self.measured(middle);
+        }
+        let covered = |mask: &Mask| pixels.iter().filter(|&&pixel| mask.pixels[pixel]).count();
+        let counts = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
+        let most = counts
+            .map(|(index, mask)| (covered(mask), index))
+            .max_by_key(|&(count, index)| (count, usize::MAX - index));
+        let covering = most.filter(|(count, _)| *count as f64 >= self.settings.thing_share * pixels.len() as f64);
+        match covering {
+            Some((_, index)) => self.on_receiver(index, &pixels),
+            None => self.on_table(&pixels),
+        }
+    }
+
+    /// Pixel indices sampled over a cell, its centre in the middle of the list.
+    fn pixels(&self, grid: &Grid, cell: Cell) -> Vec<usize> {
+        let [left, top, right, bottom] = grid.edges(cell);
+        let count = self.settings.samples.max(1);
+        let at =
+            |low: f64, high: f64, index: usize| (low + (high - low) * (index as f64 + 0.5) / count as f64) as usize;
+        let width = grid.width as usize;
+        (0..count)
+            .flat_map(|row| (0..count).map(move |column| at(top, bottom, row) * width + at(left, right, column)))
+            .collect()
+    }
+
+    /// Target at the measured point of a pixel, without snapping.
+    fn measured(&self, pixel: usize) -> Option<PlacementTarget> {
+        let point = self.view.image.point(pixel)?;
+        let point = if self.view.masks.get(self.moved).is_some_and(|mask| mask.pixels[pixel]) {
+            self.table_point(pixel)?
+        } else {
+            point
+        };
+        let index = self.view.masks.iter().position(|mask| mask.pixels[pixel]);
+        let receiver = index.and_then(|index| self.receivers.get(index)?.as_ref());
+        let rim_m = receiver.map_or(point.z, |receiver| receiver.top_m);
+        let hollow = receiver.is_some_and(|receiver| receiver.hollow);
+        Some(PlacementTarget { point, others: Vec::new(), hollow, rim_m })
+    }
+
+    /// Intersection of a pixel's ray with the table plane.
+    fn table_point(&self, pixel: usize) -> Option<DVec3> {
+        let width = self.view.image.width() as usize;
+        on_plane(&self.view.image, [(pixel % width) as f64, (pixel / width) as f64], self.table_m)
+    }
+
+    fn on_table(&self, pixels: &[usize]) -> Option<PlacementTarget> {
+        let is_table = |pixel: &usize| {
+            let own = self.view.masks.get(self.moved).is_some_and(|mask| mask.pixels[*pixel]);
+            own || self.view.image.point(*pixel).is_some_and(|point| (point.z - self.table_m).abs() < 0.015)
+        };
+        let middle = pixels[pixels.len() / 2];
+        let center = self.table_point(middle)?;
+        let points = pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel));
+        let clearance = |point: DVec3| {
+            let half = self.object.half;
+            let is_free = |margin: f64| {
+                self.around
+                    .highest(point.truncate(), half + margin)
+                    .is_none_or(|top_m| top_m < point.z + MIN_OBSTACLE_HEIGHT_M)
+            };
+            CLEARANCE_LEVELS_M.into_iter().find(|margin| is_free(*margin)).unwrap_or(-1.0)
+        };
+        // Ranks by clearance first, which centres gaps, then by distance from the cell's centre.
+        let mut points: Vec<(f64, DVec3)> = points.map(|point| (clearance(point), point)).collect();
+        let distance = |point: DVec3| point.distance(center);
+        points.sort_by(|a, b| b.0.total_cmp(&a.0).then(distance(a.1).total_cmp(&distance(b.1))));
+        let free: Vec<DVec3> = points
+            .iter()
+            .filter(|(free_extent, _)| *free_extent >= self.settings.clearance_m)
+            .map(|(_, point)| *point)
+            .collect();
+        let points: Vec<DVec3> = points.into_iter().map(|(_, point)| point).collect();
+        let point = free.first().or(points.first()).copied()?;
+        Some(PlacementTarget { point, others: alternatives(&free), hollow: false, rim_m: self.table_m })
+    }
+
+    fn on_receiver(&self, index: usize, pixels: &[usize]) -> Option<PlacementTarget> {
+        let receiver = self.receivers.get(index)?.as_ref()?;
+        let mask = &self.view.masks[index];
+        let seen = pixels.iter().filter(|&&pixel| mask.pixels[pixel]).filter_map(|&pixel| self.view.image.point(pixel));
+        // If two objects fit, the cell selects the side; otherwise use the middle.
+        let free_extent = receiver.half - self.object.half;
+        let holds_two = receiver.half.max_element() > HOLDS_TWO_RATIO * self.object.half.max_element();
+        let low = receiver.middle - free_extent.max(DVec2::ZERO) * USABLE_SHARE;
+        let high = receiver.middle + free_extent.max(DVec2::ZERO) * USABLE_SHARE;
+        let seen = seen.map(|point| point.truncate().clamp(low, high));
+        let middle = (!holds_two).then_some(receiver.middle);
+        let choices: Vec<DVec2> = middle.into_iter().chain(sorted_by_centrality(seen.collect())).collect();
+        let at = |center: DVec2| center.extend(receiver.support_m(center, self.object.half));
+        let free: Vec<DVec3> =
+            choices.iter().copied().map(at).filter(|point| self.is_free(*point, Some(index))).collect();
+        let point = free.first().copied().unwrap_or_else(|| at(receiver.middle));
+        Some(PlacementTarget { point, others: alternatives(&free), hollow: receiver.hollow, rim_m: receiver.top_m })
+    }
+
+    /// True if no other object is in the way of the moved object at this point.
+    fn is_free(&self, point: DVec3, on: Option<usize>) -> bool {
+        let half = self.object.half + self.settings.clearance_m;
+        let others = self.receivers.iter().enumerate().filter(|(index, _)| Some(*index) != on);
+        others.filter_map(|(_, object)| object.as_ref()).all(|other| {
+            other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + MIN_OBSTACLE_HEIGHT_M)
+        })
+    }
+}
+
+/// Sorts points by distance from their mean.
+fn sorted_by_centrality(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    let mean = points.iter().sum::<DVec2>() / points.len().max(1) as f64;
+    points.sort_by(|a, b| a.distance(mean).total_cmp(&b.distance(mean)));
+    points
+}
+
+/// Up to [`MAX_ALTERNATIVES`] further points, apart from the first and from each other.
+fn alternatives(points: &[DVec3]) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = Vec::new();
+    for point in points {
+        if kept.len() <= MAX_ALTERNATIVES
+            && kept.iter().all(|other| other.distance(*point) >= MIN_ALTERNATIVE_DISTANCE_M)
+        {
+            kept.push(*point);
+        }
+    }
+    kept.into_iter().skip(1).collect()
+}
+
+impl Receiver {
+    fn new(points: &[DVec3], table_m: f64) -> Option<Self> {
+        let mut levels: Vec<f64> = points.iter().map(|point| point.z).collect();
+        levels.sort_by(f64::total_cmp);
+        // Ignore the top 0.5 % of points: stray pixels.
+        let top_m = *levels.get(levels.len().checked_sub(1 + levels.len() / 200)?)?;
+        let band = MIN_RIM_M.max(RIM_SHARE * (top_m - table_m));
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for point in points.iter().filter(|point| point.z >= top_m - band) {
+            (low, high) = (low.min(point.truncate()), high.max(point.truncate()));
+        }
+        let all = points.iter().map(|point| point.truncate());
+        let (outer_low, outer_high) =
+            all.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        let heights = HeightMap::new(outer_low, outer_high, points.iter().copied());
+        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let floor_m = heights.quantile(middle, half * 0.35, 0.3);
+        let hollow = floor_m.is_some_and(|floor_m| floor_m < top_m - MIN_HOLLOW_DEPTH_M);
+        Some(Self { heights, middle, half, top_m, hollow })
+    }
+
+    /// Support height under a footprint at `center` [m].
+    fn support_m(&self, center: DVec2, half: DVec2) -> f64 {
+        // Round objects do not fill their bounding box, and cavity walls slope.
+        let share = if self.hollow { 0.95 } else { 0.98 };
+        let inside = half.min(self.half) * if self.hollow { 0.7 } else { 0.9 };
+        self.heights.quantile(center, inside, share).unwrap_or(self.top_m)
+    }
+}
+
+/// Intersection of a pixel's ray with the horizontal plane at `height_m`; `None` if there is none.
+pub fn on_plane(image: &RgbdImage, pixel: [f64; 2], height_m: f64) -> Option<DVec3> {
+    let camera = image.world_from_camera.position;
+    let ray = image.world_from_camera.transform_vector(image.intrinsics.unproject(DVec2::from_array(pixel), 1.0));
+    let along = (height_m - camera.z) / ray.z;
+    (along > 0.0 && along.is_finite()).then(|| camera + ray * along)
+}

@@ -1,0 +1,293 @@
+//! The model's answers for one sub-task, located in 3D.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use genmanip_core::Seed;
+use glam::DVec3;
+use rand::RngExt;
+
+use super::arm_state::{self, ArmState};
+use super::{Agent, QuestionDraft};
+use crate::ask::{Answer, FailedStage, Marks, PathCell, QuestionImage, QuestionKind};
+use crate::grid::{Cell, Grid};
+use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, targets};
+use crate::picture::{Picture, marks};
+use crate::segmentation::{Mask, SegmentQuestion};
+use crate::settings::PathKind;
+
+/// Number of grab-point candidates sampled in a mask.
+const POINTS: usize = 5;
+/// Pixels sampled per candidate; the one farthest from the candidates so far is kept (farthest-point sampling).
+const SAMPLES_PER_POINT: usize = 12;
+
+/// One pick and one place.
+#[derive(Clone, Debug)]
+pub(super) struct Subtask {
+    /// Name that the model gives the object.
+    pub name: String,
+    /// The object at its observed pose.
+    pub object: ObservedObject,
+    /// Points above the table that belong to neither the object nor the robot, world frame.
+    pub around: Vec<DVec3>,
+    /// Mask of the object or of the part to grasp, in the view shown to the model.
+    pub grasp_mask: Mask,
+    /// Grab point, world frame.
+    pub grab: DVec3,
+    /// Placement target.
+    pub target: PlacementTarget,
+    /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
+    /// last
+    /// one is the placement. Empty when the model was asked for one cell only.
+    pub path: Vec<(DVec3, PathCell)>,
+}
+
+impl Subtask {
+    pub(super) fn asked(
+        agent: &Agent,
+        views: &SegmentedViews,
+        view: &View,
+        is_last_view: bool,
+        state: &ArmState,
+        seed: Seed,
+    ) -> Result<Self, FailedStage> {
+        let settings = &agent.settings;
+        let subtask = agent.subtasks.get(agent.current).map_or("", String::as_str);
+        let image = agent.annotated_view(view);
+        let (mask, name) = choose_object(agent, view, &image, subtask, is_last_view)?;
+        let world = arm_state::table_world(settings);
+        let around = agent
+            .planner
+            .points_seen(&arm_state::empty_gripper(&world, state.width_m), &state.arm, &views.without(mask))
+            .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
+        let object = ObservedObject::new(views.points(mask), &around, settings.table_m).ok_or_else(|| {
+            FailedStage::new("object", "too_small", format!("too little is seen of {name} to take hold of it"))
+        })?;
+        // Pixels left over at the object's own outline are not obstacles to it.
+        let mut with_object = world.clone();
+        let added = with_object.add(arm_state::OBJECT, &object.pieces, &object.pose);
+        added.map_err(|error| FailedStage::new("object", "too_small", format!("{name}: {error}")))?;
+        let around = agent
+            .planner
+            .points_seen(&arm_state::empty_gripper(&with_object, state.width_m), &state.arm, &views.without(mask))
+            .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
+        let grasp_mask =
+            if settings.ctof { choose_part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
+        let places = targets(views, mask, &object, &around, settings.table_m, &settings.cells);
+        let grab_question = GrabPointQuestion::new(view, &image, &grasp_mask, &name, seed)?;
+        let placement_question =
+            PlacementQuestion { agent, view, image: &image, mask, name: &name, subtask, places: &places };
+        let (pixel, placed) = if settings.asks_at_once {
+            // The placement question does not depend on the grab point.
+            let start = placement_question.start(view.masks[mask].middle().unwrap_or(grab_question.points[0]));
+            let [grab, place] = agent.ask_two(view, [grab_question.asked(), placement_question.asked(&start)]);
+            (grab_question.pixel(grab?)?, place?)
+        } else {
+            let pixel = grab_question.pixel(agent.ask(view, grab_question.asked())?)?;
+            (pixel, agent.ask(view, placement_question.asked(&placement_question.start(pixel)))?)
+        };
+        let (target, path) = placement_question.place(placed)?;
+        let grab = view.image.point(pixel).unwrap_or(object.pose.position);
+        Ok(Self { name, object, around, grasp_mask, grab, target, path })
+    }
+
+    /// Asks for another grab point on the same object; the object and its placement stay as answered.
+    pub(super) fn regrasp(self, agent: &Agent, view: &View, seed: Seed) -> Result<Self, FailedStage> {
+        let image = agent.annotated_view(view);
+        let grab_question = GrabPointQuestion::new(view, &image, &self.grasp_mask, &self.name, seed)?;
+        let pixel = grab_question.pixel(agent.ask(view, grab_question.asked())?)?;
+        Ok(Self { grab: view.image.point(pixel).unwrap_or(self.grab), ..self })
+    }
+}
+
+fn choose_object(
+    agent: &Agent,
+    view: &View,
+    image: &QuestionImage,
+    subtask: &str,
+    is_last_view: bool,
+) -> Result<(usize, String), FailedStage> {
+    if view.masks.is_empty() {
+        return Err(FailedStage::new("object", "no_masks", "segmentation found nothing in the picture".into()));
+    }
+    let numbered = QuestionImage { name: "masks", picture: Arc::new(marks::masks(&view.picture(), &view.masks)) };
+    let asked = QuestionDraft {
+        pictures: vec![image.clone(), numbered],
+        marks: Marks::Masks(Arc::clone(&view.masks)),
+        is_last_view,
+        ..QuestionDraft::new(QuestionKind::Object, subtask)
+    };
+    match agent.ask(view, asked)? {
+        Answer::Mark(answer) => Ok((answer.mask, answer.name)),
+        other => Err(unexpected(QuestionKind::Object, &other)),
+    }
+}
+
+/// Asks for the part to grasp; returns the whole object if it has fewer than two parts.
+fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result<Mask, FailedStage> {
+    let whole = &view.masks[mask];
+    let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
+    let parts = agent.services.segmenter.segment(&question);
+    let parts = parts.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?;
+    if parts.len() < 2 {
+        return Ok(whole.clone());
+    }
+    let [image, numbered] = marks::crops(&view.picture(), whole, &parts);
+    let shown = |name, picture: Picture| QuestionImage { name, picture: Arc::new(picture) };
+    let asked = QuestionDraft {
+        pictures: vec![shown("crop", image), shown("parts", numbered)],
+        marks: Marks::Masks(parts.clone().into()),
+        ..QuestionDraft::new(QuestionKind::Part, subtask)
+    };
+    match agent.ask(view, asked)? {
+        Answer::Mark(answer) => Ok(parts[answer.mask].clone()),
+        other => Err(unexpected(QuestionKind::Part, &other)),
+    }
+}
+
+/// The grab-point question.
+struct GrabPointQuestion<'a> {
+    view: &'a View,
+    image: &'a QuestionImage,
+    name: &'a str,
+    /// Pixel indices of the numbered candidates, at least one.
+    points: Vec<usize>,
+}
+
+impl<'a> GrabPointQuestion<'a> {
+    fn new(
+        view: &'a View,
+        image: &'a QuestionImage,
+        mask: &Mask,
+        name: &'a str,
+        seed: Seed,
+    ) -> Result<Self, FailedStage> {
+        let points = sample_points(view, mask, seed);
+        if points.is_empty() {
+            return Err(FailedStage::new("grab_point", "no_depth", format!("no pixel of {name} has a depth")));
+        }
+        Ok(Self { view, image, name, points })
+    }
+
+    fn asked(&self) -> QuestionDraft<'a> {
+        let numbered =
+            QuestionImage { name: "points", picture: Arc::new(marks::points(&self.view.picture(), &self.points)) };
+        QuestionDraft {
+            object_name: self.name,
+            pictures: vec![self.image.clone(), numbered],
+            marks: Marks::Points(self.points.clone()),
+            ..QuestionDraft::new(QuestionKind::GrabPoint, self.name)
+        }
+    }
+
+    fn pixel(&self, answer: Answer) -> Result<usize, FailedStage> {
+        match answer {
+            Answer::GrabPoint(answer) => Ok(self.points[answer.point]),
+            other => Err(unexpected(QuestionKind::GrabPoint, &other)),
+        }
+    }
+}
+
+/// Samples grab-point candidates in a mask, far from each other and away from its edge where possible.
+fn sample_points(view: &View, mask: &Mask, seed: Seed) -> Vec<usize> {
+    let seen = |index: &usize| view.image.point(*index).is_some();
+    let all: Vec<usize> = mask.indices().filter(seen).collect();
+    let width = mask.width as usize;
+    let is_inner = |index: &usize| {
+        [index.checked_sub(1), Some(index + 1), index.checked_sub(width), Some(index + width)]
+            .into_iter()
+            .all(|other| other.is_some_and(|other| mask.pixels.get(other) == Some(&true)))
+    };
+    let inner: Vec<usize> = all.iter().copied().filter(is_inner).collect();
+    let pool = if inner.len() >= 2 * POINTS { inner } else { all };
+    let rng = &mut seed.fork("points").rng();
+    let mut chosen: Vec<usize> = Vec::new();
+    while !pool.is_empty() && chosen.len() < POINTS {
+        let place = |index: usize| ((index % width) as f64, (index / width) as f64);
+        let apart = |index: usize| {
+            let (x, y) = place(index);
+            let distances = chosen.iter().map(|&other| (x - place(other).0).hypot(y - place(other).1));
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        let draws: Vec<usize> = (0..SAMPLES_PER_POINT).map(|_| pool[rng.random_range(0..pool.len())]).collect();
+        chosen.extend(draws.into_iter().max_by(|a, b| apart(*a).total_cmp(&apart(*b))));
+    }
+    chosen
+}
+
+/// The placement question.
+struct PlacementQuestion<'a> {
+    agent: &'a Agent,
+    view: &'a View,
+    image: &'a QuestionImage,
+    mask: usize,
+    name: &'a str,
+    subtask: &'a str,
+    places: &'a BTreeMap<Cell, PlacementTarget>,
+}
+
+/// Start of the carry path on the grid: the pixel and its cell label.
+struct Start {
+    at: [f64; 2],
+    cell: String,
+}
+
+impl<'a> PlacementQuestion<'a> {
+    fn grid(&self) -> Grid {
+        Grid::usual(self.view.image.width(), self.view.image.height())
+    }
+
+    fn stage(&self) -> QuestionKind {
+        match self.agent.settings.path {
+            PathKind::P2p => QuestionKind::PointToPoint,
+            PathKind::Grid => QuestionKind::GridPath,
+        }
+    }
+
+    fn start(&self, pixel: usize) -> Start {
+        let width = self.view.image.width() as usize;
+        let at = [(pixel % width) as f64, (pixel / width) as f64];
+        Start { at, cell: self.grid().cell_at(at[0], at[1]).map_or_else(String::new, |cell| cell.to_string()) }
+    }
+
+    fn asked<'b>(&'b self, start: &'b Start) -> QuestionDraft<'b> {
+        let grid = self.grid();
+        let lettered =
+            QuestionImage { name: "grid", picture: Arc::new(marks::grid(&self.view.picture(), &grid, start.at)) };
+        QuestionDraft {
+            object_name: self.name,
+            start_point: &start.cell,
+            pictures: vec![self.image.clone(), lettered],
+            marks: Marks::Grid {
+                grid,
+                targets: self.places.iter().map(|(cell, target)| (*cell, target.point)).collect(),
+                moved: self.view.masks[self.mask].clone(),
+            },
+            ..QuestionDraft::new(self.stage(), self.subtask)
+        }
+    }
+
+    fn place(&self, answer: Answer) -> Result<(PlacementTarget, Vec<(DVec3, PathCell)>), FailedStage> {
+        let unusable =
+            || FailedStage::new(self.stage().name(), "unusable", format!("{} cannot be put there", self.name));
+        let place = |cell| self.places.get(&cell).cloned().ok_or_else(unusable);
+        match answer {
+            Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
+            Answer::Path(answer) => {
+                let cells = answer.cells;
+                let last = cells.last().map(|last| last.cell).ok_or_else(unusable)?;
+                let (grid, table_m) = (self.grid(), self.agent.settings.table_m);
+                let path = cells.iter().skip(1).filter_map(|&step| {
+                    let [x, y] = grid.center(step.cell);
+                    Some((crate::perception::on_plane(&self.view.image, [x, y], table_m)?, step))
+                });
+                Ok((place(last)?, path.collect()))
+            }
+            other => Err(unexpected(self.stage(), &other)),
+        }
+    }
+}
+
+fn unexpected(stage: QuestionKind, answer: &Answer) -> FailedStage {
+    FailedStage::new(stage.name(), "format", format!("got an answer of another stage: {answer:?}"))
+}
