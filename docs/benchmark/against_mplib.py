@@ -1,11 +1,11 @@
-"""Runs MPlib and `genmanip lab motion` on the same problems, one after the other, on one thread each.
+"""Runs MPlib and `genmanip-lab motion` on the same problems, one after the other, on one thread each.
 
     pip install mplib==0.2.1
-    python docs/benchmark/against_mplib.py PROBLEMS.json ROBOT_FOLDER --genmanip target/release/genmanip --count 30
+    python docs/benchmark/against_mplib.py PROBLEMS.json ROBOT_FOLDER --genmanip-lab target/release/genmanip-lab --count 30
 
 ROBOT_FOLDER holds panda.urdf with its meshes and an SRDF.  MPlib plans with OMPL's RRTConnect on convex pieces
 (`use_convex`, range 0.1); its own IK and time scaling are not in its time.  Then FCL, through MPlib, tests the paths of
-both programs every 0.02 rad: the second opinion that `lab motion` alone cannot give.
+both programs every 0.02 rad: the second opinion that `genmanip-lab motion` alone cannot give.
 """
 
 import argparse
@@ -74,7 +74,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("problems")
     parser.add_argument("robot")
-    parser.add_argument("--genmanip", default="genmanip")
+    parser.add_argument("--genmanip-lab", dest="program", default="genmanip-lab")
     parser.add_argument("--count", type=int, default=30, help="problems taken from the front of the file")
     options = parser.parse_args()
     problems = json.loads(pathlib.Path(options.problems).read_text())["problems"][: options.count]
@@ -82,7 +82,7 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         file, paths = pathlib.Path(scratch, "problems.json"), pathlib.Path(scratch, "paths.json")
         file.write_text(json.dumps({"problems": problems}))
-        command = [options.genmanip, "lab", "motion", "--problems", file, "--robot", options.robot, "--paths", paths]
+        command = [options.program, "motion", "--problems", file, "--robot", options.robot, "--paths", paths]
         ours = json.loads(subprocess.run([*command, "--json", "--quiet"], check=True, capture_output=True).stdout)
         our_paths = json.loads(paths.read_text())
 

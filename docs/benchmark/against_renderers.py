@@ -1,14 +1,14 @@
-"""Draws a scene that `genmanip lab render --baselines` wrote with MuJoCo's renderer and with PyBullet's TinyRenderer.
+"""Renders a scene that `genmanip-lab render --baselines` wrote, with MuJoCo's renderer and with PyBullet's TinyRenderer.
 
     python3 -m venv renderers && renderers/bin/pip install mujoco==3.17.0 pybullet==3.2.7 numpy
-    genmanip lab render --baselines --python renderers/bin/python --json
+    genmanip-lab render --baselines --python renderers/bin/python --json
 
-The verb calls this program with the folder of the scene; it prints one JSON object.  An engine that cannot be imported
+The subcommand runs this script with the folder of the scene; it prints one JSON object.  An engine that cannot be imported
 or that fails is `null`, with the reason in `problems`.  MuJoCo's renderer needs OpenGL without a display: EGL (Debian:
 libegl1, libgl1-mesa-dri) or, with MUJOCO_GL=osmesa, OSMesa (libosmesa6).
 
-Both engines get all triangles in plain colours, without textures, and one directional light with shadows.
-Milliseconds are processor time of all threads of this process, medians after two pictures that are not counted.
+Both engines render all triangles in plain colours, without textures, and one directional light with shadows.
+Milliseconds are CPU time of all threads of this process, medians after two warm-up images.
 """
 
 import json
@@ -38,10 +38,10 @@ def main():
     for name, measure in [("mujoco", with_mujoco), ("pybullet", with_pybullet)]:
         try:
             report[name] = measure(scene, depth, ids, folder)
-        except Exception as error:  # whatever stops one engine must not stop the other
+        except Exception as error:  # a failing engine must not stop the other
             report[name] = None
             report["problems"].append(f"{name}: {type(error).__name__}: {error}")
-    # PyBullet talks on standard output from C: the report is the last line.
+    # PyBullet logs to standard output from C: the report is the last line.
     print(json.dumps(report))
 
 

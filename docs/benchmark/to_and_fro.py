@@ -1,10 +1,10 @@
-"""A policy that costs nothing to ask: what the simulator and two cameras take, for docs/benchmark.md."""
+"""A policy without inference cost, to time the simulator and two cameras (docs/benchmark.md)."""
 
 import numpy as np
 
 
 class ToAndFro:
-    """Moves every joint to and fro for 20 simulated seconds, and is shown two 256×256 pictures 15 times a second."""
+    """Moves every joint to and fro for 20 simulated seconds, with two 256×256 images at 15 Hz."""
 
     def spec(self):
         return {
