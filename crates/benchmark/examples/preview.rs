@@ -1,4 +1,4 @@
-//! Writes a report about invented results of real tasks, to look at the design:
+//! Writes a report with made-up results of real tasks, to inspect its design:
 //! `cargo run --release -p genmanip-benchmark --example preview -- FOLDER [TASKS.json]`.
 
 #[path = "../tests/support/mod.rs"]

@@ -1,19 +1,19 @@
-//! What is in a data set, as a page.
+//! HTML page with an overview of a dataset.
 
 use std::fmt::Write;
 
 use genmanip_viz::markup::{base64, escape};
 
-/// Moments of an episode.
+/// Film strip of one episode.
 #[derive(Clone, Debug)]
 pub struct FilmStrip {
-    /// What they show.
+    /// Caption.
     pub caption: String,
-    /// JPEG files, in the order of time.
+    /// JPEG files in chronological order.
     pub pictures: Vec<Vec<u8>>,
 }
 
-/// A page with a heading, a note, tables, the first row of each being its head, and film strips.
+/// HTML page with a heading, a note, tables (first row: column headings) and film strips.
 pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])], strips: &[FilmStrip]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n<style>\n{style}</style>\n\

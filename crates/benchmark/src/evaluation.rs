@@ -1,4 +1,4 @@
-//! The results of one policy on one suite, as a file.
+//! Results of one policy on one suite, as a file.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,38 +13,38 @@ use sha2::{Digest, Sha256};
 use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, Traits, by_trait, summarise};
 use crate::suite::Perturbation;
 
-/// How one policy did on one suite: every result and what they amount to.
+/// Results and summary of one policy on one suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EvaluationReport {
     /// Name of the suite.
     pub suite: String,
     /// [`suite_hash`] of its scenarios.
     pub suite_hash: String,
-    /// What was changed of another suite, where this is a perturbed one.
+    /// The change, if this is a perturbed suite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
     /// Name of the policy.
     pub policy: String,
-    /// Name of this evaluation among others of the suite: the policy, with arguments and cameras that are not as usual.
+    /// Label of this evaluation within the suite: the policy with its non-default arguments and cameras.
     pub label: String,
-    /// Name of the cameras that were used instead of the scenarios' own; `None` for their own.
+    /// Name of the cameras that replaced the scenarios' own; `None` for their own.
     pub cameras: Option<String>,
-    /// Whether the policy read simulator truth.
+    /// True if the policy read simulator truth.
     pub oracle: bool,
-    /// Version of the program that made it.
+    /// Program version.
     pub genmanip_version: String,
-    /// How the summary was made.
+    /// Settings of the summary.
     pub statistics: StatisticsSettings,
-    /// What the results amount to.
+    /// Aggregated results.
     pub summary: SuiteSummary,
     /// Kind of each task, by its id.
     pub kinds: BTreeMap<String, TaskKind>,
-    /// Way of the tool that a good solution needs, by scenario id, m: see [`reference_paths_m`].
+    /// Reference path length of the tool by scenario id, m; see [`reference_paths_m`].
     #[serde(default)]
     pub reference_paths_m: BTreeMap<String, f64>,
     /// One per episode, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
-    /// Episodes that are still to be run, since the policy could not be reached; ordered by id, counted nowhere.
+    /// Episodes whose policy could not be reached, still to be run; ordered by id, counted nowhere.
     pub not_run: Vec<NotRun>,
 }
 
@@ -71,10 +71,10 @@ impl LongDocument for EvaluationReport {
     }
 }
 
-/// Why results make no report.
+/// Reasons why results make no report.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluationError {
-    /// Nothing to report.
+    /// No results.
     #[error("no results: an evaluation needs at least one episode")]
     NoResults,
     /// Results of several policies.
@@ -82,7 +82,7 @@ pub enum EvaluationError {
     MixedPolicies {
         /// Policy of the first result.
         expected: String,
-        /// Another one.
+        /// A different policy.
         got: String,
         /// Id of its result.
         result: String,
@@ -102,7 +102,7 @@ pub enum EvaluationError {
     Statistics(#[from] StatisticsError),
 }
 
-/// Name of the policy that collects demonstrations, whose verified ways are the references.
+/// Name of the policy that collects demonstrations; its verified paths are the references.
 const EXPERT: &str = "expert";
 
 /// Identity of a suite: the first twelve hexadecimal digits of the hash of its scenarios' files in order.
@@ -115,9 +115,9 @@ pub fn suite_hash(scenarios: &[Scenario]) -> String {
     hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The shortest verified way of the expert's tool per scenario, m, from the results of collected episodes.
+/// Shortest verified tool path of the expert per scenario, m, from the results of collected episodes.
 ///
-/// A scenario that the expert did not solve has none.
+/// Scenarios that the expert did not solve have none.
 pub fn reference_paths_m<'a>(collected: impl IntoIterator<Item = &'a EpisodeResult>) -> BTreeMap<String, f64> {
     let mut shortest: BTreeMap<String, f64> = BTreeMap::new();
     for result in collected.into_iter().filter(|result| result.policy == EXPERT && result.success) {
@@ -133,7 +133,7 @@ impl EvaluationReport {
     /// `reference_paths_m` as in [`summarise`], usually from [`reference_paths_m`]; may be empty.
     ///
     /// # Errors
-    /// No result, several policies, an episode twice, or a scenario from elsewhere.
+    /// No result, several policies, a duplicate episode, or a scenario of another suite.
     pub fn new(
         suite: &str,
         scenarios: &[Scenario],
@@ -185,14 +185,14 @@ impl EvaluationReport {
         })
     }
 
-    /// The same report with its success by what scenarios are like.
+    /// The same report with success by scenario trait.
     #[must_use]
     pub fn by_traits(mut self, traits: &Traits) -> Self {
         self.summary.traits = by_trait(&self.results, traits, &self.statistics);
         self
     }
 
-    /// The same report, telling also which episodes are still to be run.
+    /// The same report with the episodes still to be run.
     #[must_use]
     pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
         not_run.sort_by(|a, b| a.id.cmp(&b.id));

@@ -1,23 +1,23 @@
-//! A page about why a policy that asks failed: kinds by causes, one case with its pictures per cause, what was meant and
-//! what came of it.
+//! Page on the failures of a policy that asks questions: causes by kind of task, and one case per cause with its
+//! images, the intended and the actual outcome.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use genmanip_viz::markup::{base64, escape};
 
-/// What the page shows.
+/// Contents of the page.
 #[derive(Clone, Debug, Default)]
 pub struct FailurePage {
-    /// Name of the policy, with what serves it.
+    /// Name of the policy and its services.
     pub title: String,
-    /// Whether any of it knew the simulator's truth.
+    /// True if any part of it read simulator truth.
     pub oracle: bool,
     /// By kind of task.
     pub kinds: Vec<KindFailures>,
-    /// How often a placement that was meant as the first relation would have come to the second, as words.
+    /// Confusion counts of placements: intended relation, actual relation, count.
     pub relations: BTreeMap<(String, String), usize>,
-    /// Answers of the check: rows for a goal that does not hold and one that does, columns for not finished and finished.
+    /// Confusion matrix of the completion check: rows goal unmet and met, columns *not finished* and *finished*.
     pub checks: [[usize; 2]; 2],
     /// One failed episode per cause.
     pub cases: Vec<FailureCase>,
@@ -30,39 +30,39 @@ pub struct KindFailures {
     pub kind: String,
     /// Episodes.
     pub episodes: usize,
-    /// Failed ones by cause; the causes of all kinds in the same order.
+    /// Failed episodes by cause; the same causes in the same order for all kinds.
     pub causes: Vec<(String, usize)>,
 }
 
 /// A failed episode.
 #[derive(Clone, Debug, Default)]
 pub struct FailureCase {
-    /// Why it failed.
+    /// Cause of failure.
     pub cause: String,
     /// Id of the episode.
     pub id: String,
-    /// What was to be done.
+    /// Instruction.
     pub instruction: String,
-    /// What was seen.
+    /// Evidence.
     pub evidence: String,
-    /// What was asked and done, in the order of time.
+    /// Questions and actions in chronological order.
     pub moments: Vec<CaseMoment>,
 }
 
-/// Something that was asked or done.
+/// One question or action.
 #[derive(Clone, Debug, Default)]
 pub struct CaseMoment {
-    /// What, in a few words.
+    /// Short title.
     pub title: String,
-    /// The answer, or what was done.
+    /// The answer, or the action taken.
     pub text: String,
-    /// Whether the analysis blames it.
+    /// True if the failure analysis blames it.
     pub is_blamed: bool,
-    /// The pictures that were shown, as PNG files.
+    /// Images shown with the question, as PNG files.
     pub pictures: Vec<Vec<u8>>,
 }
 
-/// Colours of the causes, in their order: grasps in blues, plans in oranges, the rest in greens and greys.
+/// Colours of the causes in their order: grasps in blues, plans in oranges, the rest in greens and greys.
 const COLORS: [&str; 10] =
     ["#7c5ba6", "#1d4f91", "#3b82c4", "#8ec1e8", "#b45309", "#e08a2e", "#f4c27a", "#3f7d4f", "#8a9099", "#c3c8cf"];
 
@@ -99,10 +99,10 @@ impl KindFailures {
     }
 }
 
-/// Width of the bars, their height and distance, and the room for names, in pixels.
+/// Width, height and spacing of the bars, and width of the labels, px.
 const BAR: [usize; 4] = [560, 26, 40, 150];
 
-/// A bar per kind, as long as the share of its episodes that failed, cut by cause.
+/// One bar per kind, proportional to its share of failed episodes and divided by cause.
 fn chart(kinds: &[KindFailures]) -> String {
     let [width, height, step, left] = BAR;
     let mut svg = String::new();
@@ -175,7 +175,7 @@ fn chart(kinds: &[KindFailures]) -> String {
     )
 }
 
-/// What was meant in rows, what came of it in columns; mirrored pairs are told apart.
+/// Confusion matrix: rows intended, columns actual; mirrored relations are distinguished.
 fn relations(counts: &BTreeMap<(String, String), usize>) -> String {
     if counts.is_empty() {
         return String::new();
@@ -225,7 +225,7 @@ fn checks(counts: &[[usize; 2]; 2]) -> String {
     )
 }
 
-/// Pictures of a case stand side by side at this width, pixels.
+/// Width of the images of a case, px.
 const PICTURE_WIDTH: usize = 440;
 
 fn case(case: &FailureCase) -> String {
@@ -302,7 +302,7 @@ mod tests {
         ] {
             assert!(html.contains(expected), "{expected}");
         }
-        // What never happened has no place in the legend, and no bar.
+        // Causes that never occurred have no legend entry and no bar.
         assert!(!html.contains("decomposition"));
     }
 }

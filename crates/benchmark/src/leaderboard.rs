@@ -1,4 +1,4 @@
-//! How policies did on the same suites, as a table for people, in Markdown and HTML.
+//! Leaderboard: policies on the same suites, as Markdown and HTML tables.
 
 use std::fmt::Write;
 
@@ -17,9 +17,9 @@ pub struct Board {
     pub suite: String,
     /// Hash of its scenarios.
     pub suite_hash: String,
-    /// Policies that saw what a real robot sees, the most successful first.
+    /// Policies limited to a real robot's observations, most successful first.
     pub fair: Vec<Entry>,
-    /// Those that read simulator truth anywhere, the most successful first.
+    /// Policies that read simulator truth anywhere, most successful first.
     pub oracle: Vec<Entry>,
 }
 
@@ -28,17 +28,17 @@ pub struct Board {
 pub struct Entry {
     /// Name of the evaluation.
     pub label: String,
-    /// Where masks came from, for policies that segment.
+    /// Source of masks, for policies that segment.
     pub masks: Option<String>,
     /// Success at the end.
     pub success: Rate,
-    /// The same by kind of task.
+    /// Success by kind of task.
     pub kinds: Vec<KindSummary>,
     /// Success weighted by path length.
     pub spl: Option<Mean>,
     /// Simulated length of the episodes, s.
     pub duration_s: Mean,
-    /// Episodes in which the robot struck something.
+    /// Episodes with a collision.
     pub collisions: Rate,
     /// Episodes that could not be run.
     pub not_run: usize,
@@ -78,13 +78,13 @@ fn entry(report: &EvaluationReport) -> Entry {
     }
 }
 
-/// How cells are written: in Markdown or HTML.
+/// Markup of cells: Markdown or HTML.
 struct Style {
     text: fn(&str) -> String,
     rate: fn(&Rate) -> String,
 }
 
-/// Head and rows of a table; empty cells where there is nothing to say.
+/// Header and rows of a table; empty cells without a value.
 fn cells(entries: &[Entry], style: &Style) -> (Vec<String>, Vec<Vec<String>>) {
     let is_there = |kind: &TaskKind| entries.iter().any(|entry| entry.kinds.iter().any(|own| own.kind == *kind));
     let kinds: Vec<TaskKind> = TaskKind::ALL.into_iter().filter(is_there).collect();
@@ -116,7 +116,7 @@ fn cells(entries: &[Entry], style: &Style) -> (Vec<String>, Vec<Vec<String>>) {
     (head, rows.collect())
 }
 
-/// The two tables of a board with their titles; those without entries are left out.
+/// The two tables of a board with their titles; empty ones are omitted.
 fn tables(board: &Board) -> impl Iterator<Item = (&'static str, &[Entry])> {
     [("Policies", board.fair.as_slice()), ("With simulator truth (oracle)", board.oracle.as_slice())]
         .into_iter()
@@ -156,8 +156,8 @@ pub fn leaderboard_html(boards: &[Board]) -> String {
             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\" />\n",
             "<meta name=\"color-scheme\" content=\"light dark\" />\n<title>GenManip leaderboard</title>\n",
             "<style>\n{}</style>\n</head>\n<body>\n<header>\n<p class=\"kicker\">GenManip</p>\n<h1>Leaderboard</h1>\n",
-            "<p class=\"lead\">Success is that the goal holds at the end, after everything has come to rest; intervals ",
-            "are of 95&#160;%. <code>genmanip compare</code> tells two policies of one suite apart: it pairs their ",
+            "<p class=\"lead\">Success means that the goal holds at the end, after settling; intervals ",
+            "are 95&#160;%. <code>genmanip compare</code> tests two policies on the same suite: it pairs their ",
             "episodes.</p>\n</header>\n<main>\n"
         ),
         include_str!("report/style.css")

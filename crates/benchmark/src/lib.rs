@@ -5,13 +5,13 @@
 //!
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
-//! - [`suite`]: scenarios that are frozen to be evaluated on, and how they are chosen.
-//! - [`rows`]: every episode of a run as a row, totals over rows, and which episodes are worth a picture.
+//! - [`suite`]: frozen scenarios for evaluation, and their selection.
+//! - [`rows`]: one row per episode of a run, totals over rows, and the selection of episodes with images.
 //! - [`report`]: one self-contained HTML page.
-//! - [`leaderboard_html`]: how policies did on the same suites.
-//! - [`failure_page`]: why a policy that asks failed, with what it was shown.
-//! - [`suites`]: the folders of suites: check, freeze, review, differences, training tasks.
-//! - [`compare`]: two evaluations of one suite, in pairs.
+//! - [`leaderboard_html`]: policies on the same suites.
+//! - [`failure_page`]: failures of a policy that asks questions, with its images.
+//! - [`suites`]: suite folders: check, freeze, review, differences, training tasks.
+//! - [`compare`]: paired comparison of two evaluations of one suite.
 
 pub mod compare;
 mod dataset_page;

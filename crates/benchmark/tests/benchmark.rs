@@ -12,7 +12,7 @@ use genmanip_core::*;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-/// Parses a page, refuses what is not well-formed or not self-contained, and returns the text that people read.
+/// Parses a page, fails if it is not well-formed or self-contained, and returns its visible text.
 fn check_report(page: &str, limit: usize) -> String {
     assert!(page.len() <= limit, "{} bytes", page.len());
     let mut reader = Reader::from_str(page);
@@ -188,7 +188,7 @@ fn a_control_that_succeeds_is_a_warning() {
     let control = input.summaries.iter_mut().find(|summary| summary.policy == "do_nothing").unwrap();
     control.success.successes = 1;
     let text = check_report(&report_html(&input, &ReportSettings::default()).unwrap(), 15_000_000);
-    assert!(text.contains("The control policy do_nothing succeeded in 1 episode"), "{text}");
+    assert!(text.contains("The baseline policy do_nothing succeeded in 1 episode"), "{text}");
 }
 
 #[test]
@@ -249,7 +249,7 @@ fn an_evaluation_survives_its_file_and_refuses_what_does_not_belong_to_it() {
     }
 }
 
-/// The reference is the expert's shortest verified way; what it did not solve has none, and its episodes say nothing.
+/// The reference is the expert's shortest verified path; unsolved scenarios have none, and their episodes do not count.
 #[test]
 fn spl_is_measured_against_the_shortest_verified_way_of_the_expert() {
     let task = &support::tasks()[0];
@@ -277,7 +277,7 @@ fn spl_is_measured_against_the_shortest_verified_way_of_the_expert() {
     let spl = report.summary.spl.unwrap();
     assert_eq!((spl.count, spl.value, &report.reference_paths_m), (1, 0.5, &references));
     assert_eq!(evaluate(&BTreeMap::new()).summary.spl, None, "absent, not 0");
-    // Files of before have no references.
+    // Files of earlier versions have no references.
     let mut old = report.to_value();
     old.as_object_mut().unwrap().remove("reference_paths_m");
     assert_eq!(EvaluationReport::from_value(old).unwrap().reference_paths_m, BTreeMap::new());

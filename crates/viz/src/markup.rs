@@ -1,4 +1,4 @@
-//! Text that is safe inside HTML and SVG, and bytes that are safe inside an attribute.
+//! Escaping of text for HTML and SVG, and base64 for attributes.
 
 /// Escapes text for element content and for quoted attributes.
 ///
@@ -35,7 +35,7 @@ pub fn base64(bytes: &[u8]) -> String {
     text
 }
 
-/// Characters that [`base64`] makes of so many bytes.
+/// Length of [`base64`] output for a number of bytes.
 pub fn base64_length(bytes: usize) -> usize {
     bytes.div_ceil(3) * 4
 }

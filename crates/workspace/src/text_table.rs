@@ -1,9 +1,9 @@
-//! Tables of plain text.
+//! Plain-text tables.
 
-/// Rows that a person still reads on a terminal; longer tables are summed up, and show what needs attention.
+/// Maximum rows on a terminal; longer tables are summarised and show the rows that need attention.
 pub const MOST_ROWS: usize = 30;
 
-/// A table with aligned columns; the first row is the head.
+/// A table with aligned columns; the first row is the header.
 pub fn text_table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns)
@@ -22,7 +22,8 @@ pub fn text_table(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// The first [`MOST_ROWS`] of rows that need attention under their head, and how many more there are; empty without any.
+/// The first [`MOST_ROWS`] rows that need attention with their header, and the number of further ones; empty without
+/// any.
 pub fn attention(head: &[&str], rows: &[Vec<String>]) -> String {
     if rows.is_empty() {
         return String::new();

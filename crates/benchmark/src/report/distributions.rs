@@ -1,4 +1,4 @@
-//! How a run is spread: causes of failure, relations, objects, lengths and times.
+//! Distributions over a run: causes of failure, relations, objects, lengths and times.
 
 use std::collections::BTreeMap;
 
@@ -12,16 +12,16 @@ use crate::rows::totals::{GroupTotal, Histogram, by_group};
 use crate::statistics::{StatisticsSettings, failure_counts};
 use genmanip_viz::markup::escape;
 
-/// Fewer episodes are read one by one.
+/// With fewer episodes there are no histograms.
 const LEAST_EPISODES: usize = 20;
 
-/// Objects that are listed: those that fail most.
+/// Number of objects listed: those with most failures.
 const OBJECTS: usize = 12;
 
-/// Ranges of a histogram.
+/// Bins of a histogram.
 const RANGES: usize = 12;
 
-/// Of collected attempts if there are any, else of the evaluated episodes but the control's.
+/// Of collected attempts if there are any, else of the evaluated episodes except the baseline's.
 pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings) -> String {
     let has_attempts = input.episodes.iter().any(EpisodeRow::is_attempt);
     let is_meant = |row: &&EpisodeRow| match has_attempts {
@@ -40,7 +40,7 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
         rows.iter().map(|row| &row.outcome).filter(|outcome| outcome.success).map(|outcome| outcome.duration_s);
     let mut html = causes(input, &rows);
     html += "<div class=\"two\">\n";
-    html += &groups("Success by what the goal asks for", "Goal", &relations);
+    html += &groups("Success by relation in the goal", "Goal", &relations);
     html += &groups("Objects of the goal that fail most", "Object", &failing);
     html += &histogram("Simulated length of successes", "s", Histogram::of(successes, RANGES));
     html += &histogram("Wall time per attempt", "s", Histogram::of(rows.iter().filter_map(|row| row.wall_s), RANGES));
@@ -61,7 +61,7 @@ fn causes(input: &ReportInput, rows: &[&EpisodeRow]) -> String {
     let most = counts.iter().map(|entry| entry.count).max().unwrap_or(0);
     let line = |entry: &crate::statistics::FailureCount| {
         let share = format!("{:.1} % of episodes", 100.0 * entry.count as f64 / rows.len().max(1) as f64);
-        // The page's script shows only the rows with this outcome when it is followed.
+        // The page's script filters the rows by this outcome when the link is followed.
         let cause = escape(&words(entry.cause.name()));
         let rows = format!("<a href=\"#episodes\" data-outcome=\"{cause}\">{cause}</a>");
         let mut line = vec![rows, count_bar(entry.count, most), share];
@@ -89,7 +89,7 @@ fn groups(title: &str, heading: &str, totals: &[GroupTotal]) -> String {
         vec![escape(&words(&total.name)), rate_bar(rate), counted, causes_text(&total.failures)]
     };
     let lines: Vec<Vec<String>> = totals.iter().map(line).collect();
-    let headings = [heading, "Success", "Episodes", "Why others failed"];
+    let headings = [heading, "Success", "Episodes", "Causes of failure"];
     format!("<div>\n<h3>{}</h3>\n{}</div>\n", escape(title), table("figures", &headings, &lines))
 }
 
@@ -111,7 +111,7 @@ fn histogram(title: &str, unit: &str, spread: Option<Histogram>) -> String {
     )
 }
 
-/// A count as a bar, and in figures.
+/// A count as a bar and as a number.
 fn count_bar(count: usize, most: usize) -> String {
     let width = 100.0 * count as f64 / most.max(1) as f64;
     format!(

@@ -1,4 +1,4 @@
-//! The table of all episodes: plain without scripts; the page's script lets it be filtered and sorted.
+//! Table of all episodes: static without scripts; the page's script filters and sorts it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -7,10 +7,10 @@ use super::{ReportInput, words};
 use crate::rows::{EpisodeRow, TaskRow};
 use genmanip_viz::markup::escape;
 
-/// Characters of the evidence that a row quotes: two lines; all of it is in the episode's file.
+/// Characters of evidence quoted in a row, about two lines; the episode's file has the full text.
 const EVIDENCE: usize = 160;
 
-/// The section with the table, with at most about `max_bytes` of rows: failures first, and how many rows are left out.
+/// The section with the table, at most about `max_bytes` of rows, failures first; also the number of omitted rows.
 pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     if input.episodes.is_empty() {
         return String::new();
@@ -42,7 +42,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     if left_out != [0, 0] {
         let _ = writeln!(
             html,
-            "<p class=\"note\">To keep this page small, {} successes and {} failures are counted above but have no row here.</p>",
+            "<p class=\"note\">To keep this page small, {} successes and {} failures counted above have no row here.</p>",
             left_out[1], left_out[0]
         );
     }
@@ -55,7 +55,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
 }
 
 const HEADINGS: [&str; 8] =
-    ["Episode", "Kind", "Made by", "Outcome", "What was seen", "Score", "Length, s", "Wall time, s"];
+    ["Episode", "Kind", "Made by", "Outcome", "Evidence", "Score", "Length, s", "Wall time, s"];
 
 fn row(episode: &EpisodeRow, task: Option<&TaskRow>, link: Option<String>) -> String {
     let id = escape(&episode.id);

@@ -1,4 +1,4 @@
-//! One HTML page that a person reads: self-contained, calm, complete without scripts.
+//! The HTML report: one self-contained page, complete without scripts.
 
 mod distributions;
 mod episodes;
@@ -17,56 +17,56 @@ use crate::statistics::{PairedComparison, StatisticsSettings, SuiteSummary};
 use genmanip_viz::drawing::Svg;
 use genmanip_viz::markup::{base64, base64_length, escape};
 
-/// Everything the page shows. Totals and the table of episodes are made from the rows.
+/// Contents of the page. Totals and the table of episodes derive from the rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportInput {
     /// Heading of the page.
     pub title: String,
-    /// Program and version that made it.
+    /// Program and version.
     pub generated_by: String,
     /// Seed of the run.
     pub seed: Seed,
-    /// Commands that make it again.
+    /// Commands that reproduce the run.
     pub commands: Vec<String>,
-    /// What it was made with, e.g. (`physics`, `mujoco 3.17.0`).
+    /// Versions and settings, e.g. (`physics`, `mujoco 3.17.0`).
     pub versions: Vec<(String, String)>,
-    /// One per policy.
+    /// One evaluation per policy.
     pub summaries: Vec<SuiteSummary>,
-    /// Name of the policy that must never succeed, if one was run.
+    /// Name of the baseline policy, which must never succeed, if one was run.
     pub control: Option<String>,
-    /// Policies compared in pairs.
+    /// Paired comparisons of policies.
     pub comparisons: Vec<PairedComparison>,
-    /// Wall-clock times, may be empty.
+    /// Wall-clock times, possibly empty.
     pub timings: Vec<Timing>,
-    /// Sentences the reader must know, e.g. that the expert reads simulator truth.
+    /// Notes for the reader, e.g. that the expert reads simulator truth.
     pub notes: Vec<String>,
     /// All tasks of the run.
     pub tasks: Vec<TaskRow>,
     /// All episodes, collected and evaluated.
     pub episodes: Vec<EpisodeRow>,
-    /// The tasks that are drawn, in the order of the page.
+    /// Tasks shown with images, in page order.
     pub cases: Vec<TaskSection>,
-    /// The rule by which those were chosen; `None` when they are all.
+    /// Selection rule of these tasks; `None` if all are shown.
     pub rule: Option<String>,
-    /// Whether the page is the overview of a folder in which episodes have pages of their own, see [`EpisodeRow::page`].
+    /// True if this is the overview of a folder with one page per episode, see [`EpisodeRow::page`].
     pub has_pages: bool,
 }
 
-/// A phase and how long it took.
+/// A phase and its duration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// The phase.
+    /// Name of the phase.
     pub phase: String,
     /// Wall-clock time, s.
     pub seconds: f64,
 }
 
-/// One task with what became of it.
+/// One task with its attempts and results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSection {
     /// The task.
     pub task: Task,
-    /// What it is an example of; `None` when all tasks are shown.
+    /// Role of the case as an example; `None` if all tasks are shown.
     pub why: Option<Why>,
     /// Index of the shown episode among those of the page.
     pub episode: Option<usize>,
@@ -74,7 +74,7 @@ pub struct TaskSection {
     pub scenario: Option<Scenario>,
     /// From [`genmanip_viz::graph_svg`].
     pub graph: Svg,
-    /// From [`genmanip_viz::layout_svg`]; `None` when there is no layout.
+    /// From [`genmanip_viz::layout_svg`]; `None` without a layout.
     pub layout: Option<Svg>,
     /// First image of the shown episode, JPEG.
     pub first_image: Option<Vec<u8>>,
@@ -84,7 +84,7 @@ pub struct TaskSection {
     pub film: Vec<FilmFrame>,
     /// The shown episode, usually of the expert.
     pub shown: Option<EpisodeResult>,
-    /// Every attempt to collect a demonstration, failed ones too.
+    /// Every attempt to collect a demonstration, including failed ones.
     pub attempts: Vec<AttemptRow>,
     /// Episodes of all policies on this task.
     pub results: Vec<EpisodeResult>,
@@ -104,29 +104,29 @@ pub struct FilmFrame {
 pub struct AttemptRow {
     /// Id of the scenario or episode.
     pub id: String,
-    /// Verified, or why not.
+    /// Verified, or the failure.
     pub outcome: AttemptOutcome,
     /// Wall-clock time, s.
     pub seconds: f64,
 }
 
-/// How the page is made.
+/// Settings of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportSettings {
-    /// Largest size of the page; film strips are thinned until it fits.
+    /// Maximum size of the page; film strips are thinned until it fits.
     pub max_bytes: usize,
-    /// For the intervals of the yield.
+    /// Settings of the yield's intervals.
     pub statistics: StatisticsSettings,
 }
 
 impl Default for ReportSettings {
     fn default() -> Self {
-        // 15 MB still opens at once from a mail or a CI artefact.
+        // 15 MB still opens instantly from a mail or a CI artefact.
         Self { max_bytes: 15_000_000, statistics: StatisticsSettings::default() }
     }
 }
 
-/// Why there is no page.
+/// Reasons why there is no page.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
     /// Too large even without film strips and thumbnails.
@@ -141,12 +141,12 @@ pub enum ReportError {
     },
 }
 
-/// Which images are shown, so that the page stays within its size.
+/// Selection of images, so that the page stays within its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ImagePlan {
-    /// Every how many-th image of a film strip is shown; `None` shows no strip.
+    /// Stride of the images in a film strip; `None` for no strip.
     film_step: Option<usize>,
-    /// Whether the index has pictures.
+    /// True if the index has images.
     thumbnails: bool,
 }
 
@@ -170,7 +170,7 @@ const PLANS: [ImagePlan; 9] = [
 pub fn report_html(input: &ReportInput, settings: &ReportSettings) -> Result<String, ReportError> {
     let mut smallest = None;
     for plan in PLANS {
-        // Pages that cannot fit are not worth writing, except the last, whose size is told.
+        // Skip pages that cannot fit, except the last, whose size is reported.
         if image_bytes(input, plan) > settings.max_bytes && plan != PLANS[PLANS.len() - 1] {
             continue;
         }
@@ -245,12 +245,12 @@ fn chip(class: &str, text: &str) -> String {
     format!(" <span class=\"chip {class}\">{}</span>", escape(text))
 }
 
-/// `pick_and_place` as people write it.
+/// `pick_and_place` in readable form.
 fn words(name: &str) -> String {
     name.replace('_', " ")
 }
 
-/// What a case is an example of, in words.
+/// Caption of a case.
 fn shows(shows: Shows) -> String {
     match shows {
         Shows::Failure(cause) => format!("failure: {}", words(cause.name())),

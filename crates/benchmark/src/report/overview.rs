@@ -1,4 +1,4 @@
-//! The top of the page: what was run, how it went, and the index of tasks.
+//! Top of the page: the run, its results, and the index of tasks.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -67,7 +67,7 @@ fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
     for summary in input.summaries.iter().take(4) {
         let control = input.control.as_deref() == Some(&summary.policy);
         let remark = match (control, summary.oracle) {
-            (true, _) => "control, must be 0",
+            (true, _) => "baseline, must be 0",
             (false, true) => "success at the end · oracle",
             (false, false) => "success at the end",
         };
@@ -83,19 +83,19 @@ fn tile(label: &str, figure: &str, remark: &str) -> String {
     )
 }
 
-/// Most bytes of the table of all episodes: some 25,000 rows, and room for the pictures within the page's 15 MB.
+/// Maximum size of the table of all episodes: about 25,000 rows, leaving space for images within the page's 15 MB.
 const ROWS_BYTES: usize = 6_000_000;
 
-/// Tasks without a demonstration that the warning names.
+/// Number of tasks without a demonstration named in the warning.
 const NAMED_TASKS: usize = 12;
 
-/// What must not be overlooked.
+/// Warnings.
 fn warnings(input: &ReportInput) -> String {
     let mut warnings = Vec::new();
     let control = input.summaries.iter().find(|summary| input.control.as_deref() == Some(&summary.policy));
     if let Some(summary) = control.filter(|summary| summary.success.successes > 0) {
         warnings.push(format!(
-            "The control policy {} succeeded in {}: a goal holds without being worked for.",
+            "The baseline policy {} succeeded in {}: a goal holds without any action.",
             summary.policy,
             plural(summary.success.successes, "episode")
         ));
@@ -131,7 +131,7 @@ fn policies(input: &ReportInput) -> String {
                 name += &chip("warn", "oracle");
             }
             if control == Some(&summary.policy) {
-                name += &chip("plain", "control");
+                name += &chip("plain", "baseline");
             }
             let mut cells = vec![
                 name,
@@ -193,7 +193,7 @@ fn policies(input: &ReportInput) -> String {
     html + &traits(summaries, &headings)
 }
 
-/// Success by what scenarios are like; values of few scenarios are left out.
+/// Success by scenario trait; values of few scenarios are omitted.
 fn traits(summaries: &[SuiteSummary], headings: &[&str]) -> String {
     let said = || summaries.iter().flat_map(|summary| &summary.traits).filter(|it| it.scenarios >= LEAST_SCENARIOS);
     let groups: BTreeSet<(&str, &str)> = said().map(|it| (it.name.as_str(), it.value.as_str())).collect();
@@ -209,7 +209,7 @@ fn traits(summaries: &[SuiteSummary], headings: &[&str]) -> String {
         std::iter::once(cell).chain(summaries.iter().map(of)).collect::<Vec<String>>()
     });
     let headings: Vec<&str> = std::iter::once("Scenarios with").chain(headings.iter().skip(1).copied()).collect();
-    String::from("<h3>Success at end by what scenarios are like</h3>\n")
+    String::from("<h3>Success at end by scenario trait</h3>\n")
         + &table("figures", &headings, &rows.collect::<Vec<_>>())
 }
 
@@ -257,7 +257,7 @@ fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
     let present = TaskKind::ALL.into_iter().filter(|kind| input.tasks.iter().any(|task| task.kind == *kind));
     let mut rows: Vec<Vec<String>> = present.map(|kind| row(words(kind.name()), &|other| other == kind)).collect();
     rows.push(row("all kinds".into(), &|_| true));
-    let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Why others failed"];
+    let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Causes of failure"];
     String::from("<h3>Yield of demonstrations</h3>\n") + &table("figures total", &headings, &rows)
 }
 
@@ -268,7 +268,7 @@ fn index(input: &ReportInput, plan: ImagePlan) -> String {
         Some(rule) => (
             "Cases",
             format!(
-                "<p class=\"note\">{} of {} episodes are drawn: {}. All others are in the table below.</p>\n",
+                "<p class=\"note\">{} of {} episodes are shown with images: {}. All others are in the table below.</p>\n",
                 input.cases.len(),
                 input.episodes.len(),
                 escape(rule)
@@ -297,14 +297,14 @@ fn index(input: &ReportInput, plan: ImagePlan) -> String {
     format!("<section id=\"tasks\">\n<h2>{title}</h2>\n{rule}<ol class=\"index\">\n{cards}</ol>\n</section>\n")
 }
 
-/// What the section is an example of, and its place among those.
+/// Caption of the section's case, and its rank among similar cases.
 pub(super) fn why_chips(section: &TaskSection) -> Option<String> {
     let why = section.why.as_ref()?;
     let class = if matches!(why.shows, crate::rows::cases::Shows::Failure(_)) { "bad" } else { "good" };
     Some(chip(class, &shows(why.shows)) + &chip("plain", &format!("{} of {}", why.place, why.of)))
 }
 
-/// How many attempts were verified, coloured by whether any was.
+/// Number of verified attempts, coloured by whether there is any.
 pub(super) fn yield_chip(section: &TaskSection) -> String {
     let (verified, attempts) = (section.verified(), section.attempts.len());
     if attempts == 0 && !section.results.is_empty() {
@@ -341,9 +341,9 @@ fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
     match plan.film_step {
         Some(1) => {}
         Some(step) => {
-            notes.push(format!("Film strips show every {step}th of the given images, to keep this page small."))
+            notes.push(format!("Film strips show every {step}th image to keep this page small."))
         }
-        None => notes.push("Film strips are left out, to keep this page small.".into()),
+        None => notes.push("Film strips are omitted to keep this page small.".into()),
     }
     let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
     html += "</div>\n<div>\n<h2>To know when reading</h2>\n";
@@ -355,7 +355,7 @@ fn attempts(input: &ReportInput) -> impl Iterator<Item = &EpisodeRow> {
     input.episodes.iter().filter(|row| row.is_attempt())
 }
 
-/// Whether each task has a verified demonstration.
+/// For each task, true if it has a verified demonstration.
 fn solved(input: &ReportInput) -> Vec<bool> {
     let mut solved = vec![false; input.tasks.len()];
     for row in attempts(input).filter(|row| row.outcome.success) {

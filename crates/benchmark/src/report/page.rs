@@ -1,21 +1,21 @@
-//! A page about one episode, in a folder with those of all others; its film strip is a file of that folder.
+//! Page of one episode in a folder with one page per episode; its film strip is a file in that folder.
 
 use super::task::section;
 use super::{ImagePlan, TaskSection};
 use genmanip_viz::markup::escape;
 
-/// What a page shows.
+/// Contents of the page.
 #[derive(Clone, Debug)]
 pub struct EpisodePage<'a> {
     /// The episode with its task.
     pub section: &'a TaskSection,
-    /// Where its film strip is, seen from the page.
+    /// Path of its film strip, relative to the page.
     pub strip: Option<String>,
-    /// What is damaged, when it cannot be shown.
+    /// Damage that prevents showing it.
     pub damaged: Option<&'a str>,
     /// Id of the episode.
     pub id: &'a str,
-    /// Where the overview is, seen from the page.
+    /// Path of the overview, relative to the page.
     pub index: &'a str,
 }
 

@@ -67,7 +67,7 @@ pub(super) fn causes_text(counts: &[FailureCount]) -> String {
     escape(&parts.join(", "))
 }
 
-/// A value in a unit that people read easily.
+/// A value in a readable unit.
 pub(super) fn quantity_text(value: f64, unit: Unit) -> String {
     if !value.is_finite() {
         return "not measured".into();
@@ -99,7 +99,7 @@ pub(super) fn margin_text(measurement: &Measurement) -> String {
     if unit == Unit::Fact { "–".into() } else { format!("{sign}{}", quantity_text(margin, unit)) }
 }
 
-/// Seconds as people say them.
+/// Seconds in readable form.
 pub(super) fn seconds_text(seconds: f64) -> String {
     match seconds {
         seconds if !seconds.is_finite() => "unknown".into(),

@@ -1,4 +1,4 @@
-//! One task: what was asked, what the scene was, what happened, and how it was judged.
+//! One task: instruction, scene, episode and verdict.
 
 use std::fmt::Write;
 
@@ -31,7 +31,7 @@ pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>
     html += "<div class=\"drawings\">\n";
     let _ = writeln!(
         html,
-        "<figure><div class=\"paper\">{}</div><figcaption>Scene graph: the start, and what the goal asks for.</figcaption></figure>",
+        "<figure><div class=\"paper\">{}</div><figcaption>Scene graph: initial scene and goal.</figcaption></figure>",
         section.graph
     );
     if let Some(layout) = &section.layout {
@@ -117,7 +117,7 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
     html
 }
 
-/// From whom the episode was taken over, when, and why that policy would have failed.
+/// Take-over: first policy, time, and its causes of failure.
 fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
     let after_s = correction.from_step as f64 / episode.control_rate_hz;
     let why = match correction.failures.first() {
@@ -128,7 +128,7 @@ fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(&text))
 }
 
-/// The condition, and one line per measured quantity in each of the other cells.
+/// The condition, and one line per measurement in each of the other cells.
 fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     let holds = if verdict.holds { chip("good", "holds") } else { chip("bad", "does not hold") };
     let why = escape(&verdict.explanation);
@@ -163,7 +163,7 @@ fn atom_markup(task: &Task, atom: &Atom) -> String {
     }
 }
 
-/// Attempts of how many a section lists; all are in the table of episodes.
+/// Maximum number of attempts listed in a section; the table of episodes has all.
 const SHOWN_ATTEMPTS: usize = 24;
 
 fn attempts(section: &TaskSection) -> String {
@@ -192,7 +192,7 @@ fn attempts(section: &TaskSection) -> String {
     format!("<div>\n<h3>Attempts</h3>\n{}</div>\n", table("list", &["Attempt", "Outcome", "Wall time"], &rows))
 }
 
-/// Evidence of how many failed episodes a policy's row quotes; all of it is in the evaluation's file.
+/// Maximum number of failed episodes quoted in a policy's row; the evaluation's file has all.
 const SHOWN_REASONS: usize = 2;
 
 /// One row per policy, with the causes of its failures.

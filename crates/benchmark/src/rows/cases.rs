@@ -1,5 +1,5 @@
-//! Which episodes of a run are drawn: all tasks of a small run, and of a larger one every cause of failure and every
-//! kind of task.
+//! Selection of the episodes shown with images: all tasks of a small run; of a larger one every cause of failure and
+//! every kind of task.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,29 +8,29 @@ use serde::Serialize;
 
 use super::{EpisodeRow, TaskRow};
 
-/// A task that is drawn, with one of its episodes.
+/// A selected task with one of its episodes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Case {
     /// Index of the task.
     pub task: usize,
-    /// Index of the episode; `None` when none of the task can be shown.
+    /// Index of the episode; `None` if none of the task can be shown.
     pub episode: Option<usize>,
-    /// Why it was chosen; `None` when all tasks are.
+    /// Reason of the selection; `None` if all tasks are shown.
     pub why: Option<Why>,
 }
 
-/// What a case is an example of.
+/// Role of a case as an example.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Why {
-    /// What it shows.
+    /// The property shown.
     pub shows: Shows,
-    /// Its place among the episodes that show the same, the most instructive is 1.
+    /// Rank among the episodes with the same property; 1 is the most instructive.
     pub place: usize,
-    /// How many those are.
+    /// Number of these episodes.
     pub of: usize,
 }
 
-/// What a case shows.
+/// Property shown by a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shows {
@@ -40,21 +40,21 @@ pub enum Shows {
     Success(TaskKind),
 }
 
-/// Most cases of a page: 48 draw in about 12 s on one core and take 6 MB.
+/// Maximum number of cases of a page: 48 render in about 12 s on one core and take 6 MB.
 pub const MOST_CASES: usize = 48;
 
-/// The rule of [`choose`] for larger runs, for people.
+/// Rule of [`choose`] for larger runs, as shown on the page.
 pub const RULE: &str = "every cause of failure, then successes of every kind of task. Among the episodes of a cause \
-                        those with a film come first, then those that came closest to their goal; causes, and kinds, \
+                        those with a film strip come first, then those closest to their goal; causes, and kinds, \
                         take turns, each time with another task";
 
-/// Chooses the cases of a run.
+/// Selects the cases of a run.
 ///
-/// At most `most` tasks: all of them, in order, each with its first success that can be drawn, else its first episode
-/// that can; collected attempts before evaluated episodes, of which a failure comes before a success.
+/// At most `most` tasks: all of them, in order, each with its first success that can be shown, else its first episode
+/// that can; collected attempts come before evaluated episodes, of which failures come before successes.
 ///
-/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `control` policy are no cases.
-/// Every cause and every kind has at least one case, however small `most` is.
+/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `control` policy are not selected.
+/// Every cause and every kind has at least one case, even if `most` is smaller.
 pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, most: usize) -> Vec<Case> {
     if tasks.len() <= most {
         let best = best_of_each_task(tasks.len(), rows);
@@ -81,7 +81,7 @@ pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, mos
     groups.into_iter().flat_map(|group| group.cases(rows)).collect()
 }
 
-/// Index of the row that is shown of each task, see [`choose`].
+/// Index of the row shown for each task, see [`choose`].
 fn best_of_each_task(tasks: usize, rows: &[EpisodeRow]) -> Vec<Option<usize>> {
     let rank = |row: &EpisodeRow| (!row.is_attempt(), row.outcome.success != row.is_attempt());
     let mut best: Vec<Option<usize>> = vec![None; tasks];
@@ -93,12 +93,12 @@ fn best_of_each_task(tasks: usize, rows: &[EpisodeRow]) -> Vec<Option<usize>> {
     best
 }
 
-/// Episodes that show the same.
+/// Episodes with the same property.
 struct Group {
     shows: Shows,
-    /// Indices of rows, the most instructive first.
+    /// Indices of rows, most instructive first.
     members: Vec<usize>,
-    /// Those of them that were chosen, as places.
+    /// Selected ones, as positions in `members`.
     chosen: Vec<usize>,
 }
 
@@ -119,7 +119,7 @@ impl Group {
         matches!(self.shows, Shows::Success(_))
     }
 
-    /// Chooses its next member of a task not yet chosen; its first may be of any task.
+    /// Selects its next member of a task not yet selected; its first may be of any task.
     fn take(&mut self, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> bool {
         let next = self.chosen.last().map_or(0, |place| place + 1);
         let is_fresh = |place: &usize| !known.contains(&rows[self.members[*place]].task);
@@ -142,7 +142,7 @@ impl Group {
     }
 }
 
-/// Lets groups choose in turns until `most` are chosen, but each at least once; says how many were.
+/// Lets groups select in turns until `most` cases are selected, each group at least once; returns the number selected.
 fn take_turns(groups: &mut [Group], most: usize, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> usize {
     let (mut taken, mut round) = (0, 0);
     loop {
@@ -193,7 +193,7 @@ mod tests {
         let slipped = Some(FailureCause::Slipped);
         let mut rows = vec![row(0, 1, slipped, true, 0.5), row(1, 1, None, true, 1.0), row(2, 1, None, true, 1.0)];
         rows.push(row(3, 2, slipped, false, 0.0));
-        // Of evaluated episodes a failure comes first.
+        // Of evaluated episodes, failures come first.
         for (id, cause) in [(4, None), (5, slipped)] {
             rows.push(EpisodeRow { evaluation: Some("mine".into()), ..row(id, 0, cause, true, 1.0) });
         }
@@ -215,14 +215,14 @@ mod tests {
             |shows: Shows| cases.iter().filter(|case| case.why.as_ref().unwrap().shows == shows).collect::<Vec<_>>();
         let slipped = of(Shows::Failure(FailureCause::Slipped));
         assert_eq!((slipped.len(), of(Shows::Failure(FailureCause::Planning)).len()), (7, 1));
-        // The one with a film that came closest, of all that slipped.
+        // The one with a film strip that came closest, of all that slipped.
         assert_eq!((slipped[0].episode, slipped[0].why.as_ref().unwrap().of), (Some(994), 143));
         for kind in &TaskKind::ALL[..3] {
             assert!(!of(Shows::Success(*kind)).is_empty(), "{kind:?}");
         }
         let tasks_shown: BTreeSet<usize> = cases.iter().map(|case| case.task).collect();
         assert_eq!(tasks_shown.len(), 12, "each of another task");
-        // Too few cases for all that must be shown: each is still shown once.
+        // Too few cases for every property: each is still shown once.
         assert_eq!(choose(&tasks(1000), &rows, None, 1).len(), 5);
     }
 

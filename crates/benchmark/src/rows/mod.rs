@@ -1,6 +1,6 @@
-//! What is kept of every episode and task of a run: a row each, small enough that memory holds all of them.
+//! Rows: compact records of every episode and task of a run, small enough to keep all in memory.
 //!
-//! Pages, tables and programs that show a run read these rows, [`totals`] over them, and the [`cases`] chosen to be drawn.
+//! Pages, tables and programs read these rows, [`totals`] over them, and the [`cases`] selected for images.
 
 pub mod cases;
 pub mod totals;
@@ -15,9 +15,9 @@ pub struct TaskRow {
     pub id: String,
     /// Its kind.
     pub kind: TaskKind,
-    /// What the goal asks for: names of relations, and `state`; sorted, each once.
+    /// Relations in the goal, and `state`; sorted, without duplicates.
     pub goal: Vec<&'static str>,
-    /// Names of the objects that the goal names; sorted, each once.
+    /// Names of the objects in the goal; sorted, without duplicates.
     pub objects: Vec<String>,
 }
 
@@ -26,31 +26,32 @@ pub struct TaskRow {
 pub struct EpisodeRow {
     /// Id of the episode.
     pub id: String,
-    /// Its task, as an index into the rows of tasks.
+    /// Index of its task among the rows of tasks.
     pub task: usize,
     /// Label of the evaluation; `None` for an attempt to collect a demonstration.
     pub evaluation: Option<String>,
-    /// How it went.
+    /// Outcome.
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// Whether frames were kept, so that it can be drawn.
+    /// True if frames were kept, so that it can be rendered.
     pub recorded: bool,
-    /// Wall-clock time it took, s, where that is known.
+    /// Wall-clock time, s, if known.
     pub wall_s: Option<f64>,
 }
 
-/// How an episode went, in few words and numbers.
+/// Condensed outcome of an episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Whether the goal held at the end.
+    /// True if the goal held at the end.
     pub success: bool,
     /// The most decisive cause of failure.
     pub cause: Option<FailureCause>,
-    /// What was seen of all causes; empty after a success.
+    /// Evidence of all causes; empty after a success.
     pub evidence: String,
     /// Fraction of the goal reached, 0-1.
     pub score: f64,
-    /// How far the best alternative of the goal is missed: the sum of its missed conditions' normalised margins, ≤ 0.
+    /// Distance of the best alternative of the goal from holding: sum of the normalised margins of its unmet
+    /// conditions, ≤ 0.
     pub missed_by: f64,
     /// Simulated length, s.
     pub duration_s: f64,
@@ -115,7 +116,7 @@ impl EpisodeRow {
         Self { id: result.id.clone(), task, evaluation, outcome: Outcome::of(result), recorded, wall_s }
     }
 
-    /// Where its page lies in the folder of a full report; `None` for an evaluated episode that was not kept.
+    /// Path of its page in the folder of a full report; `None` for an evaluated episode that was not kept.
     pub fn page(&self) -> Option<String> {
         match &self.evaluation {
             None => Some(format!("episodes/{}.html", self.id)),
@@ -123,7 +124,7 @@ impl EpisodeRow {
         }
     }
 
-    /// Whether it is an attempt to collect a demonstration.
+    /// True for an attempt to collect a demonstration.
     pub fn is_attempt(&self) -> bool {
         self.evaluation.is_none()
     }

@@ -1,23 +1,23 @@
-//! Totals over rows: how many succeeded in each group, and how a figure is spread.
+//! Totals over rows: success by group, and distributions of a quantity.
 
 use serde::Serialize;
 
 use super::{EpisodeRow, TaskRow};
 use crate::statistics::{FailureCount, Rate, StatisticsSettings, failure_counts};
 
-/// How the episodes of a group went.
+/// Outcomes of the episodes of a group.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroupTotal {
     /// Name of the group.
     pub name: String,
     /// Successes among its episodes.
     pub rate: Rate,
-    /// Why the others failed, most frequent first.
+    /// Causes of failure, most frequent first.
     pub failures: Vec<FailureCount>,
 }
 
 impl GroupTotal {
-    /// Of the given episodes.
+    /// Total of the given episodes.
     pub fn of<'a>(name: &str, rows: impl IntoIterator<Item = &'a EpisodeRow>, statistics: &StatisticsSettings) -> Self {
         let rows: Vec<&EpisodeRow> = rows.into_iter().collect();
         Self {
@@ -28,8 +28,7 @@ impl GroupTotal {
     }
 }
 
-/// The groups that the tasks of the given episodes belong to, those with most failures first; a task may belong to
-/// several.
+/// Groups of the tasks of the given episodes, most failures first; a task may belong to several.
 pub fn by_group<'a, 'b>(
     tasks: &'a [TaskRow],
     rows: &[&'b EpisodeRow],
@@ -48,23 +47,23 @@ pub fn by_group<'a, 'b>(
     totals
 }
 
-/// How often a figure fell into each of several equally wide ranges.
+/// Histogram with bins of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
-    /// Lower end of the first range.
+    /// Lower end of the first bin.
     pub low: f64,
-    /// Width of a range.
+    /// Width of a bin.
     pub width: f64,
-    /// Figures per range.
+    /// Counts per bin.
     pub counts: Vec<usize>,
-    /// Median of all figures.
+    /// Median of all values.
     pub median: f64,
-    /// 95th percentile of all figures.
+    /// 95th percentile of all values.
     pub p95: f64,
 }
 
 impl Histogram {
-    /// Of finite figures in at most about `ranges` ranges with round ends; `None` without figures.
+    /// Histogram of finite values with at most about `ranges` bins with round ends; `None` without values.
     ///
     /// ```
     /// use genmanip_benchmark::rows::totals::Histogram;

@@ -1,4 +1,4 @@
-//! One number from many, with its interval.
+//! Rates and means with their intervals.
 
 use genmanip_core::Seed;
 use rand::RngExt;
@@ -8,14 +8,14 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::StatisticsSettings;
 
-/// A share of trials with its Wilson score interval.
+/// A rate with its Wilson score interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Rate {
-    /// How many succeeded.
+    /// Number of successes.
     pub successes: usize,
-    /// Out of how many.
+    /// Number of trials.
     pub trials: usize,
-    /// The share, 0-1; 0 without trials.
+    /// Rate, 0-1; 0 without trials.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
@@ -24,7 +24,7 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// From counts; successes beyond the trials are cut off.
+    /// Rate from counts; successes are clamped to the trials.
     ///
     /// ```
     /// use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
@@ -37,18 +37,18 @@ impl Rate {
         Self { successes, trials, value: successes as f64 / trials.max(1) as f64, low, high }
     }
 
-    /// Of flags.
+    /// Rate of flags.
     pub fn of(flags: impl IntoIterator<Item = bool>, settings: &StatisticsSettings) -> Self {
         let (successes, trials) =
             flags.into_iter().fold((0, 0), |(successes, trials), flag| (successes + usize::from(flag), trials + 1));
         Self::new(successes, trials, settings)
     }
 
-    /// Of successes and trials per scenario, whose episodes resemble each other.
+    /// Rate from successes and trials per scenario, with correlated episodes within a scenario.
     ///
-    /// A Wilson interval of as many independent trials as would vary as much (the effective sample size of Korn and
-    /// Graubard 1998, with their correction for few scenarios): no fewer than scenarios, no more than trials. Without
-    /// any success, or any failure, nothing says how alike episodes are, and scenarios are counted.
+    /// The Wilson interval uses the effective sample size of Korn and Graubard (1998) with their correction for few
+    /// scenarios: at least the number of scenarios, at most the number of trials. Without any success, or any failure,
+    /// the correlation is unknown, and the number of scenarios is used.
     pub fn clustered(scenarios: &[(usize, usize)], settings: &StatisticsSettings) -> Self {
         let (successes, trials) = scenarios.iter().fold((0, 0), |(s, n), scenario| (s + scenario.0, n + scenario.1));
         let count = scenarios.iter().filter(|scenario| scenario.1 > 0).count();
@@ -89,7 +89,7 @@ pub struct Mean {
     pub high: f64,
 }
 
-/// Wilson score interval of a share, without continuity correction (Wilson 1927); everything without trials.
+/// Wilson score interval of a rate, without continuity correction (Wilson 1927); 0 to 1 without trials.
 pub fn wilson_interval(successes: usize, trials: usize, z: f64) -> [f64; 2] {
     match trials {
         0 => [0.0, 1.0],
@@ -101,29 +101,29 @@ fn wilson(share: f64, n: f64, z: f64) -> [f64; 2] {
     let z2 = z * z;
     let center = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = z / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
-    // The ends are exact at 0 and 1, where rounding would leave 1e-17.
+    // The ends are exactly 0 and 1 there; rounding would leave 1e-17.
     let low = if share <= 0.0 { 0.0 } else { (center - half).max(0.0) };
     let high = if share >= 1.0 { 1.0 } else { (center + half).min(1.0) };
     [low, high]
 }
 
-/// Two-sided quantile of Student's distribution for `count` values.
+/// Two-sided quantile of Student's t distribution for `count` values.
 pub(super) fn student_quantile(count: usize, coverage: f64) -> f64 {
     let freedom = count.saturating_sub(1).max(1) as f64;
     let student = StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom");
     student.inverse_cdf(0.5 + coverage.clamp(0.0, 1.0 - 1e-9) / 2.0)
 }
 
-/// Tail of the bootstrap distribution of `count` values beyond which an interval of `coverage` ends: a bootstrap varies
-/// too little by count / (count - 1), and is as narrow as if the variance were known (Hesterberg 2015).
+/// Tail probability at which to cut the bootstrap distribution of `count` values for an interval of `coverage`: widened
+/// by √(count / (count − 1)) for the bias of the variance, and by Student's t (Hesterberg 2015).
 pub(super) fn expanded_tail(count: usize, coverage: f64) -> f64 {
     let few = count.max(2) as f64;
     Normal::standard().cdf(-(few / (few - 1.0)).sqrt() * student_quantile(count, coverage))
 }
 
-/// Mean and percentile bootstrap interval (Efron 1979), the same for the same values in the same order.
+/// Mean and percentile bootstrap interval (Efron 1979); deterministic for the same values in the same order.
 ///
-/// Values that are not finite are left out. With one value, or equal values, the interval is that value.
+/// Non-finite values are dropped. With one value, or equal values, the interval is that value.
 pub fn mean_with_interval(values: &[f64], settings: &StatisticsSettings, seed: Seed) -> Mean {
     let values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let count = values.len();

@@ -1,4 +1,4 @@
-//! What results say, and how surely: rates and means with intervals, summaries, paired comparisons.
+//! Statistics of results: rates and means with intervals, summaries, paired comparisons.
 
 mod interval;
 mod paired;
@@ -20,7 +20,7 @@ use genmanip_core::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How results are summarised.
+/// Settings of summaries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StatisticsSettings {
@@ -30,7 +30,7 @@ pub struct StatisticsSettings {
     pub coverage: f64,
     /// Resamples of the bootstrap.
     pub resamples: usize,
-    /// Stream of the bootstrap.
+    /// Random stream of the bootstrap.
     pub seed: Seed,
     /// Stray contact force from which an episode counts as a collision, N.
     pub collision_n: f64,
@@ -47,7 +47,7 @@ impl Default for StatisticsSettings {
             resamples: 2_000,
             // Any fixed number: the same results must give the same interval.
             seed: Seed::new(0),
-            // Firmer than the brush of a finger that closes before its partner, weaker than a shove.
+            // More than the touch of a finger that closes before the other, less than a shove.
             collision_n: 20.0,
         }
     }

@@ -12,16 +12,16 @@ use super::power::detectable_difference;
 use super::sequential::{Sequential, sequential};
 use super::{StatisticsError, StatisticsSettings};
 
-/// Two policies compared on the episodes that both ran.
+/// Two policies compared on their common episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PairedComparison {
     /// The first policy.
     pub first: String,
     /// The second policy.
     pub second: String,
-    /// Scenarios that both ran.
+    /// Common scenarios.
     pub scenarios: usize,
-    /// Episodes that both ran.
+    /// Common episodes.
     pub pairs: usize,
     /// Episodes of only one of them, not compared.
     pub unpaired: usize,
@@ -37,19 +37,18 @@ pub struct PairedComparison {
     pub first_success: Rate,
     /// Success of the second on these episodes.
     pub second_success: Rate,
-    /// Success rate of the first minus that of the second: see [`paired_difference`].
+    /// Success rate of the first minus that of the second; see [`paired_difference`].
     pub difference: Mean,
     /// Two-sided exact p-value: McNemar's test, by scenario where scenarios have several episodes; see
     /// [`permutation_test`].
     pub p_value: f64,
-    /// What may be said when one looks after every scenario.
+    /// Sequential test, valid at any stopping time.
     pub sequential: Sequential,
-    /// Smallest difference that this comparison finds with a probability of 80 %; `None` where even the largest is
-    /// missed more often.
+    /// Smallest difference detectable with 80 % power; `None` if even the largest is not.
     pub detectable_difference: Option<f64>,
 }
 
-/// Compares two policies episode by episode; a pair has the same scenario and the same seed.
+/// Compares two policies episode by episode; pairs share scenario and seed.
 ///
 /// # Errors
 /// [`StatisticsError::RepeatedEpisode`] when one policy has two results for a pair.
@@ -105,12 +104,12 @@ fn by_episode(results: &[EpisodeResult]) -> Result<BTreeMap<(&str, Seed), bool>,
     Ok(episodes)
 }
 
-/// Mean difference of success, over all episodes, with its interval; each inner list holds the differences (-1, 0, 1)
-/// of the episodes of one scenario.
+/// Mean difference of success over all episodes, with its interval; each inner list holds the differences (-1, 0, 1) of
+/// the episodes of one scenario.
 ///
-/// With one episode per scenario: Bonett and Price 2012, a Wald interval after one pair more for each side.
-/// With several: a bootstrap over scenarios, whose percentiles are widened for few of them (Hesterberg 2015, expanded
-/// percentiles); where all scenarios agree, which a bootstrap takes for certainty, the first interval over scenarios.
+/// With one episode per scenario: Bonett and Price (2012), a Wald interval with one pseudo-pair added on each side.
+/// With several: a bootstrap over scenarios with expanded percentiles for few of them (Hesterberg 2015); if all
+/// scenarios agree, where a bootstrap has no width, the first interval over scenarios.
 pub fn paired_difference(scenarios: &[Vec<i8>], settings: &StatisticsSettings, seed: Seed) -> Mean {
     let sizes: Vec<f64> = scenarios.iter().map(|scenario| scenario.len() as f64).collect();
     let sums: Vec<f64> = scenarios.iter().map(|scenario| scenario.iter().map(|&d| f64::from(d)).sum::<f64>()).collect();
@@ -157,10 +156,10 @@ fn bootstrap_by_scenario(sums: &[f64], sizes: &[f64], settings: &StatisticsSetti
     [quantile(tail), quantile(1.0 - tail)]
 }
 
-/// Two-sided exact p-value of the hypothesis that the two policies may be swapped within every scenario.
+/// Two-sided exact p-value of the null hypothesis that the two policies are exchangeable within every scenario.
 ///
-/// `sums` are the differences of success, added up per scenario. All ways to swap are counted, by convolution, so
-/// nothing is drawn. With one episode per scenario this is McNemar's exact test.
+/// `sums` are the differences of success, summed per scenario. The permutation distribution is computed exactly by
+/// convolution, without sampling. With one episode per scenario this is McNemar's exact test.
 ///
 /// ```
 /// use genmanip_benchmark::statistics::{mcnemar_exact, permutation_test};
@@ -195,7 +194,7 @@ pub fn permutation_test(sums: &[i64]) -> f64 {
 /// ```
 pub fn mcnemar_exact(only_first: usize, only_second: usize) -> f64 {
     let (total, smaller) = (only_first + only_second, only_first.min(only_second));
-    // Logarithms of binomial coefficients, so that thousands of pairs neither overflow nor vanish early.
+    // Logarithms of binomial coefficients, so that thousands of pairs neither overflow nor underflow.
     let mut log_term = -(total as f64) * std::f64::consts::LN_2;
     let mut tail = 0.0;
     for successes in 0..=smaller {

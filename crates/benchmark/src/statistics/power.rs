@@ -1,13 +1,13 @@
-//! How many scenarios a difference needs.
+//! Power analysis: number of scenarios needed to detect a difference.
 
 use statrs::distribution::{Binomial, Discrete, DiscreteCDF};
 
-/// The probability that is asked of a comparison: the usual 80 %.
+/// Power required of a comparison: the usual 80 %.
 const POWER: f64 = 0.8;
 
-/// Probability that McNemar's exact test finds a difference of success at level `alpha`, with one episode per scenario.
+/// Power of McNemar's exact test at level `alpha`, with one episode per scenario.
 ///
-/// `discordant_share`: how often only one of the two succeeds, 0-1; at least the difference.
+/// `discordant_share`: share of scenarios on which exactly one of the two succeeds, 0-1; at least the difference.
 ///
 /// ```
 /// use genmanip_benchmark::statistics::power;
@@ -22,16 +22,16 @@ pub fn power(scenarios: usize, discordant_share: f64, difference: f64, alpha: f6
     let better = if share > 0.0 { ((share + difference) / (2.0 * share)).clamp(0.5, 1.0) } else { 0.5 };
     (0..=scenarios as u64)
         .map(|count| (count, discordant.pmf(count)))
-        // What is rarer cannot change the fourth digit.
+        // Rarer counts cannot change the fourth digit.
         .filter(|&(_, chance)| chance > 1e-9)
         .map(|(count, chance)| chance * found(count, better, alpha))
         .sum()
 }
 
-/// Probability that `count` discordant pairs, each won with probability `better`, are called a difference.
+/// Probability that `count` discordant pairs, each won with probability `better`, are significant.
 fn found(count: u64, better: f64, alpha: f64) -> f64 {
     let (Ok(fair), Ok(actual)) = (Binomial::new(0.5, count), Binomial::new(better, count)) else { return 0.0 };
-    // The most losses that still count as a difference: twice the lower tail of a fair coin is at most alpha.
+    // Maximum number of losses that is still significant: twice the lower tail of a fair coin is at most alpha.
     let lowest = fair.inverse_cdf(alpha / 2.0);
     let Some(most) = (0..=lowest).rev().find(|&losses| 2.0 * fair.cdf(losses) <= alpha) else { return 0.0 };
     let losses_only = actual.cdf(most);
@@ -39,7 +39,7 @@ fn found(count: u64, better: f64, alpha: f64) -> f64 {
     losses_only + wins_only
 }
 
-/// Smallest difference that is found with a probability of 80 %, to a tenth of a percentage point; `None` where none is.
+/// Smallest difference detectable with 80 % power, to a tenth of a percentage point; `None` if there is none.
 pub fn detectable_difference(scenarios: usize, discordant_share: f64, alpha: f64) -> Option<f64> {
     let chance = |permille: u32| power(scenarios, discordant_share, f64::from(permille) / 1000.0, alpha);
     let (mut low, mut high) = (0, 1000);

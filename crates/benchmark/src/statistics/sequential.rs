@@ -1,26 +1,25 @@
-//! Looking after every scenario without being fooled by it.
+//! Sequential test, valid at any stopping time.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A test that may be looked at after every scenario and stopped at any time.
+/// A test that may be evaluated after every scenario and stopped at any time.
 ///
-/// Under the hypothesis that neither policy is better, scenarios on which they differ favour each with probability 1/2.
-/// The bet on it being otherwise, spread evenly over all probabilities, is then a fair game that starts at 1, and the
-/// chance that it is ever worth 1/α is at most α (Ville 1939; Ramdas et al. 2023): whoever stops when it is has a type I
-/// error of at most α, whatever made them stop.
+/// Under the null hypothesis, scenarios with different outcomes favour each policy with probability 1/2. The likelihood
+/// ratio of a uniform mixture over all probabilities is then a martingale that starts at 1, and the probability that it
+/// ever reaches 1/α is at most α (Ville 1939; Ramdas et al. 2023). Stopping when it does keeps the type I error at α,
+/// whatever the stopping rule.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sequential {
-    /// What the bet is worth after the last scenario.
+    /// Likelihood ratio after the last scenario.
     pub e_value: f64,
-    /// p-value that holds at any time: 1 over the most that the bet was ever worth.
+    /// Anytime-valid p-value: 1 over the maximum likelihood ratio so far.
     pub p_value: f64,
-    /// Scenarios, in the order of their ids, after which the difference was certain enough to stop; `None` if it never
-    /// was.
+    /// Number of scenarios, in the order of their ids, after which the test was significant; `None` if it never was.
     pub decided_after: Option<usize>,
 }
 
-/// Follows the bet over scenarios in a fixed order; `sums` are differences of success added up per scenario.
+/// Runs the test over scenarios in a fixed order; `sums` are differences of success, summed per scenario.
 ///
 /// ```
 /// use genmanip_benchmark::statistics::sequential;
@@ -30,7 +29,7 @@ pub struct Sequential {
 /// ```
 pub fn sequential(sums: &[i64], alpha: f64) -> Sequential {
     let (mut wins, mut losses) = (0_u32, 0_u32);
-    // Logarithm of 2^n wins! losses! / (n + 1)!, the likelihood under the even mixture over that under 1/2.
+    // Logarithm of 2^n wins! losses! / (n + 1)!, the likelihood under the uniform mixture over that under 1/2.
     let mut log_e = 0.0_f64;
     let mut largest = 0.0_f64;
     let mut decided_after = None;

@@ -1,4 +1,4 @@
-//! Results of policies, summarised.
+//! Summaries of results per policy.
 
 use std::collections::BTreeMap;
 
@@ -10,12 +10,12 @@ use super::StatisticsSettings;
 use super::interval::{Mean, Rate, mean_with_interval};
 use super::traits::TraitSummary;
 
-/// How one policy did on one suite.
+/// Summary of one policy on one suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SuiteSummary {
     /// Name of the policy.
     pub policy: String,
-    /// Whether any of its results was made with simulator truth.
+    /// True if any of its results used simulator truth.
     pub oracle: bool,
     /// The goal held at the end, after settling: the headline.
     pub success: Rate,
@@ -23,31 +23,31 @@ pub struct SuiteSummary {
     pub success_once: Rate,
     /// Fraction of the goal reached, 0-1.
     pub score: Mean,
-    /// Success weighted by path length, over the episodes whose scenario has a reference length; `count` says how many
-    /// those are. Absent where none has.
+    /// Success weighted by path length, over the episodes whose scenario has a reference path; `count` is their number.
+    /// Absent if none has.
     pub spl: Option<Mean>,
-    /// Distance the tool travelled, m.
+    /// Path length of the tool, m.
     pub tcp_path_m: Mean,
     /// Simulated length of the episodes, s.
     pub duration_s: Mean,
-    /// Episodes in which the robot struck something.
+    /// Episodes with a collision.
     pub collisions: Rate,
-    /// Success as point clouds of the final scene say, over the episodes that were judged so; absent without any.
+    /// Success judged on point clouds of the final scene, over the episodes judged so; absent without any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud_success: Option<Rate>,
-    /// Episodes of which clouds and geometry say different things, by id.
+    /// Ids of episodes that clouds and geometry judge differently.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cloud_disagreements: Vec<String>,
-    /// The same per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are left out.
+    /// Summary per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are omitted.
     pub kinds: Vec<KindSummary>,
-    /// The same by what scenarios are like, of suites that say so.
+    /// Success by scenario trait, for suites with traits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub traits: Vec<TraitSummary>,
     /// Causes of failure, most frequent first.
     pub failures: Vec<FailureCount>,
 }
 
-/// How one policy did on the tasks of one kind.
+/// Summary of one policy on the tasks of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KindSummary {
     /// The kind.
@@ -60,7 +60,7 @@ pub struct KindSummary {
     pub score: Mean,
 }
 
-/// How often something went wrong for one reason.
+/// Frequency of one cause of failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FailureCount {
     /// The cause.
@@ -69,11 +69,11 @@ pub struct FailureCount {
     pub count: usize,
 }
 
-/// Why results cannot be summarised.
+/// Reasons why results cannot be summarised.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StatisticsError {
     /// A result of a task whose kind is not given.
-    #[error("result {result} is of task {task}, whose kind is not known; known tasks: {known}")]
+    #[error("result {result} belongs to task {task} of unknown kind; known tasks: {known}")]
     UnknownTask {
         /// Id of the result.
         result: String,
@@ -82,7 +82,7 @@ pub enum StatisticsError {
         /// Ids of the known tasks, at most eight.
         known: String,
     },
-    /// The same episode twice.
+    /// A duplicate episode.
     #[error("policy {policy} has two results for scenario {scenario} with seed {seed}")]
     RepeatedEpisode {
         /// Name of the policy.
@@ -94,15 +94,15 @@ pub enum StatisticsError {
     },
 }
 
-/// Summarises results per policy, in the order in which the policies first occur.
+/// Summarises results per policy, in order of first occurrence.
 ///
 /// `kinds` gives the kind of each task by its id.
-/// `reference_paths_m` gives, by scenario id, the length that a good solution needs (usually the shortest verified one
-/// of the expert); an episode whose scenario has none says nothing about SPL, and without any the policy gets no SPL.
+/// `reference_paths_m` gives the reference path length by scenario id (usually the shortest verified one of the
+/// expert). Episodes of scenarios without one do not count for SPL, and without any the policy has no SPL.
 /// The order of the results of one policy does not matter.
 ///
 /// # Errors
-/// [`StatisticsError::UnknownTask`] when a task's kind is missing.
+/// [`StatisticsError::UnknownTask`] if a task's kind is missing.
 pub fn summarise(
     results: &[EpisodeResult],
     kinds: &BTreeMap<String, TaskKind>,

@@ -122,7 +122,7 @@ fn a_summary_counts_per_policy_and_kind_in_any_order() {
     shuffled.extend(results[6..].iter().rev().cloned());
     assert_eq!(summarise(&shuffled, &kinds(), &paths, &settings).unwrap(), summaries);
     assert_eq!(summarise(&results, &kinds(), &BTreeMap::new(), &settings).unwrap()[0].spl, None);
-    // Only scenarios with a reference count: 0 failed, 2 succeeded on a way of 2 m.
+    // Only scenarios with a reference count: 0 failed, 2 succeeded on a path of 2 m.
     let some = [("s0".to_owned(), 1.5), ("s2".to_owned(), 1.0)].into();
     let spl = summarise(&results, &kinds(), &some, &settings).unwrap()[0].spl.unwrap();
     assert_eq!((spl.count, spl.value), (2, 0.25));
@@ -149,7 +149,7 @@ fn a_comparison_pairs_episodes_by_scenario_and_seed() {
 #[test]
 fn scenarios_with_several_episodes_are_the_unit_of_comparison() {
     let settings = StatisticsSettings::default();
-    // Five episodes of each of eight scenarios, alike within a scenario: as certain as eight episodes, not as forty.
+    // Five episodes of each of eight scenarios, equal within a scenario: as certain as eight episodes, not as forty.
     let results = |policy: &str, wins: u64| -> Vec<EpisodeResult> {
         let episode = |number: u64| {
             let (scenario, seed) = (number / 5, Seed::new(number));
@@ -195,7 +195,7 @@ proptest! {
         let difference = f64::from(permille) / 1000.0;
         let chance = power(scenarios, 0.4, difference, 0.05);
         prop_assert!(power(scenarios, 0.4, difference + 0.05, 0.05) >= chance);
-        // Exact tests of counts jump, so that a few scenarios more may find a little less.
+        // Exact tests of counts are discrete, so a few scenarios more may detect a little less.
         prop_assert!(power(2 * scenarios, 0.4, difference, 0.05) >= chance - 0.02);
         prop_assert!((0.0..=1.0).contains(&chance));
         let least = detectable_difference(scenarios, 0.4, 0.05);
@@ -208,7 +208,7 @@ fn a_bet_that_is_looked_at_all_the_time_pays_only_for_real_differences() {
     let mixed = sequential(&[1, -1, 0, 1, -1, 1, -1], 0.05);
     assert!(mixed.decided_after.is_none() && mixed.p_value > 0.5, "{mixed:?}");
     let clear = sequential(&[[1; 30].as_slice(), &[-1; 40]].concat(), 0.05);
-    // Decided at the eighth, whatever comes later; the bet itself is worth little in the end.
+    // Significant at the eighth, whatever follows; the likelihood ratio itself is small at the end.
     assert!(clear.decided_after == Some(8) && clear.p_value < 1e-6 && clear.e_value < 1.0, "{clear:?}");
     assert_eq!(sequential(&[], 0.05), Sequential { e_value: 1.0, p_value: 1.0, decided_after: None });
 }

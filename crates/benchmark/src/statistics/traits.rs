@@ -1,4 +1,4 @@
-//! Success by what scenarios are like: where they come from, what they are about, how much stands about.
+//! Success by scenario trait: source, subject, clutter.
 
 use std::collections::BTreeMap;
 
@@ -9,20 +9,20 @@ use serde::{Deserialize, Serialize};
 use super::StatisticsSettings;
 use super::interval::Rate;
 
-/// What scenarios are like: values by the name of a trait, by scenario id.
+/// Trait values by trait name, by scenario id.
 pub type Traits = BTreeMap<String, BTreeMap<String, Vec<String>>>;
 
-/// Scenarios with a value of a trait, below which tables leave it out: of fewer, a rate says nothing; chosen.
+/// Minimum number of scenarios of a trait value in tables; chosen, since rates of fewer are uninformative.
 pub const LEAST_SCENARIOS: usize = 4;
 
-/// How one policy did on the scenarios with one value of a trait.
+/// Success of one policy on the scenarios with one trait value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TraitSummary {
-    /// The trait, e.g. `relation`.
+    /// Name of the trait, e.g. `relation`.
     pub name: String,
     /// Its value, e.g. `left`; a scenario may have several.
     pub value: String,
-    /// Scenarios that have it.
+    /// Number of scenarios with it.
     pub scenarios: usize,
     /// The goal held at the end.
     pub success: Rate,
@@ -31,7 +31,7 @@ pub struct TraitSummary {
 /// Successes and episodes by scenario.
 type Scenarios<'a> = BTreeMap<&'a str, (usize, usize)>;
 
-/// Success by trait and value, in the order of their names; intervals count scenarios as far as episodes end alike.
+/// Success by trait and value, ordered by name; intervals use the effective number of independent trials.
 pub fn by_trait(results: &[EpisodeResult], traits: &Traits, settings: &StatisticsSettings) -> Vec<TraitSummary> {
     let mut groups: BTreeMap<(&str, &str), Scenarios> = BTreeMap::new();
     for result in results {

@@ -1,4 +1,4 @@
-//! A suite: scenarios that are frozen to be evaluated on, with how they were chosen and what the expert needed.
+//! Suites: frozen scenarios for evaluation, with their selection and the expert's certificates.
 
 mod review;
 mod select;
@@ -24,22 +24,22 @@ pub struct SuiteFile {
     pub name: String,
     /// Seed of tasks, layouts and trials.
     pub seed: Seed,
-    /// Scenarios asked for of each kind.
+    /// Scenarios requested per kind.
     pub per_kind: usize,
-    /// Version of the program that made it.
+    /// Program version.
     pub genmanip_version: String,
-    /// Version of the physics.
+    /// Version of the physics engine.
     pub engine: String,
     /// [`crate::suite_hash`] of its scenarios.
     pub suite_hash: String,
-    /// What was changed of another suite; `None` where it was built.
+    /// The change, for a perturbed suite; `None` for a built one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
-    /// How many candidates each stage of the selection let pass, in order.
+    /// Selection steps in order, with the candidates that passed.
     pub funnel: Vec<Stage>,
     /// The scenarios, ordered by id.
     pub scenarios: Vec<SuiteEntry>,
-    /// Their objects, where these were frozen beside them.
+    /// Their objects, if they were frozen too.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub assets: Vec<FrozenFile>,
 }
@@ -47,7 +47,7 @@ pub struct SuiteFile {
 /// An object of a frozen suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FrozenFile {
-    /// Which it is.
+    /// Reference of the object.
     pub asset: AssetRef,
     /// Name of its file in `assets/`.
     pub file: String,
@@ -59,34 +59,34 @@ impl Document for SuiteFile {
     const SCHEMA: &'static str = "genmanip.suite/1";
 }
 
-/// What was changed of a suite, one thing at a time; the suite itself is the control arm.
+/// Change of a suite along one axis; the original suite is the baseline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Perturbation {
-    /// Name of the suite that was changed.
+    /// Name of the original suite.
     pub of: String,
     /// [`crate::suite_hash`] of its scenarios.
     pub of_hash: String,
-    /// What was changed, e.g. `camera`.
+    /// Axis of the change, e.g. `camera`.
     pub axis: String,
-    /// How much: 1 for the most that is meant to be solvable.
+    /// Magnitude: 1 for the largest change meant to be solvable.
     pub dial: f64,
-    /// Seed of what was drawn.
+    /// Seed of the random changes.
     pub seed: Seed,
 }
 
-/// What one stage of the selection refused.
+/// One selection step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Stage {
-    /// What was asked of the candidates.
+    /// Selection criterion.
     pub asked: String,
     /// Candidates of each kind that passed, by the kind's name.
     pub passed: BTreeMap<String, usize>,
-    /// Reasons for which others did not, with how often.
+    /// Reasons of rejection with counts.
     pub refused: BTreeMap<String, usize>,
 }
 
 impl Stage {
-    /// A stage that nothing has come to yet.
+    /// A step without candidates.
     pub fn new(asked: &str) -> Self {
         Self { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
     }
@@ -96,12 +96,12 @@ impl Stage {
         *self.passed.entry(kind.name().into()).or_default() += 1;
     }
 
-    /// Counts a candidate that did not.
+    /// Counts a rejected candidate.
     pub fn refuse(&mut self, reason: impl Into<String>) {
         *self.refused.entry(reason.into()).or_default() += 1;
     }
 
-    /// Why candidates did not pass, with how often, in one line.
+    /// Reasons of rejection with counts, in one line.
     pub fn reasons(&self) -> String {
         let reasons = self.refused.iter().map(|(reason, count)| format!("{count} times: {reason}"));
         reasons.collect::<Vec<_>>().join("; ")
@@ -117,29 +117,29 @@ pub struct SuiteEntry {
     pub sha256: String,
     /// Kind of its task.
     pub kind: TaskKind,
-    /// Where the task comes from.
+    /// Source of the task.
     pub source: String,
-    /// What is balanced, by name.
+    /// Balanced traits by name.
     pub traits: BTreeMap<String, Vec<String>>,
-    /// Simulated time that a policy has, s.
+    /// Simulated time available to a policy, s.
     pub horizon_s: f64,
-    /// That it can be solved.
+    /// Proof of solvability.
     pub certificate: Certificate,
-    /// SHA-256 of the colours that each camera sees at its start, where these were frozen, by the camera's name.
+    /// SHA-256 of each camera's colour image at the start, by camera name, if frozen.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub pictures: BTreeMap<String, String>,
 }
 
-/// What the expert needed.
+/// Effort of the expert.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Certificate {
-    /// Episodes of the expert, each with a stream of its own.
+    /// Episodes of the expert, each with its own random stream.
     pub episodes: usize,
-    /// Those after which the goal held.
+    /// Verified episodes.
     pub verified: usize,
-    /// Shortest way of the tool among these, m.
+    /// Shortest tool path among these, m.
     pub shortest_path_m: f64,
-    /// Shortest simulated time among these, s.
+    /// Shortest simulated duration among these, s.
     pub shortest_s: f64,
 }
 
@@ -148,11 +148,11 @@ pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What a suite is balanced over, of one task; `is_unseen` says of an asset whether it is kept from training.
+/// Balanced traits of a task; `is_unseen` tells if an asset is held out from training.
 ///
-/// `relation`: of its goal. `objects`: how many there are, in three ranges. `axis`: whether the goal names a thing that
-/// training never shows. `steps`: conditions of the shortest alternative, of long-horizon tasks. `clues`: things told
-/// by their place, of spatial tasks.
+/// `relation`: of its goal. `objects`: number of objects, in three ranges. `axis`: true if the goal names an object
+/// held out from training. `steps`: conditions of the shortest alternative, of long-horizon tasks. `clues`: objects
+/// identified by their place, of spatial tasks.
 pub fn balanced_traits(
     task: &Task,
     clues_at_places: usize,

@@ -1,4 +1,4 @@
-//! What people say of the scenarios of a suite.
+//! Human reviews of the scenarios of a suite.
 
 use genmanip_core::Document;
 use schemars::JsonSchema;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::SuiteFile;
 
-/// The file `review.json` of a suite's folder: it is no part of what is frozen.
+/// The file `review.json` of a suite's folder; not part of the frozen suite.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ReviewFile {
     /// One per scenario and reviewer, ordered by both.
@@ -17,28 +17,28 @@ impl Document for ReviewFile {
     const SCHEMA: &'static str = "genmanip.suite_review/1";
 }
 
-/// What one person says of one scenario.
+/// One person's review of one scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Review {
     /// Id of the scenario.
     pub scenario: String,
-    /// Who says it.
+    /// Name of the reviewer.
     pub reviewer: String,
-    /// SHA-256 of the scenario's file that was looked at.
+    /// SHA-256 of the reviewed scenario's file.
     pub sha256: String,
-    /// What they say.
+    /// Verdict.
     pub verdict: ReviewVerdict,
-    /// Why, in their words; may be empty.
+    /// Reason; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
 }
 
-/// Whether a scenario may stay.
+/// Verdict of a review.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReviewVerdict {
-    /// Sentence, picture and goal belong together.
+    /// Sentence, image and goal agree.
     Sound,
     /// The sentence could mean something else in this scene.
     Ambiguous,
@@ -61,7 +61,7 @@ impl ReviewVerdict {
 }
 
 impl ReviewFile {
-    /// Adds a review; what the same person said of the same scenario before is replaced.
+    /// Adds a review, replacing the same person's earlier review of the scenario.
     pub fn add(&mut self, review: Review) {
         let is_same = |other: &Review| (&other.scenario, &other.reviewer) == (&review.scenario, &review.reviewer);
         self.reviews.retain(|other| !is_same(other));
@@ -69,7 +69,7 @@ impl ReviewFile {
         self.reviews.sort();
     }
 
-    /// Reviews of scenarios that are not, or no longer, what was looked at.
+    /// Reviews of scenarios that do not exist or have changed since.
     pub fn stale<'a>(&'a self, suite: &'a SuiteFile) -> impl Iterator<Item = &'a Review> {
         let is_current = |review: &Review| {
             suite.scenarios.iter().any(|entry| entry.id == review.scenario && entry.sha256 == review.sha256)
@@ -77,7 +77,7 @@ impl ReviewFile {
         self.reviews.iter().filter(move |review| !is_current(review))
     }
 
-    /// How many reviews say so.
+    /// Number of reviews with a verdict.
     pub fn count(&self, verdict: ReviewVerdict) -> usize {
         self.reviews.iter().filter(|review| review.verdict == verdict).count()
     }

@@ -1,50 +1,50 @@
-//! Which candidates make the best balanced suite.
+//! Selection of candidates for a balanced suite.
 
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A scenario that may be taken.
+/// A candidate scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Its kind; as many are taken of each.
+    /// Kind of task; the same number is selected of each.
     pub kind: String,
-    /// What is balanced, by name, with the values that it has.
+    /// Balanced traits by name, with their values.
     pub traits: BTreeMap<String, Vec<String>>,
-    /// What is rather not taken twice: things that the goal names, the template of the sentence.
+    /// Properties to repeat as little as possible: objects in the goal, the sentence template.
     pub once: Vec<String>,
-    /// Whether it is taken before all others, whatever it does to the balance.
+    /// True if it is selected first, whatever the balance.
     pub is_preferred: bool,
 }
 
-/// Share of one value of a trait in a selection.
+/// Share of one trait value in a selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Marginal {
     /// Name of the trait.
     pub name: String,
     /// The value.
     pub value: String,
-    /// Its share among all values of the trait.
+    /// Share among all values of the trait.
     pub share: f64,
-    /// The share that it should have: the same for all values.
+    /// Target share: the same for all values.
     pub wanted: f64,
 }
 
 impl Marginal {
-    /// How far the share is from the one wanted, as a part of that.
+    /// Relative deviation of the share from its target.
     pub fn deviation(&self) -> f64 {
         (self.share - self.wanted).abs() / self.wanted
     }
 }
 
-/// Weight of what is taken again, against the squared relative deviations of the marginals: chosen so that it
-/// decides among candidates that balance alike.
+/// Weight of repeated properties against the squared relative deviations of the marginals; chosen as a tie-breaker
+/// among candidates that balance equally.
 const AGAIN: f64 = 0.0005;
-/// Rounds of exchanges; each stops when nothing is gained.
+/// Maximum number of exchange rounds; stops earlier without improvement.
 const ROUNDS: usize = 8;
 
-/// Counts of a selection, kept up to date as candidates come and go.
+/// Counts of a selection, updated incrementally.
 #[derive(Default)]
 struct Tally {
     values: BTreeMap<String, BTreeMap<String, f64>>,
@@ -73,14 +73,14 @@ impl Tally {
     }
 }
 
-/// Indices of `per_kind` candidates of each kind, ascending, such that every value of every trait has about the same
-/// share; fewer where a kind has fewer.
+/// Indices of `per_kind` candidates of each kind, ascending, such that the values of every trait have about equal
+/// shares; fewer if a kind has fewer candidates.
 ///
-/// Preferred candidates come first and stay; the others are taken one by one, the best first, and then exchanged while
-/// that helps. Deterministic.
+/// Preferred candidates are selected first and stay; the others are added greedily, then exchanged while that reduces
+/// the cost. Deterministic.
 pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
     let mut tally = Tally::default();
-    // Every value counts, also one that nothing has been taken of.
+    // Count every value, including those that no selected candidate has.
     candidates.iter().for_each(|candidate| tally.add(candidate, 0.0));
     let mut kinds: Vec<&str> = candidates.iter().map(|candidate| candidate.kind.as_str()).collect();
     kinds.sort_unstable();
@@ -112,7 +112,7 @@ pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
     (0..candidates.len()).filter(|&index| chosen[index]).collect()
 }
 
-/// Exchanges each chosen candidate for the best free one of its kind; whether that helped.
+/// Exchanges each selected candidate for the best free one of its kind; returns true if any exchange helped.
 fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally) -> bool {
     let mut has_helped = false;
     for out in 0..candidates.len() {

@@ -1,7 +1,7 @@
-//! How a sentence is built, apart from what it is about.
+//! Sentence templates: the frame of an instruction without its referents.
 
-/// Words that make up the frame of a request; runs of all others are one blank. Chosen from the designer's phrases and
-/// those of recorded answers.
+/// Words of the frame of a request; runs of all others become one blank. Chosen from the designer's phrases and those
+/// of recorded answers.
 const FRAME: [&str; 74] = [
     "a", "after", "and", "are", "as", "at", "back", "be", "before", "beside", "between", "both", "bottom", "build",
     "by", "can", "clear", "close", "could", "down", "either", "ends", "far", "finally", "find", "first", "front",
@@ -11,8 +11,8 @@ const FRAME: [&str; 74] = [
     "want", "what", "you",
 ];
 
-/// The sentence in lower case with everything that it is about left blank, e.g. `put the _ into the _`; of a sentence
-/// that says a need first, the request alone.
+/// The sentence in lower case with its referents blanked, e.g. `put the _ into the _`; of a sentence that states a need
+/// first, the request alone.
 ///
 /// ```
 /// # use crate::suite::template;

@@ -15,7 +15,7 @@ fn candidate(kind: usize, relation: usize, clutter: usize, thing: usize) -> Cand
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Skewed candidates, of which a balanced half can be taken.
+    /// Skewed candidates that contain a balanced half.
     #[test]
     fn a_selection_is_balanced_where_candidates_allow_it(draws in prop::collection::vec((0_usize..2, 0_usize..16, 0_usize..9, 0_usize..30), 300)) {
         // The first value is five times as frequent as the others.
@@ -49,7 +49,7 @@ fn other_things_are_preferred() {
     assert!(chosen.contains(&2), "{chosen:?}");
 }
 
-/// They are taken though others balance better, as many as are wanted.
+/// Preferred candidates are selected although others balance better, up to the requested number.
 #[test]
 fn preferred_candidates_come_first() {
     let mut all: Vec<Candidate> = (0..6).map(|thing| candidate(0, thing % 2, 0, thing)).collect();

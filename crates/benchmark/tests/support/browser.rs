@@ -4,7 +4,7 @@
 use std::fs;
 use std::process::Command;
 
-/// Added to the page: filters, sorts and clears, each with the layout of what is shown, and writes how long that took.
+/// Script added to the page: filters, sorts and resets, each including the layout of the result, and writes the times.
 const MEASURE: &str = r##"<script>
 const timed = (name, act) => {
   const since = performance.now();
@@ -37,7 +37,7 @@ addEventListener("load", () => {
 });
 </script>"##;
 
-/// What a headless browser measured on a page: milliseconds by name, rows in the page, errors.
+/// Measurements of a headless browser on a page: milliseconds by name, rows in the page, errors.
 pub fn measure(browser: &str, page: &str) -> serde_json::Value {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");

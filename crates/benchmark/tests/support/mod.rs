@@ -1,4 +1,4 @@
-//! Invented but realistic input: real tasks, made-up layouts, pictures and results.
+//! Made-up but realistic input: real tasks, invented layouts, images and results.
 #![allow(clippy::unwrap_used)] // shared with the example, which clippy does not take for a test
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ pub fn parse_tasks(text: &str) -> Vec<Task> {
     values.into_iter().map(|value| Task::from_value(value).unwrap()).collect()
 }
 
-/// Positions that follow the relations, one object after the other.
+/// Positions that satisfy the relations, one object after the other.
 fn positions(task: &Task) -> Vec<[f64; 2]> {
     let index = |uid: &str| task.objects.iter().position(|card| card.uid == uid).unwrap();
     let mut at: Vec<Option<[f64; 2]>> = vec![None; task.objects.len()];
@@ -79,7 +79,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
     }
 }
 
-/// A picture that changes with time: the footprints in grey perspective would be too much, blobs will do.
+/// A synthetic image that changes with time.
 pub fn jpeg(task: &Task, time: f64, width: u16, height: u16) -> Vec<u8> {
     let places = positions(task);
     let mut pixels = Vec::with_capacity(usize::from(width) * usize::from(height) * 3);
@@ -104,7 +104,7 @@ pub fn jpeg(task: &Task, time: f64, width: u16, height: u16) -> Vec<u8> {
     bytes
 }
 
-/// A verdict in which the first alternative holds when `success`, and nothing else does.
+/// A verdict in which the first alternative holds if `success`, and nothing else does.
 pub fn verdict(task: &Task, success: bool) -> GoalVerdict {
     let judged =
         |holds: bool, atom: &Atom| {

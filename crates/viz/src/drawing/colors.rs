@@ -1,14 +1,14 @@
-//! The colours of the drawings.
+//! Colours of the diagrams.
 
 /// Lines and text of the initial scene.
 pub const INK: &str = "#1f2937";
 /// Secondary text.
 pub const MUTED: &str = "#64748b";
-/// Lines of the initial relations.
+/// Edges of the initial graph.
 pub const INITIAL: &str = "#475569";
 /// Goals.
 pub const GOAL: &str = "#b45309";
-/// What goes wrong.
+/// Errors and conflicts.
 pub const CONFLICT: &str = "#b91c1c";
 /// Thin outlines.
 pub const HAIRLINE: &str = "#cbd5e1";
@@ -17,7 +17,7 @@ pub const WASH: &str = "#f8fafc";
 /// Background of a goal.
 pub const GOAL_WASH: &str = "#fffbeb";
 
-/// The sRGB colour of a colour word of the catalogue; grey for a word that is not known.
+/// The sRGB colour of a colour word of the catalogue; grey for an unknown word.
 ///
 /// ```
 /// assert_eq!(crate::drawing::color_of_word("red"), [200, 55, 48]);

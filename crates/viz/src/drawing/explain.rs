@@ -1,4 +1,4 @@
-//! One picture of a task and its layout: the graph beside the table, and why nothing better came of it.
+//! Diagram of a task and its layout: scene graph beside the top view, and the reasons if there is no layout.
 
 use genmanip_core::{Atom, Task};
 
@@ -12,21 +12,21 @@ const TITLE_SIZE: f64 = 17.0;
 const TEXT_SIZE: f64 = 13.0;
 const LINE: f64 = 20.0;
 
-/// Why a task has no layout.
+/// Reasons why a task has no layout.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Refusal {
-    /// The whole of it in one line.
+    /// Summary in one line.
     pub headline: String,
     /// Counted reasons, most frequent first.
     pub reasons: Vec<(String, usize)>,
-    /// Edges that stood in the way, most frequent first; drawn in red.
+    /// Conflicting edges, most frequent first; drawn in red.
     pub conflicts: Vec<Atom>,
-    /// The same in words with their counts.
+    /// The conflicting edges in words with their counts.
     pub conflicts_in_words: Vec<(String, usize)>,
 }
 
-/// Draws the scene graph with its goals beside the layout; for a refused task the layout is what was reached, and the
-/// reasons stand below.
+/// Draws the scene graph with its goals beside the layout; for a rejected task, the furthest attempt with the reasons
+/// below.
 pub fn explain_svg(task: &Task, picture: &LayoutPicture, refusal: Option<&Refusal>) -> Svg {
     let conflicts = refusal.map_or(&[][..], |refusal| &refusal.conflicts);
     let (graph, [graph_width, graph_height]) = graph_drawing(task, conflicts);
@@ -44,7 +44,7 @@ pub fn explain_svg(task: &Task, picture: &LayoutPicture, refusal: Option<&Refusa
     y += MARGIN;
     let mut below = graph_height;
     if let Some(refusal) = refusal {
-        // Below the graph, where the plan leaves room.
+        // Below the graph, where the top view leaves space.
         below = draw_reasons(&mut canvas, refusal, [MARGIN, y + graph_height + LINE], graph_width - MARGIN) - y;
     }
     canvas.group([0.0, y], graph);
@@ -52,7 +52,7 @@ pub fn explain_svg(task: &Task, picture: &LayoutPicture, refusal: Option<&Refusa
     canvas.finish(width, y + plan_height.max(below) + MARGIN, &format!("Layout of: {}", task.instruction))
 }
 
-/// The height at which it ends.
+/// Height at which the block ends.
 fn draw_reasons(canvas: &mut Canvas, refusal: &Refusal, at: [f64; 2], width: f64) -> f64 {
     let mut y = at[1];
     for line in wrap(&refusal.headline, TEXT_SIZE + 1.0, width, 4) {

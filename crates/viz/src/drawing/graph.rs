@@ -1,4 +1,4 @@
-//! The scene graph: the start, and each alternative of the goal beside it.
+//! Diagram of a scene graph: the initial graph, and each alternative of the goal beside it.
 
 use genmanip_core::{Atom, GraphEdge, Relation, Task};
 
@@ -12,21 +12,21 @@ const LINE: f64 = 17.0;
 const MARGIN: f64 = 16.0;
 const HEADING: f64 = 30.0;
 const ROBOT: f64 = 40.0;
-/// Vertical room between an object and what carries it, for an arrow with its label.
+/// Vertical distance between an object and its support, for an arrow with its label.
 const STACK_GAP: f64 = 44.0;
-/// Widest drawing before the goals move below the start.
+/// Maximum width before the goals move below the initial graph.
 const MAX_WIDTH: f64 = 715.0;
 
 /// Draws the initial scene graph and, in a second colour, every alternative of the goal.
 ///
 /// An arrow leads from the subject to the reference: *A —left→ B* says that A is to the robot's left of B.
-/// Up the page is front (away from the robot); an object that is carried stands above its carrier in a common frame.
+/// Up is front (away from the robot); an object on a support stands above it in a common frame.
 pub fn graph_svg(task: &Task) -> Svg {
     let (canvas, [width, height]) = graph_drawing(task, &[]);
     canvas.finish(width, height, &format!("Scene graph and goal of: {}", task.instruction))
 }
 
-/// The same with its size, edges in conflict drawn in red.
+/// [`graph_svg`] with its size and conflicting edges in red.
 pub fn graph_drawing(task: &Task, conflicts: &[Atom]) -> (Canvas, [f64; 2]) {
     let start = Panel::start(task, conflicts);
     let goals: Vec<Panel> = (0..task.goal.alternatives.len()).map(|index| Panel::goal(task, index)).collect();
@@ -61,7 +61,7 @@ pub struct Panel {
     is_goal: bool,
     nodes: Vec<Node>,
     wires: Vec<Wire>,
-    /// Which wires are drawn in red; none beyond the end.
+    /// Flags of wires drawn in red; false beyond the end.
     conflicts: Vec<bool>,
     /// Boxes of the nodes, relative to the graph.
     pub boxes: Vec<Area>,
@@ -81,7 +81,7 @@ struct Node {
 }
 
 impl Panel {
-    /// The scene before the robot moves; what the goal moves or changes is outlined in the goal's colour.
+    /// The initial scene; objects that the goal moves or changes are outlined in the goal's colour.
     pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
@@ -167,7 +167,7 @@ impl Panel {
                 wires.push(Wire { from: link.from, to, label: link.relation.name().into() });
             }
         }
-        // Wider gaps until every label has a place of its own.
+        // Widen gaps until every label has a free position.
         let mut best = (usize::MAX, Vec::new(), Vec::new(), Vec::new());
         for attempt in 0..6 {
             let (boxes, frames) = stacks.arrange(&cells, 1.0 + 0.22 * f64::from(attempt));
@@ -283,13 +283,13 @@ struct Link {
     relation: Relation,
 }
 
-/// The nodes as piles: what carries or contains another object stands below it.
+/// The nodes as stacks: a support or container is below its contents.
 struct Stacks {
     sizes: Vec<[f64; 2]>,
     children: Vec<Vec<usize>>,
     /// Nodes on the table.
     roots: Vec<usize>,
-    /// Index into `roots` of the pile each node is in.
+    /// Index into `roots` of each node's stack.
     pile: Vec<usize>,
 }
 
@@ -336,7 +336,7 @@ impl Stacks {
         (from != to).then_some(Tie { from, to, wish })
     }
 
-    /// Width and height of a pile.
+    /// Width and height of a stack.
     fn pile_size(&self, node: usize) -> [f64; 2] {
         let above = self.children[node].iter().map(|child| self.pile_size(*child));
         let [width, height] = above.fold([-12.0, 0.0], |[width, height], [w, h]| [width + w + 12.0, h.max(height)]);
@@ -344,7 +344,7 @@ impl Stacks {
         [self.sizes[node][0].max(width), self.sizes[node][1] + lift + height]
     }
 
-    /// Puts a pile down with its bottom centre at a point.
+    /// Places a stack with its bottom centre at a point.
     fn put(&self, node: usize, bottom: [f64; 2], boxes: &mut [Area]) {
         let [width, height] = self.sizes[node];
         boxes[node] = Area { x: bottom[0] - width / 2.0, y: bottom[1] - height, width, height };
@@ -357,10 +357,10 @@ impl Stacks {
         }
     }
 
-    /// Boxes of all nodes and frames of the piles, with gaps scaled.
+    /// Boxes of all nodes and frames of the stacks, with scaled gaps.
     fn arrange(&self, cells: &[[i32; 2]], spread: f64) -> (Vec<Area>, Vec<Area>) {
         let count = |axis: usize| cells.iter().map(|cell| cell[axis] + 1).max().unwrap_or(0) as usize;
-        // Objects on the table that stand in one row share a centre line; piles rise above it.
+        // Objects on the table in one row share a centre line; stacks rise above it.
         let mut columns = vec![0.0_f64; count(0)];
         let mut rows = vec![[0.0_f64; 2]; count(1)];
         let framed = |root: usize| if self.children[root].is_empty() { 0.0 } else { 10.0 };
@@ -387,7 +387,7 @@ impl Stacks {
     }
 }
 
-/// Smallest area around areas.
+/// Bounding box of areas.
 pub fn bounds(areas: impl IntoIterator<Item = Area>) -> Area {
     let around = |a: Area, b: Area| {
         let (x, y) = (a.x.min(b.x), a.y.min(b.y));

@@ -1,4 +1,4 @@
-//! Where the nodes of a graph go: cells of a grid that agree with the spatial meaning of the relations.
+//! Node positions of a graph: grid cells that agree with the spatial meaning of the relations.
 
 use genmanip_core::Seed;
 use rand::RngExt;
@@ -6,7 +6,7 @@ use rand::RngExt;
 /// A cell of the grid: columns to the right, rows up (away from the robot).
 pub type Cell = [i32; 2];
 
-/// What an edge wants of the cells of its two ends.
+/// Constraint of an edge on the cells of its two ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tie {
     pub from: usize,
@@ -14,7 +14,7 @@ pub struct Tie {
     pub wish: Wish,
 }
 
-/// Where `from` wants to be.
+/// Preferred cell of `from`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wish {
     /// One step from `to` in this direction.
@@ -29,7 +29,7 @@ pub enum Wish {
 const RESTARTS: u64 = 6;
 const MAX_ROUNDS: usize = 60;
 
-/// Cells for `count` nodes: the best of several local searches over moves and swaps, the same for the same input.
+/// Cells for `count` nodes: the best of several local searches over moves and swaps; deterministic.
 pub fn cells(count: usize, ties: &[Tie]) -> Vec<Cell> {
     let side = (count as i32).min(6);
     let mut best = (f64::INFINITY, Vec::new());
@@ -47,7 +47,7 @@ pub fn cells(count: usize, ties: &[Tie]) -> Vec<Cell> {
     normalised(best.1)
 }
 
-/// Follows the edges from node 0 and takes every wish literally.
+/// Initial arrangement: follows the edges from node 0 and satisfies each preference literally.
 fn grown(count: usize, ties: &[Tie]) -> Vec<Cell> {
     let mut cells: Vec<Option<Cell>> = vec![None; count];
     for start in 0..count {
@@ -74,7 +74,7 @@ fn scattered(count: usize, side: i32, restart: u64) -> Vec<Cell> {
     (0..count).map(|_| [rng.random_range(0..side.max(1)), rng.random_range(0..side.max(1))]).collect()
 }
 
-/// The best single move or swap, if it improves.
+/// The best single move or swap that reduces the cost.
 fn best_change(cells: &[Cell], ties: &[Tie], side: i32, cost: f64) -> Option<(f64, Vec<Cell>)> {
     let mut best: Option<(f64, Vec<Cell>)> = None;
     let mut consider = |candidate: Vec<Cell>| {
@@ -102,7 +102,7 @@ fn best_change(cells: &[Cell], ties: &[Tie], side: i32, cost: f64) -> Option<(f6
     best
 }
 
-/// How badly cells fit: broken wishes, nodes on top of each other or of an edge, crossings, spread.
+/// Cost of an arrangement: violated preferences, nodes on top of each other or of an edge, crossings, spread.
 fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
     let mut cost = 0.0;
     for (index, cell) in cells.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The top view of a layout: table, robot, footprints, relations.
+//! Top view of a layout: table, robot, footprints, relations.
 
 use genmanip_core::{GraphEdge, Workspace};
 
@@ -7,29 +7,29 @@ use super::graph::bounds;
 use super::route::{LABEL_SIZE, Routed, Shape, Wire, label_size, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 
-/// What the top view shows.
+/// Contents of the top view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutPicture {
     /// Usable area of the table.
     pub workspace: Workspace,
-    /// Objects, and support surfaces other than the table, seen from above, any order.
+    /// Objects, and support surfaces other than the table, in any order.
     pub footprints: Vec<Footprint>,
     /// Relations to draw as arrows from subject to reference.
     pub edges: Vec<DrawnEdge>,
     /// Radii around the robot's base to draw as arcs, m.
     pub reach_m: Vec<f64>,
-    /// Where relations would have had the middle of an object that found no place.
+    /// Regions where each relation allows the centre of an object that found no place.
     pub windows: Vec<PlaceWindow>,
 }
 
-/// A rectangle on the table with its reason.
+/// A labelled rectangle on the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaceWindow {
     /// Smallest and largest x, m.
     pub x: [f64; 2],
     /// Smallest and largest y, m.
     pub y: [f64; 2],
-    /// What asks for it.
+    /// Label: the relation behind it.
     pub label: String,
 }
 
@@ -40,9 +40,9 @@ pub struct Footprint {
     pub id: String,
     /// Name to write.
     pub name: String,
-    /// Colour, sRGB.
+    /// sRGB colour.
     pub color: [u8; 3],
-    /// Outlines in the world's xy plane, m: for example one convex polygon per collision piece.
+    /// Outlines in the world's xy plane, m, e.g. one convex polygon per collision piece.
     pub polygons: Vec<Vec<[f64; 2]>>,
 }
 
@@ -51,18 +51,18 @@ pub struct Footprint {
 pub struct DrawnEdge {
     /// The relation.
     pub edge: GraphEdge,
-    /// How it is meant.
+    /// Role, which decides the style.
     pub role: EdgeRole,
 }
 
-/// How a drawn relation is meant.
+/// Role of a drawn relation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeRole {
-    /// Holds at the start.
+    /// Holds initially.
     Initial,
-    /// Is wanted.
+    /// Is a goal.
     Goal,
-    /// Could not be satisfied.
+    /// Cannot be satisfied.
     Conflict,
 }
 
@@ -74,13 +74,13 @@ const FOOT: f64 = 34.0;
 
 /// Draws a layout from above, the robot at the bottom: up is front (+x), left is the robot's left (+y).
 ///
-/// Points that are not finite are left out; edges to objects without a footprint too.
+/// Non-finite points, and edges to objects without a footprint, are dropped.
 pub fn layout_svg(picture: &LayoutPicture) -> Svg {
     let (canvas, [width, height]) = plan_drawing(picture);
     canvas.finish(width, height, "Layout seen from above")
 }
 
-/// The same with its size.
+/// [`layout_svg`] with its size.
 pub fn plan_drawing(picture: &LayoutPicture) -> (Canvas, [f64; 2]) {
     let view = View::of(picture);
     let mut canvas = Canvas::default();
@@ -109,14 +109,14 @@ fn draw_windows(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
         if window.x.iter().chain(&window.y).any(|value| !value.is_finite()) {
             continue;
         }
-        // What lies off the table is kept at its edge, where it can be seen.
+        // Objects off the table are clamped to its edge to stay visible.
         let (wx, wy) = (clip(window.x, [x[0] - 0.05, x[1] + 0.04]), clip(window.y, [y[0] - 0.05, y[1] + 0.05]));
         let ([left, top], [right, bottom]) = (view.page([wx[1], wy[1]]), view.page([wx[0], wy[0]]));
         let area = Area { x: left, y: top, width: (right - left).max(2.0), height: (bottom - top).max(2.0) };
         canvas.rect(&area, 3.0, &style);
         let width = text_width(&window.label, LABEL_SIZE) * BOLD + 8.0;
         let mut middle = [area.center()[0], area.y + 10.0];
-        // Labels of windows that begin at the same height stand below each other.
+        // Labels of windows that start at the same height are stacked.
         if (middle[1] - foot).abs() < 18.0 {
             middle[1] = foot + 18.0;
         }
@@ -131,7 +131,7 @@ impl LayoutPicture {
     }
 }
 
-/// From the world's xy plane to the page.
+/// Maps the world's xy plane to the page.
 struct View {
     front_m: f64,
     left_m: f64,
@@ -143,7 +143,7 @@ impl View {
     fn of(picture: &LayoutPicture) -> Self {
         let Workspace { x, y } = picture.workspace;
         let points: Vec<[f64; 2]> = picture.footprints.iter().flat_map(finite_points).collect();
-        // Something far off must not shrink the table to a dot, so the view grows by at most half a metre.
+        // A distant object must not shrink the table to a dot, so the view grows by at most half a metre.
         let reach = |low: f64, high: f64, axis: usize| {
             points.iter().fold([low, high], |[a, b], point| {
                 [a.min(point[axis].max(low - 0.5)), b.max(point[axis].min(high + 0.5))]
@@ -159,7 +159,7 @@ impl View {
         [(self.left_m - world[1]) * SCALE, (self.front_m - world[0]) * SCALE]
     }
 
-    /// The arcs of reach over the table.
+    /// Arcs of the reach over the table.
     fn arcs(&self, picture: &LayoutPicture) -> Vec<Vec<Point>> {
         let [right, left] = picture.workspace.y;
         let arc = |radius: f64| {
@@ -227,7 +227,7 @@ fn draw_table(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
 /// Everything on the table, in page coordinates.
 pub struct PlanScene {
     objects: Vec<(Vec<Vec<Point>>, [u8; 3])>,
-    /// Names with their places.
+    /// Names with their positions.
     pub names: Vec<(Vec<String>, Area)>,
     /// Arrows between footprints.
     pub arrows: Vec<(Routed, String, EdgeRole)>,
@@ -244,7 +244,7 @@ impl PlanScene {
             })
             .filter(|(footprint, _)| !finite_points(footprint).is_empty())
             .collect();
-        // Small things lie on large ones.
+        // Small objects are drawn over large ones.
         order.sort_by(|a, b| (b.1.width * b.1.height).total_cmp(&(a.1.width * a.1.height)));
         let objects = order.iter().map(|(footprint, _)| (outlines(footprint, view), footprint.color)).collect();
 
@@ -319,7 +319,7 @@ impl PlanScene {
         }
     }
 
-    /// The scene of a picture, for tests.
+    /// Contents of a diagram, for tests.
     #[cfg(test)]
     pub fn of(picture: &LayoutPicture) -> Self {
         Self::new(picture, &View::of(picture))
@@ -331,7 +331,7 @@ fn outlines(footprint: &Footprint, view: &View) -> Vec<Vec<Point>> {
     footprint.polygons.iter().filter(finite).map(|outline| outline.iter().map(|at| view.page(*at)).collect()).collect()
 }
 
-/// The spot for a name: inside its object if it fits, else beside it; away from other names, objects and arrows.
+/// Position of a name: inside its object if it fits, else beside it; away from other names, objects and arrows.
 fn place_name(
     lines: &[String],
     own: &Area,

@@ -1,46 +1,46 @@
-//! Edges between shapes: gently bent lines that avoid the other shapes, and labels that cover nothing.
+//! Edge routing: curves that avoid other shapes, and labels without overlaps.
 
 use super::svg::{Area, BOLD, Point, text_width};
 
 /// Size of the labels, px.
 pub const LABEL_SIZE: f64 = 12.0;
 
-/// Something on the page that lines and labels keep away from.
+/// A shape that lines and labels avoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Its bounds.
+    /// Bounding box.
     pub area: Area,
-    /// Its outlines; the whole area when empty.
+    /// Outlines; the whole box if empty.
     pub outlines: Vec<Vec<Point>>,
-    /// Whether a label must never cover it; a footprint may be covered where there is no other room.
+    /// True if no label may cover it; a footprint may be covered where there is no other space.
     pub solid: bool,
-    /// The shape it names, whose own lines may run under it.
+    /// The shape it labels, whose own lines may run under it.
     pub owner: Option<usize>,
 }
 
-/// An edge to be drawn.
+/// An edge to be routed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wire {
-    /// Index of the shape it leaves.
+    /// Index of its source shape.
     pub from: usize,
-    /// Index of the shape it points at.
+    /// Index of its target shape.
     pub to: usize,
-    /// What it says.
+    /// Text of the label.
     pub label: String,
 }
 
-/// A drawn edge.
+/// A routed edge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Routed {
     /// From the border of one shape to the border of the other.
     pub points: Vec<Point>,
-    /// Where the label goes.
+    /// Area of the label.
     pub label: Area,
 }
 
 const BENDS: [f64; 11] = [0.0, 26.0, -26.0, 52.0, -52.0, 84.0, -84.0, 124.0, -124.0, 170.0, -170.0];
 const FRACTIONS: [f64; 9] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82];
-/// Sides of the line and extra distances from it at which a label is tried.
+/// Offsets of label candidates: side of the line, extra distance from it, px.
 const ASIDE: [(f64, f64); 9] = [
     (0.0, 0.0),
     (1.0, 0.0),
@@ -60,7 +60,7 @@ impl Shape {
         Self { area, outlines: Vec::new(), solid: true, owner: None }
     }
 
-    /// Whether a point is inside the shape when that is scaled about its centre and grown.
+    /// True if a point is inside the shape after scaling it about its centre and growing it.
     fn contains(&self, point: Point, scale: f64, grown: f64) -> bool {
         let center = self.area.center();
         let at = [center[0] + (point[0] - center[0]) / scale, center[1] + (point[1] - center[1]) / scale];
@@ -80,7 +80,7 @@ impl Shape {
     }
 }
 
-/// Whether a point is inside a polygon (even-odd rule).
+/// True if a point is inside a polygon (even-odd rule).
 fn inside(outline: &[Point], point: Point) -> bool {
     let mut inside = false;
     for (index, a) in outline.iter().enumerate() {
@@ -93,17 +93,17 @@ fn inside(outline: &[Point], point: Point) -> bool {
     inside
 }
 
-/// Draws the wires one after the other, each the best way given those before.
+/// Routes the wires one after the other, each optimally given the previous ones.
 ///
 /// `clip` is the scale of the shapes at which a line starts and ends: 1 at the border, less inside.
-/// Also returns how many labels or lines could not avoid something solid.
+/// Also returns the number of labels or lines that could not avoid a solid shape.
 pub fn route(shapes: &[Shape], wires: &[Wire], clip: [f64; 2]) -> (Vec<Routed>, usize) {
     let mut routed: Vec<Routed> = Vec::with_capacity(wires.len());
     let mut clashes = 0;
     for (index, wire) in wires.iter().enumerate() {
         let mut best: Option<(f64, usize, Routed)> = None;
         for bend in BENDS {
-            // The bend is measured in a direction that does not depend on which end comes first.
+            // The bend is measured in a direction independent of the order of the ends.
             let bend = if wire.from < wire.to { bend } else { -bend };
             let points = bent_line(&shapes[wire.from], &shapes[wire.to], bend, clip);
             let ends = [Some(wire.from), Some(wire.to)];
@@ -148,7 +148,7 @@ fn nearest(points: &[Point], to: Point) -> f64 {
     points.iter().map(|point| (point[0] - to[0]).hypot(point[1] - to[1])).fold(f64::INFINITY, f64::min)
 }
 
-/// A quadratic curve between the centres, without its parts inside the two shapes.
+/// A quadratic curve between the centres, clipped at both shapes.
 fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> {
     let (a, b) = (from.area.center(), to.area.center());
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
@@ -166,13 +166,13 @@ fn bent_line(from: &Shape, to: &Shape, bend: f64, clip: [f64; 2]) -> Vec<Point> 
 
 struct LabelPlace {
     area: Area,
-    /// Solid shapes and labels it covers.
+    /// Number of solid shapes and labels it covers.
     overlaps: usize,
-    /// How bad the place is otherwise.
+    /// Cost of the position otherwise.
     cost: f64,
 }
 
-/// The best place for a label along a line.
+/// The best label position along a line.
 fn place_label(shapes: &[Shape], routed: &[Routed], points: &[Point], label: &str) -> LabelPlace {
     let (width, height) = label_size(label);
     let length: f64 = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();
@@ -184,7 +184,7 @@ fn place_label(shapes: &[Shape], routed: &[Routed], points: &[Point], label: &st
         let (dx, dy) = (after[0] - before[0], after[1] - before[1]);
         let norm = dx.hypot(dy).max(1e-6);
         let (ux, uy) = (dx / norm, dy / norm);
-        // How much of the line the plate would hide when it sits on it.
+        // Length of the line hidden by the label if it sits on it.
         let hidden = (width / ux.abs().max(1e-6)).min(height / uy.abs().max(1e-6));
         for (side, farther) in ASIDE {
             let off = (width / 2.0 * uy.abs() + height / 2.0 * ux.abs() + 4.0 + farther) * side;

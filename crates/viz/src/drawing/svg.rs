@@ -1,12 +1,11 @@
-//! Just enough SVG.
+//! Minimal SVG writer.
 
 use std::fmt::Write;
 
 use super::colors::INK;
 use crate::markup::escape;
 
-/// A finished drawing. Only this crate makes one, with every text in it escaped,
-/// so that it may be put into an HTML page as it is.
+/// A finished diagram. Only this crate makes one, with all text escaped, so it can be embedded in HTML unchanged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Svg(String);
 
@@ -73,7 +72,7 @@ impl Area {
     }
 }
 
-/// Width of a text in px, estimated with the widest of the common system fonts, so that it never runs over.
+/// Upper bound of a text's width, px, from the widest of the common system fonts.
 pub fn text_width(text: &str, size: f64) -> f64 {
     let em = |character: char| match character {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | ' ' => 0.34,
@@ -87,10 +86,10 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(em).sum::<f64>() * size
 }
 
-/// How much wider semi-bold text is.
+/// Width factor of semi-bold text.
 pub const BOLD: f64 = 1.1;
 
-/// Breaks a text into at most `lines` lines of about `width` px each; what does not fit ends in an ellipsis.
+/// Breaks a text into at most `lines` lines of about `width` px each; the rest is replaced by an ellipsis.
 pub fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
     let mut wrapped: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -116,21 +115,21 @@ pub fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
     wrapped
 }
 
-/// Where a text is anchored.
+/// Anchor of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
     Middle,
 }
 
-/// A drawing in the making.
+/// A diagram under construction.
 #[derive(Default)]
 pub struct Canvas {
     body: String,
 }
 
 impl Canvas {
-    /// A rectangle with rounded corners; `style` is further attributes.
+    /// A rectangle with rounded corners; `style` holds further attributes.
     pub fn rect(&mut self, area: &Area, radius: f64, style: &str) {
         let _ = writeln!(
             self.body,
@@ -176,14 +175,14 @@ impl Canvas {
         self.polyline(&head, true, &format!(r#"fill="{color}""#));
     }
 
-    /// Another drawing, its corner at a point.
+    /// Embeds another diagram with its corner at a point.
     pub fn group(&mut self, at: Point, other: Self) {
         let _ = writeln!(self.body, r#"<g transform="translate({} {})">"#, px(at[0]), px(at[1]));
         self.body += &other.body;
         self.body += "</g>\n";
     }
 
-    /// A text on its baseline; `style` is further attributes.
+    /// A text on its baseline; `style` holds further attributes.
     pub fn text(&mut self, at: Point, size: f64, anchor: Anchor, style: &str, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "",
@@ -194,7 +193,7 @@ impl Canvas {
             writeln!(self.body, r#"<text x="{x}" y="{y}" font-size="{size}"{anchor} {style}>{}</text>"#, escape(text));
     }
 
-    /// A short text in the middle of an area, on a plate so that lines behind do not disturb it.
+    /// A short centred text on a background plate that hides lines behind it.
     pub fn plate(&mut self, area: &Area, size: f64, [color, ground]: [&str; 2], text: &str) {
         self.rect(area, 4.0, &format!(r#"fill="{ground}" fill-opacity="0.92""#));
         let center = area.center();
@@ -216,7 +215,7 @@ impl Canvas {
             ),
             w = px(width.ceil()),
             h = px(height.ceil()),
-            // On a narrow page it shrinks a little, then its frame scrolls, so that the text stays readable.
+            // On a narrow page it shrinks slightly, then its frame scrolls, so that the text stays readable.
             least = px((width * 0.78).floor()),
             ink = INK,
             title = title,

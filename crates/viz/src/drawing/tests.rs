@@ -52,7 +52,7 @@ fn task(names: &[&str], edges: Vec<GraphEdge>, alternatives: Vec<Vec<Atom>>) -> 
     }
 }
 
-/// Nothing covers anything else, and every arrow has a label.
+/// No overlaps, and a label on every arrow.
 fn check_panel(panel: &Panel) {
     for (index, area) in panel.boxes.iter().enumerate() {
         for other in &panel.boxes[index + 1..] {
@@ -69,7 +69,7 @@ fn check_panel(panel: &Panel) {
     }
 }
 
-/// Share of directed edges that are drawn the way they are meant.
+/// Share of directional edges drawn in the direction they mean.
 fn faithful(task: &Task, panel: &Panel) -> f64 {
     let center = |id: &str| {
         let at = task.scene_graph.index_of(id).unwrap();
@@ -177,7 +177,7 @@ fn names_break_into_lines_that_fit() {
     }
 }
 
-/// A scene on a grid: each object stands beside an earlier one or on it, with a few more relations that hold.
+/// A scene on a grid: each object stands beside or on an earlier one, with a few more relations that hold.
 fn scene() -> impl Strategy<Value = Task> {
     let step = prop_oneof![
         3 => Just(Relation::Left),
