@@ -168,7 +168,7 @@ fn policies(input: &ReportInput) -> String {
         .map(|summary| format!("{}: {}.", escape(&words(&summary.policy)), causes_text(&summary.failures)))
         .collect();
     if !failures.is_empty() {
-        let _ = writeln!(html, "<p class=\"note\">Why episodes failed. {}</p>", failures.join(" "));
+        let _ = writeln!(html, "<p class=\"note\">Causes of failure. {}</p>", failures.join(" "));
     }
     html += "<p class=\"note\">Success at end is the headline: judged after settling, nothing held or moving. \
              Once: held at some moment. Bars carry 95 % Wilson intervals, means 95 % bootstrap intervals.</p>\n";
