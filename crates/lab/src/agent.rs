@@ -1,4 +1,4 @@
-//! The agent on fresh tasks and layouts, with a model and masks that may be oracles.
+//! Agent on fresh tasks and layouts, with a model and masks that may be oracles.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
@@ -21,54 +21,54 @@ use crate::agent_page::Gathered;
 use crate::clock::cpu_clock;
 use crate::{LabError, episodes};
 
-/// Failed episodes of each class of which the evidence is kept.
+/// Number of failed episodes per class with evidence kept.
 const SAMPLES: usize = 12;
 
-/// What the agent came to.
+/// Results of the agent.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and episodes.
     pub seed: u64,
-    /// Who answered.
+    /// Source of the answers.
     pub vlm: String,
-    /// Where the masks came from.
+    /// Source of the masks.
     pub masks: String,
     /// `p2p` or `grid`.
     pub path: String,
     /// `full` or `paper`.
     pub preset: String,
-    /// Whether any of it knew the simulator's truth.
+    /// True if any part read simulator truth.
     pub oracle: bool,
-    /// Of the tasks of each kind.
+    /// By kind of task.
     pub kinds: BTreeMap<&'static str, Counted>,
-    /// Of all kinds but `long_horizon` together.
+    /// All kinds but `long_horizon` together.
     pub single_step: Counted,
-    /// Of all.
+    /// All kinds.
     pub total: Counted,
-    /// Tasks that could not be laid out, which are no episodes.
+    /// Tasks without a layout; they are not episodes.
     pub not_laid_out: usize,
-    /// Episodes in which the model could not be reached, which have no result.
+    /// Episodes without a result because the model could not be reached.
     pub not_run: usize,
 }
 
-/// Episodes of some kind.
+/// Totals of some episodes.
 #[derive(Default, Serialize)]
 pub struct Counted {
-    /// Episodes.
+    /// Number of episodes.
     pub episodes: usize,
-    /// Share that succeeded.
+    /// Success rate.
     pub success: f64,
-    /// 95 % interval of that (Wilson).
+    /// Its 95 % Wilson interval.
     pub success_interval: [f64; 2],
     /// Mean score.
     pub score: f64,
-    /// Questions asked per episode.
+    /// Mean number of questions per episode.
     pub asks_per_episode: f64,
-    /// Processor time per episode, s; layout apart.
+    /// CPU time per episode without layout, s.
     pub cpu_s_per_episode: f64,
     /// Failed episodes by class.
     pub failures: BTreeMap<String, usize>,
-    /// What was seen in the first failed episodes of each class.
+    /// Evidence of the first failed episodes of each class.
     pub evidence: BTreeMap<String, Vec<String>>,
     #[serde(skip)]
     successes: usize,
@@ -80,19 +80,19 @@ pub struct Counted {
     cpu_s: f64,
 }
 
-/// What is to be measured.
+/// Settings of the measurement.
 pub struct AgentArguments {
     /// The agent.
     pub choice: AgentChoice,
-    /// Names of its services, for the record.
+    /// Names of its services.
     pub names: [&'static str; 2],
     /// Kinds of tasks.
     pub kinds: Vec<TaskKind>,
-    /// Tasks, the kinds in turn.
+    /// Number of tasks, the kinds in turn.
     pub count: usize,
-    /// Folder for transcripts and pictures of every episode.
+    /// Folder for transcripts and images of every episode.
     pub transcripts: Option<PathBuf>,
-    /// File for the page about what failed.
+    /// File for the failure page.
     pub page: Option<PathBuf>,
 }
 
@@ -103,10 +103,10 @@ struct Played {
     blame: Option<Blamed>,
 }
 
-/// Lets the agent do each task once; one thread.
+/// Runs the agent once on each task; one thread.
 ///
 /// # Errors
-/// When an episode broke; one that fails is a result.
+/// If an episode raises an error; a failed episode is a result.
 pub fn measure(
     arguments: &AgentArguments,
     world: &World,
@@ -162,13 +162,13 @@ pub fn measure(
     Ok(measured)
 }
 
-/// Why there is no episode.
+/// Reasons why there is no episode.
 enum Left {
     NotLaidOut,
     NotRun(String),
 }
 
-/// One episode, or why there is none.
+/// One episode, or the reason why there is none.
 fn play(
     arguments: &AgentArguments,
     task: &Task,
@@ -230,7 +230,7 @@ impl Counted {
     }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let Measured { vlm, masks, path, preset, oracle, .. } = measured;
     let head = ["kind", "episodes", "success", "95 %", "score", "asks", "CPU s", "failures"];

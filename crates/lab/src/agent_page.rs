@@ -1,4 +1,4 @@
-//! What `lab agent` shows of failures, gathered for the page.
+//! Data of the failure page of `genmanip-lab agent`.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use genmanip_agent_sim::{Blamed, FailureClass, Heard};
 use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
 use genmanip_core::{EpisodeResult, TaskKind};
 
-/// Collects episode by episode.
+/// Collector, filled episode by episode.
 #[derive(Default)]
 pub(crate) struct Gathered {
     kinds: BTreeMap<&'static str, (usize, BTreeMap<FailureClass, usize>)>,
@@ -17,7 +17,7 @@ pub(crate) struct Gathered {
 }
 
 impl Gathered {
-    /// Counts an episode; the first failed one of each class is kept with its pictures.
+    /// Counts an episode; the first failed one of each class is kept with its images.
     pub(crate) fn add(
         &mut self,
         kind: TaskKind,
@@ -39,7 +39,7 @@ impl Gathered {
         self.cases.entry(blamed.class).or_insert_with(|| case(result, blamed, transcribed));
     }
 
-    /// The page; classes in their order, also those that never occurred.
+    /// The page; classes in their order, including those that never occurred.
     pub(crate) fn page(&self, title: &str, oracle: bool) -> FailurePage {
         let causes = |counts: &BTreeMap<FailureClass, usize>| {
             let count = |class: FailureClass| (class.name().to_owned(), counts.get(&class).copied().unwrap_or(0));

@@ -1,4 +1,4 @@
-//! Hostile answers: how long the check of an answer takes at worst, and whether anything breaks it.
+//! Hostile answers: worst-case time of the answer check, and a fuzzer for it.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::task_files;
@@ -18,50 +18,50 @@ use genmanip_workspace::Cause;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// A worst case is timed so often and the quickest time counts: what it costs, not what else the machine did.
+/// Repetitions of a worst case; the fastest time counts, to exclude other load of the machine.
 const REPETITIONS: usize = 5;
 
-/// Texts that are shown when they break something.
+/// Maximum number of reported failures.
 const SHOWN: usize = 10;
 
-/// How much is fuzzed.
+/// Budget of the fuzzer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
-    /// So many texts.
+    /// Number of texts.
     Texts(usize),
-    /// For so many minutes of processor time.
+    /// CPU time, min.
     Minutes(f64),
 }
 
-/// One text and what came of it.
+/// Result of one text.
 #[derive(Debug, Serialize)]
 pub struct Timed {
-    /// What makes it a worst case.
+    /// Name of the worst case.
     pub name: String,
-    /// Its length.
+    /// Length, bytes.
     pub bytes: usize,
     /// The verdict.
     pub verdict: &'static str,
-    /// Processor time of the check.
+    /// CPU time of the check, ms.
     pub cpu_ms: f64,
 }
 
-/// The fuzzer's part.
+/// Results of the fuzzer.
 #[derive(Debug, Default, Serialize)]
 pub struct Fuzzed {
-    /// Texts that were checked.
+    /// Texts checked.
     pub executions: u64,
-    /// Texts that were new enough to start from.
+    /// Texts new enough to be mutated further.
     pub kept: usize,
-    /// Processor time of all.
+    /// Total CPU time, s.
     pub cpu_s: f64,
-    /// Processor time of the slowest check.
+    /// CPU time of the slowest check, ms.
     pub slowest_ms: f64,
-    /// Bytes of the slowest text.
+    /// Length of the slowest text, bytes.
     pub slowest_bytes: usize,
-    /// How many texts had which verdict.
+    /// Number of texts by verdict.
     pub verdicts: BTreeMap<&'static str, u64>,
-    /// Texts that made the reader panic or contradict itself.
+    /// Texts that caused a panic or a self-contradiction.
     pub broken: Vec<String>,
 }
 
@@ -70,22 +70,22 @@ pub struct Fuzzed {
 pub struct Measurement {
     /// Verdicts of the recorded answers.
     pub recorded: BTreeMap<&'static str, usize>,
-    /// Recorded answers that say what is to be made of them.
+    /// Recorded answers with an expected verdict.
     pub expected: usize,
-    /// Those of which it is made.
+    /// Those with that verdict.
     pub as_expected: usize,
-    /// Largest processor time of a worst case, milliseconds.
+    /// Largest CPU time of a worst case, ms.
     pub worst_ms: f64,
     /// Each worst case.
     pub worst_cases: Vec<Timed>,
-    /// What the fuzzer found.
+    /// Results of the fuzzer.
     pub fuzzed: Fuzzed,
 }
 
-/// Checks the recorded answers in a file or folder, worst cases, and what a fuzzer makes of them.
+/// Checks the recorded answers in a file or folder and the worst cases, and fuzzes.
 ///
 /// # Errors
-/// When a file cannot be read or is no recorded answer.
+/// If a file cannot be read or is not a recorded answer.
 pub fn measure(answers: &Path, amount: Amount, seed: Seed, progress: &dyn Progress) -> Result<Measurement, LabError> {
     let recorded = read(answers)?;
     let mut verdicts = BTreeMap::new();
@@ -124,7 +124,7 @@ fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> 
     Ok(recorded)
 }
 
-/// A sound answer is taken at once; a flawed one is refused or repaired for its flaw and no other.
+/// A valid answer is accepted at once; a flawed one is rejected or repaired for exactly its flaw.
 fn is_as_expected(wanted: &str, report: &AnswerReport) -> bool {
     if wanted == "valid" {
         return report.verdict == Verdict::Valid;
@@ -165,7 +165,7 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], amount: Amount, seed: Seed, 
         let report = catch_unwind(AssertUnwindSafe(|| check_answer(&text, request)));
         let ms = (clock() - start) * 1e3;
         if ms > fuzzed.slowest_ms && report.is_ok() {
-            // One reading may tell of the machine; what a text costs shows again.
+            // A single timing may be an outlier of the machine; the cost of a text is reproducible.
             let again = timed("", &text, request).cpu_ms.min(ms);
             if again > fuzzed.slowest_ms {
                 (fuzzed.slowest_ms, fuzzed.slowest_bytes) = (again, text.len());
@@ -189,7 +189,7 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], amount: Amount, seed: Seed, 
     fuzzed
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measurement: &Measurement) -> String {
     let mut lines = vec![["worst case", "bytes", "verdict", "ms"].map(String::from).to_vec()];
     for row in &measurement.worst_cases {

@@ -1,4 +1,4 @@
-//! New objects of the families or imported ones, tried: do they stand, can they be held, do containers contain, do states stay?
+//! Tests of generated or imported objects: stability, grasps, containers, named states.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeSet;
@@ -27,85 +27,86 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// Where an object stands, m.
+/// Position of the object, m.
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
-/// How far above its place it is let go, m.
+/// Initial height above it, m.
 const DROP_M: f64 = 0.0005;
-/// How long a state must last, simulated seconds.
+/// Time that a state must last, simulated s.
 const WATCH_S: f64 = 2.0;
-/// Physics steps a second.
+/// Physics rate, Hz.
 const STEPS_HZ: f64 = 480.0;
-/// More drift than this is a problem, mm.
+/// Maximum drift, mm.
 const MOST_DRIFT_MM: f64 = 0.1;
-/// Deeper than this is a problem, mm.
+/// Maximum penetration, mm.
 const MOST_PENETRATION_MM: f64 = 1.0;
-/// Grasps that are tried before an object counts as not held.
+/// Grasps tried before an object counts as not held.
 const GRASPS: usize = 8;
-/// Balls dropped per container, one after the other; diameter as a share of the opening; highest start above the rim, m.
+/// Balls per container, dropped one after the other; diameter as a share of the opening; maximum start height above the
+/// rim, m.
 const BALLS: u64 = 3;
 const BALL_SHARE: f64 = 1.0 / 3.0;
 const BALL_DROP_M: f64 = 0.01;
-/// A container is as deep as half such a ball at least; plates and trays hold no balls.
+/// Minimum depth of a container, as a share of its opening: half a ball; plates and trays hold no balls.
 const LEAST_DEPTH: f64 = BALL_SHARE / 2.0;
-/// Objects among which searches are timed, and answers asked for.
+/// Objects in the search benchmark, and results requested.
 const SEARCHED: usize = 10_000;
 const SHOWN: usize = 20;
-/// Objects of the scene that is timed, and physics steps per timing; the median of so many timings counts.
+/// Objects of the timed scene, physics steps per timing, and number of timings, of which the median counts.
 const SCENE_OBJECTS: usize = 12;
 const SCENE_STEPS: u32 = 2000;
 const TIMINGS: usize = 5;
 
-/// What the objects came to.
+/// Results over all objects.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Objects made.
+    /// Objects generated.
     pub objects: usize,
     /// Objects that could not be made, compiled or brought to rest.
     pub failed: usize,
-    /// Processor time of making them with their textures, s.
+    /// CPU time of generating them with their textures, s.
     pub build_cpu_s: f64,
-    /// Different descriptions among them.
+    /// Number of distinct descriptions.
     pub distinct_descriptions: usize,
-    /// Largest way of an object in 2 s after it came to rest, over all its stable poses, mm.
+    /// Largest displacement within 2 s after coming to rest, over all stable poses, mm.
     pub drift_mm_max: f64,
     /// Deepest penetration at rest, mm.
     pub penetration_mm_max: f64,
-    /// Rigid objects meant for the hand.
+    /// Graspable rigid objects.
     pub can_grasp: usize,
-    /// Those that the arm lifted, shook and held, mass and friction changed by up to 20 %, in all of three trials.
+    /// Those lifted, shaken and held in three trials of three, with mass and friction varied by up to 20 %.
     pub grasp_verified: usize,
-    /// Containers that are open at the top and deep enough.
+    /// Open containers with sufficient depth.
     pub containers: usize,
-    /// Those in which three balls of a third of the opening stayed.
+    /// Those that retained three balls of a third of the opening.
     pub container_ok: usize,
     /// Named states of articulated objects.
     pub states: usize,
-    /// Those that stayed for 2 s and are told apart from the others by their joint positions.
+    /// Those that lasted 2 s and are distinguishable by their joint positions.
     pub states_ok: usize,
-    /// Processor time of compiling a scene of twelve objects of different families with the robot, ms.
+    /// CPU time of compiling a scene of twelve objects of different families with the robot, ms.
     pub compile_ms: f64,
-    /// Its physics steps in a second of processor time, all awake.
+    /// Physics steps of that scene per second of CPU time, all objects awake.
     pub awake_steps_per_s: f64,
     /// The same with the engine's own step.
     pub mujoco_steps_per_s: f64,
-    /// Processor time of the slowest of the searches among 10,000 objects, median of five each, ms.
+    /// CPU time of the slowest search among 10,000 objects, median of five each, ms.
     pub search_ms: f64,
-    /// Wall time of the program from start to end, for searching the whole catalogue, best of five, ms.
+    /// Wall time of the whole program for a search of the full catalogue, best of five, ms.
     pub start_ms: f64,
-    /// What was wrong.
+    /// Problems found.
     pub problems: Vec<Problem>,
 }
 
-/// Something wrong with one object.
+/// A problem of one object.
 #[derive(Clone, Debug, Serialize)]
 pub struct Problem {
-    /// Its uid, which names family and seed.
+    /// Uid, which contains family and seed.
     pub uid: String,
-    /// What is wrong.
+    /// Description of the problem.
     pub what: String,
 }
 
-/// What one object came to.
+/// Result of one object.
 #[derive(Clone, Debug, Default)]
 struct Tried {
     failed: bool,
@@ -118,26 +119,26 @@ struct Tried {
     problems: Vec<String>,
 }
 
-/// Where the objects that are tried come from.
+/// Source of the objects.
 pub enum Objects<'a> {
-    /// So many new ones: the families, or the one that was chosen, in turn.
+    /// New objects of all families in turn, or of one family.
     New {
         /// The families.
         families: &'a Families,
-        /// Name of the only one that counts.
+        /// The only family to use.
         chosen: Option<&'a str>,
-        /// Objects to make.
+        /// Number of objects.
         count: usize,
     },
-    /// Those of the packs in a folder.
+    /// Objects of the packs in a folder.
     Imported(&'a Path),
 }
 
-/// Makes or reads objects, and tries each.
+/// Generates or reads objects, and tests each.
 ///
 /// # Errors
-/// When the chosen family is unknown, packs cannot be read or the robot cannot be had; what is wrong with an object is a
-/// result.
+/// If the chosen family is unknown, packs cannot be read or the robot does not exist; problems of an object are
+/// results.
 pub fn measure(
     objects: &Objects<'_>,
     seed: Seed,
@@ -197,7 +198,7 @@ pub fn measure(
     })
 }
 
-/// New objects of families in turn.
+/// New objects, the families in turn.
 fn made(
     families: &Families,
     chosen: Option<&str>,
@@ -309,14 +310,14 @@ fn placed(name: &str, model: &Arc<ObjectModel>, pose: Pose, joints: &[f64]) -> S
     SceneObject { name: name.to_owned(), model: Arc::clone(model), pose, joint_positions, physics }
 }
 
-/// Least width of the opening of a container that is deep enough, m.
+/// Smallest width of the opening of a container with sufficient depth, m; `None` for other objects.
 fn opening(annotations: &Annotations) -> Option<f64> {
     let room = annotations.room?;
     let opening = room.inside_m[0].min(room.inside_m[1]);
     (room.depth_m >= LEAST_DEPTH * opening).then_some(opening)
 }
 
-/// Whether a ball dropped near the middle of the opening is within the walls and below the rim 2 s later.
+/// True if a ball dropped near the centre of the opening is within the walls and below the rim 2 s later.
 fn stays(model: &Arc<ObjectModel>, opening: f64, world: &World, seed: Seed) -> Result<bool, SimError> {
     use rand::RngExt;
     let radius = opening * BALL_SHARE / 2.0;
@@ -376,7 +377,7 @@ fn ball(radius: f64) -> ObjectModel {
     }
 }
 
-/// What is wrong with a state, if anything: it must last, and no other state's intervals may hold what it is.
+/// Problem of a state, if any: it must last, and no other state's intervals may contain its joint positions.
 fn state_holds(
     model: &Arc<ObjectModel>,
     name: &str,
@@ -465,7 +466,7 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
     })
 }
 
-/// Each family of the catalogue is asked for by its name, by its colour and by what it is not.
+/// Searches: each family of the catalogue by its name, by its colour and by a negation.
 fn search_ms() -> f64 {
     let cards = Catalogue::full().cards();
     let copies = (0..SEARCHED).map(|copy| {
@@ -494,7 +495,7 @@ fn search_ms() -> f64 {
     slowest
 }
 
-/// Wall time of `genmanip assets search` on the whole catalogue, ms, best of five; 0 where it cannot be started.
+/// Wall time of `genmanip assets search` on the whole catalogue, ms, best of five; 0 if it cannot be started.
 fn start_ms() -> f64 {
     let Ok(program) = crate::program() else { return 0.0 };
     let runs = (0..5).filter_map(|_| {
@@ -507,7 +508,7 @@ fn start_ms() -> f64 {
     if best.is_finite() { best } else { 0.0 }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let Measured { objects, failed, build_cpu_s, distinct_descriptions, drift_mm_max, penetration_mm_max, .. } =
         measured;

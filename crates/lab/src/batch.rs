@@ -1,8 +1,7 @@
-//! Many agents at once against one model server that is slow and not always well: what that takes, and whether an
-//! answer is lost.
+//! Many concurrent agents against one slow, faulty model server: wall time, and lost answers.
 //!
-//! The server is real HTTP on this machine. It answers with what the oracle says to the question, after a while, and now
-//! and then misbehaves: results say oracle.
+//! The server is real HTTP on this machine. It answers with the oracle's answer after a delay and injects faults;
+//! results are marked `oracle`.
 
 use genmanip_workspace::worlds;
 use std::cell::RefCell;
@@ -27,71 +26,71 @@ use serde_json::{Map, Value};
 use crate::clock::{cpu_clock, forget_peak_memory, peak_memory_mb, process_clock};
 use crate::{LabError, episodes};
 
-/// A request without an answer is given up after this time, s.
+/// Timeout of a request, s.
 const TIMEOUT_S: f64 = 5.0;
 
-/// What is to be measured.
+/// Settings of the measurement.
 #[derive(Clone, Debug)]
 pub struct BatchArguments {
-    /// Tasks, the kinds that can be picked and placed in turn.
+    /// Number of tasks, the pick-and-place kinds in turn.
     pub count: usize,
-    /// Episodes under way at once.
+    /// Number of concurrent episodes.
     pub at_once: usize,
-    /// Cores that they share.
+    /// Number of cores they share.
     pub workers: usize,
-    /// How long the server takes to answer, s.
+    /// Response time of the server, s.
     pub latency_s: f64,
-    /// Share of the requests with which something goes wrong.
+    /// Share of requests with a fault.
     pub faults: f64,
 }
 
-/// What came of it.
+/// Results.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts, episodes and faults.
     pub seed: u64,
     /// Episodes.
     pub episodes: usize,
-    /// Share of them that succeeded; the model is the oracle.
+    /// Success rate; the model is the oracle.
     pub success: f64,
-    /// Episodes without a result, since an answer did not come.
+    /// Episodes without a result because an answer was lost.
     pub lost: usize,
-    /// From the first to the last, s.
+    /// Wall time from the first to the last episode, s.
     pub wall_s: f64,
-    /// Processor time of everything, the server included, s.
+    /// CPU time of all threads, including the server, s.
     pub cpu_s: f64,
-    /// What it must take at least, s: all computing on the cores, or the longest episode alone.
+    /// Lower bound of the wall time, s: all CPU time over the cores, or the longest episode alone.
     pub least_s: f64,
     /// `wall_s / least_s`.
     pub ratio: f64,
-    /// Of the episode that must take longest: its processor time, s, and its requests.
+    /// CPU time, s, and number of requests of the episode with the largest lower bound.
     pub longest: (f64, usize),
-    /// Requests, those that went wrong included.
+    /// Requests, including failed ones.
     pub requests: usize,
-    /// Requests that went wrong, by how.
+    /// Failed requests by kind of fault.
     pub faults: BTreeMap<&'static str, usize>,
-    /// Most memory held, MiB.
+    /// Peak memory, MiB.
     pub memory_mb: Option<f64>,
 }
 
 thread_local! {
-    /// Processor time of the episode that this thread is at.
+    /// CPU time of this thread's current episode.
     static CLOCK: RefCell<Option<Box<dyn FnMut() -> f64>>> = const { RefCell::new(None) };
 }
 
-/// What one episode took.
+/// Cost of one episode.
 #[derive(Clone, Default)]
 struct Taken {
     cpu_s: f64,
     requests: usize,
-    /// Requests of each stage.
+    /// Requests by kind of question.
     of_stages: HashMap<String, u64>,
 }
 
-/// What agents and server know of each other, by the id of the episode.
+/// State shared by agents and server, by episode id.
 #[derive(Default)]
 struct Table {
-    /// Who answers what is being asked, by the stage too: an episode may ask two stages at once.
+    /// Open questions with their oracle, by episode and kind of question: an episode may ask two at once.
     asked: HashMap<(String, String), (Question, Arc<Oracle>)>,
     taken: HashMap<String, Taken>,
     faults: BTreeMap<&'static str, usize>,
@@ -100,7 +99,7 @@ struct Table {
 /// Runs the episodes.
 ///
 /// # Errors
-/// When an episode broke; one that fails is a result.
+/// If an episode raises an error; a failed episode is a result.
 pub fn measure(
     arguments: &BatchArguments,
     world: &World,
@@ -184,7 +183,7 @@ pub fn measure(
     })
 }
 
-/// Fresh tasks, laid out.
+/// Fresh tasks with layouts.
 fn lay_out(
     count: usize,
     resources: Resources,
@@ -207,7 +206,7 @@ fn lay_out(
     Ok(cases)
 }
 
-/// Asks over HTTP, and lets the server know who can answer.
+/// Asks over HTTP, and registers the oracle of the question with the server.
 struct OverHttp {
     id: String,
     oracle: Arc<Oracle>,
@@ -233,11 +232,11 @@ impl VisionModel for OverHttp {
     }
 }
 
-/// What the server does with a request: mostly, what the oracle says, after a while.
+/// Response of the server to a request: usually the oracle's answer after a delay.
 fn answer(request: &SeenRequest, table: &Mutex<Table>, arguments: &BatchArguments, seed: Seed) -> Behaviour {
     let started = Instant::now();
     let id = request.body.get("user").and_then(Value::as_str).unwrap_or_default().to_owned();
-    // The schema of the answer is named after the stage.
+    // The schema of the answer is named after the kind of question.
     let stage = request.body.pointer("/response_format/json_schema/name").and_then(Value::as_str).unwrap_or_default();
     let (asked, nth) = {
         let mut table = lock(table);
@@ -282,7 +281,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let Measured { episodes, success, lost, wall_s, cpu_s, least_s, ratio, requests, .. } = measured;
     let faults: usize = measured.faults.values().sum();

@@ -1,7 +1,7 @@
-//! Whether the failure analysis finds the cause: one mistake is made per episode, the analysis, which is not told, labels
-//! the episodes that fail, and each is taken up again with only the blamed answer replaced.
+//! Test of failure attribution: one error is injected per episode, the analysis labels the failed episodes without
+//! knowing it, and each is repeated with only the blamed answer replaced.
 //!
-//! Only episodes that succeed without the mistake tell: where one fails anyway, its cause is not known.
+//! Only episodes that succeed without the error count; otherwise the true cause is unknown.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -24,87 +24,86 @@ use crate::{LabError, episodes};
 
 /// Tasks designed at a time.
 const BATCH: usize = 20;
-/// Episodes tried per failed one that is wanted.
+/// Maximum number of episodes per wanted failed one.
 const MOST_PER_FAILURE: usize = 12;
 
-/// What is to be measured.
+/// Settings of the measurement.
 pub struct BlameArguments {
-    /// The agent; its dials are set here.
+    /// The agent; its error injection is set here.
     pub choice: AgentChoice,
     /// Kinds of tasks.
     pub kinds: Vec<TaskKind>,
-    /// What the mistakes are to make fail.
+    /// Injected errors.
     pub classes: Vec<FailureClass>,
-    /// Failed episodes of each class.
+    /// Failed episodes per class.
     pub per_class: usize,
-    /// Episodes without a mistake on purpose, of which those that fail are taken up again too.
+    /// Number of episodes without injected errors; failed ones are repeated too.
     pub natural: usize,
 }
 
-/// What came of it.
+/// Results.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and episodes.
     pub seed: u64,
     /// Name of the agent.
     pub agent: String,
-    /// Times that the task may be split, and picks per sub-task: 1 and 1 is an open loop.
+    /// Maximum decompositions, and picks per sub-task: 1 and 1 is open loop.
     pub rounds_and_picks: [usize; 2],
-    /// By the class of the mistake that was made.
+    /// By class of the injected error.
     pub injected: BTreeMap<&'static str, Injected>,
-    /// Labels that are right, of all episodes that failed because of a mistake.
+    /// Correct labels among all episodes that failed because of an injected error.
     pub labels_right: Share,
-    /// Failed episodes without a mistake on purpose, by label.
+    /// Failed episodes without an injected error, by label.
     pub natural: BTreeMap<&'static str, Replaced>,
-    /// Episodes without a mistake on purpose, and how many failed.
+    /// Failed ones among the episodes without an injected error.
     pub natural_failed: Share,
-    /// Processor time, s.
+    /// CPU time, s.
     pub cpu_s: f64,
 }
 
-/// Episodes with a mistake of one class.
+/// Episodes with an injected error of one class.
 #[derive(Default, Serialize)]
 pub struct Injected {
-    /// Episodes in which the mistake could be made.
+    /// Episodes in which the error could be injected.
     pub episodes: usize,
-    /// Of these, how many succeeded all the same.
+    /// Those that succeeded nevertheless.
     pub recovered: usize,
-    /// Those that fail without the mistake too, and how many of them are labelled with its class; counted nowhere else.
+    /// Those that fail without the error too, and the number labelled with its class; counted nowhere else.
     pub fail_anyway: Share,
-    /// Of the others that failed, how many the analysis labels with the class of the mistake.
+    /// Remaining failed ones labelled with the class of the error.
     pub labelled: Share,
-    /// All labels.
+    /// Number by label.
     pub labels: BTreeMap<&'static str, usize>,
-    /// What came of replacing the blamed answer.
+    /// Outcome of replacing the blamed answer.
     pub replaced: Replaced,
-    /// Evidence of the episodes that were labelled otherwise.
+    /// Evidence of the mislabelled episodes.
     pub mislabelled: Vec<String>,
 }
 
-/// Failed episodes that were taken up again with the blamed answer replaced by the oracle's.
+/// Failed episodes repeated with the blamed answer replaced by the oracle's.
 #[derive(Default, Serialize)]
 pub struct Replaced {
     /// Failed episodes.
     pub failed: usize,
-    /// Of these, those in which no answer is to blame: the hand is.
+    /// Those without a blamed answer, because the manipulation failed.
     pub no_answer: usize,
-    /// Those in which the blamed answer was the oracle's already.
+    /// Those in which the blamed answer was already the oracle's.
     pub same_answer: usize,
-    /// Of those in which an answer was replaced, how many then succeed.
+    /// Those that succeed after the replacement.
     pub flips: Share,
-    /// Where cells are plain centres: how many succeed when everything is done again with cells that resolve to the
-    /// surface seen in them.
+    /// With cells as plain centres: those that succeed when repeated with cells that snap to the surface seen in them.
     pub snapped: Share,
 }
 
-/// A share with its interval.
+/// A rate with its interval.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Share {
-    /// How many.
+    /// Successes.
     pub count: usize,
-    /// Of how many.
+    /// Trials.
     pub of: usize,
-    /// The share; 0 of nothing.
+    /// Rate; 0 without trials.
     pub share: f64,
     /// 95 % interval (Wilson).
     pub interval: [f64; 2],
@@ -119,15 +118,15 @@ impl Share {
     }
 }
 
-/// One episode, and what came of taking it up again.
+/// One episode and the outcome of repeating it.
 struct Played {
-    /// Whether a mistake was made on purpose.
+    /// True if an error was injected.
     is_flawed: bool,
-    /// Label, evidence, and the outcome of the replacement; `None` for a success.
+    /// Label, evidence, and outcome of the replacement; `None` for a success.
     failure: Option<(FailureClass, String, Outcome)>,
-    /// Whether the episode fails without the mistake too.
+    /// True if the episode fails without the error too.
     fails_anyway: bool,
-    /// Whether a failed episode succeeds when cells snap, where they do not.
+    /// True if a failed episode succeeds with snapping cells, where the agent uses plain centres.
     snapped: Option<bool>,
 }
 
@@ -137,10 +136,10 @@ enum Outcome {
     Replaced { success: bool },
 }
 
-/// Makes mistakes, class by class, until enough episodes failed of each; one thread.
+/// Injects errors, class by class, until enough episodes failed of each; one thread.
 ///
 /// # Errors
-/// When an episode broke, and when the model could not be reached.
+/// If an episode raises an error, or the model cannot be reached.
 pub fn measure(
     arguments: &BlameArguments,
     world: &World,
@@ -237,17 +236,17 @@ impl Replaced {
     }
 }
 
-/// The agent with one mistake per episode.
+/// The agent with one injected error per episode.
 fn flawed(choice: &AgentChoice, class: FailureClass) -> AgentChoice {
     let mut choice = AgentChoice { dials: Dials { once: Some(class), ..Dials::default() }, ..choice.clone() };
     if class == FailureClass::PlanMotion {
-        // Only a path over the grid says how to get somewhere.
+        // Only a path over the grid has motion answers.
         choice.settings.path = PathKind::Grid;
     }
     choice
 }
 
-/// Kinds of tasks in which a mistake can be made: a check that is wrong too soon needs a second step that is left out.
+/// Kinds of tasks in which an error can be injected: a premature *finished* needs a second step to omit.
 fn kinds_for(class: FailureClass, kinds: &[TaskKind]) -> Vec<TaskKind> {
     match class {
         FailureClass::Checker => vec![TaskKind::LongHorizon],
@@ -255,8 +254,7 @@ fn kinds_for(class: FailureClass, kinds: &[TaskKind]) -> Vec<TaskKind> {
     }
 }
 
-/// One episode, labelled and taken up again if it failed; `None` where the task cannot be laid out, or the model not be
-/// reached.
+/// One episode, labelled, and repeated if it failed; `None` without a layout, or if the model cannot be reached.
 fn play(
     choice: &AgentChoice,
     task: &Task,
@@ -295,7 +293,7 @@ fn play(
     let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let blamed = classify(&heard, made.transcribed.transcript().failure.as_ref(), &episode.frames);
     let honest = Arc::new(oracle.honest());
-    // What was recorded goes no farther than the episode did.
+    // The recorded answers cover only the episode as it was.
     let then = match &choice.model {
         ModelChoice::Oracle | ModelChoice::Recorded => Arc::clone(&honest) as Arc<dyn VisionModel>,
         ModelChoice::Chat(_) | ModelChoice::Random => model,
@@ -331,7 +329,7 @@ fn play(
     Ok(Some(Played { is_flawed, failure, fails_anyway, snapped }))
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let share = |share: &Share| match share.of {
         0 => "–".to_owned(),
@@ -419,7 +417,7 @@ mod tests {
         };
         assert_eq!(outcome(FailureClass::GraspGrounding), (0, 0, 1));
         assert_eq!(outcome(FailureClass::PlanLocation), (0, 0, 1));
-        // Fingers that jam are no answer.
+        // Jammed fingers are not an answer.
         assert_eq!(outcome(FailureClass::GraspExecution), (1, 0, 0));
     }
 }

@@ -1,33 +1,33 @@
-//! How true scores are that mean chances.
+//! Calibration of scores as probabilities.
 
 use serde::Serialize;
 
-/// Whether a grasp with score p holds in a share p of the cases.
+/// Reliability of predicted probabilities: a grasp with score p should hold in a share p of the trials.
 #[derive(Serialize)]
 pub struct Calibration {
-    /// Mean squared difference of score and outcome.
+    /// Brier score: mean squared difference of score and outcome.
     pub brier: f64,
-    /// The same for the constant share of grasps that held, which nobody knows beforehand.
+    /// Brier score of the constant base rate, which is unknown in advance.
     pub brier_of_base_rate: f64,
-    /// Equal intervals of the score; those without a grasp are left out.
+    /// Equal-width bins of the score; empty ones are omitted.
     pub bins: Vec<Bin>,
 }
 
-/// Grasps whose scores are in an interval.
+/// Grasps with scores in one bin.
 #[derive(Serialize, Default)]
 pub struct Bin {
-    /// Lower end of the interval.
+    /// Lower end of the bin.
     pub from: f64,
-    /// Grasps.
+    /// Number of grasps.
     pub count: usize,
-    /// Mean of their scores.
+    /// Mean score.
     pub mean_score: f64,
     /// Share that held.
     pub held: f64,
 }
 
 impl Calibration {
-    /// Of scores with whether each grasp held, in so many bins.
+    /// Calibration of scores with outcomes, in `count` bins.
     pub fn of(outcomes: &[(f64, bool)], bin_count: usize) -> Self {
         let outcomes: Vec<(f64, f64)> =
             outcomes.iter().map(|&(score, held)| (score, f64::from(u8::from(held)))).collect();

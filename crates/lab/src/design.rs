@@ -7,19 +7,19 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_workspace::text_table;
 
-/// Flaws that are printed for people; the JSON has all.
+/// Number of flaws in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
-/// Designs so many tasks about objects, the six kinds in turn, and judges them.
+/// Designs `count` tasks about objects, the six kinds in turn, and validates them.
 ///
 /// # Errors
-/// When the designer gives up.
+/// If the designer gives up.
 pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<DesignReport, LabError> {
     designer::measure(cards, count, seed, &DesignSettings::default(), &mut cpu_clock())
         .map_err(|error| LabError::broken("the designer gave up", error))
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &DesignReport) -> String {
     let mut rows = vec![["", "count", "quota"].map(String::from).to_vec()];
     for (name, occurrence) in report.kinds.iter().chain(&report.relations) {

@@ -1,4 +1,4 @@
-//! The environment: what stepping through it costs beside the bare simulation, and whether it is exact.
+//! The environment: cost compared with the bare simulation, and exactness.
 
 use genmanip_workspace::worlds;
 use std::path::Path;
@@ -19,38 +19,38 @@ use genmanip_viz::replay;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// Times every episode is stepped through, bare and in the environment by turns.
+/// Repetitions of every episode, alternating bare simulation and environment.
 const REPEATS: usize = 5;
-/// Control steps between two images: 15 of them a second.
+/// Control steps between two images: 15 Hz.
 const STEPS_PER_IMAGE: usize = 4;
-/// Control steps after which no more images are timed.
+/// Maximum number of control steps timed with images.
 const IMAGE_STEPS: usize = 2400;
-/// Edge of the timed images, pixels.
+/// Side length of the timed images, px.
 const IMAGE_SIZE: u32 = 256;
 
-/// What the environment came to.
+/// Results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Episodes whose commands were stepped through.
+    /// Episodes replayed.
     pub episodes: usize,
-    /// Control steps through the environment in a second of processor time: observed, recorded and judged.
+    /// Control steps through the environment per second of CPU time: observed, recorded and judged.
     pub control_steps_per_s: f64,
     /// The same commands through the bare simulation.
     pub bare_steps_per_s: f64,
-    /// The first over the second: median of the repeats.
+    /// Ratio of the two, median of the repetitions.
     pub ratio: f64,
     /// Control steps a second with one colour image of 256 x 256 pixels at 15 Hz.
     pub image_steps_per_s: f64,
-    /// Whether stepping through the commands by hand gave every frame and both states of each episode, bit for bit.
+    /// True if stepping through the commands reproduced every frame and both states of each episode, bit for bit.
     pub identical_to_collect: bool,
-    /// Whether every episode, saved half-way and restored in a fresh environment, ended as it did before.
+    /// True if every episode, saved half-way and restored in a fresh environment, ended in the same state.
     pub restore_identical: bool,
 }
 
-/// Measures on the expert's episodes for designed tasks.
+/// Measures with the expert's episodes of designed tasks.
 ///
 /// # Errors
-/// When an episode broke; one that fails counts like any other.
+/// If an episode raises an error; a failed episode counts like any other.
 pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world((*default_world()).clone());
     let planner = worlds::planner(&settings.world, &settings.planner)?;
@@ -59,7 +59,7 @@ pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Me
     progress.begin("collecting", tasks.len());
     for task in tasks {
         let attempt = Attempt { task, number: 0, seed: seed.fork("attempt").fork(&task.id) };
-        // A task that cannot be laid out makes no episode.
+        // A task without a layout gives no episode.
         if let Ok(scenario) = attempt.scenario(resources, &settings.world, &settings.layout) {
             let broke = |error: RolloutError| LabError::broken(format!("attempt {} broke", attempt.id()), error);
             let stage = Stage::open(Arc::new(scenario), resources.catalogue, planner.robot()).map_err(broke)?;
@@ -75,10 +75,10 @@ pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Me
     measure_on(&cases, progress)
 }
 
-/// Measures on stored episodes: those of a run, of a store, or one.
+/// Measures with stored episodes: those of a run, of a store, or one.
 ///
 /// # Errors
-/// When there is no episode, or one cannot be read or opened.
+/// If there is no episode, or one cannot be read or opened.
 pub fn measure_store(path: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     measure_on(&replay::recorded(path)?, progress)
 }
@@ -120,7 +120,7 @@ fn measure_on(cases: &[(Stage, Episode)], progress: &dyn Progress) -> Result<Mea
     })
 }
 
-/// An environment at the start of an episode, with time for all of its frames.
+/// An environment at the start of an episode, with a horizon for all of its frames.
 fn begin(stage: &Stage, episode: &Episode) -> Environment {
     let horizon_s = (episode.frames.len() + 1) as f64 / stage.control_rate_hz();
     let mut environment = Environment::new(RolloutSettings { horizon_s, ..RolloutSettings::default() });
@@ -128,7 +128,7 @@ fn begin(stage: &Stage, episode: &Episode) -> Environment {
     environment
 }
 
-/// All commands, then no more settling than they held already.
+/// Applies all commands, without further settling beyond the recorded one.
 fn run_through(mut environment: Environment, episode: &Episode, from: usize) -> Result<Episode, RolloutError> {
     for frame in &episode.frames[from..] {
         environment.step(&frame.command)?;
@@ -166,7 +166,7 @@ fn is_restored(stage: &Stage, episode: &Episode) -> Result<bool, RolloutError> {
     Ok(first == second && bits(&first.final_state) == bits(&second.final_state))
 }
 
-/// Processor time of the bare simulation, s.
+/// CPU time of the bare simulation, s.
 fn bare(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     let mut sim = Sim::new(Arc::clone(&stage.scene));
     let mut clock = cpu_clock();
@@ -176,7 +176,7 @@ fn bare(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     Ok(clock())
 }
 
-/// Processor time of the environment, s.
+/// CPU time of the environment, s.
 fn stepped(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     let mut environment = begin(stage, episode);
     let mut clock = cpu_clock();
@@ -186,7 +186,7 @@ fn stepped(stage: &Stage, episode: &Episode) -> Result<f64, RolloutError> {
     Ok(clock())
 }
 
-/// Control steps in a second of processor time with images.
+/// Control steps per second of CPU time with images.
 fn with_images(cases: &[(Stage, Episode)]) -> Result<f64, RolloutError> {
     let (mut steps, mut seconds) = (0, 0.0);
     for (stage, episode) in cases {
@@ -221,7 +221,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
-/// The figures as a table.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let rate = |steps_per_s: f64| format!("{steps_per_s:.0} steps/s");
     let said = |holds: bool| if holds { "yes" } else { "no" }.to_owned();

@@ -7,7 +7,7 @@ use genmanip_tasks::designer::{DesignSettings, design_many};
 
 use crate::LabError;
 
-/// Layouts tried per task; a task that cannot be laid out is no episode.
+/// Layouts tried per task; a task without a layout gives no episode.
 const LAYOUTS: u64 = 5;
 
 /// Fresh tasks of these kinds in turn, with objects of the built-in catalogue.
@@ -16,7 +16,7 @@ pub(crate) fn tasks(kinds: &[TaskKind], count: usize, seed: Seed) -> Result<Vec<
     Ok(batch.map_err(|error| LabError::broken("the designer gave up", error))?.tasks)
 }
 
-/// The first attempt at a task that can be laid out, with its scenario; `None` where none can.
+/// The first attempt at a task with a layout, with its scenario; `None` if there is none.
 pub(crate) fn laid_out<'a>(
     task: &'a Task,
     resources: Resources,

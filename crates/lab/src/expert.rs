@@ -1,4 +1,4 @@
-//! The expert: attempts on fresh layouts until one is verified, nothing stored.
+//! The expert: attempts on fresh layouts until one is verified; nothing is stored.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -12,63 +12,63 @@ use crate::clock::{cpu_clock, peak_memory_mb};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// Failed attempts whose evidence is kept per cause and kind; the counts have all.
+/// Failed attempts with evidence kept, per cause and kind; the counts include all.
 const SAMPLES: usize = 5;
-/// No part of the robot should touch anything harder than this outside of a grasp, N.
+/// Maximum stray contact force, N.
 const STRAY_BAR_N: f64 = 5.0;
 
-/// What the expert came to, per kind of task and altogether.
+/// Yield of the expert, per kind of task and in total.
 #[derive(Serialize)]
 pub struct Measured {
     /// Seed of layouts and attempts.
     pub seed: u64,
-    /// Attempts at a task before it counts as not solved.
+    /// Attempts at a task before it counts as unsolved.
     pub tries_per_task: u64,
-    /// Of all tasks.
+    /// All tasks.
     pub total: Yield,
-    /// Of the tasks of each kind.
+    /// By kind of task.
     pub kinds: BTreeMap<&'static str, Yield>,
-    /// Most memory held, MiB; null where it is not known.
+    /// Peak memory, MiB; null if unknown.
     pub peak_memory_mb: Option<f64>,
 }
 
-/// Attempts of some tasks: each task is tried until an attempt is verified or its tries are used up.
+/// Attempts at some tasks: each task is tried until an attempt is verified or its tries are used up.
 #[derive(Default, Serialize)]
 pub struct Yield {
-    /// Attempts.
+    /// Number of attempts.
     pub attempts: usize,
-    /// Attempts that were verified.
+    /// Verified attempts.
     pub verified: usize,
-    /// Tasks.
+    /// Number of tasks.
     pub tasks: usize,
     /// Tasks with a verified attempt.
     pub tasks_solved: usize,
-    /// Verified demonstrations in an hour of one core, layout and planning included.
+    /// Verified demonstrations per core-hour, including layout and planning.
     pub demos_per_core_hour: f64,
     /// Failed attempts by cause.
     pub causes: BTreeMap<&'static str, usize>,
-    /// Processor time of all attempts.
+    /// CPU time of all attempts, s.
     pub cpu_s: f64,
-    /// Hardest contact outside of a grasp, N.
+    /// Largest stray contact force, N.
     pub worst_stray_contact_n: f64,
-    /// Attempts with one above 5 N.
+    /// Attempts with a stray contact above 5 N.
     pub episodes_above_5_n: usize,
-    /// How many of these touched nothing harder than what they were letting go of.
+    /// Those whose only such contact was with the object being released.
     pub above_5_n_letting_go: usize,
-    /// Who touched what in those episodes, hardest first.
+    /// Partners of these contacts, largest force first.
     pub stray_contacts: Vec<Stray>,
-    /// What was seen in the first failed attempts of each cause.
+    /// Evidence of the first failed attempts of each cause.
     pub evidence: BTreeMap<&'static str, Vec<String>>,
 }
 
-/// An episode with a stray contact above the bar.
+/// An episode with a stray contact above the limit.
 #[derive(Clone, Serialize)]
 pub struct Stray {
     /// Id of the attempt.
     pub episode: String,
-    /// The hardest contact outside of a grasp, N.
+    /// Largest stray contact force, N.
     pub force_n: f64,
-    /// Who touched what.
+    /// Partners and time of the contact.
     #[serde(flatten)]
     pub contact: Option<StrayContact>,
 }
@@ -76,7 +76,7 @@ pub struct Stray {
 /// Tries each task on fresh layouts until an attempt is verified, `tries` times at most; one thread.
 ///
 /// # Errors
-/// When an attempt broke; one that fails is a result.
+/// If an attempt raises an error; a failed attempt is a result.
 pub fn measure(
     tasks: &[Task],
     world: &World,
@@ -158,7 +158,7 @@ impl Yield {
     }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let head = ["kind", "verified", "tasks solved", "per core-hour", "worst stray", "causes of failed attempts"];
     let mut rows = vec![head.map(String::from).to_vec()];

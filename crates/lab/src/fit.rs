@@ -1,4 +1,4 @@
-//! Weights of the cloud sampler's score from trials, and how true the chances are on others.
+//! Weights of the cloud sampler's score, fitted to trials, and their calibration on others.
 
 use std::path::{Path, PathBuf};
 
@@ -12,47 +12,47 @@ use genmanip_core::{json, limits};
 use genmanip_workspace::documents;
 use genmanip_workspace::text_table;
 
-/// Pull of every weight to 0, as if one trial more had been seen for it.
+/// Ridge penalty of every weight, in units of one trial.
 const RIDGE: f64 = 1.0;
-/// Newton steps; the likelihood is concave, so that ten would do.
+/// Newton steps; the likelihood is concave, so ten would suffice.
 const STEPS: usize = 50;
 /// Bins of the reliability table.
 const BINS: usize = 5;
 
-/// What was found.
+/// Results of the fit.
 #[derive(Serialize)]
 pub struct Report {
     /// Trials that the weights were fitted to.
     pub trials: usize,
     /// The new weights.
     pub weights: Weights,
-    /// The new weights on the trials they were fitted to.
+    /// Reliability of the new weights on their training trials.
     pub fitted: Reliability,
-    /// The new weights on other trials.
+    /// Reliability of the new weights on test trials.
     pub tested: Option<Reliability>,
-    /// The weights in use on these other trials.
+    /// Reliability of the current weights on test trials.
     pub in_use: Option<Reliability>,
 }
 
-/// Whether what has the chance p holds in a share p of the trials.
+/// Reliability of predicted probabilities.
 #[derive(Serialize)]
 pub struct Reliability {
     /// Number of trials.
     pub trials: usize,
     /// Share that held.
     pub held: f64,
-    /// How true the chances are.
+    /// Calibration.
     #[serde(flatten)]
     pub calibration: Calibration,
 }
 
-/// One trial: its features in the order of the names, after a constant 1, and whether the grasp held.
+/// One trial: its features in the order of the names, after a constant 1, and true if the grasp held.
 pub(crate) type Sample = (Vec<f64>, bool);
 
-/// Fits the weights to trials, or with `constant` only their constant, and tests them on others.
+/// Fits the weights to trials (with `constant` only the constant), and tests them on others.
 ///
 /// # Errors
-/// When a file holds something else than trials, or all trials ended alike.
+/// If a file does not hold trials, or all trials ended alike.
 pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<Report, LabError> {
     let names = names();
     let samples = read(trials, &names)?;
@@ -78,7 +78,7 @@ pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<R
     })
 }
 
-/// Names of the weights, the constant left out.
+/// Names of the weights, without the constant.
 fn names() -> Vec<String> {
     let fields = serde_json::to_value(Weights::default()).unwrap_or_default();
     let names = fields.as_object().map(|fields| fields.keys().cloned().collect()).unwrap_or_else(Vec::new);
@@ -98,7 +98,7 @@ fn weights(vector: &[f64], names: &[String]) -> Weights {
     serde_json::from_value(fields.into()).unwrap_or_default()
 }
 
-/// The grasps that were carried out, from files of `lab grasp --out`.
+/// Executed grasps from files of `genmanip-lab grasp --out`.
 fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
@@ -127,7 +127,8 @@ pub(crate) fn chance(weights: &[f64], features: &[f64]) -> f64 {
     1.0 / (1.0 + (-weights.iter().zip(features).map(|(weight, feature)| weight * feature).sum::<f64>()).exp())
 }
 
-/// Logistic regression by Newton's method (iteratively reweighted least squares) with a ridge; the constant is free.
+/// Logistic regression by Newton's method (iteratively reweighted least squares) with a ridge; the constant is
+/// unpenalised.
 pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     let size = samples.first().map_or(0, |(features, _)| features.len());
     let mut weights = vec![0.0; size];
@@ -147,7 +148,7 @@ pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
             }
         }
         let step = solve(hessian, gradient);
-        // Half steps at most at first: far from the optimum the curvature is too small.
+        // Damped first steps: far from the optimum the curvature is too small.
         let longest = step.iter().fold(0.0_f64, |longest, value| longest.max(value.abs()));
         let share = (2.0 / longest.max(1e-12)).min(1.0);
         for (weight, step) in weights.iter_mut().zip(&step) {
@@ -160,7 +161,8 @@ pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     weights
 }
 
-/// Known weights with another constant, such that as many grasps are expected to hold as did: the ranking stays.
+/// Known weights with another constant such that the expected number of held grasps is the observed one; the ranking is
+/// unchanged.
 fn shifted(known: &[f64], samples: &[Sample]) -> Vec<f64> {
     let with =
         |shift: f64| known.iter().enumerate().map(|(i, w)| if i == 0 { w + shift } else { *w }).collect::<Vec<_>>();
@@ -176,7 +178,7 @@ fn shifted(known: &[f64], samples: &[Sample]) -> Vec<f64> {
     with((low + high) / 2.0)
 }
 
-/// Solves a symmetric positive definite system by Gauss's elimination, which needs no pivots for these.
+/// Solves a symmetric positive definite system by Gaussian elimination, which needs no pivoting here.
 fn solve(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
     let size = right.len();
     for pivot in 0..size {
@@ -203,7 +205,7 @@ fn reliability(weights: &[f64], samples: &[Sample]) -> Reliability {
     Reliability { trials: outcomes.len(), held, calibration: Calibration::of(&outcomes, BINS) }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let mut text = format!("fitted to {} trials\n", report.trials);
     for (name, value) in names().iter().zip(vector(&report.weights, &names()).iter().skip(1)) {
@@ -239,7 +241,7 @@ pub fn in_words(report: &Report) -> String {
 mod tests {
     use super::*;
 
-    /// Outcomes drawn from known weights give these weights back, and chances that are true.
+    /// Outcomes sampled from known weights recover these weights, and calibrated probabilities.
     #[test]
     fn known_weights_are_found_again() {
         let truth = [0.5, 2.0, -3.0];

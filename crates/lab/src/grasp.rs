@@ -1,4 +1,4 @@
-//! Grasps from points, tried in physics: lift, shake, hold.
+//! Grasps from point clouds, tried in physics: lift, shake, hold.
 
 use genmanip_workspace::worlds;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,14 +20,14 @@ use crate::clock::cpu_clock;
 /// Bins of the reliability diagram.
 const BINS: usize = 10;
 
-/// What is tried.
+/// Settings of the trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspArguments {
-    /// Cloud of the target.
+    /// Source of the target's cloud.
     pub view: View,
-    /// Candidate to carry out.
+    /// Selection of the candidate.
     pub pick: Pick,
-    /// Classes of things.
+    /// Classes of objects.
     pub classes: Vec<Class>,
     /// Trials per class.
     pub count: u64,
@@ -35,33 +35,33 @@ pub struct GraspArguments {
     pub out: Option<PathBuf>,
 }
 
-/// What the trials came to.
+/// Results of the trials.
 #[derive(Serialize)]
 pub struct Report {
-    /// Seed of things, views and noise.
+    /// Seed of objects, views and noise.
     pub seed: u64,
-    /// Cloud of the target.
+    /// Source of the target's cloud.
     pub view: View,
-    /// Candidate that was carried out.
+    /// Selection of the candidate.
     pub pick: Pick,
-    /// Per class of things.
+    /// By class of objects.
     pub classes: BTreeMap<Class, Tally>,
-    /// Of the sampler.
+    /// CPU time of the sampler.
     pub cpu_ms: CpuTimes,
-    /// How true the scores are.
+    /// Calibration of the scores.
     pub calibration: Calibration,
-    /// How the trials ended that did not hold.
+    /// Number of failed trials by outcome.
     pub failures: BTreeMap<Ending, usize>,
-    /// Processor seconds of everything, physics included.
+    /// CPU time of everything, including physics, s.
     pub cpu_s: f64,
 }
 
-/// One class: how many different objects and trials, in how many there was a candidate, how many held.
+/// Totals of one class.
 #[derive(Serialize, Default)]
 pub struct Tally {
-    /// Different objects.
+    /// Number of distinct objects.
     pub objects: usize,
-    /// Trials.
+    /// Number of trials.
     pub attempts: usize,
     /// Trials with a candidate.
     pub proposed: usize,
@@ -69,27 +69,27 @@ pub struct Tally {
     pub held: usize,
     /// Share of the trials that held.
     pub share: f64,
-    /// How the others ended.
+    /// Failed trials by outcome.
     pub failures: BTreeMap<Ending, usize>,
-    /// Names of the things that were not held, with how often.
+    /// Names of objects that were not held, with counts.
     pub missed: BTreeMap<String, usize>,
 }
 
-/// Processor time of the sampler alone.
+/// CPU time of the sampler alone.
 #[derive(Serialize)]
 pub struct CpuTimes {
-    /// The middle one, ms.
+    /// Median, ms.
     pub median: f64,
-    /// 95 of 100 took no longer, ms.
+    /// 95th percentile, ms.
     pub p95: f64,
     /// Median number of points of a cloud.
     pub points: usize,
 }
 
-/// Tries grasps on things of each class, drawn by seed; one thread.
+/// Tries grasps on random objects of each class; one thread.
 ///
 /// # Errors
-/// When the file cannot be written or a trial broke; a grasp that does not hold is a result.
+/// If the file cannot be written or a trial raises an error; a grasp that does not hold is a result.
 pub fn measure(
     arguments: &GraspArguments,
     world: &Arc<World>,
@@ -136,10 +136,10 @@ pub fn measure(
     Ok(report(seed.value(), view, pick, &done, clock()))
 }
 
-/// A view, pick or class by its name.
+/// A view, selection or class by name.
 ///
 /// # Errors
-/// When there is none of that name.
+/// If there is none of that name.
 pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> {
     serde_json::from_value(name.into())
         .map_err(|error| LabError::input(format!("`{name}` is no choice")).because(error))
@@ -180,7 +180,7 @@ fn calibration(trials: &[Trial]) -> Calibration {
     Calibration::of(&trials.iter().filter_map(outcome).collect::<Vec<_>>(), BINS)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let mut text = String::from("class     objects  attempts  proposed  held  share\n");
     for (class, tally) in &report.classes {

@@ -1,4 +1,4 @@
-//! Layouts: tasks laid out once each, timed, and audited outside the timing.
+//! Layouts: each task is laid out once, timed, and audited outside the timing.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -14,13 +14,13 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_workspace::Progress;
 
-/// How long a layout is left alone in physics, simulated seconds.
+/// Duration of the audit's simulation without a robot, simulated s.
 const ALONE_S: f64 = 2.0;
-/// Tasks that are named because they took longest; chosen.
+/// Number of slowest tasks named; chosen.
 const MOST_SLOW: usize = 20;
 const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
 
-/// What laying tasks out came to. Refused tasks count in the times too.
+/// Results. Rejected tasks count in the times too.
 #[derive(Default, Serialize)]
 pub struct Measured {
     /// Seed of the layouts.
@@ -29,71 +29,71 @@ pub struct Measured {
     pub tasks: usize,
     /// Tasks with a layout.
     pub laid_out: usize,
-    /// Tasks without.
+    /// Tasks without a layout.
     pub refused: usize,
-    /// Processor time per task.
+    /// CPU time per task.
     pub cpu_ms: Spread,
-    /// Mean per task.
+    /// Mean CPU time per task, by phase.
     pub phase_cpu_ms: BTreeMap<&'static str, f64>,
-    /// Deepest penetration at the start.
+    /// Largest penetration at the start.
     pub worst_penetration_mm: f64,
-    /// Longest way of an object that is left alone.
+    /// Largest displacement of an undisturbed object.
     pub worst_drift_mm: f64,
-    /// Edges and states of the initial graphs.
+    /// Edges and joint states of the initial graphs.
     pub edges_checked: usize,
     /// Those that do not hold.
     pub edges_failed: usize,
-    /// Goals that hold already.
+    /// Goals that already hold.
     pub goals_true: usize,
-    /// Layouts with an object that no camera sees enough of.
+    /// Layouts with an object that no camera sees sufficiently.
     pub unseen: usize,
-    /// Posing all objects anew and judging the whole goal, in the largest scenes.
+    /// CPU time of posing all objects and judging the whole goal, in the largest scenes.
     pub goal_verdict_us: Spread,
     /// Objects in those scenes.
     pub goal_verdict_objects: usize,
-    /// The twenty tasks that took longest, slowest first.
+    /// The slowest tasks, slowest first.
     pub slowest: Vec<Slow>,
-    /// Why tasks have no layout.
+    /// Reasons of tasks without a layout.
     pub refusals: Vec<Refusal>,
-    /// What is wrong with returned layouts.
+    /// Errors in returned layouts.
     pub faults: Vec<Refusal>,
 }
 
-/// Of many values the middle one, their mean, the one that 95 of 100 do not exceed, and the largest.
+/// Median, mean, 95th percentile and maximum.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Spread {
-    /// The middle one.
+    /// Median.
     pub median: f64,
-    /// The mean.
+    /// Mean.
     pub mean: f64,
-    /// 95 of 100 are not larger.
+    /// 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     pub worst: f64,
 }
 
-/// A task that took long.
+/// A slow task.
 #[derive(Serialize)]
 pub struct Slow {
     /// Id of the task.
     pub task: String,
-    /// Processor time, milliseconds.
+    /// CPU time, ms.
     pub cpu_ms: f64,
 }
 
-/// A task and what is wrong.
+/// A task with a message.
 #[derive(Serialize)]
 pub struct Refusal {
     /// Id of the task.
     pub task: String,
-    /// What is wrong.
+    /// Message.
     pub reason: String,
 }
 
-/// Lays each task out once, with so many unmentioned objects more, and audits the layouts outside the timing; one thread.
+/// Lays each task out once with additional distractors, and audits the layouts outside the timing; one thread.
 ///
 /// # Errors
-/// When a layout cannot be audited; a task that cannot be laid out is a result.
+/// If a layout cannot be audited; an infeasible task is a result.
 pub fn measure(
     tasks: &[Task],
     world: &World,
@@ -140,7 +140,7 @@ pub fn measure(
     Ok(measured)
 }
 
-/// One layout with its processor time, that of its phases added up.
+/// One layout with its CPU time, total and by phase.
 fn timed(
     task: &Task,
     world: &World,
@@ -170,7 +170,7 @@ fn timed(
     (outcome, since)
 }
 
-/// Number of objects, and the time to pose them all and to judge the goal, microseconds.
+/// Number of objects, and the time to pose all of them and judge the goal, µs.
 fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
     let mut scene = scene.map_err(|error| LabError::broken(format!("cannot pose {}", scenario.id), error))?;
@@ -230,7 +230,7 @@ impl Measured {
     }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
     let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));

@@ -1,7 +1,7 @@
-//! Measurements of the parts on cases that the project has not seen.
+//! Measurements on unseen seeds and files.
 //!
-//! One module per measurement: a function from arguments to values that serialise, and those values in words.
-//! Figures are of one thread and in processor time; nothing is printed.
+//! One module per measurement: a function from arguments to serialisable values, and their text summary. Figures are
+//! CPU times of one thread unless stated otherwise; nothing is printed.
 
 pub mod agent;
 mod agent_page;
@@ -32,6 +32,6 @@ pub mod statistics;
 pub mod suite;
 
 pub use clock::cpu_clock;
-/// Why a measurement could not be made.
+/// Error of a measurement.
 pub use genmanip_workspace::RunError as LabError;
 pub use program::program;

@@ -1,8 +1,8 @@
-//! Cards for readers who know nothing but a picture and a sentence, and how their answers compare with what is meant.
+//! Cards for readers who see only an image and a sentence, and agreement of their answers with the intended meaning.
 //!
-//! A card is a picture of a start with numbered things, or of a start and an end below it. Cards are shuffled and named by
-//! number, so that neither name nor order tells anything. Readers write a JSON file; [`SCENE_QUESTION`] and
-//! [`END_QUESTION`] say how.
+//! A card is an image of an initial scene with numbered objects, or of an initial scene with the final one below it.
+//! Cards are shuffled and numbered, so that neither name nor order reveals anything. Readers write a JSON file as
+//! described by [`SCENE_QUESTION`] and [`END_QUESTION`].
 
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
@@ -31,42 +31,42 @@ use serde::{Deserialize, Serialize};
 
 use crate::LabError;
 
-/// The camera that faces the robot, and one that looks from the side, for what the first does not see.
+/// The camera facing the robot, and one from the side for objects that the first does not see.
 const CAMERAS: [&str; 2] = ["overview", "static"];
-/// Size of each view on a card, pixels.
+/// Size of each view on a card, px.
 const SIZE_PX: [u32; 2] = [1024, 576];
-/// Answers of one reader, bytes.
+/// Limit of one reader's answers, bytes.
 const ANSWERS: Limit = Limit { what: "answers of a reader", bytes: 1 << 20 };
 
-/// What is asked about the start of a scenario.
+/// Question about the initial scene of a scenario.
 pub const SCENE_QUESTION: &str = "Which things does the sentence ask to be moved, and relative to which thing or things \
 is each one's place said? Both views show the same table with the same numbers; the camera of the upper one faces the \
 robot, and arrows show the robot's own directions. Where the sentence leaves a choice, take one. Answer \
 {\"id\": \"000\", \"moves\": [{\"object\": 3, \"place\": [1]}]}, one move per thing; between two things is \
 \"place\": [1, 4].";
 
-/// What is asked about the end of an episode.
+/// Question about the end of an episode.
 pub const END_QUESTION: &str = "The upper view is before, the lower one after; the same things have the same numbers. Is \
 everything that the sentence asks for true in the lower view? The camera faces the robot, and arrows show the robot's own \
 directions: front means farther from the robot. Answer {\"id\": \"000\", \"done\": true}.";
 
-/// What a reader is given: `questions.json` beside the pictures.
+/// Input of a reader: `questions.json` beside the images.
 #[derive(Clone, Debug, Serialize)]
 pub struct Questions {
-    /// What is asked of every card, and how it is answered.
+    /// The question on every card and the format of its answer.
     pub question: &'static str,
     /// The cards.
     pub cards: Vec<Card>,
 }
 
-/// One of them.
+/// A card.
 #[derive(Clone, Debug, Serialize)]
 pub struct Card {
     /// Its number.
     pub id: String,
-    /// What the robot is told.
+    /// Instruction.
     pub sentence: String,
-    /// File of its picture.
+    /// File name of its image.
     pub picture: String,
 }
 
@@ -94,14 +94,14 @@ struct Move {
     place: BTreeSet<usize>,
 }
 
-/// How readers did.
+/// Agreement of readers.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Cards.
+    /// Number of cards.
     pub cards: usize,
-    /// Of each reader's answers, those that are as meant or judged.
+    /// Agreement of each reader with the intended meaning or the judge.
     pub readers: Vec<Reader>,
-    /// The same of all readers together.
+    /// Agreement of all readers together.
     pub agree: Rate,
 }
 
@@ -110,48 +110,48 @@ pub struct Report {
 pub struct Reader {
     /// File of the answers.
     pub file: PathBuf,
-    /// Answers that are as meant or judged; a card without an answer counts as wrong.
+    /// Rate of answers that agree; a card without an answer counts as wrong.
     pub agree: Rate,
-    /// The same by kind of task.
+    /// By kind of task.
     pub kinds: BTreeMap<String, Rate>,
-    /// The others.
+    /// Answers that do not agree.
     pub differ: Vec<Difference>,
 }
 
-/// An answer that is not as meant or judged.
+/// An answer that does not agree.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// The card.
+    /// Number of the card.
     pub card: String,
-    /// Scenario or episode.
+    /// Id of the scenario or episode.
     pub of: String,
-    /// What the robot is told.
+    /// Instruction.
     pub sentence: String,
-    /// What the reader answered.
+    /// Answer of the reader.
     pub answered: String,
-    /// What is meant or judged.
+    /// Intended meaning, or verdict of the judge.
     pub meant: String,
 }
 
-/// What cards are about.
+/// Subject of the cards.
 #[derive(Clone, Copy, Debug)]
 pub enum About<'a> {
-    /// The starts of a suite's scenarios.
+    /// Initial scenes of a suite's scenarios.
     Starts(&'a Path),
-    /// Kept episodes of an evaluation: so many, half of them successes where there are enough.
+    /// A number of kept episodes of an evaluation, half of them successes if possible.
     Ends(&'a Path, usize),
 }
 
-/// What a card is about, and what is right.
+/// Subject of one card, with its correct answer.
 enum Subject {
     Start(PathBuf),
     End { store: PathBuf, id: String, is_done: bool },
 }
 
-/// Draws the cards into an empty folder.
+/// Renders the cards into an empty folder.
 ///
 /// # Errors
-/// When the suite or the episodes cannot be read, or a picture cannot be written.
+/// If the suite or the episodes cannot be read, or an image cannot be written.
 pub fn write(about: About, seed: Seed, out: &Path, progress: &dyn Progress) -> Result<Questions, LabError> {
     let subjects = subjects(about, seed)?;
     let question = match about {
@@ -179,10 +179,10 @@ pub fn write(about: About, seed: Seed, out: &Path, progress: &dyn Progress) -> R
     Ok(questions)
 }
 
-/// Compares answers with what is meant or judged; seed and subjects are those of the cards.
+/// Compares answers with the correct ones; seed and subject are those of the cards.
 ///
 /// # Errors
-/// When a file of answers cannot be read, or what the cards are about.
+/// If the answers or the subjects of the cards cannot be read.
 pub fn compare(about: About, seed: Seed, answers: &[PathBuf]) -> Result<Report, LabError> {
     let subjects = subjects(about, seed)?;
     let keys = subjects.iter().map(key).collect::<Result<Vec<Key>, _>>()?;
@@ -221,7 +221,7 @@ pub fn compare(about: About, seed: Seed, answers: &[PathBuf]) -> Result<Report, 
     Ok(Report { cards: keys.len(), readers, agree })
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let mut rows = vec![["reader".to_owned(), "agree".to_owned()]];
     rows.extend(report.readers.iter().map(|reader| [reader.file.display().to_string(), reader.agree.to_string()]));
@@ -239,7 +239,7 @@ fn rate(right: usize, all: usize) -> Rate {
     Rate::new(right, all, &StatisticsSettings::default())
 }
 
-/// What the cards are about, shuffled.
+/// The subjects of the cards, shuffled.
 fn subjects(about: About, seed: Seed) -> Result<Vec<Subject>, LabError> {
     let mut rng = seed.fork("readers").rng();
     let mut subjects = match about {
@@ -291,7 +291,7 @@ fn read(store: &Path, id: &str) -> Result<Episode, LabError> {
     episode.map_err(|error| LabError::broken(format!("cannot read episode {id} of {}", store.display()), error))
 }
 
-/// What is right about a card.
+/// Correct answer of a card.
 struct Key {
     kind: String,
     of: String,
@@ -336,7 +336,7 @@ fn key(subject: &Subject) -> Result<Key, LabError> {
     Ok(Key { kind: kind.name().into(), of, sentence: instruction, right })
 }
 
-/// Every way to do a task, as moves of numbered things.
+/// All ways to fulfil a task, as moves of numbered objects.
 fn ways(scenario: &Scenario) -> Vec<BTreeSet<Move>> {
     let number = |id: &str| scenario.objects.iter().position(|placed| placed.id == id).map_or(0, |index| index + 1);
     let moved = |atom: &Atom| match atom {
@@ -361,7 +361,7 @@ fn listed(moves: &BTreeSet<Move>) -> String {
     moves.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// The picture of a card, and its sentence.
+/// Image and sentence of a card.
 fn draw(subject: &Subject) -> Result<(Picture, String), LabError> {
     match subject {
         Subject::Start(path) => {
@@ -384,7 +384,7 @@ fn draw(subject: &Subject) -> Result<(Picture, String), LabError> {
     }
 }
 
-/// Joint positions, opening of the fingers, objects.
+/// Joint positions, gripper width, objects.
 type Moment = (Vec<f64>, f64, Vec<ObjectState>);
 
 fn start(stage: &Stage) -> Moment {
@@ -398,7 +398,7 @@ fn start(stage: &Stage) -> Moment {
     (stage.robot.home.clone(), stage.robot.gripper.max_width, objects)
 }
 
-/// What a camera sees, with numbers on the things and the robot's directions.
+/// Camera image with numbered objects and arrows of the robot's directions.
 fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<Picture, LabError> {
     let (arm, width, objects) = moment;
     let channels = ImageChannels { rgb: true, depth: true, ids: true, ..ImageChannels::default() };
@@ -424,12 +424,12 @@ fn marked(image: &RgbdImage, masks: &[Mask]) -> Result<Picture, LabError> {
     let plain = Picture::new(image.width(), image.height(), image.rgb.clone())
         .ok_or_else(|| LabError::input("a view without pixels"))?;
     let mut picture = marks::masks(&plain, masks);
-    // The world's z is 0 on the table.
+    // The table top is at z = 0.
     marks::arrows(&mut picture, image, 0.0);
     Ok(picture)
 }
 
-/// Pictures of one width below each other.
+/// Images of equal width stacked vertically.
 fn stacked(views: &[Picture]) -> Picture {
     let width = views.first().map_or(0, |view| view.width);
     let height = views.iter().map(|view| view.height).sum();

@@ -1,4 +1,4 @@
-//! Verdicts of a profile on recorded clouds, compared with recorded ones.
+//! Verdicts of a profile on recorded point clouds, compared with recorded verdicts.
 
 use std::path::Path;
 
@@ -10,13 +10,14 @@ use crate::clock::cpu_clock;
 use genmanip_core::limits;
 use genmanip_workspace::documents;
 
-/// Disagreements that are printed for people; the JSON has all.
+/// Number of disagreements in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
-/// Judges the recorded cases of a file, whose clouds are in the `.npz` beside it: as genmanip-0.9, suite-0.2.3 or seed.
+/// Judges the recorded cases of a file with clouds in the `.npz` beside it, by profile genmanip-0.9, suite-0.2.3 or
+/// seed.
 ///
 /// # Errors
-/// When there is no such profile, or the files cannot be read or hold something else.
+/// If the profile does not exist, or the files cannot be read or are invalid.
 pub fn measure(cases: &Path, profile: &str) -> Result<Comparison, LabError> {
     let judge = if profile == "seed" { None } else { Some(compatibility(profile)?) };
     let text = documents::read_text(cases, limits::CASES)?;
@@ -39,7 +40,7 @@ fn compatibility(profile: &str) -> Result<Profile, LabError> {
     })
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(comparison: &Comparison) -> String {
     let mut text = format!(
         "cases         {} of {} agree, {} excluded\ngoals         {} of {} agree\narticulation  {} of {} agree\n\

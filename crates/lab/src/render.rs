@@ -1,7 +1,7 @@
-//! What pictures cost: an episode over a crowded table, seen by the two data cameras.
+//! Cost of rendering: an episode over a crowded table, seen by the two data cameras.
 //!
 //! The arm moves as in an episode, pauses included, and carries one of the objects; no physics runs, and resting
-//! objects tremble by a nanometre as they do in a simulation.
+//! objects move by a nanometre as they do in a simulation.
 
 mod baselines;
 mod judge;
@@ -28,52 +28,52 @@ pub use judge::{Flip, judge};
 
 /// Objects on the table, four rows of four, each with a texture.
 const OBJECTS: usize = 16;
-/// Largest side of an object seen from above, metres: those on the grid do not touch.
+/// Maximum side of an object seen from above, m; objects on the grid do not touch.
 const LARGEST_M: f64 = 0.12;
-/// Frames between two way points, and of a pause while the fingers close or open: about 5 s at 15 Hz.
+/// Frames between two waypoints, and of a pause while the fingers close or open: about 5 s at 15 Hz.
 const MOVE: usize = 12;
 const PAUSE: usize = 5;
-/// Image sizes, pixels.
+/// Image sizes, px.
 const SIZES: [[u32; 2]; 3] = [[512, 288], [1280, 720], [64, 64]];
 /// Colour, depth and ids.
 const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false, parts: false };
 
-/// The measurement; milliseconds of processor time of one thread, medians over the frames of the episode.
+/// Results; CPU time of one thread in ms, medians over the frames of the episode.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Triangles of everything in full detail.
+    /// Triangles of the scene at full resolution.
     pub triangles: usize,
-    /// By size in pixels.
+    /// By image size.
     pub sizes: BTreeMap<String, Cost>,
     /// Depth and ids without colour at the first size, static camera.
     pub geometry_ms: f64,
-    /// Moments per second, each seen by both cameras at the first size.
+    /// Moments per second at the first size, each rendered by both cameras.
     pub episode_frames_per_s: f64,
-    /// Share of the static camera's pixels that were kept from the frame before, at the first size.
+    /// Share of the static camera's pixels reused from the previous frame, at the first size.
     pub reuse_share: f64,
-    /// Whether every picture has the bytes of one that is drawn from nothing.
+    /// True if every image has the bytes of one rendered from scratch.
     pub identical_with_reuse: bool,
-    /// Other renderers on a more crowded table, if they were asked.
+    /// Other renderers on a more crowded table, if requested.
     pub vs: Option<Baselines>,
-    /// How far the pictures are from traced ones, if that was asked for.
+    /// FLIP to path-traced images, if requested.
     pub flip: Option<Flip>,
 }
 
-/// What the pictures of one size cost.
+/// CPU time per image of one size, ms.
 #[derive(Debug, Serialize)]
 pub struct Cost {
-    /// The static camera, whose picture continues the one of the frame before; it is drawn first and draws the shadows.
+    /// Static camera, reusing its previous frame; it is rendered first and computes the shadows.
     pub ms_static: f64,
-    /// The wrist camera, drawn second with the same shadows.
+    /// Wrist camera, rendered second with the same shadows.
     pub ms_wrist: f64,
-    /// The static camera's first picture, with nothing to continue.
+    /// First image of the static camera, with nothing to reuse.
     pub ms_first_frame: f64,
 }
 
-/// Draws the episode at all sizes.
+/// Renders the episode at all sizes.
 ///
 /// # Errors
-/// When the catalogue has too few textured objects, or something cannot be drawn.
+/// If the catalogue has too few textured objects, or rendering fails.
 pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
     let robot = panda();
     let objects = objects(seed.fork("objects"), true, OBJECTS)?;
@@ -125,7 +125,7 @@ fn draw(
 ) -> Result<Drawn, LabError> {
     let mut renderer = Renderer::new(Arc::clone(assets), RenderVariation::default());
     let mut judge = Renderer::new(Arc::clone(assets), RenderVariation::default());
-    // Textures are prepared when they are first seen, once per process: not part of a picture's cost.
+    // Textures are prepared on first use, once per process; this is not part of an image's cost.
     let mut out = [FrameBuffers::default()];
     for camera in cameras {
         judge.render(&[ViewJob::new(&frames[0], camera, CHANNELS)], &mut out).map_err(not_drawn)?;
@@ -143,7 +143,7 @@ fn draw(
             }
         }
     }
-    // Apart from the clock: a second renderer would take the caches from the first.
+    // Not timed: a second renderer would evict the caches of the first.
     let is_identical = !compare || is_identical(&mut renderer, &mut judge, frames, cameras)?;
     let total_ms = times_ms.iter().flatten().sum();
     let first = times_ms[0].remove(0);
@@ -158,7 +158,7 @@ fn draw(
     })
 }
 
-/// Whether the pictures of an episode have the bytes of those that a judge draws from nothing.
+/// True if the images of an episode have the bytes of those that a reference renderer makes from scratch.
 fn is_identical(
     renderer: &mut Renderer,
     judge: &mut Renderer,
@@ -206,7 +206,7 @@ fn not_drawn(error: genmanip_render::RenderError) -> LabError {
     LabError::broken("the table cannot be drawn", error)
 }
 
-/// Places of objects on the table, row by row away from the robot.
+/// Grid of object positions on the table, row by row away from the robot.
 #[derive(Clone, Copy)]
 struct Grid {
     /// Objects per row, from right to left.
@@ -218,7 +218,7 @@ struct Grid {
 
 const GRID: Grid = Grid { columns: 4, from_m: [0.32, -0.3], step_m: [0.14, 0.2], jitter_m: [0.01, 0.02] };
 
-/// So many objects drawn from the catalogue, on request such with a texture only.
+/// Random objects of the catalogue, optionally only textured ones.
 fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<ObjectModel>>, LabError> {
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
@@ -245,7 +245,7 @@ fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<Object
     Ok(objects)
 }
 
-/// A pick, a carry and a place over the grid of objects, frame by frame.
+/// Pick, carry and place over the grid of objects, frame by frame.
 fn episode(
     robot: &Arc<RobotModel>,
     assets: &RenderAssets,
@@ -266,7 +266,7 @@ fn episode(
     let carried = 5 + usize::from(jitter(1.0) > 0.0);
     let (from, to) = (poses[carried].position, DVec3::new(0.45 + jitter(0.05), 0.4 * jitter(1.0).signum(), 0.0));
     let tcp = |at: DVec3, z: f64| Pose::new(at.with_z(z), DQuat::from_rotation_x(std::f64::consts::PI));
-    // Way points, the opening width reached there, and whether the object is carried on the way there.
+    // Waypoints, the gripper width reached there, and true if the object is carried on the path there.
     let (open, shut) = (robot.gripper.max_width, 0.03);
     let way = [
         (Some(tcp(from, 0.25)), open, false),
@@ -310,7 +310,7 @@ fn episode(
     Ok(frames)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let mut rows = vec![["pixels", "static, ms", "wrist, ms", "first, ms"].map(String::from).to_vec()];
     for (size, cost) in &report.sizes {

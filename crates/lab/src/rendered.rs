@@ -1,4 +1,4 @@
-//! Profile `seed` on clouds from rendered depth and ids, against posed geometry.
+//! Profile `seed` on clouds from rendered depth and ids, compared with posed geometry.
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
@@ -18,51 +18,51 @@ use crate::clock::cpu_clock;
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 
-/// A case counts when every measured quantity is farther than this from its threshold, metres.
+/// Margin from its threshold that every measured quantity of a case must have, m.
 const MARGIN_M: f64 = 0.01;
 
-/// Disagreements that are printed for people; the JSON has all.
+/// Number of disagreements in the text summary; the JSON has all.
 const SHOWN: usize = 20;
 
-/// How many conditions of a kind were judged alike.
+/// Agreement on conditions of one kind.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Tally {
-    /// Conditions that were compared.
+    /// Conditions compared.
     pub compared: usize,
-    /// Those that were judged alike.
+    /// Conditions judged the same.
     pub agreed: usize,
-    /// Of those compared, the ones that hold by posed geometry.
+    /// Compared conditions that hold on posed geometry.
     pub hold: usize,
     /// Conditions too close to a threshold.
     pub excluded: usize,
 }
 
-/// The measurement.
+/// Results.
 #[derive(Debug, Default, Serialize)]
 pub struct Agreement {
-    /// Scenes that were judged.
+    /// Scenes judged.
     pub scenes: usize,
     /// Tasks without a layout.
     pub refused: usize,
-    /// Conditions that were compared.
+    /// Conditions compared.
     pub compared: usize,
-    /// Those that were judged alike.
+    /// Conditions judged the same.
     pub agreed: usize,
     /// Conditions too close to a threshold.
     pub excluded: usize,
-    /// Share of those compared that were judged alike.
+    /// Share of compared conditions judged the same.
     pub agreed_share: f64,
-    /// Per kind of condition.
+    /// By kind of condition.
     pub by_relation: BTreeMap<String, Tally>,
-    /// Objects of which no camera sees enough.
+    /// Objects that no camera sees sufficiently.
     pub unseen_objects: usize,
-    /// Processor time of drawing and judging a scene.
+    /// CPU time of rendering and judging a scene, ms.
     pub cpu_ms_per_scene: f64,
-    /// Conditions that were not judged alike.
+    /// Conditions judged differently.
     pub disagreements: Vec<String>,
 }
 
-/// What is needed to draw and judge.
+/// Settings and resources for rendering and judging.
 struct Bench {
     robot: Arc<RobotModel>,
     cameras: Vec<Camera>,
@@ -70,10 +70,10 @@ struct Bench {
     shapes: ShapeCache,
 }
 
-/// Lays so many scenes of the tasks out in turn, draws them and judges the clouds that three cameras see.
+/// Lays `count` scenes of the tasks out in turn, renders them and judges the clouds of three cameras.
 ///
 /// # Errors
-/// When a scene cannot be drawn.
+/// If a scene cannot be rendered.
 pub fn measure(
     tasks: &[Task],
     world: &Arc<World>,
@@ -128,7 +128,7 @@ impl Bench {
             .map_err(|error| LabError::broken(format!("cannot build the objects of {}", scenario.id), error))
     }
 
-    /// Draws a scene with the robot at home and makes a cloud of each object.
+    /// Renders a scene with the robot at home and makes a cloud of each object.
     fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
         let drawn = |error| LabError::broken("cannot draw the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
@@ -150,7 +150,7 @@ impl Bench {
         Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.id.clone(), cloud?)))))
     }
 
-    /// Every pair with every word, some triples, and the goal.
+    /// Every pair with every relation, some triples, and the goal.
     fn compare(
         &self,
         scene: &PosedScene,
@@ -223,7 +223,7 @@ impl Agreement {
     }
 }
 
-/// The scene with the objects where the first alternative of the goal wants them; `None` when no place was found.
+/// The scene with the objects at goal poses of the first alternative; `None` if there are none.
 fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Option<PosedScene> {
     let mut after = scene.clone();
     let steps = moves(&task.goal, scene).into_iter().next()?;
@@ -244,7 +244,7 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-/// Every ordered pair with every word, and for every object one pair of others that it may be between.
+/// Every ordered pair with every relation, and for every object one pair of others that it may be between.
 fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
     for (index, subject) in ids.iter().enumerate() {
@@ -263,7 +263,7 @@ fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
     atoms
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(agreement: &Agreement) -> String {
     let mut lines = vec![["kind", "agree", "compared", "of them true", "excluded"].map(String::from).to_vec()];
     for (kind, tally) in &agreement.by_relation {

@@ -1,4 +1,4 @@
-//! Runs of any size: what a report of many episodes costs, and how quickly their folder opens and goes on.
+//! Large runs: cost of reports, and time to open and resume.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -23,46 +23,46 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::{forget_peak_memory, peak_memory_mb, process_clock};
 
-/// What a run of so many episodes costs.
+/// Cost of a run with a number of episodes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Episodes of the run.
     pub episodes: usize,
-    /// Processor time of `report`, s.
+    /// CPU time of `report`, s.
     pub report_cpu_s: f64,
     /// Size of its page, bytes.
     pub report_bytes: usize,
-    /// Most memory held meanwhile, MiB; `None` where the system does not tell.
+    /// Its peak memory, MiB; `None` if unknown.
     pub report_rss_mb: Option<f64>,
-    /// Processor time of `report --full`, s.
+    /// CPU time of `report --full`, s.
     pub full_cpu_s: f64,
-    /// Most memory held meanwhile, MiB.
+    /// Its peak memory, MiB.
     pub full_rss_mb: Option<f64>,
-    /// Processor time of `report --full` once more, s.
+    /// CPU time of a second `report --full`, s.
     pub full_again_cpu_s: f64,
-    /// Wall-clock time to open the run and look at every episode, s.
+    /// Wall time to open the run and check every episode against the index, s.
     pub open_s: f64,
-    /// Wall-clock time of `collect` when nothing is left to do, s.
+    /// Wall time of `collect` with nothing left to do, s.
     pub resume_s: f64,
-    /// Wall-clock time to look at every episode and make the index of them again, s.
+    /// Wall time to check every episode and rebuild the index, s.
     pub index_rebuild_s: f64,
 }
 
-/// File that marks a folder of copies.
+/// Marker file of a folder with copies.
 const MARK: &str = "synthetic.json";
 
 /// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copy.
 ///
-/// The copies are further attempts at the run's tasks; of the tasks, as many are used as give the number exactly. A copy
-/// has its own id, scenario and files.
+/// The copies are further attempts at the run's tasks, using as many tasks as give the exact number. A copy has its own
+/// id, scenario and files.
 ///
 /// # Errors
-/// When the run has no finished episode, `out` is not empty, or a copy cannot be written, read or drawn.
+/// If the run has no finished episode, `out` is not empty, or a copy cannot be written, read or rendered.
 pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     copy(run, episodes, out, progress)?;
     let (folder, known) = RunFolder::open(out)?;
     let store = folder.store()?;
-    // What is known early is told early: the rest takes long.
+    // Report early results early: the rest takes long.
     let timed = |what: &str, since: Instant| {
         let seconds = since.elapsed().as_secs_f64();
         progress.note(&format!("{what}: {seconds:.2} s"));
@@ -149,7 +149,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
             LabError::input(format!("{} has no finished episode", run.display())).with_hint("collect some first")
         );
     }
-    // Fewest attempts per task that give the number exactly; one task gives any.
+    // The smallest number of attempts per task that gives the exact total; a single task always does.
     let is_exact = |per_task: &usize| episodes.is_multiple_of(*per_task);
     let per_task = (episodes.div_ceil(tasks.len())..=episodes).find(is_exact).unwrap_or(episodes);
     tasks.truncate(episodes / per_task);
@@ -182,7 +182,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     target.save_timings()
 }
 
-/// The figures for people.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let rows = [
         ["episodes".into(), measured.episodes.to_string()],

@@ -1,4 +1,4 @@
-//! Whether intervals cover and tests err as often as they say, by simulation.
+//! Simulated coverage of intervals and type I error of tests.
 
 use std::collections::BTreeMap;
 
@@ -16,53 +16,53 @@ use crate::clock::cpu_clock;
 const RATES: [f64; 13] = [0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98];
 /// Success rates of two policies.
 const PAIRS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-/// Scenarios of a type, and of the suite.
+/// Number of scenarios of a kind, and of the suite.
 const SCENARIOS: [usize; 2] = [50, 200];
-/// Episodes of a scenario, where there are several.
+/// Episodes per scenario, if there are several.
 const EPISODES: usize = 5;
-/// How alike the episodes of a scenario are: correlation of their successes.
+/// Intra-scenario correlation of successes.
 const ALIKE: [f64; 3] = [0.0, 0.3, 0.7];
-/// Resamples of the bootstrap here: fewer than in use, since it is done once per repetition.
+/// Resamples of the bootstrap: fewer than in use, since it runs once per repetition.
 const RESAMPLES: usize = 400;
-/// What takes a bootstrap is repeated so many times less often.
+/// Divisor of the repetitions for methods that need a bootstrap.
 const BOOTSTRAP_SHARE: usize = 10;
 
-/// What was found.
+/// Results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Repetitions of each setting.
     pub repetitions: usize,
     /// Success rates of the grid.
     pub rates: Vec<f64>,
-    /// How often intervals of 95 % hold the truth, by method.
+    /// Coverage of 95 % intervals, by method.
     pub coverage: BTreeMap<&'static str, Coverage>,
-    /// How often tests at 5 % find a difference where there is none: the most over the grid, by test.
+    /// Type I error of tests at level 5 %: maximum over the grid, by test.
     pub type_one_error: BTreeMap<&'static str, Worst>,
-    /// Processor time, s.
+    /// CPU time, s.
     pub cpu_s: f64,
 }
 
 /// Coverage over a grid.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Coverage {
-    /// Settings of the grid.
+    /// Number of grid settings.
     pub settings: usize,
     /// Mean over the grid.
     pub mean: f64,
-    /// Least over the grid.
+    /// Minimum over the grid.
     pub min: f64,
-    /// Where that is.
+    /// Setting of the minimum.
     pub min_at: String,
 }
 
-/// The worst of a grid.
+/// Maximum over a grid.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Worst {
-    /// Settings of the grid.
+    /// Number of grid settings.
     pub settings: usize,
     /// The largest share.
     pub value: f64,
-    /// Where that is.
+    /// Setting of the maximum.
     pub at: String,
 }
 
@@ -85,7 +85,7 @@ impl Worst {
     }
 }
 
-/// Repeats evaluations with known success rates.
+/// Repeats simulated evaluations with known success rates.
 pub fn measure(repetitions: usize, seed: Seed) -> Report {
     let mut clock = cpu_clock();
     let started = clock();
@@ -103,7 +103,7 @@ pub fn measure(repetitions: usize, seed: Seed) -> Report {
     report
 }
 
-/// Intervals of one policy's success.
+/// Coverage of intervals of one policy's success rate.
 fn rates(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     for scenarios in SCENARIOS {
         for (episodes, alike) in [(1, 0.0)].into_iter().chain(ALIKE.map(|alike| (EPISODES, alike))) {
@@ -124,8 +124,9 @@ fn rates(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     }
 }
 
-/// Episodes of one scenario that succeed. Each repeats a draw that all share with the root of the correlation as
-/// probability, and else draws itself: then successes have that correlation and `rate` as their mean.
+/// Number of successes among the episodes of one scenario. With the square root of the correlation as probability, an
+/// episode repeats a shared draw, otherwise it draws independently: successes then have that correlation and the mean
+/// `rate`.
 fn successes(rng: &mut impl Rng, episodes: usize, rate: f64, alike: f64) -> usize {
     let shared = rng.random_bool(rate);
     let copies = alike.sqrt();
@@ -179,8 +180,8 @@ fn pairs(report: &mut Report, settings: &StatisticsSettings, seed: Seed) {
     }
 }
 
-/// Differences of success in the episodes of one scenario. Half of the scenarios are as hard for both policies: what
-/// decides there is one draw for all their episodes; in the others every episode draws for itself.
+/// Differences of success in the episodes of one scenario. Half of the scenarios are equally hard for both policies,
+/// with one draw for all their episodes; in the others every episode draws independently.
 fn differences(rng: &mut impl Rng, episodes: usize, first: f64, second: f64) -> Vec<i8> {
     let shared = rng.random_bool(0.5).then(|| rng.random::<f64>());
     let draw = |rng: &mut dyn FnMut() -> f64, rate: f64| i8::from(shared.unwrap_or_else(rng) < rate);
@@ -192,7 +193,7 @@ fn differences(rng: &mut impl Rng, episodes: usize, first: f64, second: f64) -> 
         .collect()
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let head = ["intervals of 95 %", "settings", "mean coverage", "least", "where"];
     let mut rows = vec![head.map(String::from).to_vec()];

@@ -1,4 +1,4 @@
-//! What a frozen suite is worth: that it is sound, and how often the expert solves it by streams it was not chosen by.
+//! Validity of a frozen suite, and success of the expert on it with fresh random streams.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,31 +17,31 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// What was found.
+/// Results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Scenarios of the suite.
+    /// Number of scenarios.
     pub scenarios: usize,
-    /// Of each type.
+    /// Number by kind.
     pub per_type: BTreeMap<String, usize>,
-    /// Success of the expert, by scenario.
+    /// Success rate of the expert, clustered by scenario.
     pub expert_success: Rate,
-    /// Success weighted by path length, against the shortest way of the certificates.
+    /// Success weighted by path length, relative to the shortest path of the certificates.
     pub spl: Option<Mean>,
-    /// Largest deviation of a balanced trait from its even share, as a part of that.
+    /// Largest relative deviation of a balanced trait from its even share.
     pub worst_marginal: f64,
-    /// Designs refused since their goal was clear without what their type is about.
+    /// Designs rejected because the goal was clear without the property that defines its kind.
     pub necessity_rejected: usize,
-    /// Processor time of checking the suite, s.
+    /// CPU time of checking the suite, s.
     pub check_s: f64,
-    /// What is wrong with the suite.
+    /// Faults of the suite.
     pub faults: Vec<String>,
 }
 
-/// Checks a suite, and lets the expert try every scenario `episodes` times.
+/// Checks a suite, and runs the expert on every scenario `episodes` times.
 ///
 /// # Errors
-/// When the suite cannot be read, or an episode broke.
+/// If the suite cannot be read, or an episode raises an error.
 pub fn measure(
     folder: &Path,
     episodes: usize,
@@ -77,7 +77,7 @@ pub fn measure(
     })
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(report: &Report) -> String {
     let mut rows = vec![["type", "scenarios"].map(String::from).to_vec()];
     rows.extend(report.per_type.iter().map(|(kind, count)| vec![kind.clone(), count.to_string()]));

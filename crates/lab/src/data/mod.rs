@@ -1,4 +1,4 @@
-//! Data sets: what collecting and exporting cost, and whether exported actions still solve the tasks they come from.
+//! Datasets: cost of collecting and exporting, and success of exported actions when played back.
 
 mod playback;
 mod synthetic;
@@ -30,56 +30,55 @@ use crate::episodes::laid_out;
 pub use playback::Missed;
 pub use synthetic::measure as measure_synthetic;
 
-/// What data sets of some episodes cost and are good for.
+/// Cost and playback success of the datasets of some episodes.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and attempts.
     pub seed: u64,
-    /// Verified episodes, one attempt per task; all figures are of these.
+    /// Verified episodes, one attempt per task; all figures refer to these.
     pub episodes: usize,
-    /// Their 60 Hz frames.
+    /// Number of their 60 Hz frames.
     pub frames: usize,
-    /// Processor time of all episodes, s.
+    /// CPU time of all episodes, s.
     pub cpu_s: CpuSeconds,
-    /// Size of colour and depth of the data sets, per camera and row.
+    /// Size of one colour and depth image in the datasets, bytes.
     pub bytes_per_rgbd_frame: f64,
-    /// Processor time of encoding and writing, per camera and row, ms.
+    /// CPU time of encoding and writing one colour and depth image, ms.
     pub encode_and_write_ms_per_rgbd_frame: f64,
-    /// Processor time of an export with pictures that are drawn already, by format, s.
+    /// CPU time of an export with already rendered images, by format, s.
     pub export_s: BTreeMap<&'static str, f64>,
-    /// Share of the episodes that succeed again when the rows of a data set are played back open loop through the policy
-    /// interface, by `ACTION@RATE`; actions with a rotation name it where it is not 6d.
+    /// Share of the episodes that succeed when the rows of a dataset are played back open loop through the policy
+    /// interface, by `ACTION@RATE`; the rotation is named unless it is 6d.
     pub playback: BTreeMap<String, f64>,
-    /// Episodes that did not succeed again.
+    /// Episodes that did not succeed.
     pub missed: Vec<Missed>,
     /// Time of `data check`, s.
     pub check_s: Option<f64>,
-    /// Time to open the data set and its index of episodes, s.
+    /// Time to open the dataset with its episode index, s.
     pub open_s: Option<f64>,
-    /// Time to merge the data set of shards, s; null unless asked for.
+    /// Time to merge the dataset from shards, s; null unless requested.
     pub merge_s: Option<f64>,
-    /// Size of the data set and its depth sibling.
+    /// Size of the dataset and its depth sibling, bytes.
     pub dataset_bytes: u64,
 }
 
-/// Where the processor time goes.
+/// CPU time by stage, s.
 #[derive(Debug, Default, Serialize)]
 pub struct CpuSeconds {
     /// Layout, planning and physics.
     pub simulate: f64,
-    /// Drawing colour and depth.
+    /// Rendering of colour and depth.
     pub render: f64,
-    /// Compressing them.
+    /// Encoding.
     pub encode: f64,
     /// Writing episodes and tracks into the store.
     pub write: f64,
 }
 
-/// Collects one attempt per task into `folder`, which is made and must not exist, exports what was verified and plays it
-/// back.
+/// Collects one attempt per task into the new folder `folder`, exports the verified ones and plays them back.
 ///
 /// # Errors
-/// When a stage broke or the disk refuses; an attempt that fails is left out.
+/// If a stage or the disk fails; failed attempts are left out.
 pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
@@ -166,7 +165,7 @@ fn attempted(
     Ok((stage, episode))
 }
 
-/// Stores an episode and its pictures as `collect` does, each part timed.
+/// Stores an episode and its images as `collect` does, each part timed.
 fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
     let not_drawn = |error: RolloutError| LabError::broken(format!("cannot draw {}", episode.result.id), error);
     let mut clock = cpu_clock();
@@ -228,7 +227,7 @@ fn bytes_below(folder: &Path) -> u64 {
     bytes
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let mut rows = vec![["what", "measured"].map(String::from).to_vec()];
     let mut row = |what: &str, measured: String| rows.push(vec![what.into(), measured]);

@@ -22,22 +22,22 @@ use serde::Serialize;
 
 use crate::LabError;
 
-/// The rate at which every rotation is played back; at the others only the usual one, since a rotation changes how a
-/// number is written and not when it is applied.
+/// Rate at which every rotation is played back; at the others only the default one, since rotations differ in notation,
+/// not in timing.
 const RATE_OF_ROTATIONS: u32 = 15;
 
-/// An episode that did not succeed again.
+/// An episode that did not succeed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Missed {
     /// `ACTION@RATE`.
     pub action: String,
-    /// The episode.
+    /// Id of the episode.
     pub episode: String,
-    /// What was seen.
+    /// Evidence.
     pub why: String,
 }
 
-/// Success of every action at every rate, and the episodes that missed.
+/// Success of every action at every rate, and the failed episodes.
 pub(super) fn measure(
     recorded: &[(Stage, Episode)],
     store: &EpisodeStore,
@@ -83,7 +83,7 @@ pub(super) fn measure(
     Ok((playback, missed))
 }
 
-/// Every action at every rate with the usual rotation, and every rotation at one rate; with their names.
+/// Every action at every rate with the default rotation, and every rotation at one rate, with their names.
 fn choices() -> Vec<(String, ActionSpec, u32)> {
     let usual = ROTATIONS[0].1;
     let mut choices = Vec::new();

@@ -1,4 +1,4 @@
-//! A large data set of made-up episodes: what checking and opening one costs.
+//! A large synthetic dataset: cost of checking and opening it.
 
 use genmanip_workspace::worlds;
 use std::fs;
@@ -21,19 +21,19 @@ use crate::LabError;
 use crate::clock::process_clock;
 use crate::episodes::laid_out;
 
-/// Rows of an episode, and pixels per side of its pictures.
+/// Rows of an episode, and side length of its images, px.
 const ROWS: usize = 30;
 const SIDE_PX: u32 = 64;
-/// Scenarios that the episodes take turns with, and as many sets of pictures.
+/// Number of distinct scenarios and image sets, which the episodes use in turn.
 const SCENARIOS: usize = 8;
-/// Rows per second; there is one control step per row.
+/// Rows per second; one control step per row.
 const RATE_HZ: u32 = 15;
 
-/// Writes a data set of `count` made-up episodes into `folder`, which is made and must not exist, opens and checks it;
-/// with `shards` also as so many data sets, which are merged.
+/// Writes a dataset of `count` synthetic episodes into the new folder `folder`, opens and checks it; with `shards` also
+/// as that many datasets, which are merged.
 ///
 /// # Errors
-/// When no task can be laid out, the disk refuses, or the check finds anything.
+/// If no task can be laid out, the disk fails, or the check reports findings.
 pub fn measure(
     (count, shards): (usize, Option<usize>),
     tasks: &[Task],
@@ -106,10 +106,10 @@ pub fn measure(
     })
 }
 
-/// Writes episodes of these numbers as a data set.
+/// Writes the episodes with these numbers as a dataset.
 type Write<'a> = dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError> + 'a;
 
-/// Writes the episodes as shards, merges and checks them; how long merging took, s.
+/// Writes the episodes as shards, merges and checks them; returns the time of merging, s.
 fn merged(
     count: usize,
     shards: usize,
@@ -135,7 +135,7 @@ fn merged(
     }
 }
 
-/// Joints that swing about home, and a tool that follows; nothing else moves.
+/// Arm joints that oscillate about home and a tool that follows; nothing else moves.
 fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -> Episode {
     let scenario = Scenario { id: format!("{}-{number}", scenario.id), ..scenario.clone() };
     let swing = |joint: usize, row: usize| {
@@ -195,7 +195,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
     Episode { frames: frames.collect(), initial_state: Vec::new(), final_state: Vec::new(), result, scenario }
 }
 
-/// What the data cameras see: a square that wanders over a shaded ground.
+/// Synthetic camera image: a square that moves over a shaded background.
 fn tracks(number: usize) -> Result<Vec<CameraTrack>, DataError> {
     let intrinsics = Intrinsics::from_vertical_fov(SIDE_PX, SIDE_PX, 0.8);
     ExportSettings::default()

@@ -1,4 +1,4 @@
-//! One call of the program under limits.
+//! One call of the program under resource limits.
 
 use super::HostileArguments;
 use std::fs::File;
@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 use super::Room;
 use crate::LabError;
 
-/// What a call may need.
+/// Resource limits of a call.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// Address space, MiB: never less than the memory in use.
     pub(super) memory_mib: u64,
-    /// Processor time, s.
+    /// CPU time, s.
     pub(super) cpu_s: u64,
-    /// Longest time without any use of the processor, s: for what waits without working.
+    /// Maximum time without CPU use, s, for calls that block.
     pub(super) idle_s: u64,
 }
 
@@ -27,23 +27,23 @@ impl Default for Limits {
     }
 }
 
-/// How a call ended.
+/// Outcome of a call.
 #[derive(Debug)]
 pub(super) struct Ended {
-    /// Exit code; none when a signal ended it.
+    /// Exit code; `None` if a signal ended it.
     pub(super) code: Option<i32>,
     pub(super) stdout: String,
     pub(super) stderr: String,
-    /// Processor time.
+    /// CPU time, s.
     pub(super) cpu_s: f64,
-    /// Most memory in use, MiB, as last seen while it ran.
+    /// Peak memory, MiB, sampled while it ran.
     pub(super) peak_mib: u64,
     signal: Option<i32>,
-    /// What its threads were waiting for when it had done nothing for too long.
+    /// States of its threads when it was idle for too long.
     waited_for: Option<String>,
 }
 
-/// Signals: a limit of processor time that was met, and the one sent after waiting too long.
+/// Signals: CPU limit reached, and the one sent after idling too long.
 const SIGXCPU: i32 = 24;
 const SIGKILL: i32 = 9;
 
@@ -56,7 +56,7 @@ impl Ended {
         self.waited_for.is_some() || self.signal == Some(SIGXCPU) || self.signal == Some(SIGKILL)
     }
 
-    /// How it was too slow.
+    /// Reason why it was too slow.
     pub(super) fn slowness(&self) -> String {
         match &self.waited_for {
             Some(threads) => format!("too slow (waits without working; its threads: {threads})"),
@@ -68,13 +68,13 @@ impl Ended {
         self.code == Some(101) || self.code.is_none() || self.stderr.contains("panicked at")
     }
 
-    /// What a verb prints although it ends with 1.
+    /// Standard output of a subcommand that exits with 1.
     pub(super) fn stdout_if_refused(&self) -> String {
         self.stdout.chars().take(2000).collect()
     }
 }
 
-/// Calls `genmanip`, or `genmanip-lab` where the first word is `lab`, in the room; `sh` sets the limits, since a library
+/// Runs `genmanip`, or `genmanip-lab` if the first word is `lab`, in the sandbox; `sh` sets the limits, since a library
 /// cannot do that safely between fork and exec.
 pub(super) fn run(
     arguments: &HostileArguments,
@@ -121,7 +121,7 @@ pub(super) fn run(
             None => {
                 peak_mib = peak_mib.max(peak_mib_of(child.id()));
                 let now_used = cpu_s(&child.id().to_string(), OWN);
-                // Whoever waits for a slow disk makes no progress either, and is not to blame.
+                // Waiting for a slow disk makes no progress either, and is not the program's fault.
                 if now_used > used || threads(child.id()).iter().any(|thread| thread.starts_with(ON_DISK)) {
                     (used, used_at) = (now_used, Instant::now());
                 }
@@ -149,22 +149,22 @@ pub(super) fn run(
     })
 }
 
-/// Most memory that a process has had in use, MiB (Linux); 0 where that is not known.
+/// Peak memory of a process, MiB (Linux); 0 if unknown.
 fn peak_mib_of(process: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
     peak.unwrap_or(0_u64) >> 10
 }
 
-/// Where a process's own processor time stands among the fields of its `stat`, and that of its children that have ended
-/// (counted behind the name of the program).
+/// Field index of a process's own CPU time in its `stat`, and of that of its terminated children, counted after the
+/// program name.
 const OWN: usize = 11;
 const OF_CHILDREN: usize = 13;
 
-/// The state of a thread in which nothing can interrupt it, mostly because it waits for the disk.
+/// State of a thread in uninterruptible sleep, usually waiting for the disk.
 const ON_DISK: char = 'D';
 
-/// The state of each thread of a process, and what it waits for in the kernel (Linux).
+/// State and kernel wait channel of each thread of a process (Linux).
 fn threads(process: u32) -> Vec<String> {
     let tasks = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
     let about = |task: std::fs::DirEntry| {
@@ -176,12 +176,12 @@ fn threads(process: u32) -> Vec<String> {
     tasks.map(about).collect()
 }
 
-/// Processor time of all children that have ended, s.
+/// CPU time of all terminated children, s.
 fn children_cpu_s() -> f64 {
     cpu_s("self", OF_CHILDREN)
 }
 
-/// Processor time of a process, s (Linux; clock ticks of 10 ms).
+/// CPU time of a process, s (Linux; clock ticks of 10 ms).
 fn cpu_s(process: &str, first_field: usize) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();

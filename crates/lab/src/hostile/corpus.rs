@@ -1,4 +1,4 @@
-//! Sound inputs of every kind, and the calls that read them.
+//! Valid inputs of every kind, and the calls that read them.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use super::imports::Imports;
 use super::{HostileArguments, Room, imports, listing, mutate};
 use crate::LabError;
 
-/// What is changed, in the names of `by_kind`.
+/// Kinds of inputs, with the names of `by_kind`.
 pub const KINDS: [&str; 24] = [
     "tasks",
     "answers",
@@ -41,38 +41,38 @@ pub const KINDS: [&str; 24] = [
     "dataset-original",
     FULL,
 ];
-/// Files as large as is read; each costs seconds, so they are rare.
+/// Files at the size limit; each takes seconds, so they are rare.
 pub(super) const FULL: &str = "full";
 
-/// How the kinds of data sets begin.
+/// Prefix of the kinds of datasets.
 const DATASET: &str = "dataset-";
 
-/// What lies in a file's place.
+/// Content of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
     Bytes(Vec<u8>),
-    /// A link to a file outside.
+    /// A link to a file outside the sandbox.
     LinkOutside,
-    /// A link to a device that never ends.
+    /// A link to an endless device.
     LinkZero,
     Pipe,
     Folder,
     Nothing,
 }
 
-/// One call and the files it meets.
+/// One call and its input files.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) kind: String,
     pub(super) files: Vec<(String, Content)>,
-    /// Files that may be changed.
+    /// Indices of the files that may be mutated.
     targets: Vec<usize>,
     pub(super) call: Vec<String>,
-    /// Whether a refusal must leave the folder as it was.
+    /// True if a refusal must leave the folder unchanged.
     pub(super) only_reads: bool,
 }
 
-/// Sound inputs.
+/// Valid inputs.
 pub(super) struct Corpus {
     tasks: Vec<(String, Vec<u8>)>,
     /// A run of two tasks with an evaluation.
@@ -82,7 +82,7 @@ pub(super) struct Corpus {
     problems: Vec<u8>,
     cassettes: Vec<(String, Vec<u8>)>,
     grasps: Vec<u8>,
-    /// The run as data sets of several formats.
+    /// The run as datasets of several formats.
     datasets: Vec<(String, Vec<u8>)>,
     imports: Imports,
     kept: Vec<Case>,
@@ -102,7 +102,7 @@ const SETTINGS: &str = "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmodel = 
 const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, idle_s: 600 };
 
 impl Corpus {
-    /// Makes the sound inputs with the program itself.
+    /// Makes the valid inputs with the program itself.
     pub(super) fn make(arguments: &HostileArguments, room: &Room) -> Result<Self, LabError> {
         let HostileArguments { project, .. } = arguments;
         let examples = project.join("examples/tasks");
@@ -117,7 +117,7 @@ impl Corpus {
         };
         let example = |name: &str| examples.join(name).display().to_string();
         let (first, second) = (example("021_spatial.json"), example("024_appearance.json"));
-        // Objects to import need nothing of the program.
+        // Objects to import do not need the program.
         let needs_program = arguments.readers || !arguments.kind.as_deref().is_some_and(imports::is_kind);
         if needs_program {
             run(&["collect", &first, &second, "--episodes", "1", "--no-dataset", "--seed", "3", "--out", "run"])?;
@@ -166,7 +166,7 @@ impl Corpus {
         Ok(corpus)
     }
 
-    /// The data set of a kind with its siblings, and the calls that read it.
+    /// The dataset of a kind with its siblings, and the calls that read it.
     fn dataset(&self, kind: &str) -> (Vec<(String, Content)>, &'static [&'static str]) {
         let name = kind.trim_start_matches(DATASET);
         let content = |(name, bytes): &(String, Vec<u8>)| (name.clone(), Content::Bytes(bytes.clone()));
@@ -201,7 +201,7 @@ impl Corpus {
         self.kept.clone()
     }
 
-    /// A sound input of a kind with a call that reads it.
+    /// A valid input of a kind with a call that reads it.
     pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Result<Case, LabError> {
         if kind == FULL {
             return self.full(rng);
@@ -306,7 +306,7 @@ impl Corpus {
             }
         };
         let call: Vec<String> = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
-        // What a refused call of these has finished is kept.
+        // Completed parts of a refused call are kept.
         let writes = ["evaluate", "report", "new", "preview", "card"];
         let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
         let is_target = |name: &str| match kind {
@@ -325,22 +325,22 @@ impl Corpus {
         Ok(Case { kind: kind.into(), files, targets, call, only_reads })
     }
 
-    /// What files are filled with that are as large as is read.
+    /// Contents of files at the size limit.
     pub(super) fn fillings(&self) -> &[Filling] {
         &self.fillings
     }
 
-    /// The run of two tasks, as it is.
+    /// The unmodified run of two tasks.
     pub(super) fn run_of_two(&self) -> Result<Case, LabError> {
         self.case("episodes", &mut Seed::new(0).rng())
     }
 
-    /// A file as large as its reader takes, in the place of a sound one.
+    /// A file at its reader's size limit in place of a valid one.
     fn full(&self, rng: &mut impl Rng) -> Result<Case, LabError> {
         self.filled(&self.fillings[rng.random_range(0..self.fillings.len())])
     }
 
-    /// The same for one filling.
+    /// The same for one content.
     pub(super) fn filled(&self, filling: &Filling) -> Result<Case, LabError> {
         let kind = match filling.file.split_once('/') {
             Some(("run", _)) => "episodes",
@@ -367,7 +367,7 @@ impl Corpus {
 }
 
 impl Case {
-    /// Changes one file in one place.
+    /// Mutates one file in one place.
     pub(super) fn change(&mut self, rng: &mut impl Rng) {
         if self.kind == FULL {
             return;
@@ -393,13 +393,13 @@ impl Case {
             Some("toml" | "urdf" | "srdf" | "obj" | "mtl" | "xml") if !is_blind => mutate::tokens(bytes, rng),
             _ => mutate::blind(bytes, rng),
         }
-        // A liar also changes the hashes.
+        // Sometimes update the hashes, so that the mutation passes the integrity check.
         if self.kind == "episodes" && rng.random_bool(0.6) {
             self.hash_again(&name);
         }
     }
 
-    /// Makes the record of an episode say what its file is now.
+    /// Updates size and hash of a file in the record of its episode.
     fn hash_again(&mut self, name: &str) {
         let Some((folder, file)) = name.rsplit_once('/') else { return };
         let changed = self.files.iter().find(|(known, _)| known == name);
@@ -416,7 +416,7 @@ impl Case {
         *text = value.to_string().into_bytes();
     }
 
-    /// Names by one of which a message can say where something is wrong.
+    /// Names that count as a location in a message.
     pub(super) fn places(&self) -> Vec<String> {
         let names = self.targets.iter().map(|&index| self.files[index].0.as_str());
         let mut places: Vec<String> = names.flat_map(|name| name.rsplit('/').next()).map(String::from).collect();
@@ -446,7 +446,7 @@ impl Case {
 }
 
 impl Content {
-    /// Puts it into its place; `outside` is the folder that must stay as it is.
+    /// Writes the content; `outside` is the folder that must not change.
     pub(super) fn write(&self, path: &Path, outside: &Path) -> std::io::Result<()> {
         use std::os::unix::fs::symlink;
         match self {
@@ -470,7 +470,7 @@ fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
     Ok(files)
 }
 
-/// One folder each: its files, and in `call.txt` its kind and the words of the call, a line each.
+/// Kept cases, one folder each: the files, and in `call.txt` the kind and the words of the call, one per line.
 fn kept(folder: &Path) -> Result<Vec<Case>, LabError> {
     let mut cases = Vec::new();
     let mut names: Vec<_> = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();

@@ -1,14 +1,14 @@
-//! Files that are as large as their readers take, filled with what costs most and with sound entries.
+//! Files at their reader's size limit, filled with the most expensive and with valid entries.
 
 use std::borrow::Cow;
 
 use genmanip_core::limits::{self, Limit};
 use serde_json::Value;
 
-/// A reader's file, its bound, and what it is filled with.
+/// A reader's file, its size limit, and its content.
 #[derive(Clone, Debug)]
 pub(super) struct Filling {
-    /// The file that is filled.
+    /// Name of the file.
     pub(super) file: Cow<'static, str>,
     pub(super) limit: Limit,
     before: Cow<'static, str>,
@@ -142,16 +142,16 @@ const FILLINGS: [Filling; 45] = [
     ),
 ];
 
-/// Longer records of runs are read, task by task, with no more memory; this much is read in the time that is allowed.
+/// Longer run records are read task by task in the same memory; this size is read within the time limit.
 const LONG_RUN: Limit = Limit { what: "the record of a run", bytes: 192 << 20 };
 
 impl Filling {
-    /// Those that are the same for every corpus.
+    /// Contents that do not depend on the corpus.
     pub(super) fn fixed() -> Vec<Self> {
         FILLINGS.to_vec()
     }
 
-    /// Sound documents of a run that are as long as they may be; `value` gives the JSON of one of its files.
+    /// Valid documents of a run at maximum length; `value` returns the JSON of one of its files.
     pub(super) fn sound(value: impl Fn(&str) -> Option<Value>) -> Vec<Self> {
         const REPORT: &str = "run/evaluation/do_nothing_seconds=0.1.json";
         let run =
@@ -161,7 +161,7 @@ impl Filling {
         [run, report, value(REPORT).and_then(|report| Self::results(&report))].into_iter().flatten().collect()
     }
 
-    /// Unfinished results: the first of an evaluation, line by line.
+    /// Unfinished results: the first result of an evaluation, line by line.
     fn results(report: &Value) -> Option<Self> {
         let mut line = serde_json::json!({"schema": "genmanip.result/2"});
         line.as_object_mut()?.extend(report.get("results")?.get(0)?.as_object()?.clone());
@@ -175,7 +175,7 @@ impl Filling {
         })
     }
 
-    /// A sound document whose list is its first entry over and over.
+    /// A valid document with the first entry of its list repeated.
     fn repeating(
         (file, limit): (&'static str, Limit),
         mut document: Value,
@@ -191,7 +191,7 @@ impl Filling {
         Some(Self { file: file.into(), limit, before: before.into(), unit: unit.into(), after: after.into(), call })
     }
 
-    /// A file that is just as large as is read.
+    /// A file exactly at the size limit.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let Self { before, unit, after, limit, .. } = self;
         let room = limit.bytes as usize - before.len() - after.len();

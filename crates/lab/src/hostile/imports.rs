@@ -1,6 +1,6 @@
-//! Objects to import: small sound files of every format, kept in `crates/import/testdata/sound`.
+//! Objects to import: small valid files of every format, kept in `crates/import/testdata/sound`.
 //!
-//! A folder per kind; every file in it may be changed, and the call imports one of those that describe an object.
+//! One folder per kind; every file in it may be mutated, and the call imports one that describes an object.
 
 use std::path::Path;
 
@@ -10,9 +10,9 @@ use super::child::Ended;
 use super::listing;
 use crate::LabError;
 
-/// Where the files lie in the project.
+/// Location of the files in the project.
 const FOLDER: &str = "crates/import/testdata/sound";
-/// Kinds with the endings of the files that are imported.
+/// Kinds with the extension of the files that are imported.
 const FORMATS: [(&str, &str); 7] = [
     ("import-glb", ".glb"),
     ("import-gltf", ".gltf"),
@@ -26,19 +26,19 @@ const FORMATS: [(&str, &str); 7] = [
 /// Names and bytes.
 type NamedFiles = Vec<(String, Vec<u8>)>;
 
-/// Sound files of every format.
+/// Valid files of every format.
 pub(super) struct Imports {
-    /// By [`FORMATS`].
+    /// In the order of [`FORMATS`].
     files: Vec<NamedFiles>,
 }
 
-/// Whether a kind is one of objects to import.
+/// True if a kind is an object to import.
 pub(super) fn is_kind(kind: &str) -> bool {
     FORMATS.iter().any(|(known, _)| *known == kind)
 }
 
 impl Imports {
-    /// Reads the sound files.
+    /// Reads the valid files.
     pub(super) fn read(project: &Path) -> Result<Self, LabError> {
         let format = |(kind, ending): &(&str, &str)| {
             let folder = project.join(FOLDER).join(kind.trim_start_matches("import-"));
@@ -52,7 +52,7 @@ impl Imports {
         Ok(Self { files: FORMATS.iter().map(format).collect::<Result<_, _>>()? })
     }
 
-    /// The files of a kind, and the call that imports one of them; `None` of other kinds.
+    /// The files of a kind, and the call that imports one of them; `None` for other kinds.
     pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Option<(&NamedFiles, Vec<String>)> {
         let index = FORMATS.iter().position(|(known, _)| *known == kind)?;
         let files = &self.files[index];
@@ -64,7 +64,7 @@ impl Imports {
     }
 }
 
-/// What the row of a refused object lacks: which file, what is wrong with it, or a hint.
+/// The part missing in the row of a refused object: file name, description of the error, or hint.
 pub(super) fn lacks(ended: &Ended) -> Option<&'static str> {
     let Ok(serde_json::Value::Array(rows)) = serde_json::from_str(&ended.stdout) else { return None };
     let is_empty = |row: &serde_json::Value, key: &str| row[key].as_str().is_none_or(|text| text.trim().is_empty());

@@ -1,8 +1,7 @@
-//! Hostile files: everything a person may hand to the program, changed at random, against the program itself.
+//! Hostile files: randomly mutated input of every kind, passed to the program itself.
 //!
-//! Each try is one call of the real program in a folder of its own, under limits of memory and processor time. It may
-//! accept what it gets or refuse it with one clear message; it may not panic, hang, exceed its memory or write anywhere
-//! else.
+//! Each try is one call of the real program in a sandbox folder, under limits of memory and CPU time. It may accept its
+//! input or refuse it with one clear message; it must not panic, hang, exceed its memory or write outside the folder.
 
 mod child;
 mod corpus;
@@ -30,84 +29,84 @@ use corpus::{Case, Corpus};
 pub use readers::Reader;
 pub use starts::Starts;
 
-/// What is tried.
+/// Settings of the measurement.
 #[derive(Clone, Debug)]
 pub struct HostileArguments {
-    /// The program `genmanip`.
+    /// Path of `genmanip`.
     pub program: PathBuf,
-    /// The program `genmanip-lab`.
+    /// Path of `genmanip-lab`.
     pub lab: PathBuf,
-    /// Folder with `examples/tasks`, cassettes and the kept corpus: the project's.
+    /// Project folder, with `examples/tasks`, cassettes and the kept corpus.
     pub project: PathBuf,
-    /// Processor time of all calls together, minutes.
+    /// CPU time of all calls together, min.
     pub minutes: f64,
-    /// Only this kind.
+    /// Only this kind of input.
     pub kind: Option<String>,
     /// File for all messages.
     pub refusals: Option<PathBuf>,
     /// Folder for inputs that broke something.
     pub found: Option<PathBuf>,
-    /// Whether every reader is measured on files of its largest size.
+    /// True to measure every reader on files at its size limit.
     pub readers: bool,
-    /// Pairs of starts that race for one folder.
+    /// Number of pairs of starts that race for one folder.
     pub races: usize,
-    /// Moments at which a run is killed.
+    /// Number of kills at random moments.
     pub kills: usize,
 }
 
-/// What was measured.
+/// Results.
 #[derive(Debug, Default, Serialize)]
 pub struct Measured {
-    /// Calls.
+    /// Number of calls.
     pub tried: u64,
-    /// Calls by what was changed.
+    /// Calls by kind of input.
     pub by_kind: BTreeMap<String, ByKind>,
     /// Calls that panicked or were ended by a signal.
     pub panics: u64,
-    /// Calls that needed more than 10 s of processor time, or waited for a minute without working.
+    /// Calls that used more than 10 s of CPU time, or idled for a minute.
     pub hangs: u64,
-    /// Calls that needed more than 1 GiB of memory.
+    /// Calls that exceeded 1 GiB of memory.
     pub over_memory: u64,
-    /// Calls that wrote, changed or removed something outside of their folder, or changed what they were only to read.
+    /// Calls that wrote, changed or removed something outside their folder, or modified read-only input.
     pub wrote_outside: u64,
-    /// Messages that lack place, expectation, what was found or a hint.
+    /// Messages without location, expectation, actual value or hint.
     pub unclear: Vec<String>,
-    /// What broke: kind, what happened, the call, and the input's file under `--found`.
+    /// Violations: kind, description, the call, and the input's file under `--found`.
     pub broken: Vec<String>,
-    /// Processor time of all calls, s.
+    /// CPU time of all calls, s.
     pub cpu_s: f64,
-    /// The slowest call that ended well, s of processor time, and what it was.
+    /// CPU time of the slowest call that ended normally, s.
     pub slowest_s: f64,
-    /// Which call that was.
+    /// That call.
     pub slowest: String,
-    /// What every reader needs for files of its largest size, if that was asked for.
+    /// Cost of every reader on files at its size limit, if requested.
     pub readers: Vec<Reader>,
-    /// Starts that raced, and runs that were killed.
+    /// Results of racing starts and kills.
     pub starts: Option<Starts>,
-    /// Seed of the changes.
+    /// Seed of the mutations.
     pub seed: u64,
 }
 
 /// Calls on one kind of input.
 #[derive(Debug, Default, Serialize)]
 pub struct ByKind {
-    /// Calls.
+    /// Number of calls.
     pub tried: u64,
-    /// Calls that took the input as it was.
+    /// Calls that accepted the input.
     pub accepted: u64,
     /// Calls that refused it.
     pub refused: u64,
 }
 
-/// Most unclear messages and broken calls that are listed.
+/// Maximum number of unclear messages and violations listed.
 const SHOWN: usize = 200;
-/// How often an input is changed in one place; sometimes in several.
+/// Probability that an input is mutated in a single place; otherwise in several.
 const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
 
-/// Tries changed inputs for some minutes of processor time; when `stop` becomes true, what was measured until then counts.
+/// Tries mutated inputs for some minutes of CPU time; if `stop` becomes true, returns the results so far.
 ///
 /// # Errors
-/// When the program cannot be started, or the sound inputs cannot be made.
+/// If the program cannot be started, or the valid inputs cannot be made.
 pub fn measure(
     arguments: &HostileArguments,
     seed: Seed,
@@ -123,7 +122,7 @@ pub fn measure(
     progress.begin("trying", (budget_s.max(1.0)) as usize);
     let mut rng = seed.fork("hostile").rng();
     let mut done = 0;
-    // First what once broke something.
+    // Inputs that once broke something come first.
     let kept = corpus.kept().into_iter().filter(|case| arguments.kind.as_ref().is_none_or(|kind| *kind == case.kind));
     for case in kept.collect::<Vec<_>>() {
         attempt(arguments, &room, &case, (&mut measured, &mut refusals), stop)?;
@@ -168,7 +167,7 @@ fn attempt(
     let before = if case.only_reads { listing(&room.work()) } else { BTreeMap::new() };
     let ended = child::run(arguments, &case.call, room, Limits::default())?;
     if stop.load(Ordering::Relaxed) {
-        // What stops this program may have ended the call, too.
+        // The signal that stops this program may have ended the call too.
         return room.clear();
     }
     measured.tried += 1;
@@ -213,13 +212,13 @@ fn attempt(
     room.clear()
 }
 
-/// What a message lacks: place, expectation, what was found, or a hint.
+/// The part missing in a message: location, expectation, actual value, or hint.
 fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
     if imports::is_kind(&case.kind) && !ended.stdout.trim().is_empty() {
         return imports::lacks(ended);
     }
     let said = &ended.stderr;
-    // Verdicts on answers, tasks, worlds and episodes are tables on stdout, with a line of talk at most.
+    // Verdicts on answers, tasks, worlds and episodes are tables on stdout, with at most one line of log.
     if ended.code == Some(1) && !ended.stdout.trim().is_empty() {
         return None;
     }
@@ -258,7 +257,7 @@ fn last_lines(text: &str) -> String {
     lines[lines.len().saturating_sub(3)..].join(" / ")
 }
 
-/// Copies what broke something; says where it lies.
+/// Saves an input that broke something; returns its location.
 fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -> Result<String, LabError> {
     let Some(folder) = &arguments.found else { return Ok(String::new()) };
     let folder = folder.join(format!("{}-{number}", case.kind));
@@ -275,7 +274,7 @@ fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -
     Ok(format!(" ({})", folder.display()))
 }
 
-/// A folder to work in, beside things that must stay as they are.
+/// Sandbox: a working folder next to files that must not change.
 pub(super) struct Room {
     root: PathBuf,
     outside: BTreeMap<String, Vec<u8>>,
@@ -304,7 +303,7 @@ impl Room {
         self.root.join("outside")
     }
 
-    /// Lays the files of a case out.
+    /// Writes the files of a case.
     fn fill(&self, case: &Case) -> Result<(), LabError> {
         self.clear()?;
         for (name, content) in &case.files {
@@ -337,7 +336,7 @@ impl Drop for Room {
     }
 }
 
-/// All files under a folder with what they hold; links and pipes by their kind.
+/// All files under a folder with their contents; links and pipes by their kind.
 pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![root.to_owned()];
@@ -362,7 +361,7 @@ pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let mut text = format!(
         "tried          {} calls, {:.0} s of processor time, slowest {:.2} s ({})\n\

@@ -1,9 +1,9 @@
-//! Changes of texts, JSON and bytes: some blind, some that know what they change.
+//! Mutations of text, JSON and bytes: blind ones, and ones that respect the format.
 
 use rand::{Rng, RngExt};
 use serde_json::{Map, Value, json};
 
-/// Numbers that readers trip over, as they are written.
+/// Problematic numbers, as text.
 const NUMBERS: [&str; 26] = [
     "0",
     "-0.0",
@@ -32,7 +32,7 @@ const NUMBERS: [&str; 26] = [
     "-inf",
     "1e999",
 ];
-/// Texts that readers trip over.
+/// Problematic strings.
 const TEXTS: [&str; 14] = [
     "",
     " ",
@@ -62,7 +62,7 @@ fn text(rng: &mut impl Rng) -> String {
     }
 }
 
-/// A JSON value of any kind.
+/// A random JSON value.
 fn value(rng: &mut impl Rng) -> Value {
     match rng.random_range(0..9) {
         0 => Value::Null,
@@ -75,7 +75,7 @@ fn value(rng: &mut impl Rng) -> Value {
     }
 }
 
-/// Changes one place of a JSON text; a text that is none is changed as bytes.
+/// Mutates one place of a JSON text; invalid JSON is mutated as bytes.
 pub(super) fn json(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let Ok(mut document) = serde_json::from_slice::<Value>(bytes) else { return blind(bytes, rng) };
     let count = count(&document);
@@ -92,7 +92,7 @@ fn count(value: &Value) -> usize {
     }
 }
 
-/// Changes the value that is `place` further on in the order of the text.
+/// Mutates the value `place` positions further in document order.
 fn change(value: &mut Value, place: &mut usize, rng: &mut impl Rng) -> bool {
     if *place == 0 {
         replace(value, rng);
@@ -148,7 +148,7 @@ fn replace(place: &mut Value, rng: &mut impl Rng) {
     }
 }
 
-/// Changes a text of tokens (TOML, XML, OBJ) at one place: a number, a quoted text, or a line.
+/// Mutates a tokenised text (TOML, XML, OBJ) in one place: a number, a quoted string, or a line.
 pub(super) fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let Ok(text) = String::from_utf8(bytes.clone()) else { return blind(bytes, rng) };
     let changed = match rng.random_range(0..6) {
@@ -186,7 +186,7 @@ pub(super) fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     *bytes = changed.into_bytes();
 }
 
-/// Puts something else into one of some spans.
+/// Replaces one of several spans.
 fn in_one<R: Rng>(text: &str, spans: &[(usize, usize)], rng: &mut R, new: &dyn Fn(&str, &mut R) -> String) -> String {
     if spans.is_empty() {
         return text.to_owned();
@@ -196,7 +196,7 @@ fn in_one<R: Rng>(text: &str, spans: &[(usize, usize)], rng: &mut R, new: &dyn F
     format!("{}{inside}{}", &text[..from], &text[to..])
 }
 
-/// Runs of characters of one class that hold a digit.
+/// Runs of characters of one class that contain a digit.
 fn spans(text: &str, belongs: impl Fn(char) -> bool) -> Vec<(usize, usize)> {
     let (mut found, mut start) = (Vec::new(), None);
     for (index, c) in text.char_indices().chain([(text.len(), ' ')]) {
@@ -214,13 +214,13 @@ fn spans(text: &str, belongs: impl Fn(char) -> bool) -> Vec<(usize, usize)> {
     found
 }
 
-/// What stands between double quotes.
+/// Contents of double quotes.
 fn quoted(text: &str) -> Vec<(usize, usize)> {
     let marks: Vec<usize> = text.match_indices('"').map(|(index, _)| index).collect();
     marks.chunks_exact(2).map(|pair| (pair[0] + 1, pair[1])).collect()
 }
 
-/// Changes bytes without knowing what they mean.
+/// Mutates bytes without regard to the format.
 pub(super) fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     if bytes.is_empty() {
         bytes.extend((0..rng.random_range(1..64)).map(|_| rng.random::<u8>()));
@@ -242,7 +242,7 @@ pub(super) fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
             bytes.splice(at..at, noise);
         }
         6 => bytes[at..at + some].fill([0, 0xff][rng.random_range(0..2)]),
-        // Four bytes that are a number in many formats.
+        // Four bytes are a number in many formats.
         _ => {
             let number = [0_u32, 1, 0x7fff_ffff, 0xffff_ffff, 1 << 20, f32::NAN.to_bits(), 1e30_f32.to_bits()];
             let number = number[rng.random_range(0..number.len())].to_le_bytes();
@@ -262,7 +262,7 @@ mod tests {
     fn changes_are_the_same_for_a_seed_and_never_the_input_alone() {
         let samples =
             [&b"{\"a\": [1, {\"b\": \"x\"}], \"c\": null}"[..], b"a = 1.5\n[b]\nc = \"x\"\n", b"\xff\x00\x80", b""];
-        // Two of the four samples have no tokens to change.
+        // Two of the four samples have no tokens to mutate.
         for (name, least) in [("json", 1500), ("tokens", 700), ("blind", 1500)] {
             let all = |seed: u64| -> Vec<Vec<u8>> {
                 let mut rng = Seed::new(seed).rng();

@@ -1,4 +1,4 @@
-//! What every reader needs for files of its largest size.
+//! Cost of every reader on files at its size limit.
 
 use std::fs;
 
@@ -11,31 +11,31 @@ use super::corpus::Corpus;
 use super::{HostileArguments, Room};
 use crate::LabError;
 
-/// What a reader needs for a file of its largest size.
+/// Cost of a reader on a file at its size limit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reader {
     /// The file.
     pub file: String,
-    /// Its largest size.
+    /// Its size limit, bytes.
     pub limit: String,
-    /// What the file is filled with.
+    /// Content of the file.
     pub filled_with: String,
-    /// Whether it was taken, refused, or why neither.
+    /// Outcome: accepted, refused, or the violation.
     pub outcome: &'static str,
-    /// Processor time of the call, s.
+    /// CPU time of the call, s.
     pub cpu_s: f64,
-    /// Most memory in use, MiB.
+    /// Peak memory, MiB.
     pub peak_mib: u64,
 }
 
-/// Room for readers that need more than they may, so that it shows how much.
+/// Raised memory limit, to measure readers that exceed theirs.
 const WIDE: Limits = Limits { memory_mib: 6144, cpu_s: 60, idle_s: 60 };
 /// The call that reads the frames of an episode.
 const FRAMES: &str = "replay long --strip film.jpg";
-/// Longest part of a filling that is told, characters.
+/// Maximum length of the reported content, characters.
 const TOLD: usize = 40;
 
-/// Measures every reader on each of its fillings.
+/// Measures every reader with each of its contents.
 pub(super) fn measure(arguments: &HostileArguments, room: &Room, corpus: &Corpus) -> Result<Vec<Reader>, LabError> {
     let mut readers = Vec::new();
     for filling in corpus.fillings() {
@@ -68,7 +68,7 @@ fn call(
     Ok(Reader { file, limit, filled_with, outcome, cpu_s: ended.cpu_s, peak_mib: ended.peak_mib })
 }
 
-/// Writes an episode that moves until its frames take all the room they may; says how long that is.
+/// Writes an episode with motion and frames up to the size limit; returns a description.
 fn long_episode(room: &Room, corpus: &Corpus) -> Result<String, LabError> {
     room.fill(&corpus.run_of_two()?)?;
     let broken = |error| LabError::broken("a long episode cannot be made", error);
@@ -76,7 +76,7 @@ fn long_episode(room: &Room, corpus: &Corpus) -> Result<String, LabError> {
     let mut episode = EpisodeStore::open(room.work().join("run/episodes")).and_then(|s| s.read(id)).map_err(broken)?;
     let path = room.work().join("run/episodes").join(id).join("frames.parquet");
     let bytes = fs::metadata(&path).map_err(|error| LabError::file("read", &path, error))?.len();
-    // Compressed blocks differ in size; a little less than the whole room is safe.
+    // Compressed blocks differ in size; slightly less than the limit is safe.
     let count = (limits::FRAMES.bytes as f64 * 0.98 / bytes as f64 * episode.frames.len() as f64) as usize;
     episode.frames = episode.frames.iter().cycle().take(count).cloned().collect();
     episode.result.frames = count;

@@ -1,4 +1,4 @@
-//! Starts that race for one folder, and calls that are killed and continued.
+//! Simultaneous starts in one folder, and calls that are killed and restarted.
 
 mod kills;
 
@@ -16,31 +16,31 @@ use serde_json::Value;
 use super::{HostileArguments, Room};
 use crate::LabError;
 
-/// What came of starts and kills.
+/// Results of starts and kills.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Starts {
-    /// Pairs of starts with different seeds for one new folder, both begun before either had written.
+    /// Pairs of starts with different seeds in one new folder, both begun before either had written.
     pub pairs: usize,
-    /// Pairs of which exactly one won, and the other said why it did not.
+    /// Pairs with exactly one winner, and an explanation from the other.
     pub one_won: usize,
     /// Folders with the record of one run and episodes of the other.
     pub mixed: usize,
-    /// Calls that were killed at a random moment and then made again: `collect` in one of its phases, and the other verbs
-    /// that write runs and data sets, in turn.
+    /// Calls that were killed at a random moment and then repeated: `collect` in each of its phases, and the other
+    /// subcommands that write runs and datasets, in turn.
     pub kills: usize,
-    /// What the killed ones were doing, as far as what lay there told.
+    /// Activity at the moment of the kill, inferred from the files.
     pub killed_while: BTreeMap<&'static str, usize>,
-    /// Those of them that were killed before they had ended by themselves.
+    /// Calls that were killed before they had ended.
     pub killed_in_time: usize,
-    /// Those that ended with the same bytes as a call that was not killed.
+    /// Calls with the same final bytes as an uninterrupted one.
     pub identical: usize,
-    /// What was found wrong.
+    /// Violations.
     pub wrong: Vec<String>,
 }
 
-/// The quickest of the example tasks.
+/// The fastest of the example tasks.
 const TASK: &str = "024_appearance";
-/// How often a pair is started again of which one had written before the other had begun.
+/// Maximum restarts of a pair if one had written before the other had begun.
 const TRIES: usize = 20;
 
 /// Races pairs of starts, and kills and continues runs.
@@ -57,7 +57,7 @@ pub(super) fn measure(
         let before = starts.clone();
         race(arguments, room, pair as u64, &mut starts)?;
         if stop.load(Ordering::Relaxed) {
-            // What stops this program may have ended both, too.
+            // The signal that stops this program may have ended both too.
             return Ok(before);
         }
         progress.advance();
@@ -96,7 +96,7 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
             |path: &Path| -> Value { serde_json::from_slice(&fs::read(path).unwrap_or_default()).unwrap_or_default() };
         let record = value(&run.join("run.json"))["seed"].as_u64();
         let episode = value(&run.join(format!("episodes/{TASK}-000/episode.json")))["result"]["seed"].as_u64();
-        // As `Attempt::all` has it.
+        // As in `Attempt::all`.
         let of_run = |seed: u64| Seed::new(seed).fork("attempt").fork(TASK).fork_index(0).value();
         if episode.is_some() && record.map(of_run) != episode {
             starts.mixed += 1;
@@ -112,7 +112,7 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
     Ok(())
 }
 
-/// Starts `collect` of one attempt; what it says goes into a file.
+/// Starts `collect` of one attempt, with its output in a file.
 fn collect(arguments: &HostileArguments, room: &Room, options: &[String], said: &str) -> Result<Child, LabError> {
     start(arguments, room, &collect_call(arguments, options), said)
 }
@@ -122,7 +122,7 @@ fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String>
     [&["collect".to_owned(), task, "--episodes".into(), "1".into()], options].concat()
 }
 
-/// Starts the program; what it says goes into a file.
+/// Starts the program, with its output in a file.
 fn start(arguments: &HostileArguments, room: &Room, call: &[String], said: &str) -> Result<Child, LabError> {
     let said = room.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;

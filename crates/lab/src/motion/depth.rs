@@ -1,4 +1,4 @@
-//! From a depth image to a path: what a camera sees of a problem is all that the planner is told, but for the table.
+//! From a depth image to a path: the planner knows only the camera image and the table.
 
 use std::sync::Arc;
 
@@ -12,44 +12,44 @@ use super::problems::Problem;
 use super::{OPEN, SHOWN, states, timed};
 use crate::LabError;
 
-/// All that was seen, as it was seen: cells and radius, m.
+/// Settings without downsampling or inflation, for checking against all visible points: cell and radius, m.
 const PIXELS: (f64, f64) = (0.002, 1e-4);
-/// Name of what is seen.
+/// Name of the cloud.
 const SEEN: &str = "what is seen";
 
-/// What became of the problems, with the true obstacles known to nobody but the judge.
+/// Results; only the check knows the true obstacles.
 #[derive(Default, Serialize)]
 pub struct Depth {
-    /// Problems that were drawn.
+    /// Problems rendered.
     pub problems: usize,
-    /// Of those, the ones whose start or goal touches the thickened cloud; they are not planned.
+    /// Problems with start or goal inside the inflated cloud; they are not planned.
     pub start_or_goal_in_cloud: usize,
-    /// Problems that were planned.
+    /// Problems planned.
     pub planned: usize,
     /// Problems with a path.
     pub solved: usize,
     /// Paths with a state, every 0.02 rad, that touches the cloud they were planned in.
     pub touching_cloud: usize,
-    /// ... that touches a point of the surfaces that were seen, as they were before thinning.
+    /// Paths that touch a point of the visible surfaces before downsampling.
     pub touching_seen_surfaces: usize,
-    /// ... that touches the true geometry: also what the camera could not see.
+    /// Paths that touch the true geometry, including unseen parts.
     pub touching_anything: usize,
-    /// Part of the paths that are clear of the surfaces that were seen.
+    /// Share of paths clear of the visible surfaces.
     pub clear_of_seen_surfaces: f64,
     /// Median number of points in the cloud.
     pub points: f64,
-    /// Median processor time from the image to the world.
+    /// Median CPU time from the image to the world, ms.
     pub perceive_ms: f64,
-    /// Median processor time of the search in it.
+    /// Median CPU time of planning, ms.
     pub plan_ms: f64,
-    /// The first problems without a path, and why.
+    /// The first unsolved problems with reasons.
     pub failures: Vec<String>,
 }
 
 pub struct DepthTally {
     pub total_ms: Vec<f64>,
     pub depth: Depth,
-    /// Sees every pixel.
+    /// Parameters that keep every pixel.
     close: Planner,
     camera: Camera,
     perceive_ms: Vec<f64>,
@@ -61,7 +61,7 @@ impl DepthTally {
     pub fn new(planner: &Planner) -> Self {
         let (cell_m, radius_m) = PIXELS;
         let depth = DepthSettings { cell_m, radius_m, ..planner.settings().depth.clone() };
-        // Over the robot's left shoulder: what opens towards the robot is seen into.
+        // Over the robot's left shoulder, so that openings facing the robot are visible.
         let intrinsics = Intrinsics::from_vertical_fov(640, 480, 55_f64.to_radians());
         let camera = Camera::looking_at("shoulder", DVec3::new(-0.15, 0.6, 1.1), DVec3::new(0.5, 0.0, 0.1), intrinsics);
         Self {
@@ -114,7 +114,7 @@ impl DepthTally {
         Ok(())
     }
 
-    /// The medians and shares, once all problems are in.
+    /// Computes medians and shares after all problems.
     pub fn finish(&mut self) {
         let median = |values: &mut Vec<f64>| super::Spread::of(std::mem::take(values)).median;
         let Depth { solved, touching_seen_surfaces, .. } = self.depth;
@@ -129,20 +129,20 @@ fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed) -> PlanningScene<
     PlanningScene { world, attached: None, allowed, gripper_width: OPEN }
 }
 
-/// Whether a state of the path, every 0.02 rad, one of its corners, or what the robot is told to do touches anything.
+/// True if a state of the path, every 0.02 rad, one of its corners, or a command touches anything.
 fn is_touched_by(planner: &Planner, around: &PlanningScene, path: &Path) -> bool {
     let (exact, trajectory) = (planner.checker(around, 0.0), planner.time(path, 1.0));
     states(path).iter().chain(path.waypoints()).chain(&trajectory.configs).any(|state| exact.check(state).is_some())
 }
 
-/// What the camera sees of the obstacles and of the robot at the start, all drawn from their collision pieces.
+/// Depth image of the obstacles and of the robot at the start, from their collision pieces.
 fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdImage, LabError> {
     let mut drawn = robot.clone();
     for link in &mut drawn.links {
         link.visual = link.pieces.iter().map(visual).collect::<Result<_, _>>()?;
     }
     let obstacles = problem.pieces.iter().map(visual).collect::<Result<Vec<_>, _>>()?;
-    // The base stands in the world's origin.
+    // The base is at the world's origin.
     drawn.links[0].visual.extend(obstacles);
     let no_picture = |error| LabError::broken("the problem cannot be drawn", error);
     let assets = RenderAssets::new(Arc::new(drawn), &[], None).map_err(no_picture)?;

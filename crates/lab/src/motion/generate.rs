@@ -1,7 +1,7 @@
-//! Fresh motion problems: a table with things on it, and motions as picking and placing asks for.
+//! Random motion problems: a table with objects, and motions typical of picking and placing.
 //!
-//! A chain of problems per scene: from home to above a thing, from there to a free place, from there to above another
-//! thing.  Hard scenes have taller things and a shelf, open to the robot, into which every second motion reaches.
+//! A chain of problems per scene: from home to above an object, from there to a free place, from there to above another
+//! object. Hard scenes have taller objects and a shelf, open to the robot, into which every second motion reaches.
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Pose, Seed};
@@ -12,27 +12,27 @@ use super::OPEN;
 use super::problems::{File, Form, Obstacle, Written, world};
 use crate::LabError;
 
-/// Where the tcp is at home, the hand pointing down, m.
+/// Home position of the tcp, gripper pointing down, m.
 const READY: DVec3 = DVec3::new(0.307, 0.0, 0.487);
-/// Where things stand: ranges of x and y, m.
+/// Area of the objects: ranges of x and y, m.
 const GROUND: [[f64; 2]; 2] = [[0.3, 0.75], [-0.5, 0.5]];
-/// Distance between things, measured between the circles around their foot prints, m.
+/// Distance between objects, measured between the circumscribed circles of their footprints, m.
 const GAP: f64 = 0.01;
-/// Distance of the tcp above the thing that is about to be grasped, m.
+/// Distance of the tcp above an object to be grasped, m.
 const ABOVE: [f64; 2] = [0.02, 0.08];
-/// Largest tilt of the hand over the table, and how many of the poses are tilted.
+/// Largest tilt of the gripper over the table, and share of tilted poses.
 const TILT: (f64, f64) = (0.5, 0.3);
 /// Thickness of the shelf's boards and its depth, m.
 const BOARD: f64 = 0.02;
 const DEPTH: f64 = 0.22;
-/// Poses drawn for one goal before the chain ends, and places for one thing before it is left out.
+/// Poses sampled for one goal before the chain ends, and places for one object before it is omitted.
 const DRAWS: usize = 40;
-/// Solutions of the inverse kinematics drawn for a pose; the nearest free one is the goal.
+/// Inverse kinematics solutions sampled for a pose; the nearest free one is the goal.
 const SOLUTIONS: usize = 5;
-/// Scenes tried per wanted problem.
+/// Maximum number of scenes per wanted problem.
 const PATIENCE: usize = 20;
 
-/// `count` problems for the planner's robot, starts and goals free of contacts.
+/// `count` problems for the planner's robot, with collision-free starts and goals.
 pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Result<File, LabError> {
     let mut problems = Vec::new();
     for index in 0..count * PATIENCE {
@@ -50,22 +50,22 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
         .with_hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
 }
 
-/// What stands around; the first obstacle is the table top.
+/// Obstacles; the first is the table top.
 struct Scene {
     obstacles: Vec<Obstacle>,
-    /// Indices of the things that may be grasped.
+    /// Indices of graspable objects.
     things: std::ops::Range<usize>,
     shelf: Option<Shelf>,
 }
 
-/// A box without front, standing on the table; x into it, the origin in the middle of its floor.
+/// A box without a front, standing on the table; x into it, the origin at the centre of its floor.
 struct Shelf {
     world_from_shelf: Pose,
     width: f64,
     height: f64,
 }
 
-/// Adds the problems of one scene; the chain ends where no goal is found.
+/// Adds the problems of one scene; the chain ends when no goal is found.
 fn chain(planner: &Planner, scene: &Scene, rng: &mut impl Rng, problems: &mut Vec<Written>) -> Result<(), LabError> {
     let world = world(&scene.obstacles).map_err(|error| LabError::broken("a scene cannot be built", error))?;
     let allowed = Allowed::none();
@@ -110,7 +110,7 @@ impl Scene {
         Self { things: first..obstacles.len(), obstacles, shelf }
     }
 
-    /// Where the tcp should go to grasp a thing, or to place one; `None` when the draw was no place for it.
+    /// Tcp pose to grasp an object, or to place one; `None` if the sample is invalid.
     fn goal_pose(&self, grasps: bool, rng: &mut impl Rng) -> Option<Pose> {
         if let Some(shelf) = self.shelf.as_ref().filter(|_| rng.random_bool(0.5)) {
             return Some(shelf.goal_pose(rng));
@@ -156,7 +156,7 @@ impl Shelf {
         ]
     }
 
-    /// A reach into the shelf, level or a little downwards, the fingers closing sideways or upright.
+    /// A reach into the shelf, horizontal or slightly downwards, the fingers closing sideways or vertically.
     fn goal_pose(&self, rng: &mut impl Rng) -> Pose {
         let room = 0.5 * self.width - 0.1;
         let (x, y) = (rng.random_range(-0.08..0.04), rng.random_range(-room..room));
@@ -184,7 +184,7 @@ impl Obstacle {
         }
     }
 
-    /// Radius of the circle around its foot print, m.
+    /// Radius of the circumscribed circle of its footprint, m.
     fn foot(&self) -> f64 {
         match self.shape {
             Form::Box { size } => 0.5 * size[0].hypot(size[1]),
@@ -192,7 +192,7 @@ impl Obstacle {
         }
     }
 
-    /// Distance on the ground from a point to its foot print, m.
+    /// Distance in the plane from a point to its footprint, m.
     fn beside(&self, point: DVec2) -> f64 {
         let middle = DVec2::new(self.pos[0], self.pos[1]);
         match self.shape {
@@ -215,7 +215,7 @@ fn wall(rng: &mut impl Rng) -> Obstacle {
     Obstacle::cuboid(size, spot, rng.random_range(-0.3..0.3))
 }
 
-/// A box or a cylinder somewhere on the table; boxes are `taller` times as tall.
+/// A random box or cylinder on the table; boxes are `taller` times as tall.
 fn thing(rng: &mut impl Rng, taller: f64) -> Obstacle {
     let DVec2 { x, y } = ground(rng);
     if rng.random_bool(0.5) {

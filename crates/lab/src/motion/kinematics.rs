@@ -1,4 +1,4 @@
-//! Inverse kinematics at poses that random configurations reach.
+//! Inverse kinematics at poses reached by random configurations.
 
 use genmanip_core::Seed;
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, Planner};
@@ -8,27 +8,27 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 
-/// Poses of an arm with a closed form for one of an arm where every solution is a numeric search.
+/// Divisor of the number of poses for arms with numeric inverse kinematics.
 const PER_NUMERIC_POSE: usize = 200;
 
-/// The inverse kinematics, measured.
+/// Results of the inverse kinematics.
 #[derive(Serialize)]
 pub struct Kinematics {
-    /// Whether the arm has a closed form.
+    /// True if the arm has a closed form.
     pub analytic: bool,
-    /// Poses.
+    /// Number of poses.
     pub poses: usize,
     /// Poses with at least one solution.
     pub solved: usize,
-    /// Mean time of all branches for one value of the free joint; of a numeric arm, of one search.
+    /// Mean time of all branches for one value of the redundant joint; for a numeric arm, of one search, µs.
     pub branches_us: f64,
-    /// Mean time of all solutions: sweep of the free joint, ranking, refinement.
+    /// Mean time of all solutions: sweep of the redundant joint, ranking, refinement, µs.
     pub sweep_us: f64,
-    /// Largest distance of the tcp from where it should be, over all solutions.
+    /// Largest position error of the tcp over all solutions, m.
     pub worst_error_m: f64,
 }
 
-/// At so many poses, or a part of them where every solution is a numeric search.
+/// Measures at a number of poses; fewer for a numeric arm.
 pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, LabError> {
     let robot = planner.robot();
     let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;

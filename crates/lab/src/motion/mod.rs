@@ -1,4 +1,4 @@
-//! Motion: plan problems, of a file or fresh ones, test the paths again, time everything.
+//! Motion planning: plans problems from a file or random ones, checks the paths again, and times everything.
 
 mod depth;
 mod generate;
@@ -21,102 +21,103 @@ use genmanip_workspace::Progress;
 pub use kinematics::Kinematics;
 use problems::Problem;
 
-/// A path is planned and timed this often; its time is the middle one.
+/// Runs per problem; the median time counts.
 const RUNS: usize = 3;
-/// Largest joint step between the states of a path that are tested again, rad.
+/// Largest joint step between states of a path when it is checked again, rad.
 const RECHECK: f64 = 0.02;
-/// Opening of the gripper, m (a robot from a file keeps its fingers where the file puts them).
+/// Gripper width, m (a robot from a file keeps the finger positions of the file).
 const OPEN: f64 = 0.08;
-/// Failures and contacts that are named.
+/// Maximum number of failures and contacts named.
 const SHOWN: usize = 20;
 
-/// What is measured.
+/// Settings of the measurement.
 #[derive(Clone, Debug)]
 pub struct MotionArguments {
     /// The arm.
     pub robot: Arc<RobotModel>,
-    /// Where the problems come from.
+    /// Source of the problems.
     pub problems: Source,
-    /// Longest edge of the search tree, rad; without it, the planner's own.
+    /// Longest edge of the search tree, rad; `None` for the planner's default.
     pub rrt_range: Option<f64>,
-    /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them.
+    /// Number of poses for inverse kinematics; a numeric arm uses one in 200.
     pub ik_poses: usize,
-    /// File for the states of every path, 0.02 rad apart.
+    /// File for the states of every path, every 0.02 rad.
     pub paths: Option<PathBuf>,
 }
 
-/// Where motion problems come from.
+/// Source of motion problems.
 #[derive(Clone, Debug)]
 pub enum Source {
     /// A file.
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Only the first of its problems; all when it holds fewer.
+        /// Maximum number of its problems, from the front.
         count: usize,
     },
-    /// They are made: picking and placing on a table.
+    /// Random pick-and-place motions on a table.
     Generated {
-        /// With a shelf and taller things.
+        /// True for a shelf and taller objects.
         is_hard: bool,
-        /// How many.
+        /// Number of problems.
         count: usize,
-        /// File they are also written to.
+        /// File to which they are also written.
         out: Option<PathBuf>,
     },
 }
 
-/// What was measured.
+/// Results.
 #[derive(Serialize)]
 pub struct Measured {
-    /// Problems.
+    /// Number of problems.
     pub problems: usize,
     /// Problems with a path.
     pub solved: usize,
-    /// Paths with a state, every 0.02 rad, that touches something.
+    /// Paths with a state, every 0.02 rad, in collision.
     pub invalid_paths: usize,
-    /// Processor time of planning and smoothing one path.
+    /// CPU time of planning and smoothing one path, ms.
     pub cpu_ms: Spread,
     /// Sum of the Euclidean joint-space steps.
     pub path_length_rad: Spread,
-    /// Median processor time of timing one path.
+    /// Median CPU time of time parameterisation, ms.
     pub time_scaling_ms: f64,
-    /// All branches of the inverse kinematics for one value of the free joint (numeric arms: one solution), median.
+    /// Median time of all inverse kinematics branches for one value of the redundant joint (numeric arms: one
+    /// solution), µs.
     pub ik_us: f64,
-    /// More of the inverse kinematics.
+    /// Further results of inverse kinematics.
     pub ik: Kinematics,
-    /// 95 of 100 paths are timed in no more.
+    /// 95th percentile of the CPU time of time parameterisation, ms.
     pub time_scaling_p95_ms: f64,
-    /// Timed paths that exceed a joint's velocity or acceleration limit.
+    /// Timed paths that exceed a velocity or acceleration limit.
     pub limits_exceeded: usize,
-    /// How long the motions take.
+    /// Duration of the motions, s.
     pub duration_s: Spread,
-    /// Compiling the robot, once.
+    /// Time to compile the robot once, ms.
     pub setup_ms: f64,
-    /// Processor time from a depth image to a path; `depth` says of which problems, and what became of the paths.
+    /// CPU time from a depth image to a path, ms; see `depth`.
     pub depth_to_path_ms: Spread,
-    /// Planning in what a camera sees.
+    /// Results of planning from depth images.
     pub depth: Depth,
     /// Name of the robot.
     pub robot: String,
-    /// Seed of the searches, and of the problems that are made.
+    /// Seed of the searches, and of random problems.
     pub seed: u64,
-    /// How often each problem is solved; the middle time counts.
+    /// Runs per problem; the median time counts.
     pub runs_per_problem: usize,
-    /// The first problems without a path, and why.
+    /// The first unsolved problems with reasons.
     pub failures: Vec<String>,
-    /// The first paths that touch something, and what.
+    /// The first paths in collision with their contacts.
     pub contacts: Vec<String>,
 }
 
-/// Of many values the middle one, the one that 95 of 100 do not exceed, and the largest.
+/// Median, 95th percentile and maximum.
 #[derive(Serialize)]
 pub struct Spread {
-    /// The middle one.
+    /// Median.
     pub median: f64,
-    /// 95 of 100 are not larger.
+    /// 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
@@ -133,10 +134,10 @@ struct Tally {
     paths: Vec<Option<Vec<Vec<f64>>>>,
 }
 
-/// Plans every problem, tests the paths again, and times planning, timing and kinematics; one thread.
+/// Plans every problem, checks the paths again, and times planning, time parameterisation and kinematics; one thread.
 ///
 /// # Errors
-/// When the problems cannot be read or made, the robot cannot be planned for, or a file cannot be written.
+/// If the problems cannot be read or generated, the robot cannot be loaded, or a file cannot be written.
 pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let robot = &arguments.robot;
     let mut settings = PlannerSettings::default();
@@ -185,7 +186,7 @@ pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress)
     })
 }
 
-/// The problems of the user's file, or fresh ones.
+/// Problems from a file, or random ones.
 fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Problem>, LabError> {
     let (is_hard, count, out) = match source {
         Source::File { path, count } => return problems::read(path, planner.robot().arm_dof(), *count),
@@ -224,7 +225,7 @@ impl Tally {
         let states = states(&path);
         self.lengths.push(states.windows(2).map(|pair| distance(&pair[0], &pair[1])).sum());
         let exact = planner.checker(&around, 0.0);
-        // The corners, which rounding cuts, count as well; and what the robot is told to do at the control rate.
+        // Also check the corners, which smoothing cuts, and the commands at the control rate.
         let all = states.iter().chain(path.waypoints()).chain(&trajectory.configs);
         if let Some(report) = all.into_iter().find_map(|state| exact.check(state)) {
             self.invalid += 1;
@@ -236,7 +237,7 @@ impl Tally {
     }
 }
 
-/// The answer, and the middle one of the processor times of equal runs, s.
+/// Result, and median CPU time of identical runs, s.
 fn timed<T>(work: impl Fn() -> T) -> (T, f64) {
     let run = || {
         let mut clock = cpu_clock();
@@ -249,7 +250,7 @@ fn timed<T>(work: impl Fn() -> T) -> (T, f64) {
     (answer, seconds[RUNS / 2])
 }
 
-/// The path as states with no joint step above `RECHECK`.
+/// The path as states with joint steps of at most `RECHECK`.
 fn states(path: &Path) -> Vec<Vec<f64>> {
     let coarse = path.states(RECHECK);
     let mut states: Vec<Vec<f64>> = coarse.first().cloned().into_iter().collect();
@@ -289,7 +290,7 @@ impl Spread {
     }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, path_length_rad, ik, .. } = measured;
     let mut text = format!(

@@ -12,16 +12,16 @@ use serde::{Deserialize, Serialize};
 use crate::LabError;
 use genmanip_workspace::Cause;
 
-/// What such a file holds.
+/// Contents of the file.
 #[derive(Serialize, Deserialize)]
 pub struct File {
     pub problems: Vec<Written>,
 }
 
-/// A problem as it is written.
+/// A problem in the file.
 #[derive(Serialize, Deserialize)]
 pub struct Written {
-    /// What the motion is for; only for the reader.
+    /// Purpose of the motion, informative only.
     #[serde(default)]
     pub kind: String,
     pub start: Vec<f64>,
@@ -47,25 +47,25 @@ pub enum Form {
     Sphere { radius: f64 },
 }
 
-/// Joint positions and what must not be touched.
+/// Start, goal and obstacles.
 pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
     pub world: CollisionWorld,
-    /// Only the tables: boxes whose top is the plane z = 0.
+    /// Only the tables: boxes with their top at z = 0.
     pub tables: CollisionWorld,
-    /// All obstacles, placed in the world.
+    /// All obstacles in the world.
     pub pieces: Vec<Piece>,
 }
 
-/// Most problems of a file, and obstacles of a problem; chosen, ten times what is of use.
+/// Maximum number of problems in a file, and of obstacles in a problem; chosen, ten times the useful amount.
 const MOST_PROBLEMS: usize = 10_000;
 const MOST_OBSTACLES: usize = 1_000;
-/// Largest size and distance of an obstacle, m, and joint position, rad or m.
+/// Maximum size and distance of an obstacle, m, and joint position, rad or m.
 const LARGEST_M: f64 = 20.0;
 const FARTHEST: f64 = 100.0;
 
-/// The first `count` problems of a file for an arm of `dof` joints; all of them are checked.
+/// The first `count` problems of a file for an arm of `dof` joints; all of them are validated.
 pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabError> {
     let no_problems = |error: Cause| {
         LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
@@ -74,7 +74,8 @@ pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabEr
         )
     };
     let text = documents::read_text(path, limits::PROBLEMS)?;
-    // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
+    // Parsed twice, since only the second pass knows the location of a value, and only the first detects duplicate
+    // keys.
     json::parse(&text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
         no_problems(error.into()).with_hint(hint)
@@ -89,7 +90,7 @@ pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabEr
 }
 
 impl File {
-    /// The first thing that no problem of an arm with `dof` joints has.
+    /// The first field that is invalid for an arm with `dof` joints.
     fn fault(&self, dof: usize) -> Option<String> {
         let within = |value: f64, most: f64| value.abs() <= most;
         if self.problems.len() > MOST_PROBLEMS {
@@ -127,7 +128,7 @@ impl File {
         None
     }
 
-    /// The problems in the form the planner takes.
+    /// The problems as input of the planner.
     pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
         let problem = |Written { start, goal, obstacles, .. }: Written| {
             let tables: Vec<Obstacle> = obstacles.iter().filter(|obstacle| obstacle.is_table()).cloned().collect();

@@ -1,8 +1,8 @@
-//! The pictures of other programs' renderers beside ours: the same triangles, camera and light, one crowded table, its
-//! objects as finely as they are measured.
+//! Comparison with other renderers: the same triangles, camera and light on one crowded table, objects at full
+//! resolution.
 //!
-//! MuJoCo's renderer and PyBullet's TinyRenderer are asked by `docs/benchmark/against_renderers.py` in a Python that has
-//! them; what that program draws and what it leaves out stands there.
+//! `docs/benchmark/against_renderers.py` runs MuJoCo's renderer and PyBullet's TinyRenderer in a Python environment
+//! that has them, and documents the differences.
 
 use genmanip_workspace::documents;
 use std::collections::BTreeMap;
@@ -22,77 +22,77 @@ use serde_json::json;
 use super::{CHANNELS, Grid, OBJECTS, draw, episode, not_drawn, objects, sized};
 use crate::LabError;
 
-/// Triangles of the scene, at least.
+/// Minimum number of triangles of the scene.
 const TRIANGLES: usize = 150_000;
-/// Sizes of the pictures, pixels.
+/// Image sizes, px.
 const SIZES: [[u32; 2]; 2] = [[512, 288], [1280, 720]];
-/// Places for objects, the same ones several times, of which as many are taken as the triangles need.
+/// Grid of object positions; objects repeat, and as many are used as the number of triangles requires.
 const GRID: Grid = Grid { columns: 10, from_m: [0.25, -0.585], step_m: [0.13, 0.13], jitter_m: [0.005, 0.005] };
 const ROWS: usize = 6;
 const PROGRAM: &str = include_str!("../../../../docs/benchmark/against_renderers.py");
 
-/// Our pictures and those of other engines.
+/// Cost of our images and those of other engines.
 #[derive(Debug, Serialize)]
 pub struct Baselines {
     /// Triangles of the scene.
     pub triangles: usize,
     /// Objects on the table.
     pub objects: usize,
-    /// By size in pixels.
+    /// By image size.
     pub sizes: BTreeMap<String, Comparison>,
 }
 
-/// Pictures of one size: colour, depth and ids of the static camera.
+/// Images of one size: colour, depth and ids of the static camera.
 #[derive(Debug, Serialize)]
 pub struct Comparison {
-    /// Ours, the median over the frames of an episode, each continued from the one before.
+    /// Ours, median over the frames of an episode, each reusing the previous one.
     pub ms_static: f64,
-    /// Ours with nothing to continue.
+    /// Ours with nothing to reuse.
     pub ms_first_frame: f64,
     /// MuJoCo's renderer, three passes.
     pub mujoco: Option<Engine>,
     /// PyBullet's TinyRenderer, one pass without anti-aliasing.
     pub pybullet: Option<Engine>,
-    /// How many times longer they take than ours.
+    /// Ratio of MuJoCo's time to ours.
     pub times_mujoco: Option<f64>,
-    /// The same of PyBullet.
+    /// Ratio of PyBullet's time to ours.
     pub times_pybullet: Option<f64>,
 }
 
-/// What another engine's pictures cost, milliseconds of processor time, and how they differ from ours.
+/// CPU time per image of another engine, ms, and its difference from ours.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Engine {
     /// Version of the package.
     pub version: String,
-    /// How it reaches OpenGL, if it does.
+    /// OpenGL back end, if any.
     pub gl_backend: String,
-    /// What OpenGL says of itself: `renderer` and `version`.
+    /// OpenGL's `renderer` and `version` strings.
     #[serde(default)]
     pub gl: BTreeMap<String, String>,
     /// All channels together.
     pub ms: f64,
-    /// By channel, where each is a pass of its own.
+    /// By channel, if each is a pass of its own.
     pub rgb_ms: Option<f64>,
     /// Depth.
     pub depth_ms: Option<f64>,
     /// Ids.
     pub ids_ms: Option<f64>,
-    /// Against our depth and ids.
+    /// Difference from our depth and ids.
     pub difference: Difference,
 }
 
-/// How depth and ids of two renderers differ.
+/// Difference of depth and ids of two renderers.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Difference {
-    /// Share of the pixels whose ids differ.
+    /// Share of pixels with different ids.
     pub ids_differ_share: f64,
-    /// Where the ids are the same, millimetres.
+    /// Median over pixels with equal ids, mm.
     pub depth_median_mm: f64,
-    /// The same for the pixel that 0.1 % exceed.
+    /// 99.9th percentile over the same pixels, mm.
     pub depth_p99_9_mm: f64,
 }
 
-/// What the program prints.
+/// Output of the script.
 #[derive(Deserialize)]
 struct Answer {
     problems: Vec<String>,
@@ -100,11 +100,11 @@ struct Answer {
     pybullet: Option<Engine>,
 }
 
-/// Draws a scene of at least 150,000 triangles with all engines that a Python interpreter has; `None`, after a note that
-/// says why, when there is none.
+/// Renders a scene of at least 150,000 triangles with all engines of a Python interpreter; `None`, after a note with
+/// the reason, if there are none.
 ///
 /// # Errors
-/// When the scene cannot be drawn or written, or the answer of the program not be read.
+/// If the scene cannot be rendered or written, or the script's output is invalid.
 pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Option<Baselines>, LabError> {
     let missing = |why: String| {
         let hint = "--python names an interpreter with mujoco, pybullet and numpy";
@@ -163,7 +163,7 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
     Ok(Some(baselines))
 }
 
-/// A folder that goes with its owner.
+/// A folder that is removed on drop.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -176,12 +176,12 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What is left of a scratch folder harms nobody.
+        // Remains of a scratch folder are harmless.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// Meshes at their places in the world, camera, light, and our depth and ids.
+/// Meshes posed in the world frame, camera, light, and our depth and ids.
 fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, folder: &Path) -> Result<(), LabError> {
     let variation = RenderVariation::default();
     let mut out = [FrameBuffers::default()];
@@ -229,7 +229,7 @@ fn ask(python: &Path, folder: &Path) -> Result<Answer, LabError> {
     })
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(baselines: &Baselines) -> String {
     let mut text = format!("{} triangles, {} objects, static camera:\n", baselines.triangles, baselines.objects);
     for (size, comparison) in &baselines.sizes {

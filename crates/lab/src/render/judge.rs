@@ -1,4 +1,4 @@
-//! How far the rasteriser's pictures are from traced ones: LDR-FLIP with matched exposure.
+//! LDR-FLIP between rasterised and path-traced images, with matched exposure.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::workers;
@@ -17,36 +17,36 @@ use serde::Serialize;
 use super::{CHANNELS, GRID, OBJECTS, episode, not_drawn, objects, sized};
 use crate::LabError;
 
-/// Size of the pictures, pixels.
+/// Image size, px.
 const SIZE: [u32; 2] = [512, 288];
 
-/// Pictures beside traced ones.
+/// Comparison of rasterised and path-traced images.
 #[derive(Debug, Serialize)]
 pub struct Flip {
-    /// Mean over the scenes of the mean over the pixels: 0 is the same, 1 the most.
+    /// Mean FLIP over all scenes: 0 identical, 1 maximal.
     pub mean: f64,
-    /// Light paths per pixel of the traced pictures.
+    /// Light paths per pixel of the traced images.
     pub paths: u32,
-    /// Each scene.
+    /// By scene.
     pub scenes: Vec<FlipScene>,
 }
 
-/// A scene, drawn and traced.
+/// A scene, rasterised and traced.
 #[derive(Debug, Serialize)]
 pub struct FlipScene {
-    /// Which camera sees it.
+    /// Name of the camera.
     pub camera: &'static str,
-    /// Mean over the pixels.
+    /// Mean FLIP over the pixels.
     pub flip: f64,
-    /// By how much the traced picture was exposed longer, so that both are as bright.
+    /// Exposure of the traced image relative to the rasterised one, for equal brightness.
     pub exposure: f32,
 }
 
-/// Draws so many scenes of objects from the catalogue, seen by the static and the wrist camera in turn, and traces the
-/// same; writes both pictures into a folder, if one is given. `None` for no scenes.
+/// Rasterises `count` scenes of catalogue objects, seen by the static and the wrist camera in turn, and path-traces the
+/// same; writes both images into a folder, if given. `None` for no scenes.
 ///
 /// # Errors
-/// When the catalogue has too few objects, a scene cannot be drawn, or a picture not be written.
+/// If the catalogue has too few objects, rendering fails, or an image cannot be written.
 pub fn judge(
     seed: Seed,
     scenes: usize,

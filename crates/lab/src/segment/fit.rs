@@ -1,4 +1,4 @@
-//! The weights by which regions are joined, fitted to regions of rendered scenes.
+//! Weights of region merging, fitted to regions of rendered scenes.
 
 use genmanip_workspace::task_files;
 use std::collections::BTreeMap;
@@ -17,30 +17,30 @@ use super::{SPARE, SegmentArguments};
 use crate::LabError;
 use crate::fit::{Sample, chance, fit};
 
-/// Rounds of joining with the weights of the round before and fitting to all pairs met so far.
+/// Rounds of merging with the previous weights and fitting to all pairs met so far.
 const ROUNDS: usize = 4;
-/// A region belongs to an object that has this share of its pixels; what belongs to none teaches nothing.
+/// Minimum share of a region's pixels that belong to one object; other regions are not used.
 const PURE: f64 = 0.8;
 
-/// What was fitted.
+/// Results of the fit.
 #[derive(Debug, Serialize)]
 pub struct Fitted {
-    /// Pairs of regions.
+    /// Number of region pairs.
     pub pairs: usize,
-    /// Share of them that belong to one object.
+    /// Share of pairs within one object.
     pub same: f64,
-    /// Share of the pairs that are judged rightly at a chance of a half.
+    /// Share of pairs classified correctly at probability 0.5.
     pub right: f64,
-    /// The weights by name.
+    /// Weights by name.
     pub weights: BTreeMap<&'static str, f64>,
-    /// The weights in order, for the source.
+    /// Weights in order, for the source.
     pub in_order: Vec<f64>,
 }
 
-/// Fits the weights to scenes, with exact or noisy depth as asked.
+/// Fits the weights to scenes, with exact or noisy depth.
 ///
 /// # Errors
-/// When a scene cannot be drawn.
+/// If a scene cannot be rendered.
 pub fn fit_weights(
     arguments: &SegmentArguments,
     segmenter: &RgbdSegmenter,
@@ -81,7 +81,7 @@ pub fn fit_weights(
     Ok(Fitted { pairs: samples.len(), same, right, weights, in_order })
 }
 
-/// The object that each region belongs to; objects are numbered, 0 is everything else.
+/// Object of each region, numbered from 1; 0 is everything else, `None` is ambiguous.
 fn owners(cut: &Cut, view: &SegmentView) -> Vec<Option<usize>> {
     let mut counts = vec![BTreeMap::<usize, usize>::new(); cut.graph.count()];
     for (index, label) in cut.labels.iter().enumerate() {
@@ -98,7 +98,7 @@ fn owners(cut: &Cut, view: &SegmentView) -> Vec<Option<usize>> {
     counts.into_iter().map(of_region).collect()
 }
 
-/// The pairs that are met when those of one object are joined, from the most certain on.
+/// The pairs met while regions of one object are merged, most certain first.
 fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<Sample>) {
     let mut graph = cut.graph.clone();
     let mut met: Vec<(u32, u32)> = graph.pairs();
@@ -106,7 +106,7 @@ fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<
         for &(low, high) in &met {
             if let (Some(one), Some(other)) = (owners[low as usize], owners[high as usize]) {
                 let features: Features = graph.features(low, high);
-                // The rank of a pair counts by what is lost with it.
+                // Weight pairs by size, since larger regions matter more.
                 let smaller = graph.pixels(low).min(graph.pixels(high));
                 let copies = if smaller >= 200.0 {
                     4
@@ -129,7 +129,7 @@ fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<
     }
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(fitted: &Fitted) -> String {
     let mut text = format!(
         "{} pairs, {:.1} % of one object, {:.2} % judged rightly\n",

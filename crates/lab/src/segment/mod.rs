@@ -1,4 +1,4 @@
-//! Segmentation from colour and depth against the renderer's ids.
+//! Segmentation from colour and depth, compared with the renderer's ids.
 
 pub mod fit;
 mod pictures;
@@ -22,28 +22,28 @@ use genmanip_workspace::text_table;
 use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
-/// Only objects with at least so many visible pixels count; the bar says so.
+/// Minimum number of visible pixels of an object that counts.
 const LEAST_PIXELS: usize = 200;
-/// A mask has found an object when their intersection over union is at least this.
+/// Minimum IoU of an object with its mask to count as found.
 const FOUND_IOU: f64 = 0.5;
-/// Views that are drawn: the worst ones.
+/// Number of worst views saved as images.
 const DRAWN: usize = 24;
-/// Tasks designed for each scene: some have no layout with so many objects.
+/// Tasks designed per scene, since some have no layout with so many objects.
 const SPARE: usize = 2;
 
-/// What is measured.
+/// Settings of the measurement.
 #[derive(Clone, Debug)]
 pub struct SegmentArguments {
     /// Scenes, each seen by two cameras.
     pub count: usize,
-    /// Whether the depth is that of a RealSense D435 instead of the exact one.
+    /// True for the depth noise of a RealSense D435, false for exact depth.
     pub is_noisy: bool,
-    /// Folder for pictures of the worst views.
+    /// Folder for images of the worst views.
     pub out: Option<PathBuf>,
 }
 
 impl SegmentArguments {
-    /// Puts the noise that is asked for into the view of a number.
+    /// Applies the selected noise to a view.
     fn disturb(&self, view: &mut SegmentView, seed: Seed, number: usize) {
         if self.is_noisy {
             view.image = D435.measure(&view.image, seed.fork("sensor").fork_index(number as u64));
@@ -51,7 +51,7 @@ impl SegmentArguments {
     }
 }
 
-/// Which kind of case an object is; each is one.
+/// Category of an object; exactly one applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stratum {
@@ -65,42 +65,42 @@ pub enum Stratum {
     Thin,
 }
 
-/// How well the objects of a kind are found.
+/// Accuracy on the objects of one category.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Found {
     /// Objects with at least 200 visible pixels.
     pub objects: usize,
     /// Mean intersection over union with their masks, 0 for one without a mask.
     pub mean_iou: f64,
-    /// Share with at least 0.5.
+    /// Share with an IoU of at least 0.5.
     pub share_iou_50: f64,
 }
 
-/// The measurement.
+/// Results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// Images that were segmented.
+    /// Views segmented.
     pub views: usize,
     /// All objects.
     #[serde(flatten)]
     pub found: Found,
-    /// Share of the masks that have 0.5 with no object of any size.
+    /// Share of masks without an IoU of 0.5 with any object.
     pub spurious_share: f64,
-    /// Median processor time per view, one thread.
+    /// Median CPU time per view, one thread, ms.
     pub cpu_ms_median: f64,
-    /// 95 of 100 views take no longer.
+    /// 95th percentile of the CPU time per view, ms.
     pub cpu_ms_p95: f64,
-    /// The kinds of cases.
+    /// By category.
     pub strata: BTreeMap<Stratum, Found>,
-    /// Objects of `lab segment` that were missed, for people.
+    /// Missed and all objects by name, for the text summary.
     #[serde(skip)]
     pub missed: BTreeMap<String, [usize; 2]>,
 }
 
-/// Draws scenes with both data cameras, segments every view and compares with the ids.
+/// Renders scenes with both data cameras, segments every view and compares with the ids.
 ///
 /// # Errors
-/// When a scene cannot be drawn, the segmenter gives up, or a picture cannot be written.
+/// If a scene cannot be rendered, the segmenter fails, or an image cannot be written.
 pub fn measure(
     arguments: &SegmentArguments,
     segmenter: &dyn Segmenter,
@@ -177,7 +177,7 @@ fn found(ious: impl Iterator<Item = f64>) -> Found {
     Found { objects, mean_iou: share(ious.iter().sum()), share_iou_50: share(hits as f64) }
 }
 
-/// For each object the IoU with its mask: pairs are made from the best on, a mask belongs to one object only.
+/// IoU of each object with its mask; objects and masks are matched greedily by IoU, one to one.
 fn matched(objects: &[TrueObject], masks: &[Mask]) -> Vec<f64> {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (index, object) in objects.iter().enumerate() {
@@ -198,7 +198,7 @@ fn is_spurious(mask: &Mask, view: &SegmentView) -> bool {
     view.objects.iter().all(|object| object.mask.iou(mask) < FOUND_IOU)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let mut rows = vec![["", "objects", "mean IoU", "IoU ≥ 0.5"].map(String::from).to_vec()];
     let mut row = |name: String, found: &Found| {

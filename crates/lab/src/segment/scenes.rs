@@ -1,4 +1,4 @@
-//! Scenes to be segmented: laid out from designed tasks, drawn by the data cameras, with the truth.
+//! Scenes for segmentation: laid out from designed tasks, rendered by the data cameras, with ground truth.
 
 use std::sync::Arc;
 
@@ -16,40 +16,40 @@ use genmanip_workspace::worlds;
 use super::Stratum;
 use crate::LabError;
 
-/// The fixed cameras that data is recorded and models are asked with.
+/// The fixed cameras used for datasets and for models.
 const CAMERAS: [&str; 2] = ["overview", "static"];
-/// Objects in a scene, at least and at most.
+/// Minimum and maximum number of objects in a scene.
 const OBJECTS: [usize; 2] = [5, 12];
-/// Scenes in which so many layouts in turn fail are given up.
+/// Number of failed layouts after which a scene is given up.
 const LAYOUTS: u64 = 4;
-/// A thing is thin when its second extent is at most so large, m, …
+/// Maximum second extent of a thin object, m.
 const THIN_M: f64 = 0.045;
-/// … and its longest at least so many times that.
+/// Minimum ratio of its longest extent to that.
 const THIN_RATIO: f64 = 2.5;
 
-/// What one camera sees, and what there is to be found.
+/// One camera's image with ground truth.
 pub struct SegmentView {
-    /// Where it comes from: number of the scene, task, camera.
+    /// Origin: number of the scene, task, camera.
     pub name: String,
     /// Colour, depth and ids.
     pub image: RgbdImage,
-    /// The robot's pixels as its joint positions say.
+    /// Mask of the robot at its joint positions.
     pub ignore: Vec<bool>,
-    /// The objects.
+    /// Ground truth of the objects.
     pub objects: Vec<TrueObject>,
 }
 
-/// An object that the camera sees at least a pixel of.
+/// An object with at least one visible pixel.
 pub struct TrueObject {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// Its pixels.
+    /// Visible pixels.
     pub mask: Mask,
-    /// Which kind of case it is.
+    /// Category.
     pub stratum: Stratum,
 }
 
-/// Makes scenes one after the other.
+/// Generator of scenes.
 pub struct Scenes {
     world: Arc<World>,
     planner: Arc<Planner>,
@@ -66,7 +66,7 @@ impl Scenes {
         Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed })
     }
 
-    /// The views of a task laid out with further objects; `None` when no layout was found.
+    /// Views of a task laid out with additional objects; `None` without a layout.
     pub fn draw(&mut self, index: usize, task: &Task) -> Result<Option<Vec<SegmentView>>, LabError> {
         let seed = self.seed.fork("segment scenes").fork_index(index as u64);
         let [least, most] = OBJECTS;
@@ -143,7 +143,7 @@ impl Scenes {
         found
     }
 
-    /// Whether the object lies in or on another one, or another one in or on it.
+    /// True if the object lies in or on another one, or another one in or on it.
     fn is_in_or_on(&self, scene: &PosedScene, index: usize) -> bool {
         let holds = |one: usize, other: usize| {
             let verdict = label_pair(scene, one, other, &self.world.relations);
@@ -153,14 +153,14 @@ impl Scenes {
     }
 }
 
-/// Whether it is long and nowhere thick.
+/// True if it is long and thin.
 fn is_thin(object: &PosedObject) -> bool {
     let mut extents = object.model.card.size_m.to_array();
     extents.sort_by(f64::total_cmp);
     extents[1] <= THIN_M && extents[2] >= THIN_RATIO * extents[1]
 }
 
-/// Whether it touches or hides another object in the image.
+/// True if it touches or occludes another object in the image.
 fn borders_another(image: &RgbdImage, id: u16) -> bool {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let differs = |one: u16, other: u16| {

@@ -1,4 +1,4 @@
-//! The depth of a stereo camera as it really is: noise, steps of disparity, and pixels without depth.
+//! Depth of a stereo camera: noise, quantised disparity, and missing pixels.
 
 use genmanip_core::{RgbdImage, Seed};
 use rand::RngExt;
@@ -6,24 +6,23 @@ use rand::RngExt;
 /// A stereo camera.
 #[derive(Clone, Copy, Debug)]
 pub struct StereoDepth {
-    /// Distance of its two eyes, m.
+    /// Baseline, m.
     pub baseline_m: f64,
-    /// Root mean square error of a disparity, pixels.
+    /// RMS error of the disparity, px.
     pub disparity_error_px: f64,
-    /// Step of the disparities that it tells apart, pixels.
+    /// Quantisation step of the disparity, px.
     pub disparity_step_px: f64,
-    /// Steepest view of a surface that it still matches, cosine of the angle to the normal.
+    /// Minimum cosine between surface normal and view direction.
     pub grazing_cosine: f64,
-    /// Relative step of depth at which neighbouring pixels are mixed up.
+    /// Relative depth step at which neighbouring pixels mix.
     pub edge_step: f64,
 }
 
 /// Intel RealSense D435.
 ///
 /// Baseline of the D400 datasheet (337029); 0.08 px from "Best-known methods for tuning Intel RealSense D400 depth
-/// cameras" (RMS error = z² · subpixel / (focal length · baseline)), with the focal length of the image; disparities in
-/// steps of 1/32 px as the D4 vision processor gives them; what is seen at more than 80 degrees, and half of the pixels
-/// beside a step of 2 %, are chosen.
+/// cameras" (RMS error = z² · subpixel / (focal length · baseline)), with the focal length of the image; disparity
+/// steps of 1/32 px as in the D4 vision processor; the limits of 80 degrees and of 2 % at edges are chosen.
 pub const D435: StereoDepth = StereoDepth {
     baseline_m: 0.05,
     disparity_error_px: 0.08,
@@ -33,7 +32,7 @@ pub const D435: StereoDepth = StereoDepth {
 };
 
 impl StereoDepth {
-    /// The image with the depth that this camera would measure; 0 where it would measure nothing.
+    /// The image with the depth this camera would measure; 0 for no measurement.
     pub fn measure(&self, image: &RgbdImage, seed: Seed) -> RgbdImage {
         let rng = &mut seed.fork("stereo depth").rng();
         let (width, height) = (image.width() as usize, image.height() as usize);
@@ -42,7 +41,7 @@ impl StereoDepth {
         let mut depth_m = Vec::with_capacity(image.depth_m.len());
         for y in 0..height {
             for x in 0..width {
-                // Four numbers for each pixel, whatever becomes of it.
+                // Four random numbers per pixel in any case, so that pixels stay independent.
                 let (coin, neighbour) = (rng.random::<f64>(), rng.random_range(0..4_usize));
                 let normal = gaussian(rng.random(), rng.random());
                 let around = [
@@ -72,7 +71,7 @@ impl StereoDepth {
     }
 }
 
-/// Whether the surface through the neighbours is seen too flatly; `around` left, right, above, below.
+/// True if the surface through the neighbours is at a grazing angle; `around` left, right, above, below.
 fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cosine: f64) -> bool {
     use genmanip_core::glam::DVec2;
     let [left, right, above, below] = around;
@@ -87,7 +86,7 @@ fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cos
     across.cross(down).normalize_or_zero().dot(view).abs() < least_cosine
 }
 
-/// A normal number from two uniform ones (Box and Muller).
+/// A normally distributed number from two uniform ones (Box-Muller).
 fn gaussian(one: f64, other: f64) -> f64 {
     (-2.0 * (1.0 - one).ln()).sqrt() * (std::f64::consts::TAU * other).cos()
 }

@@ -1,4 +1,4 @@
-//! Calls that are killed at a random moment and made again.
+//! Calls that are killed at a random moment and repeated.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,30 +15,30 @@ use super::{HostileArguments, Room, Starts, TASK, collect, start};
 use crate::LabError;
 use crate::hostile::listing;
 
-/// Names below the room, and bytes; names of folders end with a slash.
+/// Contents by path in the sandbox; names of folders end with a slash.
 type Files = BTreeMap<String, Vec<u8>>;
 
-/// A call that is killed.
+/// A call to be killed.
 struct Work {
-    /// What it does.
+    /// Its activity.
     doing: &'static str,
     call: Vec<String>,
-    /// What lies there before it.
+    /// Files before it.
     before: Files,
-    /// What lies there after one that was not killed.
+    /// Files after an uninterrupted call.
     after: Files,
-    /// The phase of a `collect` in which it is killed; any moment of another call.
+    /// The phase of a `collect` in which it is killed; `None` for any moment of another call.
     phase: Option<Phase>,
-    /// How long the phase or the call takes.
+    /// Duration of the phase or the call.
     takes: Duration,
 }
 
-/// Where calls say what went wrong; the second of two that are made one after the other.
+/// Error output of calls; the second for the repeated call.
 const SAID: [&str; 2] = ["said", "said-again"];
-/// Data sets that become visible as a whole or not at all.
+/// Datasets that must appear atomically.
 const DATASETS: [&str; 4] = ["made/", "made-depth/", "merged/dataset/", "merged/dataset-depth/"];
 
-/// Kills calls of all verbs, in turn.
+/// Kills calls of all subcommands, in turn.
 pub(super) fn measure(
     arguments: &HostileArguments,
     room: &Room,
@@ -54,7 +54,7 @@ pub(super) fn measure(
         let before = starts.clone();
         let wrong = kill(arguments, room, work, rng.random_range(0.0..1.0), starts)?;
         if stop.load(Ordering::Relaxed) {
-            // What stops this program may have ended the call, too.
+            // The signal that stops this program may have ended the call too.
             *starts = before;
             break;
         }
@@ -66,7 +66,7 @@ pub(super) fn measure(
     Ok(())
 }
 
-/// Kills a call at a moment from 0 to 1 of its work and makes it again; what was wrong then.
+/// Kills a call at a fraction 0 to 1 of its duration and repeats it; returns violations.
 fn kill(
     arguments: &HostileArguments,
     room: &Room,
@@ -90,7 +90,7 @@ fn kill(
     let (now, expected) = (files(room), without_clock(&work.after));
     let now = without_clock(&now);
     let said = fs::read_to_string(room.work().join(SAID[1])).unwrap_or_default();
-    // Some verbs refuse to write what is there; then it has to be whole.
+    // Some subcommands refuse to overwrite; then the output must be complete.
     let is_there = again.code() == Some(1) && said.contains("exists");
     if !again.success() && !is_there {
         wrong.push(format!("the next call failed: {}", said.trim()));
@@ -102,12 +102,12 @@ fn kill(
     Ok(wrong)
 }
 
-/// What is visible after a kill and not whole.
+/// Files that are visible but incomplete after a kill.
 fn halves(work: &Work, left: &Files) -> Vec<String> {
     let visible: Vec<&String> = left.keys().filter(|name| !name.contains(".partial-")).collect();
     let is_half = |name: &&&String| {
         let bytes = &left[**name];
-        // Lines are added to these.
+        // These files are appended to.
         let grows = |whole: &Vec<u8>| name.ends_with(".jsonl") && whole.starts_with(bytes);
         let is_of_after = work.after.get(**name).is_none_or(|whole| whole == bytes || grows(whole));
         !is_of_after && work.before.get(**name) != Some(bytes) && !is_clock(name)
@@ -123,7 +123,7 @@ fn halves(work: &Work, left: &Files) -> Vec<String> {
     found
 }
 
-/// All calls that are killed, each made once.
+/// All calls to be killed, each run once.
 fn works(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabError> {
     let mut works = collects(arguments, room)?;
     room.clear()?;
@@ -197,7 +197,7 @@ fn collects(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabE
     Ok(Phase::KILLED.into_iter().zip(durations).map(work).collect())
 }
 
-/// Makes a call that has to end well.
+/// Runs a call that must succeed.
 fn whole(arguments: &HostileArguments, room: &Room, call: &[String]) -> Result<(), LabError> {
     ended_well(room, start(arguments, room, call, SAID[0])?)
 }
@@ -214,7 +214,7 @@ fn failed(error: std::io::Error) -> LabError {
     LabError::broken("cannot run the program", error)
 }
 
-/// Empties the room and lays files out in it.
+/// Empties the sandbox and writes files into it.
 fn lay(room: &Room, wanted: &Files) -> Result<(), LabError> {
     room.clear()?;
     for (name, bytes) in wanted {
@@ -227,14 +227,14 @@ fn lay(room: &Room, wanted: &Files) -> Result<(), LabError> {
     Ok(())
 }
 
-/// What lies in the room, but for what calls said.
+/// Contents of the sandbox, except the output of calls.
 fn files(room: &Room) -> Files {
     let mut files = listing(&room.work());
     files.retain(|name, _| !SAID.contains(&name.as_str()));
     files
 }
 
-/// Whether a file says how long things took.
+/// True if a file contains timings.
 fn is_clock(name: &str) -> bool {
     name.rsplit('/').next() == Some("timings.json")
 }
@@ -243,7 +243,7 @@ fn without_clock(files: &Files) -> BTreeMap<&str, &[u8]> {
     files.iter().filter(|(name, _)| !is_clock(name)).map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect()
 }
 
-/// What a run does, one after the other.
+/// Phases of a run in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
     Recording,
@@ -255,7 +255,7 @@ enum Phase {
 impl Phase {
     const KILLED: [Self; 3] = [Self::Recording, Self::Drawing, Self::Exporting];
 
-    /// What a run is doing, by what lies in its folder.
+    /// Phase of a run, inferred from its folder.
     fn of(run: &Path) -> Self {
         let episode = run.join("episodes").join(format!("{TASK}-000"));
         let is_exported = |name: &str| run.join(name).join("meta/info.json").exists();
@@ -280,7 +280,7 @@ impl Phase {
     }
 }
 
-/// Waits until a run has come as far as a phase, or has ended.
+/// Waits until a run has reached a phase, or has ended.
 fn wait_for(phase: Phase, child: &mut Child, run: &Path) -> std::io::Result<()> {
     while Phase::of(run) < phase && child.try_wait()?.is_none() {
         std::thread::sleep(Duration::from_millis(2));
