@@ -264,7 +264,7 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
                     tried.problems.push(format!("drifts {:.3} mm {}", at_rest.drift_mm, pose.name));
                 }
                 if at_rest.penetration_mm > MOST_PENETRATION_MM {
-                    tried.problems.push(format!("sinks in by {:.2} mm {}", at_rest.penetration_mm, pose.name));
+                    tried.problems.push(format!("penetrates the table by {:.2} mm {}", at_rest.penetration_mm, pose.name));
                 }
                 tried.failed |= !at_rest.settled || at_rest.tilt_rad > 0.2;
             }
@@ -290,7 +290,7 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
         let all = stayed.is_ok_and(|stayed| stayed.iter().all(|stays| *stays));
         tried.container = Some(all);
         if !all {
-            tried.problems.push("a ball of a third of the opening does not stay in it".into());
+            tried.problems.push("a ball of a third of the opening's width does not stay inside".into());
         }
     }
     for state in &model.joint_states {
@@ -424,7 +424,7 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
             placed(&index.to_string(), model, Pose::from_position(place), &[])
         })
         .collect();
-    let broken = |error: SimError| LabError::broken("the scene that is timed broke", error);
+    let broken = |error: SimError| LabError::broken("the timed scene failed", error);
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
@@ -514,7 +514,7 @@ pub fn in_words(measured: &Measured) -> String {
         measured;
     let share = |part: usize, of: usize| format!("{part} of {of} ({:.1} %)", 100.0 * part as f64 / of.max(1) as f64);
     let mut text = format!(
-        "objects       {objects}, {failed} failed, made in {build_cpu_s:.1} s of processor time\ndescriptions  {}\n\
+        "objects       {objects}, {failed} failed, made in {build_cpu_s:.1} s of CPU time\ndescriptions  {}\n\
          at rest       drift at most {drift_mm_max:.3} mm in 2 s, penetration {penetration_mm_max:.3} mm\n\
          grasps        {}\ncontainers    {}\nstates        {}\nscene of 12   compiled in {:.1} ms, {:.0} steps/s \
          (the engine's own step: {:.0})\nstart         {:.0} ms wall\n\

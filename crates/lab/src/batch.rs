@@ -248,7 +248,7 @@ fn answer(request: &SeenRequest, table: &Mutex<Table>, arguments: &BatchArgument
         (table.asked.get(&(id.clone(), stage.to_owned())).cloned(), nth)
     };
     let Some((question, oracle)) = asked else {
-        return Behaviour::Status(400, Vec::new(), "nobody asks under this name".into());
+        return Behaviour::Status(400, Vec::new(), "no open question of this episode".into());
     };
     let mut rng = seed.fork(&id).fork(stage).fork_index(nth).rng();
     let fault = (rng.random::<f64>() < arguments.faults).then(|| rng.random_range(0..4));
@@ -288,7 +288,7 @@ pub fn in_words(measured: &Measured) -> String {
     let memory = measured.memory_mb.map_or_else(String::new, |mb| format!(", {mb:.0} MiB"));
     format!(
         "{episodes} episodes (oracle), {:.1} % succeeded, {lost} lost\n{requests} requests, {faults} went wrong\n\
-         {wall_s:.1} s by the clock, {cpu_s:.1} s of processor time, {least_s:.1} s at least: {ratio:.2} times{memory}",
+         {wall_s:.1} s wall time, {cpu_s:.1} s of CPU time, lower bound {least_s:.1} s, ratio {ratio:.2}{memory}",
         100.0 * success
     )
 }

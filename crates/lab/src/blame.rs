@@ -193,7 +193,7 @@ pub fn measure(
                 injected.replaced.add(&outcome);
                 if !is_right {
                     let words = format!("{} {}: {evidence}", task.id, label.name());
-                    progress.note(&format!("{} was taken for {words}", class.name()));
+                    progress.note(&format!("{} was labelled in {words}", class.name()));
                     injected.mislabelled.push(words);
                 }
                 progress.advance();
@@ -390,7 +390,7 @@ pub fn in_words(measured: &Measured) -> String {
     }
     if measured.natural_failed.of > 0 {
         text +=
-            &format!("without a mistake on purpose {} failed\n{}", share(&measured.natural_failed), text_table(&rows));
+            &format!("without an injected error {} failed\n{}", share(&measured.natural_failed), text_table(&rows));
     }
     text
 }

@@ -26,7 +26,7 @@ pub fn in_words(report: &DesignReport) -> String {
         rows.push(vec![name.clone(), occurrence.count.to_string(), format!("{:.1}", occurrence.quota)]);
     }
     let mut text = format!(
-        "tasks         {} in {:.2} s of processor time\nvalid         {}\ndistinct      {} instructions ({:.1} %)\n\
+        "tasks         {} in {:.2} s of CPU time\nvalid         {}\ndistinct      {} instructions ({:.1} %)\n\
          references    {} of {} unique\nlongest       {} words\nquotas        {:.1} % off at worst\n\n{}\n",
         report.tasks,
         report.cpu_s,

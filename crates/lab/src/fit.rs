@@ -217,7 +217,7 @@ pub fn in_words(report: &Report) -> String {
     for (what, reliability) in parts {
         let Some(reliability) = reliability else { continue };
         text += &format!(
-            "\n{what}: {} trials, {:.3} held, Brier {:.4}, {:.4} for a constant\n",
+            "\n{what}: {} trials, {:.3} held, Brier score {:.4}, {:.4} for a constant\n",
             reliability.trials,
             reliability.held,
             reliability.calibration.brier,

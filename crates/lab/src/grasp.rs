@@ -142,7 +142,7 @@ pub fn measure(
 /// If there is none of that name.
 pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> {
     serde_json::from_value(name.into())
-        .map_err(|error| LabError::input(format!("`{name}` is no choice")).because(error))
+        .map_err(|error| LabError::input(format!("`{name}` is not a valid choice")).because(error))
 }
 
 fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Report {
@@ -202,7 +202,7 @@ pub fn in_words(report: &Report) -> String {
     }
     let cpu = &report.cpu_ms;
     text += &format!(
-        "sampler   {:.1} ms median, {:.1} ms p95 of processor time, clouds of {} points\n\
+        "sampler   {:.1} ms median, {:.1} ms p95 of CPU time, clouds of {} points\n\
          scores    Brier {:.3}, {:.3} for the constant share of grasps that held\n",
         cpu.median, cpu.p95, cpu.points, report.calibration.brier, report.calibration.brier_of_base_rate
     );

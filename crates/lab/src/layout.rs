@@ -235,7 +235,7 @@ pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
     let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));
     let mut text = format!(
-        "laid out      {} of {}\ntime          median {:.0} ms, mean {:.0} ms, p95 {:.0} ms, worst {:.0} ms of processor time\n\
+        "laid out      {} of {}\ntime          median {:.0} ms, mean {:.0} ms, p95 {:.0} ms, worst {:.0} ms of CPU time\n\
          phases        {} ms\npenetration   at most {:.3} mm\ndrift         at most {:.3} mm in {ALONE_S} s\n\
          graph         {} edges and states checked, {} fail; goal already true {}, object unseen {}\n\
          goal verdict  median {:.0} µs, worst {:.0} µs with {} objects\n",

@@ -413,7 +413,7 @@ fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<Picture, LabErro
             Exposure::still(Seed::new(0)),
         )
     });
-    let image = painted.map_err(|error| LabError::broken("cannot draw a card", error))?.swap_remove(0);
+    let image = painted.map_err(|error| LabError::broken("cannot render a card", error))?.swap_remove(0);
     let masks: Vec<Mask> = (0..stage.scenario.objects.len())
         .map(|index| Mask::of_label(image.width(), image.height(), &image.ids, &(FIRST_OBJECT + index as u16)))
         .collect();

@@ -44,7 +44,7 @@ fn compatibility(profile: &str) -> Result<Profile, LabError> {
 pub fn in_words(comparison: &Comparison) -> String {
     let mut text = format!(
         "cases         {} of {} agree, {} excluded\ngoals         {} of {} agree\narticulation  {} of {} agree\n\
-         speed         {:.0} calls per processor second\n",
+         speed         {:.0} calls per CPU second\n",
         comparison.agreed,
         comparison.compared,
         comparison.excluded,

@@ -203,7 +203,7 @@ fn sized(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
 }
 
 fn not_drawn(error: genmanip_render::RenderError) -> LabError {
-    LabError::broken("the table cannot be drawn", error)
+    LabError::broken("the table cannot be rendered", error)
 }
 
 /// Grid of object positions on the table, row by row away from the robot.

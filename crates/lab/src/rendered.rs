@@ -130,7 +130,7 @@ impl Bench {
 
     /// Renders a scene with the robot at home and makes a cloud of each object.
     fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
-        let drawn = |error| LabError::broken("cannot draw the scene", error);
+        let drawn = |error| LabError::broken("cannot render the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
         let assets = RenderAssets::new(Arc::clone(&self.robot), &models, Some(&self.world)).map_err(drawn)?;
         let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));

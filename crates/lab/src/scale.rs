@@ -98,7 +98,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     documents::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
     progress.note(&format!(
-        "report: {report_cpu_s:.1} s of processor time, {report_bytes} bytes, {}",
+        "report: {report_cpu_s:.1} s of CPU time, {report_bytes} bytes, {}",
         mebibytes(report_rss_mb)
     ));
 
@@ -186,15 +186,15 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
 pub fn in_words(measured: &Measured) -> String {
     let rows = [
         ["episodes".into(), measured.episodes.to_string()],
-        ["report, processor time".into(), format!("{:.1} s", measured.report_cpu_s)],
+        ["report, CPU time".into(), format!("{:.1} s", measured.report_cpu_s)],
         ["report, size".into(), format!("{:.1} MB", measured.report_bytes as f64 / 1e6)],
         ["report, memory".into(), mebibytes(measured.report_rss_mb)],
-        ["full report, processor time".into(), format!("{:.1} s", measured.full_cpu_s)],
+        ["full report, CPU time".into(), format!("{:.1} s", measured.full_cpu_s)],
         ["full report, memory".into(), mebibytes(measured.full_rss_mb)],
-        ["full report again, processor time".into(), format!("{:.1} s", measured.full_again_cpu_s)],
+        ["full report again, CPU time".into(), format!("{:.1} s", measured.full_again_cpu_s)],
         ["open".into(), format!("{:.2} s", measured.open_s)],
         ["resume".into(), format!("{:.2} s", measured.resume_s)],
-        ["index made again".into(), format!("{:.2} s", measured.index_rebuild_s)],
+        ["index rebuilt".into(), format!("{:.2} s", measured.index_rebuild_s)],
     ];
     let head = ["what", "measured"].map(String::from).to_vec();
     text_table(&[head].into_iter().chain(rows.map(|row| row.to_vec())).collect::<Vec<_>>())

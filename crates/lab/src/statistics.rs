@@ -208,7 +208,7 @@ pub fn in_words(report: &Report) -> String {
         tests.push(vec![name.replace('_', " "), worst.settings.to_string(), percent(worst.value), worst.at.clone()]);
     }
     format!(
-        "{} repetitions, {:.0} s of processor time\n\n{}\n{}",
+        "{} repetitions, {:.0} s of CPU time\n\n{}\n{}",
         report.repetitions,
         report.cpu_s,
         text_table(&rows),

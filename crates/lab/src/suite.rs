@@ -83,7 +83,7 @@ pub fn in_words(report: &Report) -> String {
     rows.extend(report.per_type.iter().map(|(kind, count)| vec![kind.clone(), count.to_string()]));
     let mut text = format!(
         "{}expert          {}\nSPL             {}\nworst marginal  {:.0} % of its share\nrefused         {} clear without their \
-         clue\ncheck           {:.1} s of processor time\n",
+         clue\ncheck           {:.1} s of CPU time\n",
         text_table(&rows),
         report.expert_success,
         report.spl.map_or_else(|| "none".into(), |spl| format!("{:.3}", spl.value)),

@@ -129,7 +129,7 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
     let checked = check::check(&dataset, &[Arc::clone(planner.robot())]).map_err(broke)?;
     let check_s = clock.elapsed().as_secs_f64();
     if let Some(finding) = checked.findings.first() {
-        let what = format!("what was exported is not sound: {finding:?}");
+        let what = format!("the exported dataset is invalid: {finding:?}");
         return Err(LabError::input(what).with_hint("this is a defect of the program"));
     }
     let (playback, missed) = playback::measure(&recorded, &store, (&planner, &settings), folder, progress)?;
@@ -167,7 +167,7 @@ fn attempted(
 
 /// Stores an episode and its images as `collect` does, each part timed.
 fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
-    let not_drawn = |error: RolloutError| LabError::broken(format!("cannot draw {}", episode.result.id), error);
+    let not_drawn = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
     let mut clock = cpu_clock();
     store.write(episode, &[]).map_err(broke)?;
     cpu_s.write += clock();
@@ -207,8 +207,8 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
 }
 
 fn broke(error: DataError) -> LabError {
-    let hint = error.hint().unwrap_or_else(|| "see that the disk is not full".into());
-    LabError::broken("the data could not be kept", error).with_hint(hint)
+    let hint = error.hint().unwrap_or_else(|| "check that the disk is not full".into());
+    LabError::broken("the data could not be stored", error).with_hint(hint)
 }
 
 /// Size of all files below a folder.
@@ -235,17 +235,17 @@ pub fn in_words(measured: &Measured) -> String {
     row("frames at 60 Hz", measured.frames.to_string());
     let CpuSeconds { simulate, render, encode, write } = measured.cpu_s;
     for (what, seconds) in [("simulate", simulate), ("render", render), ("encode", encode), ("write", write)] {
-        row(&format!("{what}, processor time"), format!("{seconds:.1} s"));
+        row(&format!("{what}, CPU time"), format!("{seconds:.1} s"));
     }
     row("colour and depth, per frame", format!("{:.1} kB", measured.bytes_per_rgbd_frame / 1e3));
     row("encode, write and export, per frame", format!("{:.2} ms", measured.encode_and_write_ms_per_rgbd_frame));
     for (format, seconds) in &measured.export_s {
-        row(&format!("export to {format}, processor time"), format!("{seconds:.2} s"));
+        row(&format!("export to {format}, CPU time"), format!("{seconds:.2} s"));
     }
     for (what, seconds) in [
         ("open the dataset", measured.open_s),
         ("check the dataset", measured.check_s),
-        ("merge it of shards", measured.merge_s),
+        ("merge it from shards", measured.merge_s),
     ] {
         if let Some(seconds) = seconds {
             row(what, format!("{seconds:.2} s"));

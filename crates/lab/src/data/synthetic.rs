@@ -81,7 +81,7 @@ pub fn measure(
     let checked = check::check(&dataset, &[Arc::clone(robot)]).map_err(broke)?;
     let check_s = clock.elapsed().as_secs_f64();
     if let Some(finding) = checked.findings.first() {
-        let what = format!("what was written is not sound: {finding:?}");
+        let what = format!("the written dataset is invalid: {finding:?}");
         return Err(LabError::input(what).with_hint("this is a defect of the program"));
     }
     let write_range = |numbers: std::ops::Range<usize>, target: &Path| {
@@ -130,7 +130,7 @@ fn merged(
     progress.end();
     match check::check(&target, &[Arc::clone(robot)]).map_err(broke)?.findings.first() {
         None => Ok(seconds),
-        Some(finding) => Err(LabError::input(format!("what was merged is not sound: {finding:?}"))
+        Some(finding) => Err(LabError::input(format!("the merged dataset is invalid: {finding:?}"))
             .with_hint("this is a defect of the program")),
     }
 }

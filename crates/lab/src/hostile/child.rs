@@ -60,7 +60,7 @@ impl Ended {
     pub(super) fn slowness(&self) -> String {
         match &self.waited_for {
             Some(threads) => format!("too slow (waits without working; its threads: {threads})"),
-            None => format!("too slow ({:.1} s of processor time)", self.cpu_s),
+            None => format!("too slow ({:.1} s of CPU time)", self.cpu_s),
         }
     }
 

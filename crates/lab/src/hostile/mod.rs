@@ -77,7 +77,7 @@ pub struct Measured {
     pub cpu_s: f64,
     /// CPU time of the slowest call that ended normally, s.
     pub slowest_s: f64,
-    /// That call.
+    /// The slowest such call.
     pub slowest: String,
     /// Cost of every reader on files at its size limit, if requested.
     pub readers: Vec<Reader>,
@@ -100,7 +100,7 @@ pub struct ByKind {
 
 /// Maximum number of unclear messages and violations listed.
 const SHOWN: usize = 200;
-/// Probability that an input is mutated in a single place; otherwise in several.
+/// Number of mutations per input, sampled uniformly from these.
 const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
 
 /// Tries mutated inputs for some minutes of CPU time; if `stop` becomes true, returns the results so far.
@@ -364,7 +364,7 @@ pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
 /// Text summary.
 pub fn in_words(measured: &Measured) -> String {
     let mut text = format!(
-        "tried          {} calls, {:.0} s of processor time, slowest {:.2} s ({})\n\
+        "tried          {} calls, {:.0} s of CPU time, slowest {:.2} s ({})\n\
          panics         {}\nhangs          {}\nover memory    {}\nwrote outside  {}\nunclear        {}\n",
         measured.tried,
         measured.cpu_s,

@@ -12,7 +12,7 @@ use super::problems::Problem;
 use super::{OPEN, SHOWN, states, timed};
 use crate::LabError;
 
-/// Settings without downsampling or inflation, for checking against all visible points: cell and radius, m.
+/// Fine cloud for checking paths against all visible points: voxel size and point radius, m.
 const PIXELS: (f64, f64) = (0.002, 1e-4);
 /// Name of the cloud.
 const SEEN: &str = "what is seen";
@@ -144,7 +144,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdIm
     let obstacles = problem.pieces.iter().map(visual).collect::<Result<Vec<_>, _>>()?;
     // The base is at the world's origin.
     drawn.links[0].visual.extend(obstacles);
-    let no_picture = |error| LabError::broken("the problem cannot be drawn", error);
+    let no_picture = |error| LabError::broken("the problem cannot be rendered", error);
     let assets = RenderAssets::new(Arc::new(drawn), &[], None).map_err(no_picture)?;
     let frame = assets.frame_state(&problem.start, OPEN, []).map_err(no_picture)?;
     let mut buffers = [FrameBuffers::default()];
@@ -156,7 +156,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdIm
 
 fn visual(piece: &Piece) -> Result<VisualPart, LabError> {
     let (corners, triangles) =
-        triangulate(piece).map_err(|error| LabError::broken("a collision piece cannot be drawn", error))?;
+        triangulate(piece).map_err(|error| LabError::broken("a collision piece cannot be rendered", error))?;
     let positions = corners.iter().map(|corner| corner.as_vec3()).collect();
     let mesh = TriMesh { positions, triangles, ..TriMesh::default() };
     Ok(VisualPart::new("piece", mesh, Material::plain([0.7; 3], 0.5), Pose::IDENTITY))

@@ -46,7 +46,7 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
     }
     let (made, robot) = (problems.len(), &planner.robot().name);
     let tried = count * PATIENCE;
-    Err(LabError::input(format!("got only {made} of {count} problems from {tried} drawn scenes: robot `{robot}` reaches too few places over the table"))
+    Err(LabError::input(format!("got only {made} of {count} problems from {tried} random scenes: robot `{robot}` reaches too few places over the table"))
         .with_hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
 }
 

@@ -68,7 +68,7 @@ const FARTHEST: f64 = 100.0;
 /// The first `count` problems of a file for an arm of `dof` joints; all of them are validated.
 pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabError> {
     let no_problems = |error: Cause| {
-        LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
+        LabError::input(format!("{} is not a file of motion problems", path.display())).because(error).with_hint(
             "expected {\"problems\": [{\"start\": [rad], \"goal\": [rad], \"obstacles\": [{\"type\": \"box\", \
              \"size\": [m], \"pos\": [m], \"yaw\": rad}]}]}",
         )

@@ -133,7 +133,7 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
         return Err(LabError::input("the default world has no camera `static`"));
     };
     let mut baselines = Baselines { triangles, objects: crowd.len(), sizes: BTreeMap::new() };
-    progress.begin("asking other renderers", SIZES.len());
+    progress.begin("timing other renderers", SIZES.len());
     for size in SIZES {
         let camera = sized(camera, size);
         let folder = Scratch::new()?;
@@ -219,13 +219,13 @@ fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, 
 
 fn ask(python: &Path, folder: &Path) -> Result<Answer, LabError> {
     let started = Command::new(python).args(["-c", PROGRAM]).arg(folder).output();
-    let output = started.map_err(|error| LabError::broken("the other renderers cannot be asked", error))?;
+    let output = started.map_err(|error| LabError::broken("the script for other renderers cannot be run", error))?;
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().last().unwrap_or_default();
     serde_json::from_str(line).map_err(|error| {
         let talk = String::from_utf8_lossy(&output.stderr);
         let said = talk.lines().last().unwrap_or("nothing").to_owned();
-        LabError::broken(format!("the program that asks other renderers ended with `{said}`"), error)
+        LabError::broken(format!("the script for other renderers ended with `{said}`"), error)
     })
 }
 

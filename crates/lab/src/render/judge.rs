@@ -79,7 +79,7 @@ pub fn judge(
         let value = mean_flip(&reference, rgb, SIZE[0] as usize).unwrap_or(f64::NAN);
         for (kind, rgb) in [("drawn", rgb), ("traced", &reference)] {
             let Some(folder) = out else { continue };
-            let failed = |error| LabError::broken("a picture cannot be encoded", error);
+            let failed = |error| LabError::broken("an image cannot be encoded", error);
             let png = encode::png_rgb(SIZE[0], SIZE[1], rgb).map_err(failed)?;
             documents::write_file(&folder.join(format!("{index:02}_{name}_{kind}.png")), &png)?;
         }

@@ -215,7 +215,7 @@ pub fn in_words(measured: &Measured) -> String {
     }
     row("all".into(), &measured.found);
     let mut text = format!(
-        "{}\n{} views, {:.1} % of the masks spurious; {:.1} ms of processor time per view, 95 of 100 within {:.1} ms\n",
+        "{}\n{} views, {:.1} % of the masks spurious; {:.1} ms of CPU time per view, 95 of 100 within {:.1} ms\n",
         text_table(&rows),
         measured.views,
         100.0 * measured.spurious_share,

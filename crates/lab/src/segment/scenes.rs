@@ -104,7 +104,7 @@ impl Scenes {
     }
 
     fn images(&self, scene: &PosedScene) -> Result<Vec<(&'static str, RgbdImage)>, LabError> {
-        let drawn = |error| LabError::broken("cannot draw the scene", error);
+        let drawn = |error| LabError::broken("cannot render the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
         let robot = self.planner.robot();
         let assets = RenderAssets::new(Arc::clone(robot), &models, Some(&self.world)).map_err(drawn)?;
