@@ -36,9 +36,9 @@ const WATCH_S: f64 = 2.0;
 /// Physics rate, Hz.
 const STEPS_HZ: f64 = 480.0;
 /// Maximum drift, mm.
-const MOST_DRIFT_MM: f64 = 0.1;
+const MAX_DRIFT_MM: f64 = 0.1;
 /// Maximum penetration, mm.
-const MOST_PENETRATION_MM: f64 = 1.0;
+const MAX_PENETRATION_MM: f64 = 1.0;
 /// Grasps tried before an object counts as not held.
 const GRASPS: usize = 8;
 /// Balls per container, dropped one after the other; diameter as a share of the opening; maximum start height above the
@@ -47,7 +47,7 @@ const BALLS: u64 = 3;
 const BALL_SHARE: f64 = 1.0 / 3.0;
 const BALL_DROP_M: f64 = 0.01;
 /// Minimum depth of a container, as a share of its opening: half a ball; plates and trays hold no balls.
-const LEAST_DEPTH: f64 = BALL_SHARE / 2.0;
+const MIN_DEPTH: f64 = BALL_SHARE / 2.0;
 /// Objects in the search benchmark, and results requested.
 const SEARCHED: usize = 10_000;
 const SHOWN: usize = 20;
@@ -260,11 +260,13 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
                 if at_rest.tilt_rad > 0.2 {
                     tried.problems.push(format!("falls over {}: turned by {:.2} rad", pose.name, at_rest.tilt_rad));
                 }
-                if at_rest.drift_mm > MOST_DRIFT_MM {
+                if at_rest.drift_mm > MAX_DRIFT_MM {
                     tried.problems.push(format!("drifts {:.3} mm {}", at_rest.drift_mm, pose.name));
                 }
-                if at_rest.penetration_mm > MOST_PENETRATION_MM {
-                    tried.problems.push(format!("penetrates the table by {:.2} mm {}", at_rest.penetration_mm, pose.name));
+                if at_rest.penetration_mm > MAX_PENETRATION_MM {
+                    tried
+                        .problems
+                        .push(format!("penetrates the table by {:.2} mm {}", at_rest.penetration_mm, pose.name));
                 }
                 tried.failed |= !at_rest.settled || at_rest.tilt_rad > 0.2;
             }
@@ -314,7 +316,7 @@ fn placed(name: &str, model: &Arc<ObjectModel>, pose: Pose, joints: &[f64]) -> S
 fn opening(annotations: &Annotations) -> Option<f64> {
     let room = annotations.room?;
     let opening = room.inside_m[0].min(room.inside_m[1]);
-    (room.depth_m >= LEAST_DEPTH * opening).then_some(opening)
+    (room.depth_m >= MIN_DEPTH * opening).then_some(opening)
 }
 
 /// True if a ball dropped near the centre of the opening is within the walls and below the rim 2 s later.

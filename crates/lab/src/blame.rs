@@ -25,7 +25,7 @@ use crate::{LabError, episodes};
 /// Tasks designed at a time.
 const BATCH: usize = 20;
 /// Maximum number of episodes per wanted failed one.
-const MOST_PER_FAILURE: usize = 12;
+const MAX_PER_FAILURE: usize = 12;
 
 /// Settings of the measurement.
 pub struct BlameArguments {
@@ -166,7 +166,7 @@ pub fn measure(
         let choice = flawed(&arguments.choice, class);
         let kinds = kinds_for(class, &arguments.kinds);
         progress.begin(class.name(), arguments.per_class);
-        let most = arguments.per_class * MOST_PER_FAILURE;
+        let most = arguments.per_class * MAX_PER_FAILURE;
         let mut tried = 0;
         while injected.replaced.failed < arguments.per_class && tried < most {
             let batch = seed.fork(class.name()).fork_index(tried as u64);
@@ -389,8 +389,7 @@ pub fn in_words(measured: &Measured) -> String {
         ]);
     }
     if measured.natural_failed.of > 0 {
-        text +=
-            &format!("without an injected error {} failed\n{}", share(&measured.natural_failed), text_table(&rows));
+        text += &format!("without an injected error {} failed\n{}", share(&measured.natural_failed), text_table(&rows));
     }
     text
 }

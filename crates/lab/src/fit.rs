@@ -119,7 +119,7 @@ fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
 }
 
 fn broken(path: &Path, index: usize, why: &str) -> LabError {
-    LabError::input(format!("line {} of {} is no trial: {why}", index + 1, path.display()))
+    LabError::input(format!("line {} of {} is not a trial: {why}", index + 1, path.display()))
         .with_hint("expected a file of `genmanip-lab grasp --out`")
 }
 

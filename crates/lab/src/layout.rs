@@ -17,7 +17,7 @@ use genmanip_workspace::Progress;
 /// Duration of the audit's simulation without a robot, simulated s.
 const ALONE_S: f64 = 2.0;
 /// Number of slowest tasks named; chosen.
-const MOST_SLOW: usize = 20;
+const MAX_SLOW: usize = 20;
 const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
 
 /// Results. Rejected tasks count in the times too.
@@ -189,7 +189,7 @@ fn slowest(tasks: &[Task], cpu_ms: &[f64]) -> Vec<Slow> {
     let mut times: Vec<_> = tasks.iter().zip(cpu_ms).collect();
     times.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     let named = |(task, &cpu_ms): (&Task, &f64)| Slow { task: task.id.clone(), cpu_ms: rounded(cpu_ms) };
-    times.into_iter().take(MOST_SLOW).map(named).collect()
+    times.into_iter().take(MAX_SLOW).map(named).collect()
 }
 
 fn rounded(value: f64) -> f64 {

@@ -77,7 +77,7 @@ pub struct Cost {
 pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
     let robot = panda();
     let objects = objects(seed.fork("objects"), true, OBJECTS)?;
-    let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&default_world())).map_err(not_drawn)?;
+    let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&default_world())).map_err(render_failed)?;
     let frames = episode(&robot, &assets, OBJECTS, GRID, seed.fork("episode"))?;
     let cameras = ["static", "wrist"].map(|name| default_world().camera(name).cloned());
     let [Some(fixed), Some(wrist)] = cameras else {
@@ -128,7 +128,7 @@ fn draw(
     // Textures are prepared on first use, once per process; this is not part of an image's cost.
     let mut out = [FrameBuffers::default()];
     for camera in cameras {
-        judge.render(&[ViewJob::new(&frames[0], camera, CHANNELS)], &mut out).map_err(not_drawn)?;
+        judge.render(&[ViewJob::new(&frames[0], camera, CHANNELS)], &mut out).map_err(render_failed)?;
     }
     let mut times_ms = [Vec::new(), Vec::new()];
     let mut shaded = 0;
@@ -136,7 +136,7 @@ fn draw(
         for (index, camera) in cameras.iter().enumerate() {
             let job = ViewJob::new(frame, camera, CHANNELS);
             let mut clock = cpu_clock();
-            renderer.render(&[job], &mut out).map_err(not_drawn)?;
+            renderer.render(&[job], &mut out).map_err(render_failed)?;
             times_ms[index].push(clock() * 1e3);
             if index == 0 && times_ms[0].len() > 1 {
                 shaded += renderer.shaded_pixels();
@@ -170,9 +170,9 @@ fn is_identical(
     for frame in frames {
         for camera in cameras {
             let job = ViewJob::new(frame, camera, CHANNELS);
-            renderer.render(&[job], &mut continued).map_err(not_drawn)?;
+            renderer.render(&[job], &mut continued).map_err(render_failed)?;
             judge.forget();
-            judge.render(&[job], &mut anew).map_err(not_drawn)?;
+            judge.render(&[job], &mut anew).map_err(render_failed)?;
             if anew[0] != continued[0] {
                 return Ok(false);
             }
@@ -187,7 +187,7 @@ fn geometry_ms(assets: &Arc<RenderAssets>, frames: &[FrameState], camera: &Camer
     let mut times_ms = Vec::new();
     for frame in frames {
         let mut clock = cpu_clock();
-        renderer.render(&[ViewJob::new(frame, camera, Channels::GEOMETRY)], &mut out).map_err(not_drawn)?;
+        renderer.render(&[ViewJob::new(frame, camera, Channels::GEOMETRY)], &mut out).map_err(render_failed)?;
         times_ms.push(clock() * 1e3);
     }
     Ok(median(times_ms))
@@ -202,7 +202,7 @@ fn sized(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
     Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() }
 }
 
-fn not_drawn(error: genmanip_render::RenderError) -> LabError {
+fn render_failed(error: genmanip_render::RenderError) -> LabError {
     LabError::broken("the table cannot be rendered", error)
 }
 
@@ -268,7 +268,7 @@ fn episode(
     let tcp = |at: DVec3, z: f64| Pose::new(at.with_z(z), DQuat::from_rotation_x(std::f64::consts::PI));
     // Waypoints, the gripper width reached there, and true if the object is carried on the path there.
     let (open, shut) = (robot.gripper.max_width, 0.03);
-    let way = [
+    let path = [
         (Some(tcp(from, 0.25)), open, false),
         (Some(tcp(from, 0.06)), open, false),
         (Some(tcp(from, 0.06)), shut, false),
@@ -282,10 +282,10 @@ fn episode(
     let ik = InverseKinematics::new(chain.clone(), IkSettings::default());
     let mut frames = Vec::new();
     let (mut arm, mut width) = (robot.home.clone(), open);
-    for (goal, goal_width, is_carried) in way {
+    for (goal, goal_width, is_carried) in path {
         let solutions = goal.map_or_else(|| vec![robot.home.clone()], |goal| ik.solve(&goal, &arm));
         let Some(next) = solutions.into_iter().next() else {
-            return Err(LabError::input("a way point of the episode is out of reach; try another seed"));
+            return Err(LabError::input("a waypoint of the episode is out of reach; try another seed"));
         };
         let rests = next.iter().zip(&arm).all(|(a, b)| (a - b).abs() < 1e-6);
         let count = if rests { PAUSE } else { MOVE };
@@ -304,7 +304,7 @@ fn episode(
             let placed = poses
                 .iter()
                 .map(|pose| (Pose { position: pose.position + DVec3::splat(tremble), ..*pose }, [].as_slice()));
-            frames.push(assets.frame_state(&arm, width, placed).map_err(not_drawn)?);
+            frames.push(assets.frame_state(&arm, width, placed).map_err(render_failed)?);
         }
     }
     Ok(frames)

@@ -97,10 +97,8 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     let page = report(out, None, &ReportSettings::default(), progress)?;
     documents::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
-    progress.note(&format!(
-        "report: {report_cpu_s:.1} s of CPU time, {report_bytes} bytes, {}",
-        mebibytes(report_rss_mb)
-    ));
+    progress
+        .note(&format!("report: {report_cpu_s:.1} s of CPU time, {report_bytes} bytes, {}", mebibytes(report_rss_mb)));
 
     let (workers, pages) = (workers::workers(None), out.join("report"));
     forget_peak_memory();

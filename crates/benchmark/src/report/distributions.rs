@@ -13,7 +13,7 @@ use crate::statistics::{StatisticsSettings, failure_counts};
 use genmanip_viz::markup::escape;
 
 /// With fewer episodes there are no histograms.
-const LEAST_EPISODES: usize = 20;
+const MIN_EPISODES: usize = 20;
 
 /// Number of objects listed: those with most failures.
 const OBJECTS: usize = 12;
@@ -29,7 +29,7 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
         false => row.evaluation.as_deref() != input.control.as_deref(),
     };
     let rows: Vec<&EpisodeRow> = input.episodes.iter().filter(is_meant).collect();
-    if rows.len() < LEAST_EPISODES {
+    if rows.len() < MIN_EPISODES {
         return String::new();
     }
     let relations = by_group(&input.tasks, &rows, |task| task.goal.to_vec(), statistics);

@@ -54,8 +54,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     html
 }
 
-const HEADINGS: [&str; 8] =
-    ["Episode", "Kind", "Made by", "Outcome", "Evidence", "Score", "Length, s", "Wall time, s"];
+const HEADINGS: [&str; 8] = ["Episode", "Kind", "Made by", "Outcome", "Evidence", "Score", "Length, s", "Wall time, s"];
 
 fn row(episode: &EpisodeRow, task: Option<&TaskRow>, link: Option<String>) -> String {
     let id = escape(&episode.id);

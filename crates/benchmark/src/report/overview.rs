@@ -340,9 +340,7 @@ fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
     let mut notes = input.notes.clone();
     match plan.film_step {
         Some(1) => {}
-        Some(step) => {
-            notes.push(format!("Film strips show every {step}th image to keep this page small."))
-        }
+        Some(step) => notes.push(format!("Film strips show every {step}th image to keep this page small.")),
         None => notes.push("Film strips are omitted to keep this page small.".into()),
     }
     let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();

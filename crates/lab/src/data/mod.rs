@@ -167,13 +167,13 @@ fn attempted(
 
 /// Stores an episode and its images as `collect` does, each part timed.
 fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
-    let not_drawn = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
+    let render_failed = |error: RolloutError| LabError::broken(format!("cannot render {}", episode.result.id), error);
     let mut clock = cpu_clock();
     store.write(episode, &[]).map_err(broke)?;
     cpu_s.write += clock();
     let pictures = ImageSettings::default();
     let camera = |name: &String| stage.camera(&CameraRequest::new(name, ImageChannels::RGBD));
-    let cameras = pictures.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
+    let cameras = pictures.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>().map_err(render_failed)?;
     let recorder = |camera| TrackRecorder::new(camera, pictures.fps, &pictures.video);
     let mut tracks = cameras.iter().map(recorder).collect::<Result<Vec<_>, _>>().map_err(broke)?;
     let mut clock = cpu_clock();

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::Room;
+use super::Sandbox;
 use crate::LabError;
 
 /// Resource limits of a call.
@@ -79,7 +79,7 @@ impl Ended {
 pub(super) fn run(
     arguments: &HostileArguments,
     call: &[String],
-    room: &Room,
+    sandbox: &Sandbox,
     limits: Limits,
 ) -> Result<Ended, LabError> {
     let (program, call) = match call {
@@ -91,16 +91,16 @@ pub(super) fn run(
         limits.memory_mib << 10,
         limits.cpu_s
     );
-    let (out, err) = (room.outside().with_file_name("stdout"), room.outside().with_file_name("stderr"));
+    let (out, err) = (sandbox.outside().with_file_name("stdout"), sandbox.outside().with_file_name("stderr"));
     let create = |path: &Path| File::create(path).map_err(|error| LabError::file("write", path, error));
     let before = children_cpu_s();
     let mut child = Command::new("sh")
         .args(["-c", &script])
         .arg(program)
         .args(call)
-        .current_dir(room.work())
-        .env("HOME", room.outside().join("home"))
-        .env("TMPDIR", room.outside().join("tmp"))
+        .current_dir(sandbox.work())
+        .env("HOME", sandbox.outside().join("home"))
+        .env("TMPDIR", sandbox.outside().join("tmp"))
         .env("RUST_BACKTRACE", "0")
         .stdin(Stdio::null())
         .stdout(create(&out)?)

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::child::{self, Limits};
 use super::full::Filling;
 use super::imports::Imports;
-use super::{HostileArguments, Room, imports, listing, mutate};
+use super::{HostileArguments, Sandbox, imports, listing, mutate};
 use crate::LabError;
 
 /// Kinds of inputs, with the names of `by_kind`.
@@ -103,12 +103,12 @@ const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, idle_s: 600 };
 
 impl Corpus {
     /// Makes the valid inputs with the program itself.
-    pub(super) fn make(arguments: &HostileArguments, room: &Room) -> Result<Self, LabError> {
+    pub(super) fn make(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Self, LabError> {
         let HostileArguments { project, .. } = arguments;
         let examples = project.join("examples/tasks");
         let run = |call: &[&str]| -> Result<(), LabError> {
             let call: Vec<String> = call.iter().map(|word| (*word).to_owned()).collect();
-            let ended = child::run(arguments, &call, room, TRIES)?;
+            let ended = child::run(arguments, &call, sandbox, TRIES)?;
             match ended.code {
                 Some(0) => Ok(()),
                 _ => Err(LabError::input(format!("a sound input cannot be made: {}", ended.stderr.trim()))
@@ -126,7 +126,7 @@ impl Corpus {
             run(&["lab", "motion", "--generate", "easy", "--count", "2", "--ik-poses", "1", "--out", "problems.json"])?;
             run(&["grasps", "bake", "--out", "grasps.json", "--objects", "001", "--count", "1", "--trials", "1"])?;
         }
-        let made = listing(&room.work());
+        let made = listing(&sandbox.work());
         let mut datasets = Vec::new();
         if needs_program && arguments.kind.as_deref().is_none_or(|kind| kind.starts_with(DATASET)) {
             let pictures = ["--rate", "10", "--cameras", "wrist"];
@@ -137,7 +137,7 @@ impl Corpus {
                 run(&[&["export", "run", "--to", format, "--out", name], more].concat())?;
             }
             let is_dataset = |name: &str| !name.starts_with("run/") && !name.ends_with('/') && !made.contains_key(name);
-            datasets = listing(&room.work()).into_iter().filter(|(name, _)| is_dataset(name)).collect();
+            datasets = listing(&sandbox.work()).into_iter().filter(|(name, _)| is_dataset(name)).collect();
             let original = read_all(&project.join("crates/data/testdata/original"))?;
             datasets.extend(original.into_iter().map(|(name, bytes)| (format!("original/{name}"), bytes)));
         }
@@ -162,7 +162,7 @@ impl Corpus {
         let value = |name: &str| serde_json::from_slice(&corpus.run_file(name)?).ok();
         let sound = Filling::sound(value);
         corpus.fillings.extend(sound);
-        room.clear()?;
+        sandbox.clear()?;
         Ok(corpus)
     }
 

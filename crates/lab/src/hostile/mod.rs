@@ -113,10 +113,10 @@ pub fn measure(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Measured, LabError> {
-    let room = Room::new()?;
+    let sandbox = Sandbox::new()?;
     let mut measured = Measured { seed: seed.value(), ..Measured::default() };
     progress.note("making the sound inputs");
-    let corpus = Corpus::make(arguments, &room)?;
+    let corpus = Corpus::make(arguments, &sandbox)?;
     let mut refusals = String::new();
     let budget_s = arguments.minutes * 60.0;
     progress.begin("trying", (budget_s.max(1.0)) as usize);
@@ -125,7 +125,7 @@ pub fn measure(
     // Inputs that once broke something come first.
     let kept = corpus.kept().into_iter().filter(|case| arguments.kind.as_ref().is_none_or(|kind| *kind == case.kind));
     for case in kept.collect::<Vec<_>>() {
-        attempt(arguments, &room, &case, (&mut measured, &mut refusals), stop)?;
+        attempt(arguments, &sandbox, &case, (&mut measured, &mut refusals), stop)?;
     }
     while measured.cpu_s < budget_s && !stop.load(Ordering::Relaxed) {
         // The last kind costs as much as a hundred others.
@@ -136,7 +136,7 @@ pub fn measure(
         for _ in 0..CHANGES[rng.random_range(0..CHANGES.len())] {
             case.change(&mut rng);
         }
-        attempt(arguments, &room, &case, (&mut measured, &mut refusals), stop)?;
+        attempt(arguments, &sandbox, &case, (&mut measured, &mut refusals), stop)?;
         while done < measured.cpu_s as usize {
             progress.advance();
             done += 1;
@@ -144,10 +144,10 @@ pub fn measure(
     }
     progress.end();
     if arguments.readers {
-        measured.readers = readers::measure(arguments, &room, &corpus)?;
+        measured.readers = readers::measure(arguments, &sandbox, &corpus)?;
     }
     if arguments.races + arguments.kills > 0 {
-        measured.starts = Some(starts::measure(arguments, &room, seed, progress, stop)?);
+        measured.starts = Some(starts::measure(arguments, &sandbox, seed, progress, stop)?);
     }
     if let Some(path) = &arguments.refusals {
         documents::write_file(path, refusals.as_bytes())?;
@@ -158,17 +158,17 @@ pub fn measure(
 /// One call on one input.
 fn attempt(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     case: &Case,
     (measured, refusals): (&mut Measured, &mut String),
     stop: &AtomicBool,
 ) -> Result<(), LabError> {
-    room.fill(case)?;
-    let before = if case.only_reads { listing(&room.work()) } else { BTreeMap::new() };
-    let ended = child::run(arguments, &case.call, room, Limits::default())?;
+    sandbox.fill(case)?;
+    let before = if case.only_reads { listing(&sandbox.work()) } else { BTreeMap::new() };
+    let ended = child::run(arguments, &case.call, sandbox, Limits::default())?;
     if stop.load(Ordering::Relaxed) {
         // The signal that stops this program may have ended the call too.
-        return room.clear();
+        return sandbox.clear();
     }
     measured.tried += 1;
     measured.cpu_s += ended.cpu_s;
@@ -190,14 +190,14 @@ fn attempt(
     } else if ended.cpu_s > measured.slowest_s {
         (measured.slowest_s, measured.slowest) = (ended.cpu_s, what.clone());
     }
-    let changed = case.only_reads && ended.code != Some(0) && before != listing(&room.work());
-    if changed || !room.is_untouched() {
+    let changed = case.only_reads && ended.code != Some(0) && before != listing(&sandbox.work());
+    if changed || !sandbox.is_untouched() {
         measured.wrote_outside += 1;
         broken.push("wrote what it should not".to_owned());
     }
     for how in broken {
         if measured.broken.len() < SHOWN {
-            let at = keep(arguments, room, measured.broken.len(), case)?;
+            let at = keep(arguments, sandbox, measured.broken.len(), case)?;
             measured.broken.push(format!("{how}: {what}{at}: {}", last_lines(&ended.stderr)));
         }
     }
@@ -209,7 +209,7 @@ fn attempt(
             measured.unclear.push(format!("{what}: {lack}: {}", ended.stderr.trim_end()));
         }
     }
-    room.clear()
+    sandbox.clear()
 }
 
 /// The part missing in a message: location, expectation, actual value, or hint.
@@ -258,12 +258,12 @@ fn last_lines(text: &str) -> String {
 }
 
 /// Saves an input that broke something; returns its location.
-fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -> Result<String, LabError> {
+fn keep(arguments: &HostileArguments, sandbox: &Sandbox, number: usize, case: &Case) -> Result<String, LabError> {
     let Some(folder) = &arguments.found else { return Ok(String::new()) };
     let folder = folder.join(format!("{}-{number}", case.kind));
-    room.fill(case)?;
+    sandbox.fill(case)?;
     for (name, _) in &case.files {
-        let from = room.work().join(name);
+        let from = sandbox.work().join(name);
         if from.is_file() {
             let to = folder.join(name);
             fs::create_dir_all(to.parent().unwrap_or(&folder)).map_err(|error| LabError::file("write", &to, error))?;
@@ -275,12 +275,12 @@ fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -
 }
 
 /// Sandbox: a working folder next to files that must not change.
-pub(super) struct Room {
+pub(super) struct Sandbox {
     root: PathBuf,
     outside: BTreeMap<String, Vec<u8>>,
 }
 
-impl Room {
+impl Sandbox {
     fn new() -> Result<Self, LabError> {
         let root = std::env::temp_dir().join(format!("genmanip-hostile-{}", std::process::id()));
         let _ = fs::remove_dir_all(&root);
@@ -330,7 +330,7 @@ impl Room {
     }
 }
 
-impl Drop for Room {
+impl Drop for Sandbox {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.root);
     }

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::child::{self, Limits};
 use super::corpus::Corpus;
-use super::{HostileArguments, Room};
+use super::{HostileArguments, Sandbox};
 use crate::LabError;
 
 /// Cost of a reader on a file at its size limit.
@@ -36,27 +36,31 @@ const FRAMES: &str = "replay long --strip film.jpg";
 const TOLD: usize = 40;
 
 /// Measures every reader with each of its contents.
-pub(super) fn measure(arguments: &HostileArguments, room: &Room, corpus: &Corpus) -> Result<Vec<Reader>, LabError> {
+pub(super) fn measure(
+    arguments: &HostileArguments,
+    sandbox: &Sandbox,
+    corpus: &Corpus,
+) -> Result<Vec<Reader>, LabError> {
     let mut readers = Vec::new();
     for filling in corpus.fillings() {
-        room.fill(&corpus.filled(filling)?)?;
+        sandbox.fill(&corpus.filled(filling)?)?;
         let told: String = filling.unit.trim().chars().take(TOLD).collect();
-        readers.push(call(arguments, room, (&filling.file, filling.limit, told), filling.call)?);
+        readers.push(call(arguments, sandbox, (&filling.file, filling.limit, told), filling.call)?);
     }
-    let told = long_episode(room, corpus)?;
-    readers.push(call(arguments, room, ("long/021_spatial-000/frames.parquet", limits::FRAMES, told), FRAMES)?);
-    room.clear()?;
+    let told = long_episode(sandbox, corpus)?;
+    readers.push(call(arguments, sandbox, ("long/021_spatial-000/frames.parquet", limits::FRAMES, told), FRAMES)?);
+    sandbox.clear()?;
     Ok(readers)
 }
 
 fn call(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     (file, limit, filled_with): (&str, Limit, String),
     words: &str,
 ) -> Result<Reader, LabError> {
     let words: Vec<String> = words.split(' ').map(String::from).collect();
-    let ended = child::run(arguments, &words, room, WIDE)?;
+    let ended = child::run(arguments, &words, sandbox, WIDE)?;
     let outcome = match ended.code {
         _ if ended.is_over_memory() => "needs more than 6 GiB",
         _ if ended.is_hanging() => "needs more than 60 s",
@@ -69,18 +73,19 @@ fn call(
 }
 
 /// Writes an episode with motion and frames up to the size limit; returns a description.
-fn long_episode(room: &Room, corpus: &Corpus) -> Result<String, LabError> {
-    room.fill(&corpus.run_of_two()?)?;
+fn long_episode(sandbox: &Sandbox, corpus: &Corpus) -> Result<String, LabError> {
+    sandbox.fill(&corpus.run_of_two()?)?;
     let broken = |error| LabError::broken("a long episode cannot be made", error);
     let id = "021_spatial-000";
-    let mut episode = EpisodeStore::open(room.work().join("run/episodes")).and_then(|s| s.read(id)).map_err(broken)?;
-    let path = room.work().join("run/episodes").join(id).join("frames.parquet");
+    let mut episode =
+        EpisodeStore::open(sandbox.work().join("run/episodes")).and_then(|s| s.read(id)).map_err(broken)?;
+    let path = sandbox.work().join("run/episodes").join(id).join("frames.parquet");
     let bytes = fs::metadata(&path).map_err(|error| LabError::file("read", &path, error))?.len();
     // Compressed blocks differ in size; slightly less than the limit is safe.
     let count = (limits::FRAMES.bytes as f64 * 0.98 / bytes as f64 * episode.frames.len() as f64) as usize;
     episode.frames = episode.frames.iter().cycle().take(count).cloned().collect();
     episode.result.frames = count;
-    let long = EpisodeStore::create(room.work().join("long")).map_err(broken)?;
+    let long = EpisodeStore::create(sandbox.work().join("long")).map_err(broken)?;
     long.write(&episode, &[]).map_err(broken)?;
     Ok(format!("{count} frames"))
 }

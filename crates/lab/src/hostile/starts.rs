@@ -13,7 +13,7 @@ use genmanip_workspace::Progress;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{HostileArguments, Room};
+use super::{HostileArguments, Sandbox};
 use crate::LabError;
 
 /// Results of starts and kills.
@@ -46,7 +46,7 @@ const TRIES: usize = 20;
 /// Races pairs of starts, and kills and continues runs.
 pub(super) fn measure(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     seed: Seed,
     progress: &dyn Progress,
     stop: &AtomicBool,
@@ -55,7 +55,7 @@ pub(super) fn measure(
     progress.begin("racing", arguments.races);
     for pair in 0..arguments.races {
         let before = starts.clone();
-        race(arguments, room, pair as u64, &mut starts)?;
+        race(arguments, sandbox, pair as u64, &mut starts)?;
         if stop.load(Ordering::Relaxed) {
             // The signal that stops this program may have ended both too.
             return Ok(before);
@@ -64,21 +64,21 @@ pub(super) fn measure(
     }
     progress.end();
     if arguments.kills > 0 {
-        kills::measure(arguments, room, seed, &mut starts, (progress, stop))?;
+        kills::measure(arguments, sandbox, seed, &mut starts, (progress, stop))?;
     }
-    room.clear()?;
+    sandbox.clear()?;
     Ok(starts)
 }
 
-fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Starts) -> Result<(), LabError> {
+fn race(arguments: &HostileArguments, sandbox: &Sandbox, pair: u64, starts: &mut Starts) -> Result<(), LabError> {
     let seeds = [2 * pair, 2 * pair + 1];
-    let run = room.work().join("new/run");
+    let run = sandbox.work().join("new/run");
     for _ in 0..TRIES {
-        room.clear()?;
+        sandbox.clear()?;
         let mut both = Vec::new();
         for (index, seed) in seeds.iter().enumerate() {
             let call = ["--no-dataset", "--seed", &seed.to_string(), "--out", "new/run"].map(String::from);
-            both.push(collect(arguments, room, &call, &format!("said{index}"))?);
+            both.push(collect(arguments, sandbox, &call, &format!("said{index}"))?);
         }
         let in_time = !run.join("run.json").exists();
         let codes =
@@ -88,7 +88,7 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
             continue;
         }
         starts.pairs += 1;
-        let said = |index: usize| fs::read_to_string(room.work().join(format!("said{index}"))).unwrap_or_default();
+        let said = |index: usize| fs::read_to_string(sandbox.work().join(format!("said{index}"))).unwrap_or_default();
         let lost: Vec<usize> = (0..2)
             .filter(|&index| codes[index] == Some(1) && said(index).contains("holds another run (its seed is"))
             .collect();
@@ -113,8 +113,8 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
 }
 
 /// Starts `collect` of one attempt, with its output in a file.
-fn collect(arguments: &HostileArguments, room: &Room, options: &[String], said: &str) -> Result<Child, LabError> {
-    start(arguments, room, &collect_call(arguments, options), said)
+fn collect(arguments: &HostileArguments, sandbox: &Sandbox, options: &[String], said: &str) -> Result<Child, LabError> {
+    start(arguments, sandbox, &collect_call(arguments, options), said)
 }
 
 fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String> {
@@ -123,12 +123,12 @@ fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String>
 }
 
 /// Starts the program, with its output in a file.
-fn start(arguments: &HostileArguments, room: &Room, call: &[String], said: &str) -> Result<Child, LabError> {
-    let said = room.work().join(said);
+fn start(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String], said: &str) -> Result<Child, LabError> {
+    let said = sandbox.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;
     Command::new(&arguments.program)
         .args(call)
-        .current_dir(room.work())
+        .current_dir(sandbox.work())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(file)

@@ -13,7 +13,7 @@ use super::{OPEN, SHOWN, states, timed};
 use crate::LabError;
 
 /// Fine cloud for checking paths against all visible points: voxel size and point radius, m.
-const PIXELS: (f64, f64) = (0.002, 1e-4);
+const FINE_CLOUD: (f64, f64) = (0.002, 1e-4);
 /// Name of the cloud.
 const SEEN: &str = "what is seen";
 
@@ -49,8 +49,8 @@ pub struct Depth {
 pub struct DepthTally {
     pub total_ms: Vec<f64>,
     pub depth: Depth,
-    /// Parameters that keep every pixel.
-    close: Planner,
+    /// The planner with the settings of the fine cloud.
+    fine: Planner,
     camera: Camera,
     perceive_ms: Vec<f64>,
     plan_ms: Vec<f64>,
@@ -59,7 +59,7 @@ pub struct DepthTally {
 
 impl DepthTally {
     pub fn new(planner: &Planner) -> Self {
-        let (cell_m, radius_m) = PIXELS;
+        let (cell_m, radius_m) = FINE_CLOUD;
         let depth = DepthSettings { cell_m, radius_m, ..planner.settings().depth.clone() };
         // Over the robot's left shoulder, so that openings facing the robot are visible.
         let intrinsics = Intrinsics::from_vertical_fov(640, 480, 55_f64.to_radians());
@@ -67,7 +67,7 @@ impl DepthTally {
         Self {
             total_ms: vec![],
             depth: Depth::default(),
-            close: planner.with_depth(depth),
+            fine: planner.with_depth(depth),
             camera,
             perceive_ms: vec![],
             plan_ms: vec![],
@@ -104,7 +104,7 @@ impl DepthTally {
             Err(_) => {}
             Ok(path) => {
                 self.depth.solved += 1;
-                let pixels = perceive(&self.close).map_err(no_cloud)?;
+                let pixels = perceive(&self.fine).map_err(no_cloud)?;
                 let touches = |world: &CollisionWorld| is_touched_by(planner, &around(world, &allowed), &path);
                 self.depth.touching_cloud += usize::from(touches(&seen));
                 self.depth.touching_seen_surfaces += usize::from(touches(&pixels));

@@ -54,7 +54,7 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
 struct Scene {
     obstacles: Vec<Obstacle>,
     /// Indices of graspable objects.
-    things: std::ops::Range<usize>,
+    objects: std::ops::Range<usize>,
     shelf: Option<Shelf>,
 }
 
@@ -103,11 +103,11 @@ impl Scene {
         let (fewest, most, taller) = if hard { (9, 12, 1.5) } else { (5, 11, 1.0) };
         for _ in 0..rng.random_range(fewest..=most) {
             let free = (0..DRAWS)
-                .map(|_| thing(rng, taller))
-                .find(|thing| obstacles[1..].iter().all(|other| thing.clears(other)));
+                .map(|_| object(rng, taller))
+                .find(|object| obstacles[1..].iter().all(|other| object.clears(other)));
             obstacles.extend(free);
         }
-        Self { things: first..obstacles.len(), obstacles, shelf }
+        Self { objects: first..obstacles.len(), obstacles, shelf }
     }
 
     /// Tcp pose to grasp an object, or to place one; `None` if the sample is invalid.
@@ -116,9 +116,9 @@ impl Scene {
             return Some(shelf.goal_pose(rng));
         }
         let position = if grasps {
-            let thing = &self.obstacles[rng.random_range(self.things.clone())];
-            let [x, y, z] = thing.pos;
-            DVec3::new(x, y, z + 0.5 * thing.height() + within(rng, ABOVE))
+            let object = &self.obstacles[rng.random_range(self.objects.clone())];
+            let [x, y, z] = object.pos;
+            DVec3::new(x, y, z + 0.5 * object.height() + within(rng, ABOVE))
         } else {
             let spot = ground(rng);
             let free = self.obstacles[1..].iter().all(|other| other.beside(spot) > 0.08);
@@ -216,7 +216,7 @@ fn wall(rng: &mut impl Rng) -> Obstacle {
 }
 
 /// A random box or cylinder on the table; boxes are `taller` times as tall.
-fn thing(rng: &mut impl Rng, taller: f64) -> Obstacle {
+fn object(rng: &mut impl Rng, taller: f64) -> Obstacle {
     let DVec2 { x, y } = ground(rng);
     if rng.random_bool(0.5) {
         let mut side = || rng.random_range(0.03..0.11);

@@ -59,11 +59,11 @@ pub struct Problem {
 }
 
 /// Maximum number of problems in a file, and of obstacles in a problem; chosen, ten times the useful amount.
-const MOST_PROBLEMS: usize = 10_000;
-const MOST_OBSTACLES: usize = 1_000;
+const MAX_PROBLEMS: usize = 10_000;
+const MAX_OBSTACLES: usize = 1_000;
 /// Maximum size and distance of an obstacle, m, and joint position, rad or m.
-const LARGEST_M: f64 = 20.0;
-const FARTHEST: f64 = 100.0;
+const MAX_SIZE_M: f64 = 20.0;
+const MAX_POSITION: f64 = 100.0;
 
 /// The first `count` problems of a file for an arm of `dof` joints; all of them are validated.
 pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabError> {
@@ -93,8 +93,8 @@ impl File {
     /// The first field that is invalid for an arm with `dof` joints.
     fn fault(&self, dof: usize) -> Option<String> {
         let within = |value: f64, most: f64| value.abs() <= most;
-        if self.problems.len() > MOST_PROBLEMS {
-            return Some(format!("problems: expected at most {MOST_PROBLEMS}, got {}", self.problems.len()));
+        if self.problems.len() > MAX_PROBLEMS {
+            return Some(format!("problems: expected at most {MAX_PROBLEMS}, got {}", self.problems.len()));
         }
         for (index, problem) in self.problems.iter().enumerate() {
             for (name, config) in [("start", &problem.start), ("goal", &problem.goal)] {
@@ -102,13 +102,15 @@ impl File {
                 if config.len() != dof {
                     return Some(format!("{place}: expected {dof} joint positions, got {}", config.len()));
                 }
-                if let Some(q) = config.iter().find(|q| !within(**q, FARTHEST)) {
-                    return Some(format!("{place}: expected joint positions from -{FARTHEST} to {FARTHEST}, got {q}"));
+                if let Some(q) = config.iter().find(|q| !within(**q, MAX_POSITION)) {
+                    return Some(format!(
+                        "{place}: expected joint positions from -{MAX_POSITION} to {MAX_POSITION}, got {q}"
+                    ));
                 }
             }
             let count = problem.obstacles.len();
-            if count > MOST_OBSTACLES {
-                return Some(format!("problems[{index}].obstacles: expected at most {MOST_OBSTACLES}, got {count}"));
+            if count > MAX_OBSTACLES {
+                return Some(format!("problems[{index}].obstacles: expected at most {MAX_OBSTACLES}, got {count}"));
             }
             for (number, obstacle) in problem.obstacles.iter().enumerate() {
                 let place = format!("problems[{index}].obstacles[{number}]");
@@ -117,11 +119,15 @@ impl File {
                     Form::Cylinder { radius, length } => vec![radius, length],
                     Form::Sphere { radius } => vec![radius],
                 };
-                if let Some(size) = sizes.iter().find(|size| !(1e-6..=LARGEST_M).contains(*size)) {
-                    return Some(format!("{place}: expected sizes from 1e-6 to {LARGEST_M} m, got {size}"));
+                if let Some(size) = sizes.iter().find(|size| !(1e-6..=MAX_SIZE_M).contains(*size)) {
+                    return Some(format!("{place}: expected sizes from 1e-6 to {MAX_SIZE_M} m, got {size}"));
                 }
-                if let Some(far) = obstacle.pos.iter().chain([&obstacle.yaw]).find(|value| !within(**value, FARTHEST)) {
-                    return Some(format!("{place}: expected pos and yaw from -{FARTHEST} to {FARTHEST}, got {far}"));
+                if let Some(far) =
+                    obstacle.pos.iter().chain([&obstacle.yaw]).find(|value| !within(**value, MAX_POSITION))
+                {
+                    return Some(format!(
+                        "{place}: expected pos and yaw from -{MAX_POSITION} to {MAX_POSITION}, got {far}"
+                    ));
                 }
             }
         }

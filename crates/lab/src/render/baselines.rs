@@ -19,7 +19,7 @@ use genmanip_workspace::Progress;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{CHANNELS, Grid, OBJECTS, draw, episode, not_drawn, objects, sized};
+use super::{CHANNELS, Grid, OBJECTS, draw, episode, objects, render_failed, sized};
 use crate::LabError;
 
 /// Minimum number of triangles of the scene.
@@ -120,10 +120,10 @@ pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Opt
     let mut crowd: Vec<_> = kinds.into_iter().cycle().take(GRID.columns * ROWS).collect();
     let count =
         |crowd: &[_]| RenderAssets::new(Arc::clone(&robot), crowd, Some(&world)).map(|assets| assets.triangle_count());
-    while crowd.len() > 1 && count(&crowd[..crowd.len() - 1]).map_err(not_drawn)? >= TRIANGLES {
+    while crowd.len() > 1 && count(&crowd[..crowd.len() - 1]).map_err(render_failed)? >= TRIANGLES {
         crowd.pop();
     }
-    let assets = RenderAssets::new(Arc::clone(&robot), &crowd, Some(&world)).map_err(not_drawn)?;
+    let assets = RenderAssets::new(Arc::clone(&robot), &crowd, Some(&world)).map_err(render_failed)?;
     let triangles = assets.triangle_count();
     if triangles < TRIANGLES {
         return Err(LabError::input(format!("the crowded table has {triangles} triangles, expected {TRIANGLES}")));
@@ -186,14 +186,14 @@ fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, 
     let variation = RenderVariation::default();
     let mut out = [FrameBuffers::default()];
     let job = ViewJob::new(frame, camera, CHANNELS);
-    Renderer::new(Arc::clone(assets), variation.clone()).render(&[job], &mut out).map_err(not_drawn)?;
+    Renderer::new(Arc::clone(assets), variation.clone()).render(&[job], &mut out).map_err(render_failed)?;
     let [FrameBuffers { depth_m, instance, .. }] = out;
     let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
     let write = |name: &str, bytes: Vec<u8>| documents::write_file(&folder.join(name), &bytes);
     write("depth.f32", bytes(&depth_m))?;
     write("ids.u16", instance.iter().flat_map(|id| id.to_le_bytes()).collect())?;
     let mut meshes = Vec::new();
-    for (index, mesh) in assets.posed_meshes(frame).map_err(not_drawn)?.enumerate() {
+    for (index, mesh) in assets.posed_meshes(frame).map_err(render_failed)?.enumerate() {
         let PosedMesh { instance, world_from_mesh, positions, triangles, base_color_linear, .. } = mesh;
         let place = |position| world_from_mesh.transform_point(position).as_vec3().to_array();
         let corners: Vec<f32> = positions.iter().flat_map(|position| place(position.as_dvec3())).collect();

@@ -14,7 +14,7 @@ use genmanip_render::{FrameBuffers, RenderAssets, RenderVariation, Renderer, Vie
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
-use super::{CHANNELS, GRID, OBJECTS, episode, not_drawn, objects, sized};
+use super::{CHANNELS, GRID, OBJECTS, episode, objects, render_failed, sized};
 use crate::LabError;
 
 /// Image size, px.
@@ -66,7 +66,7 @@ pub fn judge(
         let camera = world.camera(name).map(|camera| sized(camera, SIZE));
         let camera = camera.ok_or_else(|| LabError::input(format!("the default world has no camera `{name}`")))?;
         let objects = objects(seed.fork("objects"), false, OBJECTS)?;
-        let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&world)).map_err(not_drawn)?;
+        let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&world)).map_err(render_failed)?;
         let frames = episode(&robot, &assets, OBJECTS, GRID, seed.fork("episode"))?;
         let job = ViewJob::new(&frames[frames.len() / 2], &camera, CHANNELS);
         let mut drawn = [FrameBuffers::default()];

@@ -23,7 +23,7 @@ use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
 /// Minimum number of visible pixels of an object that counts.
-const LEAST_PIXELS: usize = 200;
+const MIN_PIXELS: usize = 200;
 /// Minimum IoU of an object with its mask to count as found.
 const FOUND_IOU: f64 = 0.5;
 /// Number of worst views saved as images.
@@ -130,7 +130,7 @@ pub fn measure(
                 .map_err(|error| LabError::broken(format!("{} cannot be segmented", view.name), error))?;
             cpu_ms.push((clock() - start) * 1e3);
             let pairs = matched(&view.objects, &masks);
-            let counted = |object: &TrueObject| object.mask.area() >= LEAST_PIXELS;
+            let counted = |object: &TrueObject| object.mask.area() >= MIN_PIXELS;
             let of_view: Vec<(usize, f64)> =
                 pairs.iter().copied().enumerate().filter(|(index, _)| counted(&view.objects[*index])).collect();
             masks_made += masks.len();

@@ -11,7 +11,7 @@ use genmanip_core::Seed;
 use genmanip_workspace::Progress;
 use rand::RngExt;
 
-use super::{HostileArguments, Room, Starts, TASK, collect, start};
+use super::{HostileArguments, Sandbox, Starts, TASK, collect, start};
 use crate::LabError;
 use crate::hostile::listing;
 
@@ -41,18 +41,18 @@ const DATASETS: [&str; 4] = ["made/", "made-depth/", "merged/dataset/", "merged/
 /// Kills calls of all subcommands, in turn.
 pub(super) fn measure(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     seed: Seed,
     starts: &mut Starts,
     (progress, stop): (&dyn Progress, &AtomicBool),
 ) -> Result<(), LabError> {
     progress.note("making what is killed");
-    let works = works(arguments, room)?;
+    let works = works(arguments, sandbox)?;
     let mut rng = seed.fork("kills").rng();
     progress.begin("killing", arguments.kills);
     for (number, work) in works.iter().cycle().take(arguments.kills).enumerate() {
         let before = starts.clone();
-        let wrong = kill(arguments, room, work, rng.random_range(0.0..1.0), starts)?;
+        let wrong = kill(arguments, sandbox, work, rng.random_range(0.0..1.0), starts)?;
         if stop.load(Ordering::Relaxed) {
             // The signal that stops this program may have ended the call too.
             *starts = before;
@@ -69,14 +69,14 @@ pub(super) fn measure(
 /// Kills a call at a fraction 0 to 1 of its duration and repeats it; returns violations.
 fn kill(
     arguments: &HostileArguments,
-    room: &Room,
+    sandbox: &Sandbox,
     work: &Work,
     moment: f64,
     starts: &mut Starts,
 ) -> Result<Vec<String>, LabError> {
-    lay(room, &work.before)?;
-    let run = room.work().join("run");
-    let mut child = start(arguments, room, &work.call, SAID[0])?;
+    lay(sandbox, &work.before)?;
+    let run = sandbox.work().join("run");
+    let mut child = start(arguments, sandbox, &work.call, SAID[0])?;
     work.phase.map_or(Ok(()), |phase| wait_for(phase, &mut child, &run)).map_err(failed)?;
     std::thread::sleep(work.takes.mul_f64(moment));
     starts.kills += 1;
@@ -85,11 +85,11 @@ fn kill(
     child.wait().map_err(failed)?;
     let doing = work.phase.map_or(work.doing, |_| Phase::of(&run).in_words());
     *starts.killed_while.entry(doing).or_default() += 1;
-    let mut wrong = halves(work, &files(room));
-    let again = start(arguments, room, &work.call, SAID[1])?.wait().map_err(failed)?;
-    let (now, expected) = (files(room), without_clock(&work.after));
+    let mut wrong = halves(work, &files(sandbox));
+    let again = start(arguments, sandbox, &work.call, SAID[1])?.wait().map_err(failed)?;
+    let (now, expected) = (files(sandbox), without_clock(&work.after));
     let now = without_clock(&now);
-    let said = fs::read_to_string(room.work().join(SAID[1])).unwrap_or_default();
+    let said = fs::read_to_string(sandbox.work().join(SAID[1])).unwrap_or_default();
     // Some subcommands refuse to overwrite; then the output must be complete.
     let is_there = again.code() == Some(1) && said.contains("exists");
     if !again.success() && !is_there {
@@ -124,16 +124,16 @@ fn halves(work: &Work, left: &Files) -> Vec<String> {
 }
 
 /// All calls to be killed, each run once.
-fn works(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabError> {
-    let mut works = collects(arguments, room)?;
-    room.clear()?;
+fn works(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, LabError> {
+    let mut works = collects(arguments, sandbox)?;
+    sandbox.clear()?;
     let example = |name: &str| arguments.project.join("examples/tasks").join(name).display().to_string();
     let tasks = [example("021_spatial.json"), example("024_appearance.json")];
     let made = |call: &str| -> Result<Files, LabError> {
         let call: Vec<String> = call.split(' ').map(String::from).collect();
         let call = if call[0] == "collect" { [&call[..1], &tasks, &call[1..]].concat() } else { call };
-        whole(arguments, room, &call)?;
-        Ok(files(room))
+        whole(arguments, sandbox, &call)?;
+        Ok(files(sandbox))
     };
     for shard in ["0/2", "1/2"] {
         made(&format!("collect --episodes 1 --fps 10 --seed 3 --workers 1 --out shards --shard {shard}"))?;
@@ -143,7 +143,7 @@ fn works(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabErro
     for (run, format, name) in [("run", "lerobot", "a"), ("other", "lerobot", "b"), ("other", "lerobot-v2.1", "v21")] {
         made(&format!("export {run} --to {format} --rate 10 --cameras wrist --out {name}"))?;
     }
-    let drawn = files(room);
+    let drawn = files(sandbox);
     let original = listing(&arguments.project.join("crates/data/testdata/original"));
     let original: Files = original.into_iter().map(|(name, bytes)| (format!("original/{name}"), bytes)).collect();
     for (doing, call, from, folders) in [
@@ -166,29 +166,29 @@ fn works(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabErro
             .filter(|(name, _)| is_before(name))
             .map(|(name, bytes)| (name.clone(), bytes.clone()))
             .collect();
-        lay(room, &before)?;
+        lay(sandbox, &before)?;
         let call: Vec<String> = call.split(' ').map(String::from).collect();
         let begun = Instant::now();
-        whole(arguments, room, &call)?;
-        works.push(Work { doing, call, before, after: files(room), phase: None, takes: begun.elapsed() });
+        whole(arguments, sandbox, &call)?;
+        works.push(Work { doing, call, before, after: files(sandbox), phase: None, takes: begun.elapsed() });
     }
     Ok(works)
 }
 
 /// A `collect`, to be killed in each of its phases.
-fn collects(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabError> {
-    room.clear()?;
-    let run = room.work().join("run");
+fn collects(arguments: &HostileArguments, sandbox: &Sandbox) -> Result<Vec<Work>, LabError> {
+    sandbox.clear()?;
+    let run = sandbox.work().join("run");
     let options = ["--fps", "10", "--seed", "3", "--workers", "1", "--out", "run"].map(String::from);
-    let mut child = collect(arguments, room, &options, SAID[0])?;
+    let mut child = collect(arguments, sandbox, &options, SAID[0])?;
     let mut durations = Vec::new();
     for next in [Phase::Drawing, Phase::Exporting, Phase::Ended] {
         let begun = Instant::now();
         wait_for(next, &mut child, &run).map_err(failed)?;
         durations.push(begun.elapsed());
     }
-    ended_well(room, child)?;
-    let after = files(room);
+    ended_well(sandbox, child)?;
+    let after = files(sandbox);
     let call = super::collect_call(arguments, &options);
     let work = |(phase, takes)| {
         let (call, after) = (call.clone(), after.clone());
@@ -198,15 +198,15 @@ fn collects(arguments: &HostileArguments, room: &Room) -> Result<Vec<Work>, LabE
 }
 
 /// Runs a call that must succeed.
-fn whole(arguments: &HostileArguments, room: &Room, call: &[String]) -> Result<(), LabError> {
-    ended_well(room, start(arguments, room, call, SAID[0])?)
+fn whole(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String]) -> Result<(), LabError> {
+    ended_well(sandbox, start(arguments, sandbox, call, SAID[0])?)
 }
 
-fn ended_well(room: &Room, mut child: Child) -> Result<(), LabError> {
+fn ended_well(sandbox: &Sandbox, mut child: Child) -> Result<(), LabError> {
     if child.wait().map_err(failed)?.success() {
         return Ok(());
     }
-    let said = fs::read_to_string(room.work().join(SAID[0])).unwrap_or_default();
+    let said = fs::read_to_string(sandbox.work().join(SAID[0])).unwrap_or_default();
     Err(LabError::input(format!("a call that is not killed does not end well: {}", said.trim())))
 }
 
@@ -215,10 +215,10 @@ fn failed(error: std::io::Error) -> LabError {
 }
 
 /// Empties the sandbox and writes files into it.
-fn lay(room: &Room, wanted: &Files) -> Result<(), LabError> {
-    room.clear()?;
+fn lay(sandbox: &Sandbox, wanted: &Files) -> Result<(), LabError> {
+    sandbox.clear()?;
     for (name, bytes) in wanted {
-        let path = room.work().join(name);
+        let path = sandbox.work().join(name);
         let folder = if name.ends_with('/') { &path } else { path.parent().unwrap_or(&path) };
         let made = fs::create_dir_all(folder);
         let written = made.and_then(|()| if name.ends_with('/') { Ok(()) } else { fs::write(&path, bytes) });
@@ -228,8 +228,8 @@ fn lay(room: &Room, wanted: &Files) -> Result<(), LabError> {
 }
 
 /// Contents of the sandbox, except the output of calls.
-fn files(room: &Room) -> Files {
-    let mut files = listing(&room.work());
+fn files(sandbox: &Sandbox) -> Files {
+    let mut files = listing(&sandbox.work());
     files.retain(|name, _| !SAID.contains(&name.as_str()));
     files
 }
