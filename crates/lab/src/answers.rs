@@ -114,7 +114,7 @@ fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> 
     let mut recorded = Vec::new();
     for path in task_files::expand(&[answers.to_owned()])? {
         let not_recorded =
-            |error: Cause| LabError::input(format!("{} is no recorded answer", path.display())).because(error);
+            |error: Cause| LabError::input(format!("{} is not a recorded answer", path.display())).because(error);
         let text = documents::read_text(&path, limits::TASK)?;
         let answer = RecordedAnswer::from_json(&text).map_err(|error| not_recorded(error.into()))?;
         let request = answer.request("lab", Catalogue::builtin().cards());

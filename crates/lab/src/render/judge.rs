@@ -70,9 +70,9 @@ pub fn judge(
         let frames = episode(&robot, &assets, OBJECTS, GRID, seed.fork("episode"))?;
         let job = ViewJob::new(&frames[frames.len() / 2], &camera, CHANNELS);
         let mut drawn = [FrameBuffers::default()];
-        Renderer::new(Arc::clone(&assets), variation.clone()).render(&[job], &mut drawn).map_err(not_drawn)?;
+        Renderer::new(Arc::clone(&assets), variation.clone()).render(&[job], &mut drawn).map_err(render_failed)?;
         let settings = ReferenceSettings { paths, seed: seed.fork("light paths"), threads: workers::workers(None) };
-        let traced = trace(&assets, &variation, &job, &settings).map_err(not_drawn)?;
+        let traced = trace(&assets, &variation, &job, &settings).map_err(render_failed)?;
         let [FrameBuffers { rgb, .. }] = &drawn;
         let exposure = traced.exposure_like(rgb);
         let reference = traced.develop(exposure);
