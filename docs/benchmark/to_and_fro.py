@@ -4,7 +4,7 @@ import numpy as np
 
 
 class ToAndFro:
-    """Moves every joint to and fro for 20 simulated seconds, with two 256×256 images at 15 Hz."""
+    """Moves every joint back and forth for 20 simulated seconds, with two 256×256 images at 15 Hz."""
 
     def spec(self):
         return {
