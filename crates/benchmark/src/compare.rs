@@ -1,4 +1,4 @@
-//! Two evaluations of one suite, compared episode by episode.
+//! Paired comparison of two evaluations of one suite.
 
 use std::path::Path;
 
@@ -12,50 +12,50 @@ use serde::Serialize;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Numbers of scenarios for which it is said what a comparison could find.
+/// Numbers of scenarios for which the detectable difference is reported.
 const SIZES: [usize; 6] = [50, 100, 200, 400, 800, 1600];
 
-/// What two evaluations say about each other.
+/// Result of the comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// Name of the suite.
     pub suite: String,
     /// Hash of its scenarios.
     pub suite_hash: String,
-    /// Whether the first, or the second, read simulator truth.
+    /// For each of the two, true if it read simulator truth.
     pub oracle: [bool; 2],
-    /// Over all episodes that both ran.
+    /// Over all common episodes.
     pub overall: PairedComparison,
-    /// The same by kind of task; their p-values are not corrected for there being several.
+    /// By kind of task; p-values are not corrected for multiple comparisons.
     pub kinds: Vec<KindComparison>,
-    /// Differences that suites of other sizes would find.
+    /// Detectable differences of suites of other sizes.
     pub power: Vec<PowerRow>,
 }
 
 /// The comparison on the tasks of one kind.
 #[derive(Clone, Debug, Serialize)]
 pub struct KindComparison {
-    /// The kind.
+    /// Kind of task.
     pub kind: TaskKind,
-    /// What it says.
+    /// Comparison on its tasks.
     #[serde(flatten)]
     pub pair: PairedComparison,
 }
 
-/// What a number of scenarios could find.
+/// Power of a number of scenarios.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PowerRow {
-    /// Scenarios, one episode each.
+    /// Number of scenarios, one episode each.
     pub scenarios: usize,
-    /// Smallest difference that is found with a probability of 80 %, where episodes differ as often as in this
-    /// comparison; `None` where none is.
+    /// Smallest difference detectable with 80 % power at this comparison's rate of discordant pairs; `None` if there is
+    /// none.
     pub detectable_difference: Option<f64>,
 }
 
 /// Compares the evaluations in two files.
 ///
 /// # Errors
-/// When a file is no evaluation, the two are of different suites, or no episode is in both.
+/// If a file is not an evaluation, the two are of different suites, or no episode is in both.
 pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError> {
     let read = |path: &Path| -> Result<EvaluationReport, RunError> {
         if path.is_dir() {
@@ -78,20 +78,20 @@ pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError
     })
 }
 
-/// Hash of the suite that a report is of, or that its suite was made from: a perturbed suite has the scenarios of its
-/// control arm, each changed in one respect.
+/// Hash of a report's suite, or of the suite it was derived from: a perturbed suite has the scenarios of its baseline,
+/// each changed in one respect.
 fn origin(report: &EvaluationReport) -> &str {
     report.perturbation.as_ref().map_or(&report.suite_hash, |perturbation| &perturbation.of_hash)
 }
 
-/// `Err(None)` where no episode is in both.
+/// `Err(None)` if no episode is in both.
 fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option<crate::StatisticsError>> {
     let [first, second] = reports;
     let settings = StatisticsSettings::default();
     let of = |report: &EvaluationReport, kind: Option<TaskKind>| -> Vec<EpisodeResult> {
         let is_meant =
             |result: &&EpisodeResult| kind.is_none_or(|kind| report.kinds.get(&result.task_id) == Some(&kind));
-        // Evaluations are told apart by their labels, which also name cameras.
+        // Evaluations are distinguished by their labels, which include cameras.
         let label = arm(report);
         let named = |result: &EpisodeResult| EpisodeResult { policy: label.clone(), ..result.clone() };
         report.results.iter().filter(is_meant).map(named).collect()
@@ -123,13 +123,13 @@ fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option
     })
 }
 
-/// Label of an evaluation, with what was changed of its suite.
+/// Label of an evaluation, with the perturbation of its suite.
 fn arm(report: &EvaluationReport) -> String {
     let changed = |it: &Perturbation| format!("{} ({} {})", report.label, it.axis, it.dial);
     report.perturbation.as_ref().map_or_else(|| report.label.clone(), changed)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(comparison: &Comparison) -> String {
     let all = &comparison.overall;
     let oracle = |index: usize| if comparison.oracle[index] { " (oracle)" } else { "" };
@@ -171,7 +171,7 @@ fn row(name: &str, pair: &PairedComparison) -> Vec<String> {
     ]
 }
 
-/// What may be concluded, in one or two sentences.
+/// Conclusion in one or two sentences.
 fn verdict(comparison: &Comparison) -> String {
     let all = &comparison.overall;
     let alpha = 1.0 - StatisticsSettings::default().coverage;
@@ -194,7 +194,7 @@ fn verdict(comparison: &Comparison) -> String {
     text
 }
 
-/// A p-value of two digits, also where it is tiny.
+/// A p-value with two digits, including tiny ones.
 struct Short(f64);
 
 impl std::fmt::Display for Short {

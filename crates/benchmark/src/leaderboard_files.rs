@@ -1,4 +1,4 @@
-//! All evaluations below a folder.
+//! Evaluations below a folder.
 
 use std::path::{Path, PathBuf};
 
@@ -9,24 +9,24 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Folders below the named one that are looked into; a run's evaluations lie two below the folder of runs.
+/// Maximum depth of the search; a run's evaluations are two levels below the folder of runs.
 const DEPTH: usize = 4;
 
 /// Reads the evaluations in a folder and in the `evaluation` folders below it, in the order of their paths.
 ///
-/// What lies there and is no evaluation is left out, and said.
+/// Anything that is not an evaluation is skipped and reported.
 ///
 /// # Errors
-/// When the folder cannot be listed, or holds none.
+/// If the folder cannot be listed, or holds no evaluation.
 pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, RunError> {
     let mut files = Vec::new();
-    // Beside a run's folder of evaluations lie other files of its own.
+    // A run's folder of evaluations also holds other files.
     list(folder, !folder.join("run.json").is_file(), DEPTH, &mut files)?;
     files.sort();
     let mut reports = Vec::new();
     for file in &files {
         match documents::read_document::<EvaluationReport>(file, limits::EVALUATION) {
-            // The table needs the summary alone.
+            // The table needs only the summary.
             Ok(report) => reports.push(EvaluationReport { results: Vec::new(), ..report }),
             Err(error) => progress.note(&format!("left out: {error}")),
         }
@@ -43,7 +43,7 @@ fn list(folder: &Path, is_meant: bool, depth: usize, files: &mut Vec<PathBuf>) -
     for entry in entries.map_err(|error| RunError::file("list", folder, error))? {
         let (path, name) = (entry.path(), entry.file_name());
         let is_hidden = name.to_string_lossy().starts_with('.');
-        // Links are not followed, so no folder is met twice.
+        // Links are not followed, so no folder is visited twice.
         let kind = entry.file_type().map_err(|error| RunError::file("list", &path, error))?;
         if is_hidden {
             continue;

@@ -1,11 +1,11 @@
 //! Suites: scenarios chosen by rules, certified by the expert, and frozen in a folder.
 //!
 //! ```text
-//! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
+//! NAME/suite.json        its selection, and per scenario hash and certificate
 //! NAME/scenarios/*.json  the scenarios
-//! NAME/assets/*.json.gz  their objects, once `freeze` has put them there
-//! NAME/review.json       what people said of its scenarios; not frozen
-//! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
+//! NAME/assets/*.json.gz  their objects, after `freeze`
+//! NAME/review.json       human reviews of its scenarios; not frozen
+//! NAME/work/             layouts and trials of all candidates during the build, where an interrupted build continues
 //! ```
 
 mod assets;
@@ -38,14 +38,14 @@ pub use training::{Training, TrainingOptions, shared, training};
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Kinds of tasks of a suite: those of the paper's benchmark.
+/// Kinds of tasks in a suite: those of the paper's benchmark.
 pub const KINDS: [TaskKind; 4] =
     [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
 
 /// Folder of a suite, from its path or its name.
 ///
-/// A name is sought in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` beside the
-/// program, and in the repository that the program was built from.
+/// A name is searched in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` relative to
+/// the program, and in the repository that the program was built from.
 pub fn folder_of(name: &Path) -> PathBuf {
     let is_suite = |folder: &Path| folder.join("suite.json").is_file();
     if is_suite(name) || name.components().count() != 1 {
@@ -68,7 +68,7 @@ pub fn folder_of(name: &Path) -> PathBuf {
 /// [`folder_of`] as a value parser of a command line.
 ///
 /// # Errors
-/// Never: what is no suite shows when it is opened.
+/// Never: an invalid suite is detected when it is opened.
 #[allow(clippy::unnecessary_wraps)] // the form of a value parser
 pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
     Ok(folder_of(Path::new(text)))
@@ -77,7 +77,7 @@ pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
 /// Reads the file of a suite's folder.
 ///
 /// # Errors
-/// When there is none, or it is damaged.
+/// If there is none, or it is damaged.
 pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
     let path = folder.join("suite.json");
     if !path.is_file() {
@@ -87,24 +87,24 @@ pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
     documents::read_document(&path, limits::SUITE)
 }
 
-/// The file of a scenario in a suite's folder.
+/// Path of a scenario's file in a suite's folder.
 pub fn scenario_file(folder: &Path, id: &str) -> PathBuf {
     folder.join("scenarios").join(format!("{id}.json"))
 }
 
-/// What a suite is like.
+/// Summary of a suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct Shown {
     /// Its file.
     #[serde(flatten)]
     pub file: SuiteFile,
-    /// How its traits are spread.
+    /// Distribution of its traits.
     pub marginals: Vec<Marginal>,
-    /// What people said of its scenarios.
+    /// Reviews of its scenarios.
     pub reviews: Vec<Review>,
 }
 
-/// What a suite is like, from its file.
+/// Summary of a suite from its file.
 ///
 /// # Errors
 /// As [`open`].
@@ -114,7 +114,7 @@ pub fn show(folder: &Path) -> Result<Shown, RunError> {
     Ok(Shown { file, marginals, reviews: reviews(folder)?.reviews })
 }
 
-/// The same in words.
+/// Text summary.
 pub fn show_in_words(shown: &Shown) -> String {
     let file = &shown.file;
     let mut text = format!(

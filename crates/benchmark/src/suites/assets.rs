@@ -1,4 +1,4 @@
-//! The objects of a frozen suite, out of its folder.
+//! Objects of a frozen suite, from its folder.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Write};
@@ -15,28 +15,28 @@ use genmanip_core::{AssetHashes, AssetRef, Document, ObjectCard, ObjectModel, li
 
 use genmanip_workspace::documents;
 
-/// Most bytes of an object, unpacked; chosen, a hundred times a usual one.
+/// Maximum size of an unpacked object; chosen, a hundred times the usual one.
 const MOST_BYTES: u64 = 4 << 20;
 
-/// Objects that are read when they are first asked for. Only those of the suite are known.
+/// Objects that are read on first use. Only those of the suite are known.
 pub struct SuiteAssets {
     folder: PathBuf,
     files: HashMap<AssetRef, FrozenFile>,
-    /// What was read; only looked up.
+    /// Objects read so far; only used for lookup.
     known: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, AssetHashes)>>,
 }
 
 impl SuiteAssets {
-    /// Those of a suite; `None` when its objects were not frozen.
+    /// Objects of a suite; `None` if they are not frozen.
     pub fn of(folder: &Path, suite: &SuiteFile) -> Option<Self> {
         let files = suite.assets.iter().map(|file| (file.asset.clone(), file.clone())).collect();
         (!suite.assets.is_empty()).then(|| Self { folder: folder.to_owned(), files, known: Mutex::default() })
     }
 
-    /// A frozen object, when its file is the one that was frozen and not larger than any object is.
+    /// A frozen object, if its file is unchanged and within the size limit.
     ///
     /// # Errors
-    /// In words, with the name of the file.
+    /// A message with the name of the file.
     pub fn read(folder: &Path, file: &FrozenFile) -> Result<FrozenAsset, String> {
         if !is_file_name(&file.file) {
             return Err(format!("suite.json names a file `{}`: expected one in assets/", file.file));
@@ -72,7 +72,7 @@ impl SuiteAssets {
         let file = self.files.get(asset).ok_or_else(|| wrong("the suite has no such object".into()))?;
         let model = Self::read(&self.folder, file).map_err(wrong)?.model()?;
         let made = (Arc::new(model.clone()), model.hashes());
-        // Another thread may have made it meanwhile; everybody gets the same.
+        // Another thread may have read it meanwhile; all get the same.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(known.entry(asset.clone()).or_insert(made).clone())
     }
@@ -92,19 +92,19 @@ impl AssetSource for SuiteAssets {
     }
 }
 
-/// The bytes of an object's file: one line of JSON, compressed, since its numbers are exact and many.
+/// Bytes of an object's file: one line of JSON, compressed because of its many exact digits.
 pub(super) fn to_bytes(frozen: &FrozenAsset) -> std::io::Result<Vec<u8>> {
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     writeln!(packed, "{}", frozen.to_value())?;
     packed.finish()
 }
 
-/// The file of an object in the folder of its suite.
+/// Path of an object's file in the folder of its suite.
 pub(super) fn path(folder: &Path, file: &FrozenFile) -> PathBuf {
     folder.join("assets").join(&file.file)
 }
 
-/// One of each object that scenarios have, by the name of its file.
+/// One object per file name, of all objects in the scenarios.
 pub(super) fn distinct<'a>(
     objects: impl Iterator<Item = &'a AssetRef>,
     uid: impl Fn(&AssetRef) -> Result<String, AssetError>,
@@ -112,7 +112,7 @@ pub(super) fn distinct<'a>(
     let mut names: BTreeMap<String, AssetRef> = BTreeMap::new();
     for asset in objects {
         let uid = uid(asset)?;
-        // Two versions of one object have one uid.
+        // Two versions of one object share a uid.
         let name = |again: usize| if again == 0 { format!("{uid}.json.gz") } else { format!("{uid}+{again}.json.gz") };
         let free = (0..).map(name).find(|name| names.get(name).is_none_or(|known| known == asset));
         names.insert(free.unwrap_or_default(), asset.clone());

@@ -1,4 +1,4 @@
-//! Tasks that a suite may take: recorded ones, then designed ones, all even in what is balanced.
+//! Candidate tasks of a suite: recorded ones, then designed ones, balanced over the traits.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,29 +16,28 @@ use genmanip_tasks::references::{self, Clue, Mismatch, clues_at_places, is_needl
 use super::KINDS;
 use genmanip_workspace::Progress;
 
-/// Designs of a kind for each candidate that is wanted, before the kind is given up.
+/// Maximum number of designs of a kind per wanted candidate.
 const DESIGNS_PER_CANDIDATE: usize = 200;
-/// Steps of long-horizon tasks, each the same share of them, and the lots that their designs are composed in at the same
-/// time: of three steps about one design in 1,000 works out, of four one in 7,000.
+/// Numbers of steps of long-horizon tasks, in equal shares, and number of batches composed in parallel: about one
+/// design in 1,000 with three steps succeeds, with four one in 7,000.
 const LOTS_OF_STEPS: [(usize, usize); 3] = [(2, 1), (3, 2), (4, 6)];
-/// Designs that are drawn for one long-horizon task.
+/// Maximum number of draws for one long-horizon design.
 const DRAWS_OF_STEPS: usize = 40_000;
-/// A value of a trait is frequent above so many times the mean of its values.
+/// Threshold of a frequent trait value, as a multiple of the mean over its values.
 const FREQUENT: f64 = 1.1;
-/// Share of the mean of all relations that spatial and appearance tasks have at least of each.
+/// Minimum frequency of each relation in spatial and appearance tasks, as a share of the mean.
 const OF_EACH_RELATION: f64 = 0.1;
-/// Designs with a frequent value that are passed over for each candidate that is chosen; fewer where a design takes
-/// seconds.
+/// Designs with a frequent value that are skipped per selected candidate; fewer if a design takes seconds.
 const PASSED_OVER: usize = 10;
 const PASSED_OVER_OF_STEPS: usize = 2;
 
-/// Tasks to design for a suite.
+/// Request for the tasks of a suite.
 pub struct Wanted<'a> {
-    /// Tasks of each kind.
+    /// Number of tasks per kind.
     pub of_each_kind: usize,
-    /// Tasks that are taken before designed ones.
+    /// Tasks used before designed ones.
     pub recorded: &'a [Task],
-    /// Objects that tasks may be about.
+    /// Catalogue of the objects.
     pub catalogue: &'a Catalogue,
     /// Seed of the designs.
     pub seed: Seed,
@@ -46,19 +45,19 @@ pub struct Wanted<'a> {
     pub workers: usize,
 }
 
-/// Designs of one kind that are composed one after another.
+/// A batch of designs of one kind, composed sequentially.
 struct Lot {
     kind: TaskKind,
     settings: DesignSettings,
     seed: Seed,
-    /// Tasks that it is to give.
+    /// Number of tasks requested.
     share: usize,
     passed_over: usize,
-    /// What it is to be balanced with.
+    /// Design settings for the balance.
     chosen: Chosen,
 }
 
-/// Tasks of each kind that need what their kind is about; `None` when it was stopped.
+/// Tasks of each kind that need the property of their kind; `None` if interrupted.
 pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, Stage)> {
     let mut stage = Stage::new("say what their kind is about, and need it");
     progress.begin("designing", wanted.of_each_kind * KINDS.len());
@@ -83,7 +82,7 @@ pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Op
         chosen.iter().flat_map(|(_, own)| &own.tasks).map(|task| task.instruction.clone()).collect();
     for lots_of in [lots_of_steps, lots_of_relations, lots_of_the_rest] {
         let mut lots = lots_of(&chosen, wanted.seed);
-        // What takes longest begins first.
+        // The slowest batches start first.
         lots.sort_by_key(|lot| Reverse(lot.settings.steps[0]));
         let compose = |lot: &Lot| Ok::<_, Infallible>((lot.kind, compose(lot, wanted.catalogue, progress, stop)));
         let Ok(composed) = in_parallel(&lots, wanted.workers, stop, &compose);
@@ -113,8 +112,7 @@ pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Op
     Some((tasks, stage))
 }
 
-/// Lots of the kinds that choose their relations by what else they are about; of long-horizon tasks they give the same
-/// share of each number of steps.
+/// Batches of the kinds without a prescribed relation; long-horizon batches have equal shares of each number of steps.
 fn lots_of_steps(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let mut lots = Vec::new();
     for (kind, own) in chosen {
@@ -137,7 +135,7 @@ fn lots_of_steps(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     lots
 }
 
-/// Lots of the other kinds, most of the relations that are rare so far.
+/// Batches of the other kinds, mostly for the relations that are rarest so far.
 fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let count = |relation| {
         let tasks = chosen.iter().flat_map(|(_, own)| &own.tasks);
@@ -148,7 +146,7 @@ fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
         chosen.iter().filter(|(kind, _)| [TaskKind::Spatial, TaskKind::Appearance].contains(kind)).collect();
     let left: usize = chosen.iter().map(|(_, own)| own.left()).sum();
     let mean = (counts.iter().sum::<f64>() + left as f64) / counts.len() as f64;
-    // Some of each in any case, so that no kind is without a relation.
+    // Some of each in any case, so that no kind lacks a relation.
     let wanted = counts.map(|count| (mean - count).max(0.0) + OF_EACH_RELATION * mean);
     let mut lots = Vec::new();
     for (kind, own) in chosen {
@@ -164,7 +162,7 @@ fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     lots
 }
 
-/// What these lots did not give.
+/// Tasks missing from the batches.
 fn lots_of_the_rest(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let rest = |(kind, own): &(TaskKind, Chosen)| {
         let lot = Lot::new(*kind, "rest", DesignSettings::default(), own.left(), seed);
@@ -185,12 +183,12 @@ impl Lot {
     }
 }
 
-/// A number in parts that differ by one at most, the larger first.
+/// Splits a number into parts that differ by at most one, larger first.
 fn shares(number: usize, parts: usize) -> impl Iterator<Item = usize> {
     (0..parts).map(move |part| number / parts + usize::from(part < number % parts))
 }
 
-/// The tasks of a lot, and why other designs were none.
+/// Tasks of a batch, and the reasons of rejected designs.
 fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &AtomicBool) -> (Vec<Task>, Vec<String>) {
     let kinds = [lot.kind];
     let (mut tasks, mut refusals, mut passed_over) = (Vec::new(), Vec::new(), 0);
@@ -222,22 +220,22 @@ fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &Ato
     (tasks, refusals)
 }
 
-/// The candidates of a kind so far.
+/// Candidates of a kind so far.
 #[derive(Clone, Default)]
 struct Chosen {
     tasks: Vec<Task>,
-    /// How many there are to be.
+    /// Wanted number.
     wanted: usize,
-    /// How often each need was said.
+    /// Number of uses of each need.
     needs: BTreeMap<String, usize>,
-    /// Spatial tasks with one clue.
+    /// Number of spatial tasks with one clue.
     with_one_clue: usize,
-    /// How often each value of each trait occurs, by name and value; 0 for those that were only seen.
+    /// Frequency of each trait value, by name and value; 0 for values only seen in rejected designs.
     traits: BTreeMap<String, BTreeMap<String, usize>>,
 }
 
 impl Chosen {
-    /// How many are missing.
+    /// Number of missing candidates.
     fn left(&self) -> usize {
         self.wanted.saturating_sub(self.tasks.len())
     }
@@ -255,7 +253,7 @@ impl Chosen {
         self.tasks.push(task);
     }
 
-    /// Whether some trait of a task has a value that is more frequent than the others that were seen of it.
+    /// True if a trait of the task has a value that is more frequent than the others seen.
     fn is_frequent(&mut self, task: &Task, catalogue: &Catalogue) -> bool {
         let mut is_frequent = false;
         for (name, values) in traits(task, catalogue) {
@@ -269,7 +267,7 @@ impl Chosen {
         is_frequent
     }
 
-    /// Why a task is no candidate.
+    /// Reason why a task is not a candidate.
     fn refusal(&self, task: &Task) -> Option<String> {
         match Clue::of(task.kind).filter(|&clue| is_needless(task, clue)) {
             Some(Clue::Need) => return Some("what is meant is clear without the need".into()),
@@ -280,24 +278,24 @@ impl Chosen {
         if need(task).is_some_and(|need| self.needs.get(&need).is_some_and(|&count| count >= 2)) {
             return Some("its need occurs twice already".into());
         }
-        // A recorded sentence may be beyond the reader, but not mean something else to it.
+        // The reader may fail to parse a recorded sentence, but must not understand something else.
         match references::check(task) {
             Ok(()) | Err(Mismatch::Unreadable { .. }) => {}
             Err(mismatch) => return Some(format!("its sentence does not mean its goal: {mismatch}")),
         }
-        // At least half of the spatial candidates tell two things by their place.
+        // At least half of the spatial candidates identify two objects by their place.
         let is_half = 2 * self.with_one_clue >= self.wanted.max(self.tasks.len());
         (has_one_clue(task) && is_half).then(|| "enough tasks with one clue".into())
     }
 }
 
-/// Whether some alternative of a goal asks for a relation.
+/// True if some alternative of a goal contains a relation.
 fn asks_for(task: &Task, relation: Relation) -> bool {
     let is_asked = |atom: &Atom| matches!(atom, Atom::Relation { relation: asked, .. } if *asked == relation);
     task.goal.alternatives.iter().flatten().any(is_asked)
 }
 
-/// What a common-sense task says before its request.
+/// Need stated by a common-sense task before its request.
 fn need(task: &Task) -> Option<String> {
     let need = || task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
     (task.kind == TaskKind::CommonSense).then(need)
@@ -307,7 +305,7 @@ fn has_one_clue(task: &Task) -> bool {
     task.kind == TaskKind::Spatial && clues_at_places(task).is_ok_and(|count| count < 2)
 }
 
-/// What is balanced of a task, by name.
+/// Balanced traits of a task, by name.
 pub fn traits(task: &Task, catalogue: &Catalogue) -> BTreeMap<String, Vec<String>> {
     let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
     balanced_traits(task, clues_at_places(task).unwrap_or(0), &is_unseen)

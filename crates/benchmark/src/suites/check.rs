@@ -1,4 +1,4 @@
-//! Whether a suite is what its file says.
+//! Integrity check of a suite.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -23,32 +23,32 @@ use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::worlds;
 
-/// Most places that are named of one object.
+/// Maximum number of differing places named per object.
 const MOST_PLACES: usize = 3;
 
-/// What was found.
+/// Findings.
 #[derive(Clone, Debug, Serialize)]
 pub struct Checked {
     /// Name of the suite.
     pub name: String,
-    /// Scenarios that were read.
+    /// Number of scenarios read.
     pub scenarios: usize,
-    /// Largest deviation of a trait's value from its even share, as a part of that.
+    /// Largest relative deviation of a trait value from its even share.
     pub worst_marginal: f64,
-    /// Share of the sentence that is most frequent once what it is about is left blank.
+    /// Share of the most frequent sentence template.
     pub template_share: f64,
-    /// What is worth knowing and no fault, a line each: frozen objects that the catalogue makes otherwise by now, and
-    /// sentences of recorded answers that the independent reader does not follow.
+    /// Notes that are not faults, one per line: frozen objects that the catalogue now generates differently, and
+    /// recorded sentences that the independent reader cannot parse.
     pub notes: Vec<String>,
-    /// What is wrong, a line each; empty for a sound suite.
+    /// Faults, one per line; empty for an intact suite.
     pub faults: Vec<String>,
 }
 
-/// Checks every scenario of a suite: its bytes, its objects, that its sentence means its goal, and that it needs what
-/// its kind is about; `None` when it was stopped.
+/// Checks every scenario of a suite: bytes, objects, agreement of sentence and goal, and necessity of the kind's
+/// property; `None` if interrupted.
 ///
 /// # Errors
-/// When the suite's file cannot be read; a scenario that cannot be is a fault.
+/// If the suite's file cannot be read; an unreadable scenario is a fault.
 pub fn check(
     folder: &Path,
     workers: usize,
@@ -90,20 +90,20 @@ pub fn check(
         }
         match references::check(&scenario.task) {
             Ok(()) => {}
-            // What people or language models say may be beyond the reader.
+            // The reader may fail to parse sentences of people or language models.
             Err(mismatch @ Mismatch::Unreadable { .. }) if scenario.task.source != RULES => {
                 notes.push(format!("{}: the reader does not follow: {mismatch}", entry.id));
             }
             Err(mismatch) => fault(format!("its sentence does not mean its goal: {mismatch}")),
         }
-        // Another request is one of pick and place, which needs nothing.
+        // The other request is a pick_and_place task, which needs no property.
         if Clue::of(scenario.task.kind).is_some_and(|clue| is_needless(&scenario.task, clue)) {
             fault("its goal is clear without what its kind is about".into());
         }
         if entry.certificate.verified < entry.certificate.episodes || entry.certificate.episodes == 0 {
             fault("has no certificate".into());
         }
-        // Physics of its objects, by their hashes.
+        // Physics of its objects, by hash.
         let robot = worlds::robot(&scenario.world)?;
         if let Err(error) = Stage::open(Arc::new(scenario.clone()), source, &robot) {
             fault(error.to_string());
@@ -126,19 +126,20 @@ pub fn check(
     let template_share = template_share(&scenarios);
     notes.extend(differences.notes);
     let name = suite.name;
-    // What was not looked at any more is not sound.
+    // An interrupted check does not prove integrity.
     let checked = Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults };
     Ok((!stop.load(Ordering::Relaxed)).then_some(checked))
 }
 
-/// What is not as it was frozen, and what the catalogue makes otherwise by now, which is no fault.
+/// Differences from the frozen state (faults), and from the current catalogue (notes).
 #[derive(Default)]
 struct Differences {
     faults: Vec<String>,
     notes: Vec<String>,
 }
 
-/// Compares the frozen objects with their files and with the catalogue, and the pictures with those drawn now.
+/// Compares the frozen objects with their files and with the catalogue, and the image hashes with freshly rendered
+/// ones.
 fn differences(
     folder: &Path,
     suite: &SuiteFile,
@@ -162,7 +163,7 @@ fn differences(
         }
         match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
             Ok(mut today) => {
-                // Drawn by all triangles, as suites once were frozen, it is still the catalogue's.
+                // Suites frozen with full-resolution meshes still match the catalogue.
                 if Catalogue::builtin().full_mesh_model(&file.asset).is_ok_and(|(_, looks)| looks == frozen.looks_hash)
                 {
                     today.looks_hash.clone_from(&frozen.looks_hash);
@@ -180,7 +181,7 @@ fn differences(
     {
         for (scenario, pictures) in scenarios.iter().zip(pictures) {
             let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
-            // Also of cameras that only one of the two has.
+            // Including cameras that only one of the two has.
             let all = pictures.keys().chain(entry.pictures.keys()).collect::<BTreeSet<_>>();
             let other = all.into_iter().filter(|camera| pictures.get(*camera) != entry.pictures.get(*camera));
             let cameras: Vec<&str> = other.map(String::as_str).collect();
@@ -200,7 +201,7 @@ fn template_share(scenarios: &[Scenario]) -> f64 {
     counts.values().max().map_or(0.0, |&most| most as f64 / scenarios.len() as f64)
 }
 
-/// Files in a folder of the suite that it does not name.
+/// Files in a folder of the suite that it does not list.
 fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, RunError> {
     let path = folder.join(inside);
     let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
@@ -216,7 +217,7 @@ fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<V
     Ok(faults)
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(checked: &Checked) -> String {
     let mut text = format!(
         "{}: {} scenarios, worst marginal {:.0} % of its share, most frequent sentence {:.1} %\n",

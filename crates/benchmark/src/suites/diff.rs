@@ -1,4 +1,4 @@
-//! In what two suites differ.
+//! Difference of two suites.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -9,16 +9,16 @@ use serde::Serialize;
 use super::open;
 use genmanip_workspace::RunError;
 
-/// The difference of two suites.
+/// Difference of two suites.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// Whether both have the same scenarios, so that results on one are results on the other.
+    /// True if both have the same scenarios, so that results are comparable.
     pub same_scenarios: bool,
-    /// Scenarios of the first alone.
+    /// Scenarios only in the first.
     pub only_first: Vec<String>,
-    /// Scenarios of the second alone.
+    /// Scenarios only in the second.
     pub only_second: Vec<String>,
-    /// Scenarios of both that differ, with what does.
+    /// Scenarios in both that differ, with the differing parts.
     pub changed: BTreeMap<String, Vec<String>>,
     /// Files of frozen objects that only one has, or that differ.
     pub changed_assets: Vec<String>,
@@ -27,7 +27,7 @@ pub struct Difference {
 /// Compares the files of two suites.
 ///
 /// # Errors
-/// When one cannot be read.
+/// If one cannot be read.
 pub fn diff(first: &Path, second: &Path) -> Result<Difference, RunError> {
     let (first, second) = (open(first)?, open(second)?);
     let by_id = |entries: &[SuiteEntry]| -> BTreeMap<String, SuiteEntry> {
@@ -66,7 +66,7 @@ fn changes(ours: &SuiteEntry, theirs: &SuiteEntry) -> Vec<String> {
     fields.into_iter().filter(|(_, differs)| *differs).map(|(name, _)| name.to_owned()).collect()
 }
 
-/// The same in words.
+/// Text summary.
 pub fn in_words(difference: &Difference) -> String {
     let mut text = match difference.same_scenarios {
         true => "the scenarios are the same: results can be compared\n".to_owned(),

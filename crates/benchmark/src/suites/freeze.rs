@@ -1,4 +1,4 @@
-//! Freezing what a suite's scenarios are made of: objects, and hashes of what its cameras see.
+//! Freezing of a suite: its objects, and hashes of its camera images.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -15,12 +15,13 @@ use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 
-/// Puts the objects of a suite's scenarios and hashes of its pictures beside them; `None` when it was stopped.
+/// Writes the objects of a suite's scenarios and the hashes of its images beside them; `None` if interrupted.
 ///
-/// From then on the suite is evaluated on with these objects, whatever the catalogue makes of their names.
+/// From then on the suite is evaluated with these objects, whatever the catalogue generates under their names.
 ///
 /// # Errors
-/// When the suite is frozen so already or is not as it was built, an object cannot be kept, or a file cannot be written.
+/// If the suite is already frozen or has changed since it was built, an object cannot be stored, or a file cannot be
+/// written.
 pub fn freeze(
     folder: &Path,
     workers: usize,

@@ -1,4 +1,4 @@
-//! Writing a suite, and what the two ways to make one share: trials by scenario, certificates.
+//! Writing of a suite, shared by building and perturbing: trials by scenario, certificates.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -26,10 +26,10 @@ pub struct Head {
     pub funnel: Vec<Stage>,
 }
 
-/// Refuses a folder that holds a suite already.
+/// Rejects a folder that already holds a suite.
 ///
 /// # Errors
-/// When `suite.json` exists.
+/// If `suite.json` exists.
 pub fn refuse_another(folder: &Path) -> Result<(), RunError> {
     let file = folder.join("suite.json");
     match file.exists() {
@@ -60,10 +60,10 @@ pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
     }
 }
 
-/// Writes the scenarios first and `suite.json` last: where it is, all is there. Removes the folder `work`.
+/// Writes the scenarios first and `suite.json` last, as a mark of completeness. Removes the folder `work`.
 ///
 /// # Errors
-/// When a file cannot be written.
+/// If a file cannot be written.
 pub fn write(folder: &Path, head: Head, kept: Vec<(Scenario, SuiteEntry)>) -> Result<SuiteFile, RunError> {
     let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
     for scenario in &scenarios {

@@ -1,4 +1,4 @@
-//! Hashes of what the cameras of scenarios see.
+//! Hashes of the camera images of scenarios.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +13,10 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::worlds::Setting;
 
-/// SHA-256 of the colours that each camera sees at the start of a scenario, by the camera's name.
+/// SHA-256 of each camera's colour image at the start of a scenario, by camera name.
 pub(super) type Pictures = BTreeMap<String, String>;
 
-/// What the cameras of scenarios see; `None` when it was stopped.
+/// Image hashes of scenarios; `None` if interrupted.
 pub(super) fn draw(
     scenarios: &[Scenario],
     source: &SuiteAssets,

@@ -1,4 +1,4 @@
-//! What people say of a suite's scenarios, kept beside it.
+//! Human reviews of a suite's scenarios, stored beside it.
 
 use std::path::Path;
 
@@ -9,19 +9,19 @@ use super::open;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// What was said of a suite so far; nothing where nobody said anything.
+/// Reviews of a suite so far; empty without a file.
 ///
 /// # Errors
-/// When the file is damaged.
+/// If the file is damaged.
 pub fn reviews(folder: &Path) -> Result<ReviewFile, RunError> {
     let path = folder.join("review.json");
     if path.exists() { documents::read_document(&path, limits::SUITE) } else { Ok(ReviewFile::default()) }
 }
 
-/// Keeps what a person says of a scenario; it takes the place of what they said before.
+/// Stores a person's review of a scenario, replacing their previous one.
 ///
 /// # Errors
-/// When the suite has no such scenario, or the file cannot be read or written.
+/// If the suite has no such scenario, or the file cannot be read or written.
 pub fn review(
     folder: &Path,
     scenario: &str,
@@ -46,7 +46,7 @@ pub fn review(
     Ok(file)
 }
 
-/// The counts in words.
+/// Counts by verdict as text.
 pub fn in_words(file: &ReviewFile) -> String {
     let count = |verdict: ReviewVerdict| format!("{} {}", file.count(verdict), verdict.name());
     format!("{} reviews: {}\n", file.reviews.len(), ReviewVerdict::ALL.map(count).join(", "))

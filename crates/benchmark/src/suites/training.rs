@@ -1,4 +1,4 @@
-//! Tasks to train on for a suite: designed of objects for training alone, sharing nothing with what is tested.
+//! Training tasks for a suite: about training objects only, without overlap with the suite.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
@@ -18,23 +18,23 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::designed_tasks;
 
-/// Designs of a kind for each task that is wanted, before the kind is given up.
+/// Maximum number of designs of a kind per wanted task.
 const DESIGNS_PER_TASK: usize = 8;
 
-/// What is designed, and where it is written.
+/// Request for training tasks.
 #[derive(Clone, Debug)]
 pub struct TrainingOptions {
-    /// Folder of the suite that is tested on.
+    /// Folder of the suite used for testing.
     pub suite: PathBuf,
     /// Folder of the tasks.
     pub out: PathBuf,
-    /// Tasks of each kind.
+    /// Number of tasks per kind.
     pub per_kind: usize,
-    /// Seed of the series of each kind.
+    /// Seed of each kind's series.
     pub seed: Seed,
 }
 
-/// The file `training.json` beside the tasks: how they can be made again.
+/// The file `training.json` beside the tasks: the information to reproduce them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
@@ -42,15 +42,15 @@ pub struct Training {
     pub suite: String,
     /// Hash of its scenarios.
     pub suite_hash: String,
-    /// Seed of the series of each kind.
+    /// Seed of each kind's series.
     pub seed: Seed,
-    /// Tasks of each kind that were asked for.
+    /// Number of tasks requested per kind.
     pub per_kind: usize,
-    /// Version of the program.
+    /// Program version.
     pub genmanip_version: String,
-    /// Objects that tasks may be about.
+    /// Catalogue of the objects.
     pub objects: usize,
-    /// Tasks of each kind, and why others were left out.
+    /// Number of tasks per kind, and reasons of rejected ones.
     pub funnel: Stage,
 }
 
@@ -58,15 +58,15 @@ impl Document for Training {
     const SCHEMA: &'static str = "genmanip.training/1";
 }
 
-/// Designs tasks of the suite's kinds about objects for training, and writes those that share neither sentence nor scene
+/// Designs tasks of the suite's kinds about training objects, and writes those that share neither sentence nor scene
 /// graph with the suite into `out/tasks`, and `out/training.json` last.
 ///
 /// # Errors
-/// When there is no suite, a kind has too few such tasks, the folder holds others, or a file cannot be written.
+/// If there is no suite, a kind has too few such tasks, the folder holds others, or a file cannot be written.
 pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Training, RunError> {
     let file = options.out.join("training.json");
     let tasks = options.out.join("tasks");
-    // Without the file tasks are what an interrupted call left, perhaps of another seed.
+    // Tasks without that file are from an interrupted call, perhaps with another seed.
     if let Some(there) = [&file, &tasks].into_iter().find(|path| path.exists()) {
         return Err(RunError::input(format!("{} exists", there.display())).with_hint("choose another --out folder"));
     }
@@ -119,10 +119,10 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
     Ok(training)
 }
 
-/// What tasks share with a suite that they must not, a line each.
+/// Overlaps of tasks with a suite that training forbids, one per line.
 ///
 /// # Errors
-/// When there is no suite, or a task cannot be read.
+/// If there is no suite, or a task cannot be read.
 pub fn shared(suite: &Path, tasks: &[PathBuf]) -> Result<Vec<String>, RunError> {
     let tested = Tested::of(&scenarios(suite)?);
     let tasks = task_files::read_tasks(tasks)?;
@@ -134,7 +134,7 @@ fn scenarios(folder: &Path) -> Result<Vec<Scenario>, RunError> {
     entries.iter().map(|entry| scenarios::read_scenario(&scenario_file(folder, &entry.id))).collect()
 }
 
-/// What must not be trained on.
+/// Content of a suite that must not occur in training.
 struct Tested {
     sentences: BTreeSet<String>,
     graphs: BTreeSet<String>,
@@ -146,7 +146,7 @@ impl Tested {
         Self { sentences: tasks().map(sentence).collect(), graphs: tasks().map(graph).collect() }
     }
 
-    /// Why a task must not be trained on.
+    /// Reason why a task must not be used for training.
     fn shared(&self, task: &Task) -> Option<&'static str> {
         let is_unseen = |card: &ObjectCard| Catalogue::full().split(&card.uid) != Split::Train;
         match () {
@@ -164,7 +164,7 @@ fn sentence(task: &Task) -> String {
     task.instruction.trim().to_lowercase()
 }
 
-/// Objects and how they stand to each other, whatever the order.
+/// Objects and their relations, independent of the order.
 fn graph(task: &Task) -> String {
     let mut lines: Vec<String> = task.scene_graph.nodes.iter().map(|node| node.id.clone()).collect();
     lines.extend(task.scene_graph.edges.iter().map(|edge| serde_json::to_string(edge).unwrap_or_default()));

@@ -1,39 +1,40 @@
-//! What can be changed of a scenario.
+//! Axes of perturbations.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What is changed; the axes of LIBERO-Plus (Fei et al., 2025), with physics, distractors and an exchanged instruction.
+/// Axis of a perturbation, as in LIBERO-Plus (Fei et al., 2025), with physics, distractors and an exchanged
+/// instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// The same task is laid out anew.
+    /// A new layout of the same task.
     Layout,
-    /// Cameras are shifted and turned.
+    /// Camera poses.
     Camera,
-    /// The arm starts from another posture.
+    /// Initial posture of the arm.
     RobotStart,
     /// Light and exposure.
     Light,
-    /// What is behind the table.
+    /// Background behind the table.
     Background,
-    /// What the table's top is made of.
+    /// Material of the table top.
     Texture,
-    /// Tint and roughness of things; every colour word stays true.
+    /// Tint and roughness of objects; every colour word stays true.
     Paint,
-    /// Cameras have noise, other exposure and white balance, and compress.
+    /// Sensor noise, exposure, white balance and compression of the cameras.
     Sensor,
     /// Friction, mass, bouncing, and friction of joints.
     Physics,
-    /// More things stand about.
+    /// Additional objects.
     Distractors,
-    /// The sentence asks for the same in other words.
+    /// The same request in other words.
     Wording,
-    /// The sentence asks for something else that the scene allows; both are judged.
+    /// Another request that the scene allows; both are judged.
     Instruction,
 }
 
 impl Axis {
-    /// All of them.
+    /// All axes.
     pub const ALL: [Self; 12] = [
         Self::Layout,
         Self::Camera,
@@ -67,7 +68,7 @@ impl Axis {
         }
     }
 
-    /// Whether things may be hidden or out of the picture afterwards.
+    /// True if objects may be occluded or outside the image afterwards.
     pub fn moves_what_is_seen(self) -> bool {
         matches!(self, Self::Layout | Self::Camera | Self::Distractors)
     }

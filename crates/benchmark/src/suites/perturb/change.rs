@@ -1,7 +1,7 @@
-//! One scenario, changed along one axis.
+//! Perturbation of one scenario along one axis.
 //!
-//! Ranges at dial 1 are chosen: as large as what a laboratory sees from one day to the next, and still solvable. Smaller
-//! dials shrink them in proportion.
+//! Ranges at dial 1 are chosen: as large as the day-to-day variation in a laboratory, and still solvable. Smaller dials
+//! scale them proportionally.
 
 use std::sync::Arc;
 
@@ -24,24 +24,24 @@ use super::Axis;
 use genmanip_workspace::RunError;
 use genmanip_workspace::worlds;
 
-/// Largest shift of a camera along each axis, m, and turn about each, rad, by its mount.
+/// Maximum shift of a camera along each axis, m, and rotation about each, rad, by its mount.
 const CAMERA: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.06, 0.06), (CameraMount::Hand, 0.01, 0.03)];
-/// Largest turn of each arm joint from its home, rad.
+/// Maximum deviation of each arm joint from its home, rad.
 const START_RAD: f64 = 0.25;
-/// Postures that are drawn until the arm is free in one.
+/// Maximum number of postures sampled until one is collision-free.
 const POSTURES: usize = 100;
-/// Room left to the limits of the joints, rad.
+/// Minimum distance from the joint limits, rad.
 const LIMIT_RAD: f64 = 0.05;
-/// Largest change of the exposure, stops, and of the white balance's factors.
+/// Maximum change of the exposure, stops, and of the white balance's factors.
 const EXPOSURE_STOPS: f64 = 0.7;
 const WHITE_BALANCE: f64 = 0.12;
-/// Least quality of the JPEG.
+/// Minimum JPEG quality.
 const JPEG_QUALITY: f64 = 40.0;
-/// Things that are added.
+/// Number of additional objects.
 const DISTRACTORS: f64 = 5.0;
-/// Paraphrases to choose from.
+/// Number of paraphrases to choose from.
 const PARAPHRASES: usize = 8;
-/// Other requests that are drawn until the reader understands one.
+/// Maximum number of other requests sampled until the reader understands one.
 const REQUESTS: usize = 200;
 
 /// Perturbs scenarios along one axis; planner and settings are built once.
@@ -54,10 +54,10 @@ pub struct Workshop {
 }
 
 impl Workshop {
-    /// A workshop for scenarios of a world; `dial` in (0, 1] is the strength of the perturbation.
+    /// A perturber for scenarios of a world; `dial` in (0, 1] is the strength of the perturbation.
     ///
     /// # Errors
-    /// When the robot of the world is unknown.
+    /// If the robot of the world is unknown.
     pub fn new(world: &World, axis: Axis, dial: f64) -> Result<Self, RunError> {
         let planner = worlds::planner(world, &PlannerSettings::default())?;
         Ok(Self { axis, dial, planner, layout: LayoutSettings::default() })
@@ -117,7 +117,7 @@ impl Workshop {
         }
     }
 
-    /// A posture near home that touches nothing.
+    /// A random collision-free posture near home.
     fn posture(&self, scenario: &Scenario, rng: &mut impl Rng) -> Result<Vec<f64>, String> {
         let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
         let around = obstacles::around(&scene.map_err(|error| error.to_string())?, None);
@@ -142,7 +142,7 @@ impl Workshop {
         Look { strength: self.dial, ..Look::new(seed, vec![vary]) }
     }
 
-    /// A D435's noise with an exposure and a white balance that are off.
+    /// A D435's noise with changed exposure and white balance.
     fn sensor(&self, rng: &mut impl Rng) -> CameraSensor {
         let usual = SensorPreset::named("d435").map(|preset| preset.sensor).unwrap_or_default();
         let mut within = |most: f64| self.dial * most * (2.0 * rng.random::<f64>() - 1.0);
@@ -159,7 +159,7 @@ impl Workshop {
     }
 }
 
-/// How a relation is asked for.
+/// Prepositions of the relations in a request.
 const ASKED: [(Relation, &str); 5] = [
     (Relation::Near, "next to"),
     (Relation::Left, "to the left of"),
@@ -168,21 +168,22 @@ const ASKED: [(Relation, &str); 5] = [
     (Relation::In, "into"),
 ];
 
-/// Room around a thing that is to go into another one, m; chosen.
+/// Free space around an object that is to go into another one, m; chosen.
 const AROUND_M: f64 = 0.01;
 
-/// Whether the first thing, as it stands, goes into the hollow of the second.
-fn fits((thing, hollow): (&ObjectCard, &ObjectCard)) -> bool {
-    let size = thing.size_m.truncate().max_element() + AROUND_M;
-    hollow.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
+/// True if the first object, as it stands, fits into the second's cavity.
+fn fits((object, container): (&ObjectCard, &ObjectCard)) -> bool {
+    let size = object.size_m.truncate().max_element() + AROUND_M;
+    container.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
 }
 
-/// Asks for something else that the reader understands and that is not so yet; what was asked for is judged beside it.
+/// Asks for something else that the reader understands and that does not hold yet; the original request is judged as
+/// well.
 fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default()).map_err(|error| error.to_string())?;
     let task = &scenario.task;
     let known = task.judged_goal().into_owned();
-    // A copy among several has no name of its own.
+    // A copy among several has no unique name.
     let is_single = |id: &str| !id.contains('#');
     let ids: Vec<&str> =
         task.scene_graph.nodes.iter().map(|node| node.id.as_str()).filter(|id| is_single(id)).collect();
@@ -195,7 +196,7 @@ fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
         let subject = movable[rng.random_range(0..movable.len())];
         let reference = ids[rng.random_range(0..ids.len())];
         let (relation, words) = ASKED[rng.random_range(0..ASKED.len())];
-        // Another thing must be moved, so that who does not listen does not do it by chance.
+        // Another object must move, so that a policy that ignores the instruction does not succeed by chance.
         if subject == reference || known.alternatives.iter().flatten().any(|atom| atom.subject() == subject) {
             continue;
         }

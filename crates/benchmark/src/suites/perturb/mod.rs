@@ -1,4 +1,4 @@
-//! Perturbations of scenarios: one respect changed by a stated amount. `genmanip-pipeline` certifies the changed ones.
+//! Perturbations of scenarios along one axis. `genmanip-pipeline` certifies the perturbed ones.
 
 mod axis;
 mod change;

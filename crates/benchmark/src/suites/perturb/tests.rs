@@ -1,4 +1,4 @@
-//! Each axis changes what it is about, and nothing else.
+//! Each axis changes its own subject, and nothing else.
 
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Document, Scenario, Seed, TaskKind};
@@ -20,7 +20,7 @@ fn scenario() -> Scenario {
     lay_out(&task, catalogue, &world, &planner, grasps, Seed::new(7), &LayoutSettings::default()).unwrap()
 }
 
-/// Places where two documents differ, down to the entries of lists.
+/// JSON paths at which two documents differ, down to list entries.
 fn differences(ours: &Value, theirs: &Value, place: &str, found: &mut Vec<String>) {
     match (ours, theirs) {
         (Value::Object(a), Value::Object(b)) => {
