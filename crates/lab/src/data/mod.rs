@@ -177,7 +177,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
     let recorder = |camera| TrackRecorder::new(camera, pictures.fps, &pictures.video);
     let mut tracks = cameras.iter().map(recorder).collect::<Result<Vec<_>, _>>().map_err(broke)?;
     let mut clock = cpu_clock();
-    let mut painter = StageRenderer::new(stage).map_err(not_drawn)?;
+    let mut painter = StageRenderer::new(stage).map_err(render_failed)?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let (_, stride) =
         genmanip_data::export::sampling(episode.frames.len(), episode.result.control_rate_hz, pictures.fps)
@@ -192,7 +192,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let exposure = Exposure::of(episode, index);
         let images = painter.render_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
-        let images = images.map_err(not_drawn)?;
+        let images = images.map_err(render_failed)?;
         lap(&mut cpu_s.render);
         for (track, image) in tracks.iter_mut().zip(&images) {
             track.push(image).map_err(broke)?;
