@@ -243,7 +243,10 @@ mod tests {
             ),
             (
                 "of two the first",
-                vec![object(1, 0, "a", true), said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation))],
+                vec![
+                    object(1, 0, "a", true),
+                    said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation)),
+                ],
                 None,
                 FailureClass::GraspGrounding,
                 Some(1),

@@ -1,6 +1,6 @@
 //! A model that picks marks by chance: the control that shows what the rest of the agent reaches alone.
 
-use genmanip_agent::ask::{ModelReply, Marks, Question, ServiceError, QuestionKind, VisionModel};
+use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceError, VisionModel};
 use genmanip_core::Seed;
 use rand::RngExt;
 use serde_json::json;

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_agent::ask::{ModelReply, Question, RecordedAnswer, RecordedAnswers, ServiceError, Tolerance, VisionModel};
+use genmanip_agent::ask::{
+    ModelReply, Question, RecordedAnswer, RecordedAnswers, ServiceError, Tolerance, VisionModel,
+};
 use genmanip_core::{Document, limits};
 
 use genmanip_workspace::RunError;

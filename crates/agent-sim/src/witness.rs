@@ -6,9 +6,11 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_agent::ask::{Answer, ModelReply, Marks, PathCell, Question, ServiceError, QuestionKind, VisionModel, parse};
-use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
+use genmanip_agent::ask::{
+    Answer, Marks, ModelReply, PathCell, Question, QuestionKind, ServiceError, VisionModel, parse,
+};
 use genmanip_agent::perception::on_plane;
+use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Aabb, Atom, Grasp, Relation};
 use genmanip_layout::Move;
@@ -64,7 +66,9 @@ impl Witness {
                 (memory.split, memory.open) = (Some(question.ask), answer.subtasks.len());
                 self.split(&answer.subtasks, &scene)
             }
-            Answer::Mark(answer) if question.stage == QuestionKind::Object => self.object(question, answer.mask, &scene),
+            Answer::Mark(answer) if question.stage == QuestionKind::Object => {
+                self.object(question, answer.mask, &scene)
+            }
             Answer::Point(answer) => self.place(question, answer.cell, &scene),
             Answer::Path(answer) => match answer.cells.split_last() {
                 Some((last, way)) => match self.place(question, last.cell, &scene) {
@@ -164,8 +168,9 @@ impl Witness {
     fn blame_split(&self, evidence: String) {
         let split = lock(&self.memory).split;
         let mut heard = lock(&self.heard);
-        let is_split =
-            |testimony: &&mut Testimony| Some(testimony.ask) == split && testimony.stage == QuestionKind::Decompose.name();
+        let is_split = |testimony: &&mut Testimony| {
+            Some(testimony.ask) == split && testimony.stage == QuestionKind::Decompose.name()
+        };
         let testimony = heard.testimonies.iter_mut().find(is_split);
         if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
             (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);

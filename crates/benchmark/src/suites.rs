@@ -44,8 +44,8 @@ pub const KINDS: [TaskKind; 4] =
 
 /// Folder of a suite, from its path or its name.
 ///
-/// A name is sought in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` beside the
-/// program, and in the repository that the program was built from.
+/// A name is searched in `suites` of the current folder, in `GENMANIP_SUITES`, in `../share/genmanip/suites` relative to
+/// the program, and in the repository that the program was built from.
 pub fn folder_of(name: &Path) -> PathBuf {
     let is_suite = |folder: &Path| folder.join("suite.json").is_file();
     if is_suite(name) || name.components().count() != 1 {
@@ -68,7 +68,7 @@ pub fn folder_of(name: &Path) -> PathBuf {
 /// [`folder_of`] as a value parser of a command line.
 ///
 /// # Errors
-/// Never: what is no suite shows when it is opened.
+/// Never: an invalid suite is detected when it is opened.
 #[allow(clippy::unnecessary_wraps)] // the form of a value parser
 pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
     Ok(folder_of(Path::new(text)))

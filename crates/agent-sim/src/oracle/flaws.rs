@@ -36,8 +36,12 @@ pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) 
             let worst = points.min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
             worst.map(|(_, point)| serde_json::json!({"selected_point": point + 1, "reason": "it looks firm"}))
         }
-        (FailureClass::PlanGrounding, QuestionKind::GridPath | QuestionKind::PointToPoint) => other_reference(oracle, question),
-        (FailureClass::PlanLocation, QuestionKind::GridPath | QuestionKind::PointToPoint) => other_relation(oracle, question),
+        (FailureClass::PlanGrounding, QuestionKind::GridPath | QuestionKind::PointToPoint) => {
+            other_reference(oracle, question)
+        }
+        (FailureClass::PlanLocation, QuestionKind::GridPath | QuestionKind::PointToPoint) => {
+            other_relation(oracle, question)
+        }
         (FailureClass::PlanMotion, QuestionKind::GridPath) => out_of_reach(oracle, question),
         (FailureClass::Checker, QuestionKind::Check) => {
             let verdict = oracle.truth.verdict();

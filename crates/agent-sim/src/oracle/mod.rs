@@ -8,7 +8,7 @@ mod flaws;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_agent::ask::{ModelReply, Marks, Question, ServiceError, QuestionKind, VisionModel};
+use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceError, VisionModel};
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
@@ -285,7 +285,9 @@ impl Oracle {
     /// The answer that sends what was taken into a cell.
     fn sent_to(&self, question: &Question, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
         match &question.marks {
-            Marks::Grid { grid, moved, .. } if question.stage == QuestionKind::GridPath => path(grid, moved, goal, detour),
+            Marks::Grid { grid, moved, .. } if question.stage == QuestionKind::GridPath => {
+                path(grid, moved, goal, detour)
+            }
             _ => json!({"selected_point": {"type": "grid", "label": goal.to_string()}}),
         }
     }

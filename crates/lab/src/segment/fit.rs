@@ -58,7 +58,8 @@ pub fn fit_weights(
         }
         for mut view in scenes.draw(index, task)?.unwrap_or_default() {
             arguments.disturb(&mut view, seed, views.len());
-            let cut = segmenter.oversegment(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
+            let cut =
+                segmenter.oversegment(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
             let owners = owners(&cut, &view);
             views.push((cut, owners));
         }
