@@ -11,7 +11,7 @@ use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::CollectOptions;
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_workspace::RunError;
 use genmanip_workspace::Silent;
@@ -90,7 +90,7 @@ pub fn collect(
         let world = worlds::read_world_with(world.as_deref(), robot.as_deref())?;
         let images = dataset.then(ImageSettings::default);
         let settings =
-            CollectSettings { images, keep_failed, corrects: corrections, ..CollectSettings::in_world(world) };
+            PipelineSettings { images, keep_failed, corrects: corrections, ..PipelineSettings::in_world(world) };
         let run = Run::new(tasks, episodes, settings, Seed::new(seed));
         let options = CollectOptions { workers: workers::workers(workers), repair: false, shard: None };
         genmanip_pipeline::collect::collect(&out, run, options, &Silent, stop)

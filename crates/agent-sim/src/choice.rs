@@ -13,7 +13,7 @@ use genmanip_core::{
 };
 use genmanip_llm::{HttpService, ServiceSettings};
 use genmanip_motion::Planner;
-use genmanip_rollout::{Cores, QuestionKind as Scene};
+use genmanip_rollout::{Cores, Stage};
 
 use super::failure::{FailureClass, Heard};
 use super::grasps::FlawedGrasps;
@@ -260,7 +260,7 @@ impl AgentChoice {
     /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
     pub fn make(
         &self,
-        stage: &Scene,
+        stage: &Stage,
         planner: &Arc<Planner>,
         grasps: &GraspLibrary,
         cores: Option<&Arc<Cores>>,

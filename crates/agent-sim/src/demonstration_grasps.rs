@@ -31,9 +31,14 @@ struct OfCloud(Arc<dyn GraspSource>);
 
 impl GraspProposer for OfCloud {
     fn grasps(&self, seen: &ObservedObject) -> Result<Vec<Grasp>, PolicyError> {
-        let ObservedObject { points, scene, world_from_camera, camera_positions: eyes, table_height } = seen;
-        let question =
-            GraspQuestion { points, scene, world_from_camera: *world_from_camera, eyes, table_height: *table_height };
+        let ObservedObject { points, scene, world_from_camera, camera_positions, table_height } = seen;
+        let question = GraspQuestion {
+            points,
+            scene,
+            world_from_camera: *world_from_camera,
+            camera_positions,
+            table_height: *table_height,
+        };
         match self.0.grasps(&question) {
             Ok(grasps) => Ok(grasps),
             // Too few points to work with: the object cannot be grasped from what is seen of it.

@@ -11,8 +11,8 @@ use genmanip_agent_sim::{AgentChoice, Blamed, classify, keep};
 use genmanip_benchmark::failure_page;
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
-use genmanip_rollout::collect::{CollectSettings, Resources};
-use genmanip_rollout::{RolloutError, Stage as Scene, run_episode};
+use genmanip_rollout::collect::{PipelineSettings, Resources};
+use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 use serde::Serialize;
@@ -114,7 +114,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
     let tasks = episodes::tasks(&arguments.kinds, arguments.count, seed)?;
-    let settings = CollectSettings::in_world(world.clone());
+    let settings = PipelineSettings::in_world(world.clone());
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let [vlm, masks] = arguments.names.map(String::from);
@@ -173,7 +173,7 @@ fn play(
     arguments: &AgentArguments,
     task: &Task,
     resources: Resources,
-    (settings, seed): (&CollectSettings, Seed),
+    (settings, seed): (&PipelineSettings, Seed),
     gathered: &mut Gathered,
 ) -> Result<Result<Played, Left>, LabError> {
     let stream = seed.fork("agent").fork(&task.id);
@@ -181,7 +181,7 @@ fn play(
     let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else {
         return Ok(Err(Left::NotLaidOut));
     };
-    let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
+    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
     let stage = stage.map_err(|error| broke("cannot be opened", error))?;
     let mut clock = cpu_clock();
     let mut made = arguments.choice.make(&stage, resources.planner, resources.grasps, None)?;

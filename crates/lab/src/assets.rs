@@ -20,7 +20,7 @@ use genmanip_import::packs::{Packs, at_rest};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{GraspTrials, RobustnessSettings, ViewSettings, robust_grasps};
-use genmanip_sim::{Scene, SceneObject, Sim, SimError};
+use genmanip_sim::{Model, SceneObject, Sim, SimError};
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
@@ -333,7 +333,7 @@ fn stays(model: &Arc<ObjectModel>, opening: f64, world: &World, seed: Seed) -> R
         placed("0", model, Pose::from_position(PLACE + DVec3::Z * DROP_M), &[]),
         placed("1", &ball, Pose::from_position(PLACE + above), &[]),
     ];
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &objects)?));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &objects)?));
     sim.advance((2.0 * STEPS_HZ) as u32)?;
     let states = sim.object_states();
     let inside = states[0].pose.inverse().transform_point(states[1].pose.position);
@@ -387,7 +387,7 @@ fn state_holds(
     world: &World,
 ) -> Result<Option<String>, SimError> {
     let start = Pose::from_position(PLACE + DVec3::Z * DROP_M);
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[placed("0", model, start, nominal)])?));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &[placed("0", model, start, nominal)])?));
     sim.advance((WATCH_S * STEPS_HZ) as u32)?;
     let joints = sim.object_states()[0].joint_positions.clone();
     let names: Vec<&String> = model.links.iter().filter_map(|link| Some(&link.joint.as_ref()?.name)).collect();
@@ -442,7 +442,7 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
         let mut scene = None;
         compile.push(
             timed(&mut || {
-                scene = Some(Arc::new(Scene::compile(world, &trials.robot, &objects)?));
+                scene = Some(Arc::new(Model::compile(world, &trials.robot, &objects)?));
                 Ok(())
             })
             .map_err(broken)?,

@@ -15,9 +15,9 @@ use genmanip_agent_sim::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
 use genmanip_llm::fake::{Behaviour, FakeServer, SeenRequest};
 use genmanip_llm::{ServerSettings, Structure};
-use genmanip_rollout::collect::{CollectSettings, Resources};
+use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::evaluate::{Case, Outcome, evaluate};
-use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
+use genmanip_rollout::{Cores, RolloutError, Stage};
 use genmanip_workspace::Progress;
 use rand::RngExt;
 use serde::Serialize;
@@ -106,7 +106,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let settings = CollectSettings::in_world(world.clone());
+    let settings = PipelineSettings::in_world(world.clone());
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let cases = lay_out(arguments.count, resources, &settings, seed, progress)?;
@@ -129,7 +129,7 @@ pub fn measure(
     let shared = Arc::new(SharedModel::open(&file)?);
     let choice = AgentChoice::named("oracle", "rgbd", "p2p", "full")?;
     let cores = Arc::new(Cores::new(arguments.workers));
-    let make = |stage: &Scene, case: &Case| {
+    let make = |stage: &Stage, case: &Case| {
         let id = case.id.clone();
         CLOCK.set(Some(Box::new(cpu_clock())));
         let broke = |error: LabError| RolloutError::Spec { policy: "agent".into(), reason: error.to_string() };
@@ -187,7 +187,7 @@ pub fn measure(
 fn lay_out(
     count: usize,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Vec<Case>, LabError> {

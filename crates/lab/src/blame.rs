@@ -13,8 +13,8 @@ use genmanip_agent::services::GraspSource;
 use genmanip_agent_sim::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Seed, Task, TaskKind, World};
-use genmanip_rollout::collect::{CollectSettings, Resources};
-use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_episode_with};
+use genmanip_rollout::collect::{PipelineSettings, Resources};
+use genmanip_rollout::{Environment, RolloutError, Stage, resume_episode, run_episode, run_episode_with};
 use genmanip_workspace::Progress;
 use genmanip_workspace::text_table;
 use serde::Serialize;
@@ -146,7 +146,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let settings = CollectSettings::in_world(world.clone());
+    let settings = PipelineSettings::in_world(world.clone());
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut clock = cpu_clock();
@@ -259,13 +259,13 @@ fn play(
     choice: &AgentChoice,
     task: &Task,
     resources: Resources,
-    (settings, seed): (&CollectSettings, Seed),
+    (settings, seed): (&PipelineSettings, Seed),
     progress: &dyn Progress,
 ) -> Result<Option<Played>, LabError> {
     let broke = |error: RolloutError| LabError::broken(format!("episode {} broke", task.id), error);
     let stream = seed.fork("blame").fork(&task.id);
     let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else { return Ok(None) };
-    let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot()).map_err(broke)?;
+    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot()).map_err(broke)?;
     let choice = AgentChoice { is_analysed: true, keeps_turns: true, ..choice.clone() };
     let truth = genmanip_agent_sim::Truth::new(&stage);
     let oracle = Arc::new(choice.oracle_of(&truth, resources.planner, resources.grasps)?);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{CameraRequest, Ending, Episode, ImageChannels, Seed, Task};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_rollout::environment::Conclusion;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::{Environment, RolloutError, RolloutSettings, Stage, run_episode};
@@ -52,7 +52,7 @@ pub struct Measured {
 /// # Errors
 /// If an episode raises an error; a failed episode counts like any other.
 pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
-    let settings = CollectSettings::in_world((*default_world()).clone());
+    let settings = PipelineSettings::in_world((*default_world()).clone());
     let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut cases = Vec::new();

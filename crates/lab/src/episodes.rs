@@ -2,7 +2,7 @@
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Scenario, Seed, Task, TaskKind};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_tasks::designer::{DesignSettings, design_many};
 
 use crate::LabError;
@@ -20,7 +20,7 @@ pub(crate) fn tasks(kinds: &[TaskKind], count: usize, seed: Seed) -> Result<Vec<
 pub(crate) fn laid_out<'a>(
     task: &'a Task,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     stream: Seed,
 ) -> Result<Option<(Attempt<'a>, Scenario)>, LabError> {
     for number in 0..LAYOUTS {

@@ -4,7 +4,7 @@ use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 
 use genmanip_core::{EpisodeResult, Seed, StrayContact, Task, World};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, trial};
 use serde::Serialize;
 
 use crate::LabError;
@@ -84,7 +84,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let settings = CollectSettings::in_world(world.clone());
+    let settings = PipelineSettings::in_world(world.clone());
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
@@ -109,7 +109,7 @@ fn solve(
     tries: u64,
     seed: Seed,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<Vec<EpisodeResult>, LabError> {
     let stream = seed.fork("attempt").fork(&task.id);
     let mut results = Vec::new();

@@ -234,7 +234,7 @@ fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Op
         let object = after.objects().nth(step.object)?.clone();
         let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings };
         let seed = seed.fork("goal").fork_index(index as u64);
-        let places = search.places(step, &steps[index + 1..], &|_| true, seed);
+        let places = search.goal_poses(step, &steps[index + 1..], &|_| true, seed);
         after.set_pose(step.object, places.first()?.world_from_object, &object.joint_positions);
     }
     Some(after)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_assets::AssetSource;
 use genmanip_core::{Atom, ObjectState, PhysicsFactors, Pose, RobotModel, Scenario, World};
 use genmanip_relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
+use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
 use crate::attempt::AttemptError;
@@ -26,7 +26,7 @@ const LEVER_M: f64 = 0.1;
 /// Settles the objects without a robot; returns a rejection if they do not come to rest or fall over.
 pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), AttemptError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
+    let compiled = Model::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest).map_err(AttemptError::of_physics)?;
@@ -55,7 +55,7 @@ pub(crate) fn rest_poses(
     world: &World,
     settings: &LayoutSettings,
 ) -> Result<Option<Vec<Pose>>, SimError> {
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, objects)?));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest)?;
     let is_upright = report.rotation.iter().all(|&turn| turn <= settings.max_settle_tilt_rad);
@@ -72,7 +72,7 @@ pub(crate) fn check_stability(
     settings: &LayoutSettings,
 ) -> Result<(), AttemptError> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
+    let compiled = Model::compile_without_robot(world, &objects).map_err(AttemptError::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
     let mut previous_m_s = 0.0;
@@ -104,7 +104,7 @@ pub(crate) fn simulate_drift(
     objects: &[SceneObject],
     seconds: f64,
 ) -> Result<(f64, Vec<f64>), SimError> {
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, objects)?));
     let penetration_m = sim.penetration();
     let before = sim.object_states();
     sim.advance(steps(seconds, world))?;

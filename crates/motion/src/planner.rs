@@ -202,7 +202,7 @@ impl Planner {
         config: &[f64],
         images: &[RgbdImage],
     ) -> Result<Vec<DVec3>, DepthError> {
-        depth::unexplained_points(&self.checker(around, 0.0), config, images, &self.settings.depth)
+        depth::unknown_points(&self.checker(around, 0.0), config, images, &self.settings.depth)
     }
 
     /// A short, smooth, collision-free path from `start` to one of `goals`.

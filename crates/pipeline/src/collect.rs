@@ -14,7 +14,7 @@ use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::{
-    Attempt, CollectSettings, MakeCorrected, Resources, attempt_id, complete, in_parallel,
+    Attempt, MakeCorrected, PipelineSettings, Resources, attempt_id, complete, in_parallel,
 };
 use genmanip_rollout::{RolloutError, Stage};
 use genmanip_workspace::{MOST_ROWS, attention, text_table};
@@ -209,7 +209,7 @@ fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
 fn maker<'a>(
     policy: &'a PolicyFactory,
     planner: &'a Arc<Planner>,
-    settings: &'a CollectSettings,
+    settings: &'a PipelineSettings,
 ) -> impl Fn(&Stage) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a {
     let grasps = GraspLibrary::builtin();
     move |stage| {
@@ -260,7 +260,7 @@ fn left(
     survey: Survey,
     folder: &RunFolder,
     store: &EpisodeStore,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     outcomes: &mut Outcomes,
 ) -> Vec<Planned> {
     let scenarios: BTreeSet<_> = std::fs::read_dir(folder.join("scenarios"))
@@ -411,7 +411,7 @@ fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<
 
 /// The dataset of a run whose settings ask for images, and where it is.
 fn export(
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     hash: String,
     folder: &RunFolder,
     store: &EpisodeStore,

@@ -24,7 +24,7 @@ use genmanip_core::{
     upgrade, write_tagged,
 };
 use genmanip_data::{EpisodeStore, files};
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -45,7 +45,7 @@ pub struct Run<L = Tasks> {
     /// The tasks.
     pub tasks: L,
     /// Settings of every stage.
-    pub settings: CollectSettings,
+    pub settings: PipelineSettings,
     /// Physics engine.
     pub engine: String,
     /// Version of this program.
@@ -80,7 +80,7 @@ impl LongDocument for RunRecord {
 
 impl Run {
     /// A run of this program with the engine it is linked to.
-    pub fn new(tasks: Tasks, episodes_per_task: usize, settings: CollectSettings, seed: Seed) -> Self {
+    pub fn new(tasks: Tasks, episodes_per_task: usize, settings: PipelineSettings, seed: Seed) -> Self {
         let (engine, genmanip_version) = Self::versions();
         Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
     }
@@ -464,7 +464,7 @@ mod tests {
         let tasks = many.map(|(index, task)| Task { id: format!("{}-{index}", task.id), ..task.clone() });
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");
-        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let settings = PipelineSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
         let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
         RunFolder::begin(&path, &run).unwrap();
         let text = std::fs::read_to_string(path.join(RECORD)).unwrap();
@@ -483,7 +483,7 @@ mod tests {
         use std::os::unix::fs::MetadataExt;
         let folder = tempfile::tempdir().unwrap();
         let tasks = task_files::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
-        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let settings = PipelineSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
         let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
         let paths = ["a", "b", "a"].map(|name| folder.path().join(name));
         for path in &paths {

@@ -179,7 +179,7 @@ fn missing(run: &Run, count: usize, found: &[Found]) -> Vec<String> {
 mod tests {
     use genmanip_assets::Catalogue;
     use genmanip_core::{Document, Seed};
-    use genmanip_rollout::collect::CollectSettings;
+    use genmanip_rollout::collect::PipelineSettings;
 
     use super::*;
     use genmanip_workspace::Silent;
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn what_does_not_belong_together_is_told_in_one_sentence() {
         let folder = tempfile::tempdir().unwrap();
-        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let settings = PipelineSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
         let tasks = task_files::designed_tasks(3, 1, Catalogue::builtin()).unwrap();
         let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 2, settings, Seed::new(7));
         let other = Run { seed: Seed::new(8), ..run.clone() };

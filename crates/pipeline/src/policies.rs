@@ -9,17 +9,17 @@ use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use genmanip_agent::ask::Stage;
+use genmanip_agent::ask::QuestionKind;
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
 use genmanip_data::DataError;
 use genmanip_data::lerobot::LerobotDataset;
 use genmanip_motion::Planner;
 use genmanip_rollout::baselines::{Blind, Clumsy, RandomActions};
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
-use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
+use genmanip_rollout::{Cores, RolloutError, Stage};
 
 use crate::remote;
 use genmanip_agent_sim::{Account, AgentChoice, ModelChoice, Transcribing};
@@ -212,13 +212,13 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
     let transcripts = given.folder("transcripts");
     choice.keeps_pictures = transcripts.is_some();
     let rates = [
-        ("err_decompose", Stage::Decompose),
-        ("err_object", Stage::Object),
-        ("err_part", Stage::Part),
-        ("err_grab_point", Stage::GrabPoint),
-        ("err_path", Stage::GridPath),
-        ("err_path", Stage::PointToPoint),
-        ("err_check", Stage::Check),
+        ("err_decompose", QuestionKind::Decompose),
+        ("err_object", QuestionKind::Object),
+        ("err_part", QuestionKind::Part),
+        ("err_grab_point", QuestionKind::GrabPoint),
+        ("err_path", QuestionKind::GridPath),
+        ("err_path", QuestionKind::PointToPoint),
+        ("err_check", QuestionKind::Check),
     ];
     for (name, stage) in rates {
         choice.dials.rates.insert(stage, given.number(name, 0.0..=1.0)?);
@@ -286,7 +286,7 @@ pub struct PolicyEntry {
 #[derive(Clone, Copy)]
 pub struct PolicyContext<'a> {
     /// The scenario made ready; only policies that declare it may look at its truth.
-    pub stage: &'a Scene,
+    pub stage: &'a Stage,
     /// What was recorded on the same scenario, where something was.
     pub recorded: Option<&'a Episode>,
     /// How the robot is planned for.
@@ -294,7 +294,7 @@ pub struct PolicyContext<'a> {
     /// Grasps that were tried beforehand.
     pub grasps: &'a GraspLibrary,
     /// Settings of the run.
-    pub settings: &'a CollectSettings,
+    pub settings: &'a PipelineSettings,
     /// Cores that the episodes share; a policy that waits for a service lends its own meanwhile.
     pub cores: Option<&'a Arc<Cores>>,
 }

@@ -24,7 +24,7 @@ use crate::{RolloutError, RolloutSettings, Stage, run_corrected, run_episode};
 /// Settings of a run, apart from its tasks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CollectSettings {
+pub struct PipelineSettings {
     /// World of the layouts.
     pub world: World,
     /// Layout generation.
@@ -68,7 +68,7 @@ fn is_mesh(source: &String) -> bool {
     source == MESH
 }
 
-impl CollectSettings {
+impl PipelineSettings {
     /// Default settings for a world, without images.
     pub fn in_world(world: World) -> Self {
         Self {
@@ -179,7 +179,7 @@ pub fn complete(
     attempt: &Attempt,
     resources: Resources,
     store: &EpisodeStore,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<(EpisodeResult, bool), RolloutError> {
     let id = attempt.id();
     let was_there = store.contains(&id);
@@ -212,7 +212,7 @@ fn make(
     attempt: &Attempt,
     resources: Resources,
     store: &EpisodeStore,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<EpisodeResult, RolloutError> {
     match play(attempt, resources, settings)? {
         Ok(episode) => {
@@ -241,7 +241,7 @@ fn kept(written: Result<(), DataError>, id: &str, store: &EpisodeStore) -> Resul
 pub fn trial(
     attempt: &Attempt,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<EpisodeResult, RolloutError> {
     Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |episode| episode.result))
 }
@@ -250,7 +250,7 @@ pub fn trial(
 fn play(
     attempt: &Attempt,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
     let mut scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
@@ -272,7 +272,7 @@ fn play(
     }))
 }
 
-fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &CollectSettings) -> EpisodeResult {
+fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &PipelineSettings) -> EpisodeResult {
     EpisodeResult {
         id: attempt.id(),
         scenario_id: String::new(),

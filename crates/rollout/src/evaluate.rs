@@ -7,7 +7,7 @@ use genmanip_core::{EpisodeResult, NotRun, Policy, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 
 use crate::cloud_verdict::cloud_verdict;
-use crate::collect::{CollectSettings, Resources, in_parallel};
+use crate::collect::{PipelineSettings, Resources, in_parallel};
 use crate::{Cores, RolloutError, Stage, run_episode};
 
 /// One episode to run.
@@ -50,7 +50,7 @@ pub type Outcome = Result<EpisodeResult, NotRun>;
 pub fn evaluate<E: From<RolloutError> + Send>(
     cases: &[Case],
     make_policy: &MakePolicy,
-    (resources, settings): (Resources, &CollectSettings),
+    (resources, settings): (Resources, &PipelineSettings),
     keep: Option<&EpisodeStore>,
     (at_once, cores): (usize, &Cores),
     stop: &AtomicBool,
@@ -86,7 +86,7 @@ fn run(
     case: &Case,
     make_policy: &MakePolicy,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     keep: Option<&EpisodeStore>,
 ) -> Result<Result<EpisodeResult, NotRun>, RolloutError> {
     // Stored by a run that was interrupted before reporting it.

@@ -8,7 +8,7 @@ use genmanip_core::{
 };
 use genmanip_relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_render::RenderAssets;
-use genmanip_sim::{Scene, SceneObject, SimError};
+use genmanip_sim::{Model, SceneObject, SimError};
 
 use crate::RolloutSettings;
 use crate::adapter::AdapterError;
@@ -27,7 +27,7 @@ pub struct Stage {
     /// The robot.
     pub robot: Arc<RobotModel>,
     /// Compiled physics.
-    pub scene: Arc<Scene>,
+    pub scene: Arc<Model>,
     /// Thresholds of the relations, from the scenario's world.
     pub relations: RelationSettings,
     /// Names of the objects for messages.
@@ -156,7 +156,7 @@ impl Stage {
                 physics: placed.physics,
             })
             .collect();
-        let scene = Arc::new(Scene::compile(&scenario.world, robot, &objects)?);
+        let scene = Arc::new(Model::compile(&scenario.world, robot, &objects)?);
         let posed = objects.into_iter().map(|object| PosedObject {
             id: object.name,
             model: object.model,
@@ -187,7 +187,7 @@ impl Stage {
         &self.posed
     }
 
-    /// Scene for relations with the given object states.
+    /// Model for relations with the given object states.
     pub fn posed(&self, states: &[ObjectState]) -> PosedScene {
         let mut scene = self.posed.clone();
         for (index, state) in states.iter().enumerate() {

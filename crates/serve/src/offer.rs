@@ -128,8 +128,8 @@ fn segmented(segmenter: &RgbdSegmenter, request: &SegmentRequest) -> Result<Vec<
 fn grasped(planner: &Arc<Planner>, request: &GraspRequest) -> Result<Vec<u8>, Refusal> {
     let [points, scene] = request.read().map_err(Refusal::Malformed)?;
     let (world_from_camera, table_height) = (request.world_from_camera, request.table_height);
-    let eyes = &[world_from_camera.position];
-    let question = GraspQuestion { points: &points, scene: &scene, world_from_camera, eyes, table_height };
+    let camera_positions = &[world_from_camera.position];
+    let question = GraspQuestion { points: &points, scene: &scene, world_from_camera, camera_positions, table_height };
     let grasps = SampledGrasps::new(Arc::clone(planner)).grasps(&question);
     let grasps = grasps.map_err(|error| Refusal::Unsuited(error.to_string()))?;
     written(&GraspReply::of(&grasps, &world_from_camera))

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_core::glam::DVec3;
 use mujoco_rs::wrappers::{MjData, MjModel};
 
-use crate::Scene;
+use crate::Model;
 use crate::body::BodyId;
 
 /// A contact point.
@@ -39,7 +39,7 @@ impl ContactReport {
 
 /// The engine's current contacts.
 pub(crate) fn contacts<'a>(
-    scene: &'a Scene,
+    scene: &'a Model,
     data: &'a MjData<Arc<MjModel>>,
 ) -> impl Iterator<Item = ContactReport> + 'a {
     let body_of_geom = scene.model.geom_bodyid();

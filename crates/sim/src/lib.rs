@@ -1,7 +1,7 @@
-//! Physics simulation: MJCF assembly, a compiled [`Scene`], its mutable [`Sim`] state, and control at 60 Hz.
+//! Physics simulation: MJCF assembly, a compiled [`Model`], its mutable [`Sim`] state, and control at 60 Hz.
 //!
 //! This is the only crate that uses a simulator (MuJoCo through `mujoco-rs`).
-//! A [`Scene`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and
+//! A [`Model`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and
 //! restored byte for byte.
 //!
 //! Objects are free bodies, held only by friction between the finger pads.
@@ -16,7 +16,7 @@ mod drive;
 mod engine;
 mod error;
 mod mjcf;
-mod scene;
+mod model;
 mod scene_object;
 mod settle;
 mod sim;
@@ -28,7 +28,7 @@ pub use body::BodyId;
 pub use contact::ContactReport;
 pub use engine::EngineSettings;
 pub use error::SimError;
-pub use scene::Scene;
+pub use model::Model;
 pub use scene_object::SceneObject;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;

@@ -9,8 +9,8 @@ use mujoco_rs::wrappers::{MjData, MjModel, MjtState};
 use crate::body::BodyId;
 use crate::contact::{ContactReport, Finger, TouchTally, contacts};
 use crate::drive::{applied_command, lerp, next_setpoint};
-use crate::scene::RobotIndex;
-use crate::{Scene, SimError};
+use crate::model::RobotIndex;
+use crate::{Model, SimError};
 
 /// State components that, with the future commands, determine the future.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
@@ -19,9 +19,9 @@ const DIVERGED: f64 = 1e10;
 const CONTACTS_FULL: usize = 1;
 const CONSTRAINTS_FULL: usize = 2;
 
-/// A simulation of a [`Scene`], starting with the robot at its start position and every object at its initial pose.
+/// A simulation of a [`Model`], starting with the robot at its start position and every object at its initial pose.
 pub struct Sim {
-    pub(crate) scene: Arc<Scene>,
+    pub(crate) scene: Arc<Model>,
     pub(crate) data: MjData<Arc<MjModel>>,
     /// Bodies of the strongest stray contact in the last control interval.
     stray: Option<[BodyId; 2]>,
@@ -35,7 +35,7 @@ impl std::fmt::Debug for Sim {
 
 impl Sim {
     /// A simulation in the scene's initial state.
-    pub fn new(scene: Arc<Scene>) -> Self {
+    pub fn new(scene: Arc<Model>) -> Self {
         let mut data = MjData::new(Arc::clone(&scene.model));
         // `mjcf::assemble` writes the keyframe, so it exists.
         let reset = data.reset_keyframe(0);
@@ -45,7 +45,7 @@ impl Sim {
     }
 
     /// The scene.
-    pub fn scene(&self) -> &Arc<Scene> {
+    pub fn scene(&self) -> &Arc<Model> {
         &self.scene
     }
 
@@ -241,7 +241,7 @@ impl Sim {
     /// One physics step; `inspect` sees forces and contacts before integration.
     ///
     /// Splits the engine's step function, so that divergence is an error instead of a silent reset.
-    fn step_with(&mut self, inspect: impl FnOnce(&Scene, &MjData<Arc<MjModel>>)) -> Result<(), SimError> {
+    fn step_with(&mut self, inspect: impl FnOnce(&Model, &MjData<Arc<MjModel>>)) -> Result<(), SimError> {
         self.data.fwd_position();
         self.data.fwd_velocity();
         self.data.fwd_actuation();
@@ -271,7 +271,7 @@ impl Sim {
     }
 
     /// Computes contacts and forces of the current state without changing it.
-    fn evaluate<T>(&mut self, inspect: impl FnOnce(&Scene, &MjData<Arc<MjModel>>) -> T) -> T {
+    fn evaluate<T>(&mut self, inspect: impl FnOnce(&Model, &MjData<Arc<MjModel>>) -> T) -> T {
         let state = self.data.state(STATE);
         self.data.forward();
         let result = inspect(&self.scene, &self.data);

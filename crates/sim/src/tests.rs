@@ -10,7 +10,7 @@ use genmanip_core::{
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
-use crate::{Scene, SceneObject};
+use crate::{Model, SceneObject};
 
 #[test]
 fn width_setpoints_are_continuous_and_end_beyond_closed() {
@@ -52,7 +52,7 @@ fn a_small_scene_reads_well() {
         physics: PhysicsFactors::default(),
     };
     let objects = [place("Left Wedge", 0.4), place("Right Wedge", 0.6)];
-    let scene = Scene::compile_without_robot(&default_world(), &objects).expect("a sound scene");
+    let scene = Model::compile_without_robot(&default_world(), &objects).expect("a sound scene");
     insta::assert_snapshot!(scene.mjcf());
 }
 

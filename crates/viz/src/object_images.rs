@@ -189,7 +189,7 @@ pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
         joint_positions: vec![0.0; model.joint_count()],
         physics: PhysicsFactors::default(),
     };
-    let scene = genmanip_sim::Scene::compile_without_robot(&default_world(), &[object]);
+    let scene = genmanip_sim::Model::compile_without_robot(&default_world(), &[object]);
     let scene = scene.map_err(|error| RunError::broken("the simulator refuses the object", error))?;
     Ok(scene.mjcf().to_owned())
 }

@@ -97,7 +97,7 @@ pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
     let mut faults = Vec::new();
     if let Err(error) = EngineSettings::read(&world.physics.engine) {
         faults.push(WorldFault::new("physics.engine", "the knobs of the engine", error));
-    } else if let Err(error) = genmanip_sim::Scene::compile(&world, &robot, &[]) {
+    } else if let Err(error) = genmanip_sim::Model::compile(&world, &robot, &[]) {
         faults.push(WorldFault::new("the whole", "a world that physics can compile", error));
     }
     Ok(faults)

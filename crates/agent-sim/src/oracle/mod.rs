@@ -414,7 +414,7 @@ impl Placed<'_> {
         };
         let step = Move { object: self.object, ..self.step.clone() };
         let seed = self.oracle.truth.now().seed.unwrap_or(genmanip_core::Seed::new(0));
-        let places = search.places(&step, &[], &|_| true, seed.fork("oracle place"));
+        let places = search.goal_poses(&step, &[], &|_| true, seed.fork("oracle place"));
         let share = |cell: Cell| {
             let Some(mask) = carrier else { return 1.0 };
             let [left, top, right, bottom] = grid.edges(cell).map(|edge| edge as usize);

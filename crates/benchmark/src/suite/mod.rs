@@ -36,7 +36,7 @@ pub struct SuiteFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Perturbation>,
     /// Selection steps in order, with the candidates that passed.
-    pub funnel: Vec<Stage>,
+    pub funnel: Vec<BuildStep>,
     /// The scenarios, ordered by id.
     pub scenarios: Vec<SuiteEntry>,
     /// Their objects, if they were frozen too.
@@ -76,7 +76,7 @@ pub struct Perturbation {
 
 /// One selection step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Stage {
+pub struct BuildStep {
     /// Selection criterion.
     pub asked: String,
     /// Candidates of each kind that passed, by the kind's name.
@@ -85,7 +85,7 @@ pub struct Stage {
     pub refused: BTreeMap<String, usize>,
 }
 
-impl Stage {
+impl BuildStep {
     /// A step without candidates.
     pub fn new(asked: &str) -> Self {
         Self { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::suite::{Stage, balanced_traits};
+use crate::suite::{BuildStep, balanced_traits};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split;
 use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};
@@ -58,8 +58,8 @@ struct Lot {
 }
 
 /// Tasks of each kind that need the property of their kind; `None` if interrupted.
-pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, Stage)> {
-    let mut stage = Stage::new("say what their kind is about, and need it");
+pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, BuildStep)> {
+    let mut stage = BuildStep::new("say what their kind is about, and need it");
     progress.begin("designing", wanted.of_each_kind * KINDS.len());
     for task in wanted.recorded.iter().filter(|task| !KINDS.contains(&task.kind)) {
         stage.refuse(format!("{}, recorded: a suite has no such kind", task.kind.name()));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::suite::{Certificate, Perturbation, Stage, SuiteEntry, SuiteFile};
+use crate::suite::{BuildStep, Certificate, Perturbation, SuiteEntry, SuiteFile};
 use crate::suite_hash;
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 
@@ -23,7 +23,7 @@ pub struct Head {
     /// Perturbation of the suite it was made from, if any.
     pub perturbation: Option<Perturbation>,
     /// Candidates that passed each build step.
-    pub funnel: Vec<Stage>,
+    pub funnel: Vec<BuildStep>,
 }
 
 /// Rejects a folder that already holds a suite.

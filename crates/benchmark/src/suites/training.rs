@@ -6,7 +6,7 @@ use genmanip_workspace::task_files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::suite::Stage;
+use crate::suite::BuildStep;
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split;
 use genmanip_core::{Document, ObjectCard, Scenario, Seed, Task};
@@ -51,7 +51,7 @@ pub struct Training {
     /// Catalogue of the objects.
     pub objects: usize,
     /// Number of tasks per kind, and reasons of rejected ones.
-    pub funnel: Stage,
+    pub funnel: BuildStep,
 }
 
 impl Document for Training {
@@ -76,7 +76,7 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
     let is_for_training = |card: &&ObjectCard| catalogue.split(&card.uid) == Split::Train;
     let cards: Vec<ObjectCard> = catalogue.cards().iter().filter(is_for_training).cloned().collect();
     let settings = DesignSettings::default();
-    let mut funnel = Stage::new("share no sentence, no scene graph and no unseen object with the suite");
+    let mut funnel = BuildStep::new("share no sentence, no scene graph and no unseen object with the suite");
     progress.begin("designing", options.per_kind * KINDS.len());
     for kind in KINDS {
         let kinds = [kind];

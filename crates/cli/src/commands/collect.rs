@@ -7,7 +7,7 @@ use genmanip_core::Seed;
 use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
 use genmanip_pipeline::merge::merge;
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_viz::render::Vary;
 use genmanip_workspace::{task_files, workers, worlds};
@@ -25,7 +25,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
     let corrects = arguments.corrections.clone();
     let settings =
-        CollectSettings { images, keep_failed, grasps, vary_physics, corrects, ..CollectSettings::in_world(world) };
+        PipelineSettings { images, keep_failed, grasps, vary_physics, corrects, ..PipelineSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = genmanip_terminal::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&genmanip_terminal::environment)).transpose()?;

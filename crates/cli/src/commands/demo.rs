@@ -12,7 +12,7 @@ use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::CollectOptions;
 use genmanip_pipeline::evaluate::{self, EvaluateOptions, Suite, evaluate};
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_workspace::task_spool::Tasks;
 
@@ -30,7 +30,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
     printer.say("2/4  layouts and demonstrations: every attempt on a layout of its own");
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let settings = CollectSettings { images, ..CollectSettings::in_world(worlds::read_world(None)?) };
+    let settings = PipelineSettings { images, ..PipelineSettings::in_world(worlds::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
     let collected = collect::collect_run(out, run, options, printer, &stop)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
-use genmanip_sim::{Scene, Sim};
+use genmanip_sim::{Model, Sim};
 use genmanip_workspace::text_table;
 use serde::Serialize;
 
@@ -74,7 +74,7 @@ fn has_fused_products() -> bool {
 fn physics() -> Finding {
     let robot = panda();
     let stay: Vec<f32> = robot.home.iter().chain([&robot.gripper.max_width]).map(|&value| value as f32).collect();
-    let simulated = Scene::compile(&default_world(), &robot, &[]).and_then(|scene| {
+    let simulated = Model::compile(&default_world(), &robot, &[]).and_then(|scene| {
         let mut sim = Sim::new(Arc::new(scene));
         for _ in 0..HELD_STEPS {
             sim.control_step(&stay)?;

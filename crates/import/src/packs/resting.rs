@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, PhysicsFactors, Pose, World};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
+use genmanip_sim::{Model, SceneObject, SettleSettings, Sim, SimError};
 
 /// Position of the object on the table, m: near the centre of the workspace.
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
@@ -40,7 +40,7 @@ pub fn at_rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &Wo
     let joint_positions = if joints.is_empty() { vec![0.0; model.joint_count()] } else { joints.to_vec() };
     let physics = PhysicsFactors::default();
     let object = SceneObject { name: "0".into(), model: Arc::clone(model), pose: start, joint_positions, physics };
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[object])?));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(world, &[object])?));
     let settings = SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() };
     let report = sim.settle(&settings)?;
     let before = sim.object_states()[0].pose;

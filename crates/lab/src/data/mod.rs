@@ -16,7 +16,7 @@ use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder};
 use genmanip_dataset_tools::check;
 use genmanip_pipeline::export::{FORMATS, Format};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
@@ -83,7 +83,7 @@ pub struct CpuSeconds {
 pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
-    let settings = CollectSettings::in_world((*default_world()).clone());
+    let settings = PipelineSettings::in_world((*default_world()).clone());
     let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let store = EpisodeStore::create(folder.join("episodes")).map_err(broke)?;
@@ -155,7 +155,7 @@ fn attempted(
     attempt: &Attempt,
     scenario: Arc<genmanip_core::Scenario>,
     resources: Resources,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
 ) -> Result<(Stage, Episode), LabError> {
     let broke = |error: RolloutError| LabError::broken(format!("attempt {} broke", attempt.id()), error);
     let planner = resources.planner;

@@ -15,7 +15,7 @@ use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::policies::PolicyContext;
-use genmanip_rollout::collect::{CollectSettings, in_parallel};
+use genmanip_rollout::collect::{PipelineSettings, in_parallel};
 use genmanip_rollout::{Stage, run_episode};
 use genmanip_workspace::Progress;
 use serde::Serialize;
@@ -41,7 +41,7 @@ pub struct Missed {
 pub(super) fn measure(
     recorded: &[(Stage, Episode)],
     store: &EpisodeStore,
-    (planner, settings): (&Arc<Planner>, &CollectSettings),
+    (planner, settings): (&Arc<Planner>, &PipelineSettings),
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<(BTreeMap<String, f64>, Vec<Missed>), LabError> {

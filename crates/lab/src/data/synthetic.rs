@@ -14,7 +14,7 @@ use genmanip_core::{
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{CameraTrack, DataError, ExportSettings, TrackRecorder, VideoSettings};
 use genmanip_dataset_tools::check;
-use genmanip_rollout::collect::{CollectSettings, Resources};
+use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_workspace::Progress;
 
 use super::{CpuSeconds, Measured, broke, bytes_below};
@@ -44,7 +44,7 @@ pub fn measure(
 ) -> Result<Measured, LabError> {
     fs::create_dir(folder)
         .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
-    let settings = CollectSettings::in_world((*default_world()).clone());
+    let settings = PipelineSettings::in_world((*default_world()).clone());
     let planner = worlds::planner(&settings.world, &settings.planner)?;
     let robot = planner.robot();
     let mut scenarios = Vec::new();

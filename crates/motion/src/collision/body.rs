@@ -3,7 +3,7 @@
 use super::convex::{self, Ball, Convex, Separation};
 use super::cover::CoverBall;
 use super::narrow::Skeleton;
-use super::probe::Planes;
+use super::probe::FacePlanes;
 use crate::rigid::Rigid;
 
 /// A link or the attached object in its moving frame.
@@ -16,7 +16,7 @@ pub(super) struct Body<'a> {
     pub(super) pieces: &'a [Convex],
     pub(super) cover: &'a [CoverBall],
     pub(super) skeletons: &'a [Skeleton],
-    pub(super) planes: &'a [Planes],
+    pub(super) planes: &'a [FacePlanes],
     /// Bounding sphere, in the moving frame.
     pub(super) ball: Ball,
 }

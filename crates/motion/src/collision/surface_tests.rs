@@ -3,7 +3,7 @@ use std::sync::Arc;
 use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
 use rand::{Rng, RngExt};
 
-use super::field::Field;
+use super::field::DistanceField;
 use super::lanes::{LANES, Lanes, lanes_of};
 use super::placed_obstacle::PlacedObstacle;
 use super::tests::one_of_each_shape;
@@ -162,7 +162,7 @@ fn fields_never_promise_more_room_or_less_than_there_is() {
         let size = [0.02, 0.3, 1.0, 4.0][case % 4];
         let points: Vec<DVec3> = (0..60).map(|_| within(&mut rng, DVec3::splat(-size), DVec3::splat(size))).collect();
         let (low, high) = (points.iter().copied().reduce(DVec3::min), points.iter().copied().reduce(DVec3::max));
-        let field = Field::new([low.unwrap(), high.unwrap()], RADIUS_M, 0.0, |_, mark| {
+        let field = DistanceField::new([low.unwrap(), high.unwrap()], RADIUS_M, 0.0, |_, mark| {
             points.iter().for_each(|point| mark(*point, *point));
         });
         let (mut clear, mut touching) = (0, 0);
@@ -197,7 +197,7 @@ fn fields_never_promise_more_room_or_less_than_there_is() {
 #[test]
 fn only_points_prove_contact() {
     let touching = |from: DVec3, to: DVec3| {
-        let field = Field::new([from, DVec3::splat(0.1)], RADIUS_M, 0.0, |_, mark| mark(from, to));
+        let field = DistanceField::new([from, DVec3::splat(0.1)], RADIUS_M, 0.0, |_, mark| mark(from, to));
         field.compare(&[Lanes::all(0.0); 3], 0.1, 0.05).touching
     };
     assert_eq!(touching(DVec3::ZERO, DVec3::ZERO), u8::MAX);

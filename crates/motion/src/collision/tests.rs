@@ -68,9 +68,9 @@ fn relaxing_accepts_closeness_but_not_penetration() {
         assert!(!checker.is_free(&robot.home));
         assert_eq!(checker.relax(&robot.home, 0.001).is_ok(), free);
         if free {
-            assert!(checker.is_free(&robot.home) && !checker.keeps(0.003));
-            let firmer = checker.keeping(0.003);
-            assert!(firmer.keeps(0.003) && !firmer.is_free(&robot.home));
+            assert!(checker.is_free(&robot.home) && !checker.has_min_clearance(0.003));
+            let firmer = checker.with_min_clearance(0.003);
+            assert!(firmer.has_min_clearance(0.003) && !firmer.is_free(&robot.home));
         }
     }
 }

@@ -151,7 +151,7 @@ impl<'a> PickQuery<'a> {
         {
             match self.complete(grasp, config, &checker) {
                 Ok(grasp) => feasible.push(grasp),
-                Err(rejection) => rejection = rejection.into(),
+                Err(reason) => rejection = reason.into(),
             }
         }
         if feasible.is_empty() { Err(rejection) } else { Ok(feasible) }

@@ -139,7 +139,7 @@ pub fn candidates(
 ) -> Result<Vec<Grasp>, GeometryError> {
     let evaluator = assess::GraspEvaluator::new(target, gripper, settings)?;
     let mut proposals = propose::proposals(target, gripper, settings, seed.fork("grasp"))?;
-    proposals.sort_by(|a, b| b.promise.total_cmp(&a.promise));
+    proposals.sort_by(|a, b| b.priority.total_cmp(&a.priority));
     let mut kept: Vec<Grasp> = Vec::new();
     let mut assessed = 0;
     for proposal in &proposals {

@@ -69,7 +69,7 @@ fn check(name: &str, pieces: &[Piece], expected: impl Fn(&[Grasp])) {
     let grasps = planner.grasps(&target, Seed::new(1)).unwrap();
     assert_eq!(grasps, planner.grasps(&target, Seed::new(1)).unwrap(), "{name}: not deterministic");
     assert!(grasps.windows(2).all(|pair| pair[0].score >= pair[1].score), "{name}: not sorted");
-    let bench = assess::Bench::new(&target, planner.gripper(), &planner.settings().grasp).unwrap();
+    let bench = assess::GraspEvaluator::new(&target, planner.gripper(), &planner.settings().grasp).unwrap();
     for grasp in &grasps {
         assert!((0.0..=1.0).contains(&grasp.score) && grasp.width <= 0.076, "{name}: {grasp:?}");
         assert!(bench.is_clear(grasp), "{name}: {grasp:?}");

@@ -88,7 +88,7 @@ fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
         world.add(name, &[cuboid(center, size)], &Pose::IDENTITY).unwrap();
     }
     let error = planner.plan_joint(&around(&world, &Allowed::none()), &start, &[goal], Seed::new(1)).unwrap_err();
-    let PlanError::Exhausted { iterations: 300, in_the_way: Some(report) } = &error else { panic!("{error}") };
+    let PlanError::Exhausted { iterations: 300, straight_collision: Some(report) } = &error else { panic!("{error}") };
     assert_eq!(report.other, "ahead", "the wall that the straight way runs into: {error}");
 }
 

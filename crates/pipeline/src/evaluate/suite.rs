@@ -14,7 +14,7 @@ use genmanip_benchmark::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Atom, Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::evaluate::Case;
 
 use crate::folder::{Run, RunFolder};
@@ -39,7 +39,7 @@ pub struct Suite {
     /// What the scenarios are like, of a frozen suite.
     pub traits: Traits,
     /// Settings of the loop.
-    pub settings: CollectSettings,
+    pub settings: PipelineSettings,
     /// What was changed of another suite, where this is a perturbed one.
     pub perturbation: Option<Perturbation>,
     /// Name of the file whose cameras are used instead of the scenarios' own.
@@ -163,7 +163,7 @@ impl Suite {
             cases: scenarios.iter().map(case).collect(),
             scenarios,
             reference_paths_m: BTreeMap::new(),
-            settings: CollectSettings::in_world(world),
+            settings: PipelineSettings::in_world(world),
             traits: Traits::new(),
             perturbation: None,
             cameras: None,

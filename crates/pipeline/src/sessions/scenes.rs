@@ -7,7 +7,7 @@ use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::{Seed, Task};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_rollout::evaluate::Case;
 
 use crate::evaluate::Suite;
@@ -22,7 +22,7 @@ const KEPT: usize = 16;
 /// Scenarios, or tasks that are laid out anew for each seed; sessions share one.
 pub struct Scenes {
     origin: Origin,
-    settings: CollectSettings,
+    settings: PipelineSettings,
     planner: Arc<Planner>,
     /// The one used last at the end.
     ready: Mutex<Vec<Ready>>,
@@ -61,10 +61,10 @@ impl Scenes {
         if tasks.is_empty() {
             return Err(RunError::input("there is no task").with_hint("name task files or their folder"));
         }
-        Self::new(Origin::Tasks(tasks), CollectSettings::in_world(worlds::read_world(world)?))
+        Self::new(Origin::Tasks(tasks), PipelineSettings::in_world(worlds::read_world(world)?))
     }
 
-    fn new(origin: Origin, settings: CollectSettings) -> Result<Self, RunError> {
+    fn new(origin: Origin, settings: PipelineSettings) -> Result<Self, RunError> {
         let planner = worlds::planner(&settings.world, &settings.planner)?;
         Ok(Self { origin, settings, planner, ready: Mutex::default() })
     }
@@ -100,7 +100,7 @@ impl Scenes {
     }
 
     /// Settings of the loop.
-    pub fn settings(&self) -> &CollectSettings {
+    pub fn settings(&self) -> &PipelineSettings {
         &self.settings
     }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::suite::{Candidate, Stage, SuiteEntry, SuiteFile, select, sha256, template};
+use genmanip_benchmark::suite::{BuildStep, Candidate, SuiteEntry, SuiteFile, select, sha256, template};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, World};
 use genmanip_layout::LayoutSettings;
 
@@ -132,12 +132,12 @@ fn lay_out_all(
     options: &BuildOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(Vec<Scenario>, Stage), RunError> {
+) -> Result<(Vec<Scenario>, BuildStep), RunError> {
     let output = LayoutOutput { folder: folder.to_owned(), explain: false };
     let (settings, seed) = (LayoutSettings::default(), options.seed.fork("layouts"));
     let rows =
         lay_out(tasks, 1, &options.world, &settings, seed, &output, options.workers, progress, stop, &mut |_| {})?;
-    let mut stage = Stage::new("can be laid out");
+    let mut stage = BuildStep::new("can be laid out");
     let mut scenarios = Vec::new();
     for row in rows {
         match row.scenario {
@@ -162,7 +162,7 @@ fn certify(
     options: &BuildOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<(Certified, Stage)>, RunError> {
+) -> Result<Option<(Certified, BuildStep)>, RunError> {
     let paths: Vec<PathBuf> = scenarios.iter().map(|scenario| layouts.join(format!("{}.json", scenario.id))).collect();
     let suite = Suite::of_scenarios(&paths)?.with_episodes(TRIALS);
     let evaluation =
@@ -171,7 +171,7 @@ fn certify(
     let reports = evaluate(&suite, &expert, &evaluation, progress, stop)?;
     let Some(report) = reports.into_iter().next() else { return Ok(None) };
     let mut by_scenario = frozen::by_scenario(report.results);
-    let mut stage = Stage::new(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
+    let mut stage = BuildStep::new(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
     let mut certified = Vec::new();
     for scenario in scenarios {
         let trials = by_scenario.remove(&scenario.id).unwrap_or_default();

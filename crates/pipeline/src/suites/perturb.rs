@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::suite::{Perturbation, Stage, SuiteEntry, SuiteFile, sha256};
+use genmanip_benchmark::suite::{BuildStep, Perturbation, SuiteEntry, SuiteFile, sha256};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 use genmanip_layout::{LayoutSettings, audit};
 use genmanip_rollout::collect::in_parallel;
@@ -90,7 +90,7 @@ pub fn perturb(
     let seen: BTreeSet<String> =
         looker.into_iter().filter(|result| result.success).map(|result| result.scenario_id).collect();
     let mut by_scenario = frozen::by_scenario(expert);
-    let mut certified = Stage::new(&format!(
+    let mut certified = BuildStep::new(&format!(
         "are solved by the expert, {TRIALS} of {TRIALS} times, and by the agent with the oracle's answers and masks"
     ));
     let mut kept: Vec<(Scenario, SuiteEntry)> = Vec::new();
@@ -138,8 +138,8 @@ fn change_all(
     options: &PerturbOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(Vec<Scenario>, Stage), RunError> {
-    let Some(first) = scenarios.first() else { return Ok((Vec::new(), Stage::new("can be changed"))) };
+) -> Result<(Vec<Scenario>, BuildStep), RunError> {
+    let Some(first) = scenarios.first() else { return Ok((Vec::new(), BuildStep::new("can be changed"))) };
     let workshop = Workshop::new(&first.world, options.axis, options.dial)?;
     let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
     let seed = options.seed.fork("perturbation").fork(options.axis.name());
@@ -163,7 +163,7 @@ fn change_all(
     };
     let outcomes = in_parallel(scenarios, options.workers, stop, &one)?;
     progress.end();
-    let mut made = Stage::new("can be changed, with every thing of the task in view");
+    let mut made = BuildStep::new("can be changed, with every thing of the task in view");
     let mut changed = Vec::new();
     for (scenario, outcome) in scenarios.iter().zip(outcomes) {
         match outcome {

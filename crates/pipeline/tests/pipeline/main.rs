@@ -21,7 +21,7 @@ use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
 use genmanip_pipeline::folder::RunRecord;
 use genmanip_pipeline::report::gather;
-use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_viz::replay;
 use genmanip_workspace::Progress;
@@ -67,7 +67,7 @@ fn run(episodes: usize) -> Run {
     Run::new(
         tasks,
         episodes,
-        CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
+        PipelineSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
         Seed::new(3),
     )
 }

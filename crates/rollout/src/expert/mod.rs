@@ -183,7 +183,7 @@ impl Expert {
         };
         let after = self.plans.last().into_iter().flatten().skip_while(|other| *other != step).skip(1);
         let later: Vec<Move> = after.filter(|other| !self.is_done(scene, other)).cloned().collect();
-        search.places(step, &later, usable, seed.fork("goal"))
+        search.goal_poses(step, &later, usable, seed.fork("goal"))
     }
 
     /// True if the object has a cavity that objects can be dropped into.

@@ -9,7 +9,7 @@ use genmanip_motion::{
     Allowed, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
     PlanningScene,
 };
-use genmanip_sim::{Scene, Sim};
+use genmanip_sim::{Model, Sim};
 use rand::RngExt;
 use serde::Serialize;
 
@@ -232,7 +232,7 @@ fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
 /// instead of at home, and only the final state of a few hundred steps matters.
 fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) -> Result<(Ending, f64), TrialError> {
     let robot = RobotModel { home: motion.approach[0].clone(), ..(*trials.robot).clone() };
-    let scene = Arc::new(Scene::compile(&trials.world, &robot, &table.objects())?);
+    let scene = Arc::new(Model::compile(&trials.world, &robot, &table.objects())?);
     let mut sim = Sim::new(scene);
     let center = table.models[0].links[0].mass.center;
     let height = |sim: &Sim| sim.object_states()[0].pose.transform_point(center).z;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_assets::{Catalogue, variant};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectCard, ObjectModel, PhysicsFactors, Pose, Seed, World};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim};
+use genmanip_sim::{Model, SceneObject, SettleSettings, Sim};
 use rand::RngExt;
 
 use super::{Class, TrialError};
@@ -78,7 +78,7 @@ impl Table {
     }
 
     fn settle(&mut self, world: &World) -> Result<(), TrialError> {
-        let scene = Scene::compile_without_robot(world, &self.objects())?;
+        let scene = Model::compile_without_robot(world, &self.objects())?;
         let mut settling = Sim::new(Arc::new(scene));
         settling.settle(&SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() })?;
         self.poses = settling.object_states().iter().map(|state| state.pose).collect();

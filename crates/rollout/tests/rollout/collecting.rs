@@ -11,7 +11,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::{EpisodeResult, FailureCause, PlacedObject, Policy, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
-use genmanip_rollout::collect::{Attempt, CollectSettings, complete, in_parallel};
+use genmanip_rollout::collect::{Attempt, PipelineSettings, complete, in_parallel};
 use genmanip_rollout::evaluate::{Case, evaluate};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::ImageSettings;
@@ -24,16 +24,16 @@ fn tasks() -> Vec<Task> {
     TASKS[1..].iter().map(|id| task(id)).collect()
 }
 
-fn with_images() -> CollectSettings {
+fn with_images() -> PipelineSettings {
     let images = ImageSettings { cameras: vec!["wrist".into()], fps: 10, ..ImageSettings::default() };
-    CollectSettings { images: Some(images), ..CollectSettings::in_world((*default_world()).clone()) }
+    PipelineSettings { images: Some(images), ..PipelineSettings::in_world((*default_world()).clone()) }
 }
 
 /// Runs all attempts with several workers; `on_result` receives each result and whether it was already stored.
 fn collect(
     attempts: &[Attempt],
     store: &EpisodeStore,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     workers: usize,
     stop: &AtomicBool,
     on_result: &(dyn Fn(&EpisodeResult, bool) + Sync),
@@ -49,7 +49,7 @@ fn collect(
 
 fn collect_all(
     root: &Path,
-    settings: &CollectSettings,
+    settings: &PipelineSettings,
     workers: usize,
     stop: &AtomicBool,
     on_result: &(dyn Fn(&EpisodeResult, bool) + Sync),
@@ -80,10 +80,10 @@ fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn physics_are_randomised_per_attempt() {
     let folder = tempfile::tempdir().unwrap();
-    let usual = CollectSettings::in_world((*default_world()).clone());
-    let varied = CollectSettings { vary_physics: true, ..usual.clone() };
+    let usual = PipelineSettings::in_world((*default_world()).clone());
+    let varied = PipelineSettings { vary_physics: true, ..usual.clone() };
     assert!(varied.is_varied() && !usual.is_varied());
-    let scenarios = |name: &str, settings: &CollectSettings| -> Vec<Scenario> {
+    let scenarios = |name: &str, settings: &PipelineSettings| -> Vec<Scenario> {
         let root = folder.path().join(name);
         let made = collect_all(&root, settings, 2, &AtomicBool::new(false), &|_, _| {});
         let store = EpisodeStore::open(&root).unwrap();
@@ -138,9 +138,9 @@ fn infeasible_layouts_are_counted_and_unreachable_policies_are_not() {
     let tasks = tasks();
     let attempts = Attempt::all(&tasks, 1, Seed::new(22));
     let never = AtomicBool::new(false);
-    let settings = CollectSettings::in_world((*default_world()).clone());
+    let settings = PipelineSettings::in_world((*default_world()).clone());
     let cramped = LayoutSettings { x_m: [0.4, 0.41], y_m: [0.0, 0.01], max_restarts: 3, ..LayoutSettings::default() };
-    let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
+    let hopeless = PipelineSettings { layout: cramped, ..settings.clone() };
     let failed = collect(&attempts[..1], &store, &hopeless, 1, &never, &|_, _| {});
     let [failure] = &failed[0].failures[..] else { panic!("{:?}", failed[0]) };
     assert_eq!((failure.cause, failed[0].ending), (FailureCause::Layout, None));

@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, Piece, Pose, Seed};
-use genmanip_sim::{Scene, SettleSettings, Sim};
+use genmanip_sim::{Model, SettleSettings, Sim};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda, worlds::default_world};
@@ -147,7 +147,7 @@ fn catalogue_objects_stay_where_they_are_placed() {
     let mut restless = Vec::new();
     for card in Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated) {
         let object = placed(&card.uid, Catalogue::builtin().build(&card.uid).unwrap(), 0.5, 0.0, 0.3);
-        let scene = Scene::compile_without_robot(&default_world(), &[object]).unwrap();
+        let scene = Model::compile_without_robot(&default_world(), &[object]).unwrap();
         let report = Sim::new(Arc::new(scene)).settle(&SettleSettings::default()).unwrap();
         if !report.settled || report.displacement[0] > 0.005 || report.rotation[0] > 0.05 {
             restless.push(format!(

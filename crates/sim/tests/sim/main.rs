@@ -13,7 +13,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{PhysicsFactors, Pose};
-use genmanip_sim::{Scene, SceneObject};
+use genmanip_sim::{Model, SceneObject};
 
 use models::{ball, cabinet, can, cuboid, mug, pen, rigid};
 
@@ -35,6 +35,6 @@ fn six_objects() -> Vec<SceneObject> {
     ]
 }
 
-fn scene() -> Arc<Scene> {
-    Arc::new(Scene::compile(&default_world(), &genmanip_assets::panda(), &six_objects()).unwrap())
+fn scene() -> Arc<Model> {
+    Arc::new(Model::compile(&default_world(), &genmanip_assets::panda(), &six_objects()).unwrap())
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
 use genmanip_core::{Frame, ObjectModel, PhysicsFactors, Pose, RobotModel};
-use genmanip_sim::{Scene, SceneObject, Sim, SimError};
+use genmanip_sim::{Model, SceneObject, Sim, SimError};
 
 #[derive(Debug)]
 pub struct PickReport {
@@ -44,7 +44,7 @@ pub fn pick(robot: &RobotModel, pick: &Pick) -> Result<PickReport, SimError> {
         joint_positions: vec![],
         physics: PhysicsFactors::default(),
     };
-    let scene = Arc::new(Scene::compile(&default_world(), robot, &[object])?);
+    let scene = Arc::new(Model::compile(&default_world(), robot, &[object])?);
     let mut sim = Sim::new(scene);
 
     let down = Pose::from_axes(pick.start.transform_point(pick.grasp), DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z);

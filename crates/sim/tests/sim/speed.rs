@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim};
+use genmanip_sim::{Model, SceneObject, SettleSettings, Sim};
 
 use genmanip_assets::{Catalogue, panda, worlds::default_world};
 
@@ -24,8 +24,8 @@ fn six_objects() -> Vec<SceneObject> {
     places.map(|(uid, x, y)| placed(uid, Catalogue::builtin().build(uid).unwrap(), x, y, 0.4)).to_vec()
 }
 
-fn scene() -> Arc<Scene> {
-    Arc::new(Scene::compile(&default_world(), &panda(), &six_objects()).unwrap())
+fn scene() -> Arc<Model> {
+    Arc::new(Model::compile(&default_world(), &panda(), &six_objects()).unwrap())
 }
 
 /// CPU time of this thread (Linux), independent of the machine's load.
@@ -45,10 +45,10 @@ fn speed() {
     };
     let objects = six_objects();
     let text = scene().mjcf().len();
-    let compile = time(20, Box::new(move || drop(Scene::compile(&default_world(), &panda(), &objects).unwrap())));
+    let compile = time(20, Box::new(move || drop(Model::compile(&default_world(), &panda(), &objects).unwrap())));
     eprintln!("compile with robot and 6 objects: {:.2} ms ({} kB of MJCF)", compile * 1e3, text / 1000);
     let objects = six_objects();
-    let compile = time(20, Box::new(move || drop(Scene::compile_without_robot(&default_world(), &objects).unwrap())));
+    let compile = time(20, Box::new(move || drop(Model::compile_without_robot(&default_world(), &objects).unwrap())));
     eprintln!("compile 6 objects: {:.2} ms", compile * 1e3);
 
     let robot = panda();
@@ -67,7 +67,7 @@ fn speed() {
     let seconds = time(600, Box::new(work));
     eprintln!("physics steps per second, robot moving and grasping: {:.0}", 8.0 / seconds);
 
-    let bare = Arc::new(Scene::compile_without_robot(&default_world(), &six_objects()).unwrap());
+    let bare = Arc::new(Model::compile_without_robot(&default_world(), &six_objects()).unwrap());
     let settle = time(10, {
         let bare = Arc::clone(&bare);
         Box::new(move || drop(Sim::new(Arc::clone(&bare)).settle(&SettleSettings::default()).unwrap()))

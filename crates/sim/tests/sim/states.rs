@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{Pose, RobotModel, World};
-use genmanip_sim::{BodyId, Scene, SettleSettings, Sim, SimError};
+use genmanip_sim::{BodyId, Model, SettleSettings, Sim, SimError};
 
 use crate::models::{ball, can, cuboid, rigid};
 use crate::{placed, scene, six_objects};
@@ -118,7 +118,7 @@ fn invalid_input_is_rejected_without_side_effects() {
     assert_eq!(sim.state(), before);
 
     let refused = |world: &World, robot: &RobotModel, objects: &[_]| {
-        Scene::compile(world, robot, objects).map(|_| ()).unwrap_err()
+        Model::compile(world, robot, objects).map(|_| ()).unwrap_err()
     };
     let compile = |objects: &[_]| refused(&default_world(), &panda(), objects);
     let mut objects = six_objects();
@@ -170,7 +170,7 @@ fn a_diverging_simulation_is_an_error() {
 
 #[test]
 fn objects_settle_in_place() {
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &six_objects()).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &six_objects()).unwrap()));
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.seconds < 1.0, "{report:?}");
     assert!(report.displacement.iter().all(|&moved| moved < 1e-3), "{report:?}");
@@ -179,12 +179,12 @@ fn objects_settle_in_place() {
     // A can on its edge topples; two overlapping boxes are reported as deep.
     let mut tilted = placed("can", rigid("can", 0.3, 0.5, vec![can(0.03, 0.12)]), 0.5, 0.0, 0.0);
     tilted.pose = Pose::new(DVec3::new(0.5, 0.0, 0.03), DQuat::from_rotation_x(0.7));
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[tilted]).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &[tilted]).unwrap()));
     let report = sim.settle(&SettleSettings { max_seconds: 5.0, ..SettleSettings::default() }).unwrap();
     assert!(report.rotation[0] > 0.5 && report.settled, "{report:?}");
     let box_at = |name: &str, x: f64| placed(name, rigid("box", 0.3, 0.5, vec![cuboid(0.1, 0.1, 0.1)]), x, 0.0, 0.0);
     let overlapping = [box_at("a", 0.5), box_at("b", 0.58)];
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &overlapping).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &overlapping).unwrap()));
     assert!((sim.penetration() - 0.02).abs() < 1e-3, "{}", sim.penetration());
 }
 
@@ -192,7 +192,7 @@ fn objects_settle_in_place() {
 #[test]
 fn a_rolling_ball_comes_to_rest() {
     let ball = placed("ball", rigid("ball", 0.06, 0.5, vec![ball(0.0325)]), 0.5, 0.0, 0.0);
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[ball]).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &[ball]).unwrap()));
     // Time and seven pose numbers, then the velocity of the origin, which is the contact point and therefore at rest.
     let mut state = sim.state();
     state[8 + 4] = 0.1 / 0.0325;
@@ -212,7 +212,7 @@ fn a_stack_stands() {
     let mut mug = placed("mug", rigid("mug", 0.3, 0.5, crate::models::mug(0.04, 0.09, 0.004, 16)), 0.5, 0.0, 0.0);
     mug.pose.position.z = 0.09;
     let stack = [slab("a", 0.0, 0.0), slab("b", 0.03, 0.5), slab("c", 0.06, 1.0), mug];
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &stack).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &stack).unwrap()));
     sim.advance(480 * 3).unwrap();
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.final_penetration < 3e-4, "{report:?}");
@@ -224,7 +224,7 @@ fn a_stack_stands() {
 #[test]
 fn contacts_name_both_sides_and_carry_the_weight() {
     let boxed = placed("box", rigid("box", 0.5, 0.5, vec![cuboid(0.1, 0.1, 0.1)]), 0.5, 0.0, 0.4);
-    let scene = Arc::new(Scene::compile(&default_world(), &panda(), &[boxed]).unwrap());
+    let scene = Arc::new(Model::compile(&default_world(), &panda(), &[boxed]).unwrap());
     let mut sim = Sim::new(Arc::clone(&scene));
     sim.settle(&SettleSettings::default()).unwrap();
     let contacts = sim.contacts();
@@ -279,7 +279,7 @@ fn a_drawer_moves_on_its_rail() {
     let mut cabinet = placed("Cabinet", crate::models::cabinet(), 0.6, 0.0, 0.0);
     cabinet.joint_positions = vec![0.05];
     cabinet.pose = Pose::new(DVec3::new(0.6, 0.0, 0.2), DQuat::from_rotation_y(-FRAC_PI_2 * 0.9));
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[cabinet]).unwrap()));
+    let mut sim = Sim::new(Arc::new(Model::compile_without_robot(&default_world(), &[cabinet]).unwrap()));
     assert_eq!(sim.object_states()[0].joint_positions, vec![0.05]);
     sim.advance(480).unwrap();
     let position = sim.object_states()[0].joint_positions[0];

@@ -6,7 +6,7 @@ use genmanip_assets::robots;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Board, Document, Scenario, SupportSurface, World};
-use genmanip_sim::{BodyId, Scene, SettleSettings, Sim};
+use genmanip_sim::{BodyId, Model, SettleSettings, Sim};
 use sha2::{Digest, Sha256};
 
 use crate::models::{cuboid, rigid};
@@ -26,7 +26,7 @@ fn old_world() -> World {
 fn the_world_of_version_1_compiles_to_the_same_model() {
     let world = old_world();
     let robot = robots::of_world(&world).unwrap();
-    let scene = Scene::compile(&world, &robot, &six_objects()).unwrap();
+    let scene = Model::compile(&world, &robot, &six_objects()).unwrap();
     // The engine's compiler threads do not affect the model; they were enabled when this was recorded.
     let mjcf = scene.mjcf().replace(" usethread=\"false\"", "");
     let text: String = Sha256::digest(mjcf.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -64,7 +64,7 @@ fn objects_rest_on_a_further_surface_and_its_boards() {
     low.pose.position.z = 0.251;
     let mut high = placed("high", rigid("box", 0.2, 0.5, vec![cuboid(0.012, 0.05, 0.02)]), 0.6, 0.3, 0.4);
     high.pose.position = world.surfaces[1].world_from_surface().transform_point(DVec3::new(0.14, 0.0, 0.101));
-    let scene = Arc::new(Scene::compile_without_robot(&world, &[low, high]).unwrap());
+    let scene = Arc::new(Model::compile_without_robot(&world, &[low, high]).unwrap());
     let mut sim = Sim::new(Arc::clone(&scene));
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.displacement.iter().all(|&moved| moved < 2e-3), "{report:?}");

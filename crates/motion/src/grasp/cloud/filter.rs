@@ -60,7 +60,7 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     let mut occlusion = Occlusion::new(&points, target.scene, target.cameras);
     let mut seen: Vec<Seen> = points.iter().map(|&point| Seen { point, guessed: false }).collect();
     let guessed = occlusion.complete(&points, settings.hidden_share);
-    occlusion.raise(&guessed);
+    occlusion.add_estimated(&guessed);
     seen.extend(guessed);
     let all: Vec<DVec3> = seen.iter().map(|seen| seen.point).chain(scene.iter().copied()).collect();
     let coarse = thinned(&all, 3.0 * settings.voxel);

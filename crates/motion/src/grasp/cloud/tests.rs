@@ -105,7 +105,7 @@ fn far_sides_of_boxes_are_guessed_however_they_are_turned() {
     for (size, yaw) in [([0.06, 0.06, 0.07], 0.5), ([0.07, 0.14, 0.06], 0.6), ([0.05, 0.18, 0.1], -0.5)] {
         let size = DVec3::from_array(size);
         let seen = facing(&cuboid(size, yaw, 6000), CAMERA);
-        let unseen = unseen::Unseen::new(&seen, &[], &[CAMERA]);
+        let unseen = occlusion::Occlusion::new(&seen, &[], &[CAMERA]);
         let guessed = unseen.complete(&seen, 0.97);
         let off = guessed.iter().filter(|seen| from_surface(seen.point, size, yaw).abs() > 0.01).count();
         assert!(guessed.len() > 200 && off * 4 < guessed.len(), "{size}: {off} of {} are off", guessed.len());
@@ -137,7 +137,7 @@ fn what_others_hide_and_what_lies_below_a_top_is_known_to_be_unknown() {
     // A wall between camera and box, to its left.
     let wall: Vec<DVec3> =
         (0..6000).map(|i| DVec3::new(0.6, 0.02 + 0.0015 * f64::from(i % 60), 0.0015 * f64::from(i / 60))).collect();
-    let unseen = unseen::Unseen::new(&seen, &wall, &[CAMERA]);
+    let unseen = occlusion::Occlusion::new(&seen, &wall, &[CAMERA]);
     let cases = [
         ("in the box", [0.5, -0.01, 0.04], false, true),
         ("before the box", [0.56, -0.02, 0.04], false, false),
@@ -150,7 +150,7 @@ fn what_others_hide_and_what_lies_below_a_top_is_known_to_be_unknown() {
         let point = DVec3::new(x, y, z);
         assert_eq!((unseen.is_behind_others(point), unseen.is_inside(point)), (behind_others, inside), "{what}");
     }
-    let everything = unseen::Unseen::new(&seen, &wall, &[]);
+    let everything = occlusion::Occlusion::new(&seen, &wall, &[]);
     assert!(!everything.is_behind_others(DVec3::new(0.56, 0.05, 0.03)) && !everything.is_inside(DVec3::Z * 0.04));
 }
 

@@ -16,7 +16,7 @@ use crate::{ENGINE, SimError, engine_version, mjcf};
 ///
 /// Immutable, `Send` and `Sync`: one scene serves any number of [`crate::Sim`]s on any number of threads.
 #[derive(Debug)]
-pub struct Scene {
+pub struct Model {
     mjcf: String,
     pub(crate) settings: CheckedSettings,
     pub(crate) model: Arc<MjModel>,
@@ -54,7 +54,7 @@ pub(crate) struct ObjectIndex {
     pub joint_qpos: Vec<usize>,
 }
 
-impl Scene {
+impl Model {
     /// Compiles a world with a robot, fixed at the world origin, and objects.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ impl Scene {
     /// Compiles surfaces and objects without a robot, for fast settling of layouts.
     ///
     /// # Errors
-    /// As [`Scene::compile`].
+    /// As [`Model::compile`].
     pub fn compile_without_robot(world: &World, objects: &[SceneObject]) -> Result<Self, SimError> {
         Self::compile_with(world, None, objects)
     }
