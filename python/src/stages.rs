@@ -92,7 +92,7 @@ pub fn collect(
         let settings =
             PipelineSettings { images, keep_failed, corrects: corrections, ..PipelineSettings::in_world(world) };
         let run = Run::new(tasks, episodes, settings, Seed::new(seed));
-        let options = CollectOptions { workers: workers::workers(workers), repair: false, shard: None };
+        let options = CollectOptions { workers: workers::workers(workers), ..CollectOptions::default() };
         genmanip_pipeline::collect::collect(&out, run, options, &Silent, stop)
     })?;
     json(&collected.rows)

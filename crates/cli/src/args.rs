@@ -463,7 +463,7 @@ fn parse_sum(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_fps(text: &str) -> Result<u32, String> {
+fn parse_rate(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(fps @ (10 | 15 | 20 | 30 | 60)) => Ok(fps),
         _ => Err("expected 10, 15, 20, 30 or 60 (divisors of the 60 Hz control rate)".into()),
@@ -489,8 +489,8 @@ pub struct DemoArguments {
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset
-    #[arg(long, default_value_t = 15, value_parser = parse_fps)]
-    pub fps: u32,
+    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_rate)]
+    pub rate: u32,
 }
 
 /// Arguments of `replay`.

@@ -84,7 +84,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     }
 
     let started = Instant::now();
-    let options = CollectOptions { workers: workers::workers(None), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(None), ..CollectOptions::default() };
     let collected = collect(out, known, options, progress, &AtomicBool::new(false))?;
     let resume_s = timed("continued", started);
     if collected.finished != episodes {

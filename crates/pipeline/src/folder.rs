@@ -40,7 +40,7 @@ use genmanip_workspace::task_spool::{Spool, Tasks};
 pub struct Run<L = Tasks> {
     /// Seed of all attempts.
     pub seed: Seed,
-    /// Attempts per task.
+    /// Attempts per task; 0 for as many as a number of verified demonstrations needs.
     pub episodes_per_task: usize,
     /// The tasks.
     pub tasks: L,

@@ -207,7 +207,7 @@ mod tests {
         let whole = make("whole", &run, None);
         let empty = folder.path().join("empty");
         std::fs::create_dir(&empty).unwrap();
-        let options = CollectOptions { workers: 1, repair: false, shard: None };
+        let options = CollectOptions { workers: 1, ..CollectOptions::default() };
         let out = folder.path().join("out");
         for (shards, expected) in [
             (vec![&a, &b, &c], "not all of the run is there"),

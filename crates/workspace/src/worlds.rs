@@ -64,6 +64,18 @@ pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
     }
 }
 
+/// Names of cameras, checked against those of a world.
+///
+/// # Errors
+/// [`RunError::UnknownName`] with the cameras of the world.
+pub fn cameras(world: &World, names: &[String]) -> Result<Vec<String>, RunError> {
+    let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    match names.iter().find(|name| !known.contains(&name.as_str())) {
+        Some(unknown) => Err(RunError::unknown("camera", "cameras", unknown, &known)),
+        None => Ok(names.to_vec()),
+    }
+}
+
 /// The robot of a world, starting where the world says.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ use clap::Args;
 use genmanip_viz::render::Vary;
 use genmanip_workspace::shard::Choice;
 
-use super::parse_fps;
+use super::parse_rate;
 
 /// What may differ from episode to episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +41,10 @@ pub struct CollectArguments {
     /// Attempts per task, each on its own layout
     #[arg(long, default_value_t = 2, value_parser = parse::count)]
     pub episodes: usize,
+    /// Instead of a number of attempts: make attempts of all tasks in turn until exactly N are verified. A larger N
+    /// extends the run
+    #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with_all = ["episodes", "shard", "keep_failed"])]
+    pub verified: Option<usize>,
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
@@ -53,9 +57,18 @@ pub struct CollectArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Frames per second of images and dataset; states are always recorded at 60 Hz
-    #[arg(long, default_value_t = 15, value_parser = parse_fps)]
-    pub fps: u32,
+    /// Images and dataset rows per second; states are always recorded at 60 Hz
+    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_rate)]
+    pub rate: u32,
+    /// Cameras of the world whose images are rendered and exported
+    #[arg(
+        long,
+        value_name = "NAME,…",
+        value_delimiter = ',',
+        default_value = "static,wrist",
+        conflicts_with = "no_dataset"
+    )]
+    pub cameras: Vec<String>,
     /// Record episodes only: no images, no dataset
     #[arg(long)]
     pub no_dataset: bool,

@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
 use genmanip_pipeline::export::FORMATS;
 
-use super::parse_fps;
+use super::parse_rate;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
@@ -41,7 +41,7 @@ pub struct DatasetArguments {
     #[arg(long, value_name = "ROTATION", value_parser = PossibleValuesParser::new(ROTATIONS.map(|(name, _)| name)))]
     pub rotation: Option<String>,
     /// Rows per second: 10, 15, 20, 30 or 60 [default: 15]
-    #[arg(long, value_name = "HZ", value_parser = parse_fps)]
+    #[arg(long, alias = "fps", value_name = "HZ", value_parser = parse_rate)]
     pub rate: Option<u32>,
     /// Cameras of the scenario [default: static,wrist]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "no_images")]

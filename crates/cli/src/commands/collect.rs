@@ -19,17 +19,32 @@ use genmanip_terminal::{ExitStatus, Failed};
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
     let (vary, vary_physics) = varied(arguments)?;
-    let images =
-        (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+    let cameras = worlds::cameras(&world, &arguments.cameras)?;
+    let images = (!arguments.no_dataset).then(|| ImageSettings {
+        fps: arguments.rate,
+        cameras,
+        vary,
+        ..ImageSettings::default()
+    });
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
     let corrects = arguments.corrections.clone();
     let settings =
         PipelineSettings { images, keep_failed, grasps, vary_physics, corrects, ..PipelineSettings::in_world(world) };
-    let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
+    let run = Run::new(
+        tasks,
+        if arguments.verified.is_some() { 0 } else { arguments.episodes },
+        settings,
+        Seed::new(arguments.seed),
+    );
     let stop = genmanip_terminal::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&genmanip_terminal::environment)).transpose()?;
-    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: arguments.repair, shard };
+    let options = CollectOptions {
+        workers: workers::workers(arguments.workers),
+        repair: arguments.repair,
+        shard,
+        verified: arguments.verified,
+    };
     let out = shard.map_or_else(|| arguments.out.clone(), |shard| arguments.out.join(shard.name()));
     let collected = collect_run(&out, run, options, printer, &stop)?;
     if let Some(shard) = shard {
@@ -41,7 +56,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
 
 pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let stop = genmanip_terminal::on_interrupt();
-    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(arguments.workers), ..CollectOptions::default() };
     let merged = merge(&arguments.shards, &arguments.out, arguments.finish, options, printer, &stop)?;
     tell(&merged, printer);
     printer.data(&merged.rows, &merged.table(arguments.each));

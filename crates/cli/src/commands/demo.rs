@@ -29,10 +29,10 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     printer.say(format!("     {} valid tasks", tasks.entries().len()));
 
     printer.say("2/4  layouts and demonstrations: every attempt on a layout of its own");
-    let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
+    let images = Some(ImageSettings { fps: arguments.rate, ..ImageSettings::default() });
     let settings = PipelineSettings { images, ..PipelineSettings::in_world(worlds::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
-    let options = CollectOptions { workers: workers::workers(arguments.workers), repair: false, shard: None };
+    let options = CollectOptions { workers: workers::workers(arguments.workers), ..CollectOptions::default() };
     let collected = collect::collect_run(out, run, options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);

@@ -186,7 +186,11 @@ fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
     let made = match is_given {
         true => format!("genmanip evaluate SCENARIOS --out {name}"),
         false => {
-            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed)
+            let amount = match run.episodes_per_task {
+                0 => "--verified N".into(),
+                count => format!("--episodes {count}"),
+            };
+            format!("genmanip collect TASKS --out {name} {amount} --seed {}", run.seed)
         }
     };
     let evaluated = (!is_given).then(|| format!("genmanip evaluate {name}"));

@@ -29,7 +29,7 @@ use genmanip_workspace::RunError;
 use genmanip_workspace::Silent;
 
 const TASK: &str = "024_appearance";
-const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false, shard: None };
+const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false, shard: None, verified: None };
 
 /// Counts what it hears, and raises a flag once enough is done.
 struct Listener<'a> {

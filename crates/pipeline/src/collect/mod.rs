@@ -1,7 +1,9 @@
-//! Collecting demonstrations into a run folder: attempts, their pictures, scenario files and the dataset.
+//! Collecting demonstrations into a run folder: attempts, their images, scenario files and the dataset.
+
+mod attempts;
+mod runner;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,28 +11,27 @@ use std::time::Instant;
 
 use genmanip_assets::GraspLibrary;
 use genmanip_benchmark::Outcome;
-use genmanip_core::{Document, EpisodeResult, Policy, TaskKind};
+use genmanip_core::{Policy, TaskKind};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
-use genmanip_rollout::collect::{
-    Attempt, MakeCorrected, PipelineSettings, Resources, attempt_id, complete, in_parallel,
-};
+use genmanip_rollout::collect::{MakeCorrected, PipelineSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage};
 use genmanip_workspace::{MOST_ROWS, attention, text_table};
 use serde::Serialize;
 
 use crate::folder::{Run, RunFolder, Timings};
-use crate::index::{Known, Survey};
+
 use crate::policies::{PolicyContext, PolicyFactory};
+use attempts::Planned;
+pub(crate) use attempts::share;
 use genmanip_agent_sim::demonstration_grasps;
 use genmanip_workspace::Progress;
-use genmanip_workspace::disk_space::Estimate;
-use genmanip_workspace::documents;
+use genmanip_workspace::RunError;
 use genmanip_workspace::shard::Shard;
 use genmanip_workspace::task_spool::TaskEntry;
 use genmanip_workspace::worlds;
-use genmanip_workspace::{RunError, Stopped};
+use runner::{Made, Runner};
 
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,8 +52,8 @@ pub struct Collected {
     pub shard: Option<Shard>,
 }
 
-/// How a run is collected, whatever its result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Execution options of `collect`; they do not change the results.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CollectOptions {
     /// Worker threads.
     pub workers: usize,
@@ -60,6 +61,8 @@ pub struct CollectOptions {
     pub repair: bool,
     /// The part of the run that is made, without its dataset; `None` for all of it.
     pub shard: Option<Shard>,
+    /// Number of verified demonstrations of a run without a fixed number of attempts; a larger number extends the run.
+    pub verified: Option<usize>,
 }
 
 /// A task and what became of its attempts.
@@ -115,58 +118,26 @@ pub fn collect(
         corrected: make_corrected.as_ref().map(|make| make as &MakeCorrected),
         ..Resources::builtin(&planner)
     };
-    let mut attempts = Planned::all(tasks.entries(), episodes_per_task, options.shard);
-    let all = attempts.len();
-    let survey = folder.survey(&store)?;
-    let mut damaged = damaged(&folder, &store, &attempts, &survey, options.repair, progress)?;
-    attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id));
-    // What was set aside is to be made anew.
-    let survey = if options.repair { folder.survey(&store)? } else { survey };
-    let mut outcomes = Outcomes::new();
-    let left = left(&attempts, survey, &folder, &store, &settings, &mut outcomes);
-
+    let runner = Runner {
+        tasks: &tasks,
+        seed,
+        settings: &settings,
+        resources,
+        folder: &folder,
+        path,
+        store: &store,
+        options,
+        writes_dataset: wants_dataset,
+        progress,
+        stop,
+    };
     let started = Instant::now();
-    let has_made = AtomicBool::new(false);
-    progress.begin("collecting", attempts.len());
-    let heard = |id: &str, outcome: &Outcome| {
-        progress.advance();
-        if let Some(failure) = outcome.failure() {
-            progress.note(&format!("{id}: {failure}"));
-        }
+    let Made { attempts, outcomes, mut damaged, has_made } = match options.verified {
+        None => runner.fixed(episodes_per_task)?,
+        Some(count) => runner.until_verified(count)?,
     };
-    // What an earlier call has told is not told again.
-    outcomes.iter().for_each(|_| progress.advance());
-    let finished = |result: EpisodeResult, seconds: f64| -> Result<(String, Outcome), Stopped> {
-        if seconds > 0.0 {
-            has_made.store(true, Ordering::Relaxed);
-            folder.time_attempt(&result.id, seconds);
-        }
-        if !result.scenario_id.is_empty() {
-            write_scenario(&folder, &store, &result.id)?;
-        }
-        let outcome = Outcome::of(&result);
-        heard(&result.id, &outcome);
-        Ok((result.id, outcome))
-    };
-    let estimate = Estimate::new(path, left.len(), wants_dataset);
-    store.sweep_partial().map_err(|error| RunError::broken("cannot use the episodes", error))?;
-    let made = in_parallel(&left, options.workers, stop, &|planned| {
-        let since = Instant::now();
-        let task = tasks.read(planned.task).map_err(Stopped::Run)?;
-        let attempt = Attempt::of(&task, planned.number, seed);
-        let (result, was_there) = complete(&attempt, resources, &store, &settings)?;
-        estimate.add(&store.root().join(&result.id), progress).map_err(Stopped::Run)?;
-        finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
-    });
-    let made = made.map_err(|stopped| match stopped {
-        Stopped::Run(error) => error,
-        Stopped::Episode(error) => RunError::broken("collecting stopped", error)
-            .with_hint("finished episodes are kept; start again to continue"),
-    })?;
-    outcomes.extend(made);
-    progress.end();
-    // A call that only looks at what is finished says nothing about how long it took to make.
-    let has_made = has_made.into_inner();
+    let all = attempts.len() + damaged.len();
+    // A call that finds everything finished does not lengthen the time of collecting.
     if has_made {
         folder.lengthen_phase("collect", started.elapsed().as_secs_f64());
     }
@@ -184,7 +155,7 @@ pub fn collect(
     // Also those that an interrupted call had no time to look at.
     let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
     let finished = attempts.iter().filter(is_finished).count();
-    if !left.is_empty() {
+    if has_made {
         // Brings the index up to date.
         folder.survey(&store)?;
     }
@@ -218,72 +189,8 @@ fn maker<'a>(
     }
 }
 
-/// An attempt that is to be made.
-#[derive(Clone)]
-struct Planned {
-    id: String,
-    /// Place of the task in the run.
-    task: usize,
-    /// Number among the task's attempts.
-    number: u64,
-}
-
-impl Planned {
-    /// The attempts of a run or of a shard of it, task by task.
-    fn all(tasks: &[TaskEntry], per_task: usize, shard: Option<Shard>) -> Vec<Self> {
-        let named = |(task, number): (usize, u64)| Self { id: attempt_id(&tasks[task].id, number), task, number };
-        places(tasks.len(), per_task, shard).map(named).collect()
-    }
-}
-
-/// Place of the task and number of each attempt of a run or of a shard of it, task by task.
-fn places(tasks: usize, per_task: usize, shard: Option<Shard>) -> impl Iterator<Item = (usize, u64)> {
-    let (first, step) = shard.map_or((0, 1), |shard| (shard.index(), shard.count()));
-    (first..tasks.saturating_mul(per_task))
-        .step_by(step)
-        .map(move |piece| (piece / per_task, (piece % per_task) as u64))
-}
-
-/// Ids of the attempts of a run or of a shard of it.
-pub(crate) fn share(run: &Run, shard: Option<Shard>) -> impl Iterator<Item = String> {
-    let tasks = run.tasks.entries();
-    let named = |(task, number): (usize, u64)| attempt_id(&tasks[task].id, number);
-    places(tasks.len(), run.episodes_per_task, shard).map(named)
-}
-
 /// How attempts went, by their ids: all that is kept of each.
 type Outcomes = BTreeMap<String, Outcome>;
-
-/// The attempts that something is to be done for; the outcomes of the others are told.
-fn left(
-    attempts: &[Planned],
-    survey: Survey,
-    folder: &RunFolder,
-    store: &EpisodeStore,
-    settings: &PipelineSettings,
-    outcomes: &mut Outcomes,
-) -> Vec<Planned> {
-    let scenarios: BTreeSet<_> = std::fs::read_dir(folder.join("scenarios"))
-        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.file_name())).collect())
-        .unwrap_or_default();
-    let mut known: BTreeMap<String, Known> = survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect();
-    let has_all = |known: &Known| {
-        let has_scenario = !known.has_scenario || scenarios.contains(OsStr::new(&format!("{}.json", known.id)));
-        let has_pictures = settings.images.as_ref().is_none_or(|images| {
-            let is_drawn = known.outcome.success || settings.keep_failed && known.recorded;
-            !is_drawn || store.has_tracks(&known.id, images.fps, &images.cameras)
-        });
-        known.is_settled() && has_scenario && has_pictures
-    };
-    let is_left = |attempt: &&Planned| match known.remove(&attempt.id) {
-        Some(known) if has_all(&known) => {
-            outcomes.insert(known.id, known.outcome);
-            false
-        }
-        _ => true,
-    };
-    attempts.iter().filter(is_left).cloned().collect()
-}
 
 impl Collected {
     /// Whether the run is over, nothing of it damaged, and at least one attempt was verified; of a shard, which may hold
@@ -351,42 +258,6 @@ fn causes(rows: &[&TaskRow]) -> String {
     shortened(&counts.iter().map(|(cause, count)| format!("{cause} {count}")).collect::<Vec<_>>().join(", "), 60)
 }
 
-/// Damaged attempts of the run; with `repair` there are none left afterwards.
-fn damaged(
-    folder: &RunFolder,
-    store: &EpisodeStore,
-    attempts: &[Planned],
-    survey: &Survey,
-    repair: bool,
-    progress: &dyn Progress,
-) -> Result<Vec<(String, String)>, RunError> {
-    let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
-    let mut damaged = Vec::new();
-    for Planned { id, .. } in attempts.iter().filter(|known| repair || !looks_sound.contains(known.id.as_str())) {
-        if !store.has_folder(id) {
-            continue;
-        }
-        // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
-        let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
-        let Err(error) = looked_at else { continue };
-        if !repair {
-            progress.note(&format!("episode {id} is damaged and left out: {error}"));
-            damaged.push((id.clone(), error.to_string()));
-            continue;
-        }
-        let aside =
-            (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
-        let aside = aside.unwrap_or_default();
-        store.move_out(id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
-        progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
-    }
-    let own: BTreeSet<&str> = attempts.iter().map(|known| known.id.as_str()).collect();
-    for name in survey.strangers.iter().filter(|name| !own.contains(name.as_str())) {
-        progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
-    }
-    Ok(damaged)
-}
-
 /// Refuses to begin work whose data set could not be written in the end.
 fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
     let path = folder.join("dataset");
@@ -397,16 +268,6 @@ fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
         })?;
     }
     Ok(())
-}
-
-fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<(), RunError> {
-    let path = folder.join("scenarios").join(format!("{id}.json"));
-    if path.exists() {
-        return Ok(());
-    }
-    let scenario =
-        store.read_scenario(id).map_err(|error| RunError::broken(format!("cannot read episode {id}"), error))?;
-    scenario.map_or(Ok(()), |scenario| documents::write_file(&path, scenario.to_json().as_bytes()))
 }
 
 /// The dataset of a run whose settings ask for images, and where it is.
@@ -421,6 +282,7 @@ fn export(
     let Some(images) = &settings.images else { return Ok(None) };
     let rows = ExportSettings {
         fps: images.fps,
+        cameras: images.cameras.clone(),
         is_varied: settings.is_varied(),
         has_corrections: settings.corrects.is_some(),
         ..ExportSettings::default()

@@ -1,0 +1,219 @@
+//! Makes the attempts of a run: a fixed number per task, or as many as a number of verified demonstrations needs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use genmanip_benchmark::Outcome;
+use genmanip_core::{Document, EpisodeResult, Seed};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, complete, in_parallel};
+use genmanip_workspace::disk_space::Estimate;
+use genmanip_workspace::{Progress, RunError, Stopped, Tasks, documents};
+
+use super::attempts::{Planned, left};
+use super::{CollectOptions, Outcomes};
+use crate::folder::RunFolder;
+use crate::index::{Known, Survey};
+
+/// Attempts per demonstration and per task after which a run gives up: the expert verifies some 9 of 10.
+const MOST_ATTEMPTS: usize = 20;
+
+/// Everything that attempts of a run need.
+pub(super) struct Runner<'a> {
+    pub tasks: &'a Tasks,
+    pub seed: Seed,
+    pub settings: &'a PipelineSettings,
+    pub resources: Resources<'a>,
+    pub folder: &'a RunFolder,
+    /// Path of that folder.
+    pub path: &'a Path,
+    pub store: &'a EpisodeStore,
+    pub options: CollectOptions,
+    /// True if a dataset follows, which needs disk space again.
+    pub writes_dataset: bool,
+    pub progress: &'a dyn Progress,
+    pub stop: &'a AtomicBool,
+}
+
+/// Attempts of a run and their outcomes.
+pub(super) struct Made {
+    /// Attempts, damaged ones apart.
+    pub attempts: Vec<Planned>,
+    pub outcomes: Outcomes,
+    /// Ids of damaged episodes, with the reason.
+    pub damaged: Vec<(String, String)>,
+    /// True if this call made an attempt.
+    pub has_made: bool,
+}
+
+impl Runner<'_> {
+    /// Makes a fixed number of attempts per task, or the share of a shard.
+    ///
+    /// # Errors
+    /// When an episode or a file broke; finished episodes are kept.
+    pub fn fixed(&self, per_task: usize) -> Result<Made, RunError> {
+        let mut attempts = Planned::all(self.tasks.entries(), per_task, self.options.shard);
+        let (mut known, damaged) = self.known(&attempts)?;
+        attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id));
+        let mut outcomes = Outcomes::new();
+        let left = left(&attempts, &mut known, self.folder, self.store, self.settings, &mut outcomes);
+        self.progress.begin("collecting", attempts.len());
+        // Outcomes of earlier calls are counted, not reported again.
+        outcomes.iter().for_each(|_| self.progress.advance());
+        let estimate = Estimate::new(self.path, left.len(), self.writes_dataset);
+        let has_made = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
+        self.progress.end();
+        Ok(Made { attempts, outcomes, damaged, has_made })
+    }
+
+    /// Makes attempts in rounds over all tasks until exactly `count` are verified.
+    ///
+    /// A wave has as many attempts as verified demonstrations are missing, so none is superfluous, and the attempts
+    /// depend on neither the number of threads nor interruptions. A larger `count` continues the same sequence.
+    ///
+    /// # Errors
+    /// As [`Runner::fixed`]; when the run has more verified demonstrations already, damaged episodes, or too many
+    /// attempts fail.
+    pub fn until_verified(&self, count: usize) -> Result<Made, RunError> {
+        let tasks = self.tasks.entries();
+        let survey = self.folder.survey(self.store)?;
+        let verified = |known: &[Known]| known.iter().filter(|known| known.outcome.success).count();
+        if verified(&survey.sound) > count {
+            let what = format!("the run has {} verified demonstrations already", verified(&survey.sound));
+            return Err(RunError::input(what).with_hint("ask for at least as many, or choose another --out folder"));
+        }
+        let reach = survey.sound.len() + survey.damaged.len() + survey.strangers.len() + count;
+        let (mut known, damaged) = self.known(&Planned::in_rounds(tasks, 0..reach))?;
+        if let Some((id, why)) = damaged.first() {
+            return Err(RunError::input(format!("episode {id} is damaged: {why}"))
+                .with_hint("start again with --repair: damaged episodes are set aside and made anew"));
+        }
+        let (mut attempts, mut outcomes, mut has_made) = (Vec::new(), Outcomes::new(), false);
+        let successes = |outcomes: &Outcomes| outcomes.values().filter(|outcome| outcome.success).count();
+        let estimate = Estimate::new(self.path, count - verified(&survey.sound), self.writes_dataset);
+        self.progress.begin("collecting verified demonstrations", count);
+        loop {
+            let missing = count - successes(&outcomes);
+            if missing == 0 || self.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            if attempts.len() >= MOST_ATTEMPTS * (count + tasks.len()) {
+                self.progress.end();
+                let what = format!("{} of {count} verified after {} attempts", count - missing, attempts.len());
+                return Err(RunError::input(what).with_hint("`genmanip report RUN` shows why attempts failed"));
+            }
+            let wave = Planned::in_rounds(tasks, attempts.len()..attempts.len() + missing);
+            let before = successes(&outcomes);
+            let left = left(&wave, &mut known, self.folder, self.store, self.settings, &mut outcomes);
+            (before..successes(&outcomes)).for_each(|_| self.progress.advance());
+            has_made |= self.make(&left, &estimate, &mut outcomes, &|outcome| outcome.success)?;
+            attempts.extend(wave);
+        }
+        self.progress.end();
+        Ok(Made { attempts, outcomes, damaged, has_made })
+    }
+
+    /// Sound episodes of the run by id, and damaged ones among `attempts`; with `repair` these are set aside first.
+    #[expect(clippy::type_complexity, reason = "two lists, taken apart at once")]
+    fn known(&self, attempts: &[Planned]) -> Result<(BTreeMap<String, Known>, Vec<(String, String)>), RunError> {
+        let survey = self.folder.survey(self.store)?;
+        let damaged = damaged(self.folder, self.store, attempts, &survey, self.options.repair, self.progress)?;
+        let survey = if self.options.repair { self.folder.survey(self.store)? } else { survey };
+        Ok((survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect(), damaged))
+    }
+
+    /// Makes attempts in parallel; true if one was made rather than found. `advances` says which outcomes count as
+    /// progress.
+    fn make(
+        &self,
+        left: &[Planned],
+        estimate: &Estimate,
+        outcomes: &mut Outcomes,
+        advances: &(dyn Fn(&Outcome) -> bool + Sync),
+    ) -> Result<bool, RunError> {
+        let Self { folder, store, progress, .. } = self;
+        let has_made = AtomicBool::new(false);
+        let finished = |result: EpisodeResult, seconds: f64| -> Result<(String, Outcome), Stopped> {
+            if seconds > 0.0 {
+                has_made.store(true, Ordering::Relaxed);
+                folder.time_attempt(&result.id, seconds);
+            }
+            if !result.scenario_id.is_empty() {
+                write_scenario(folder, store, &result.id)?;
+            }
+            let outcome = Outcome::of(&result);
+            if advances(&outcome) {
+                progress.advance();
+            }
+            if let Some(failure) = outcome.failure() {
+                progress.note(&format!("{}: {failure}", result.id));
+            }
+            Ok((result.id, outcome))
+        };
+        store.sweep_partial().map_err(|error| RunError::broken("cannot use the episodes", error))?;
+        let made = in_parallel(left, self.options.workers, self.stop, &|planned: &Planned| {
+            let since = Instant::now();
+            let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
+            let attempt = Attempt::of(&task, planned.number, self.seed);
+            let (result, was_there) = complete(&attempt, self.resources, store, self.settings)?;
+            estimate.add(&store.root().join(&result.id), *progress).map_err(Stopped::Run)?;
+            finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
+        });
+        outcomes.extend(made.map_err(|stopped| {
+            match stopped {
+                Stopped::Run(error) => error,
+                Stopped::Episode(error) => RunError::broken("collecting stopped", error)
+                    .with_hint("finished episodes are kept; start again to continue"),
+            }
+        })?);
+        Ok(has_made.into_inner())
+    }
+}
+
+/// Damaged attempts of the run; with `repair` there are none left afterwards.
+fn damaged(
+    folder: &RunFolder,
+    store: &EpisodeStore,
+    attempts: &[Planned],
+    survey: &Survey,
+    repair: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<(String, String)>, RunError> {
+    let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
+    let mut damaged = Vec::new();
+    for Planned { id, .. } in attempts.iter().filter(|known| repair || !looks_sound.contains(known.id.as_str())) {
+        if !store.has_folder(id) {
+            continue;
+        }
+        // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
+        let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
+        let Err(error) = looked_at else { continue };
+        if !repair {
+            progress.note(&format!("episode {id} is damaged and left out: {error}"));
+            damaged.push((id.clone(), error.to_string()));
+            continue;
+        }
+        let aside =
+            (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
+        let aside = aside.unwrap_or_default();
+        store.move_out(id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
+        progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
+    }
+    let own: BTreeSet<&str> = attempts.iter().map(|known| known.id.as_str()).collect();
+    for name in survey.strangers.iter().filter(|name| !own.contains(name.as_str())) {
+        progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
+    }
+    Ok(damaged)
+}
+
+fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<(), RunError> {
+    let path = folder.join("scenarios").join(format!("{id}.json"));
+    if path.exists() {
+        return Ok(());
+    }
+    let scenario =
+        store.read_scenario(id).map_err(|error| RunError::broken(format!("cannot read episode {id}"), error))?;
+    scenario.map_or(Ok(()), |scenario| documents::write_file(&path, scenario.to_json().as_bytes()))
+}
