@@ -26,7 +26,7 @@ pub struct Distortion {
     pub k2: f64,
     /// Coefficient of x y in x', of r² + 2 y² in y'.
     pub p1: f64,
-    /// Coefficient of r².+ 2 x² in x', of x y in y'.
+    /// Coefficient of r² + 2 x² in x', of x y in y'.
     pub p2: f64,
     /// Coefficient of r⁶.
     #[serde(default)]

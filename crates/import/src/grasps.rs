@@ -26,9 +26,9 @@ use genmanip_workspace::worlds;
 /// Settings of grasp baking.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
-    /// The trials.
+    /// Settings of the trials.
     pub trying: RobustnessSettings,
-    /// Whether only a few grasps that always held are wanted of each object, as of one that somebody waits for.
+    /// True to stop at the first few grasps per object that held in every trial.
     pub brief: bool,
     /// Settings of the candidate generator.
     pub generator: GraspSettings,

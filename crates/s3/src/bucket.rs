@@ -62,16 +62,16 @@ impl Bucket {
     /// Metadata of an object; `None` if it does not exist.
     pub(crate) fn head(&self, key: &str) -> Result<Option<ObjectInfo>, S3Error> {
         let request = Request { method: "HEAD", key, query: &[], file_sha256: None, body: &[] };
-        let asked = self.with_retries(&format!("asking for {}", self.url(key)), || {
+        let info = self.with_retries(&format!("requesting {}", self.url(key)), || {
             let response = self.connection.send(&request)?;
             let header = |name: &str| response.headers().get(name).and_then(|value| value.to_str().ok());
             let bytes = header("content-length").and_then(|bytes| bytes.parse().ok());
             let bytes = bytes.ok_or_else(|| AttemptError::permanent("a response without content-length".into()))?;
             Ok(ObjectInfo { bytes, sha256: header("x-amz-meta-sha256").map(str::to_owned) })
         });
-        match asked {
+        match info {
             Err(S3Error::Refused { status: 404, .. }) => Ok(None),
-            asked => asked.map(Some),
+            info => info.map(Some),
         }
     }
 
