@@ -1,7 +1,7 @@
 //! Names on the command line of xtask, for `main` and for the check of pages that quote them.
 
 /// Names of the subcommands.
-pub const SUBCOMMANDS: [&str; 5] = ["setup", "demo", "test", "tidy", "help"];
+pub const SUBCOMMANDS: [&str; 6] = ["setup", "demo", "test", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
 pub const PHASES: [&str; 12] =
@@ -27,6 +27,8 @@ Usage: cargo xtask SUBCOMMAND
   test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
   tidy             check the rules that the compiler does not know
   tidy --rule RULE [PATH…]   list what breaks one rule, limits of xtask/tidy-exceptions.txt aside
+  docs [PAGE…]     run the code blocks of README.md and docs/guides, as the phase `docs` does, with what is built
+  docs --interop [PAGE…]   those too that need the network or other projects' packages
 
 Example: cargo xtask test fmt clippy";
 

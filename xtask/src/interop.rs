@@ -5,7 +5,7 @@ mod lerobot;
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use crate::wheel;
+use crate::{docs, wheel};
 use environment::environment;
 use std::fs;
 use std::path::Path;
@@ -35,7 +35,9 @@ pub fn run(workspace: &Workspace) -> Result {
     process::output(layout.arg(&scenario))?;
     openpi(workspace, &place, &scenario)?;
     vla_eval(workspace, &place, &scenario)?;
-    lerobot::run(workspace, &place)
+    lerobot::run(workspace, &place)?;
+    println!("{}", docs::run(workspace, &[], docs::Blocks::Interop)?);
+    Ok(())
 }
 
 /// A model server of vla-eval leads our arm, and its orchestrator runs that server on our scenes.

@@ -5,6 +5,7 @@
 //! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
+//! | `docs` | runs the code blocks of README.md and the guides |
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
@@ -12,6 +13,7 @@ mod assembler;
 mod cluster;
 mod command_line;
 mod demo;
+mod docs;
 mod interop;
 mod markdown;
 mod mujoco;
@@ -54,6 +56,11 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),
+        Some("docs") => {
+            let (options, pages): (Vec<String>, Vec<String>) = rest.iter().cloned().partition(|arg| arg == "--interop");
+            let blocks = if options.is_empty() { docs::Blocks::Usual } else { docs::Blocks::Interop };
+            docs::run(&workspace, &pages, blocks).map(|said| println!("{said}"))
+        }
         Some("help" | "--help" | "-h") => {
             println!("{}", command_line::USAGE);
             Ok(())

@@ -78,7 +78,6 @@ pub fn read(text: &str) -> Page {
 
 impl Page {
     /// Comments on the lines right above a block.
-    #[cfg(test)]
     pub fn comments_above(&self, block: &Block) -> Vec<&Comment> {
         let mut above = Vec::new();
         let mut line = block.line;

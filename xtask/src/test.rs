@@ -3,7 +3,7 @@
 use crate::command_line::PHASES;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{setup, tidy, wheel};
+use crate::{docs, setup, tidy, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -35,6 +35,7 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "link check" => link_check(workspace),
         "bytes" => same_bytes(workspace),
         "python" => python_wheel(workspace),
+        "docs" => documentation_blocks(workspace),
         "test" => tests(workspace),
         other => unreachable!("{other} is no phase"),
     }
@@ -115,6 +116,12 @@ fn if_installed(workspace: &Workspace, program: &str, args: &[&str]) -> Result<O
 fn documentation(workspace: &Workspace) -> Result<Outcome> {
     let mut cargo = workspace.cargo(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
     process::visible(cargo.env("RUSTDOCFLAGS", "-D warnings")).map(|()| passed())
+}
+
+/// README.md and the guides show commands that work.
+fn documentation_blocks(workspace: &Workspace) -> Result<Outcome> {
+    process::visible(&mut workspace.cargo(BUILD))?;
+    docs::run(workspace, &[], docs::Blocks::Usual).map(Outcome::Passed)
 }
 
 /// The program finds the simulator by itself: `command` has removed the library path that cargo would give it.

@@ -20,6 +20,7 @@ mod violation;
 mod words;
 
 use crate::command_line;
+use crate::docs;
 use crate::problem::{Problem, Result};
 use exceptions::Exceptions;
 use repository::{Entry, Tree, text_of};
@@ -45,8 +46,8 @@ pub fn run(root: &Path, args: &[String]) -> Result {
     })
 }
 
-const RULES: [&str; 9] =
-    ["dependencies", "structure", "circles", "knots", "text", "openings", "words", "links", "quoted"];
+const RULES: [&str; 10] =
+    ["dependencies", "structure", "circles", "knots", "text", "openings", "words", "links", "quoted", "marks"];
 
 /// Part of the rules and files.
 #[derive(Debug, Default)]
@@ -99,6 +100,7 @@ pub fn check(root: &Path, choice: &Choice) -> Result<Vec<Violation>> {
             "words" => words::Words::parse(text_of(&files, words::PATH)?)?.check(&files),
             "links" => links::check(&files, &tree),
             "quoted" => quoted::check(&files, &tree, &known(&files)),
+            "marks" => marks(&files),
             _ => text::check(&files),
         };
         if choice.is_everything() {
@@ -118,6 +120,20 @@ fn dependencies(files: &[Entry]) -> Result<Vec<Violation>> {
     let mut found = table::check(&table, &crates, &manifest::shared(text_of(files, "Cargo.toml")?));
     found.extend(manifest::check_run_path(&crates));
     Ok(found)
+}
+
+/// Code blocks of pages that the docs phase could not read.
+fn marks(files: &[Entry]) -> Vec<Violation> {
+    let pages = files.iter().filter(|file| docs::is_page(&file.path));
+    let read = |file: &Entry| docs::plan::read(&file.path, file.text.as_deref().unwrap_or_default()).err();
+    let problems = pages.filter_map(read);
+    let violation = |problem: Problem| {
+        let parts: Vec<&str> = problem.what.splitn(3, ':').collect();
+        let place = parts.iter().take(2).copied().collect::<Vec<_>>().join(":");
+        let what = parts.last().map_or("", |what| what.trim()).to_owned();
+        Violation { place, what, hint: format!("{}; expected {}", problem.hint, problem.expected) }
+    };
+    problems.map(violation).collect()
 }
 
 /// Names that commands quoted in Markdown are checked against.
