@@ -207,7 +207,7 @@ impl Chain {
                 Rigid { translation: rest.translation + rest.rotation.z_axis * q, ..rest }
             } else {
                 let (sin, cos) = q.sin_cos();
-                rest.turned_z(sin, cos)
+                rest.rotated_z(sin, cos)
             });
         }
     }

@@ -54,7 +54,7 @@ impl<'a> PathCheckers<'a> {
 
     /// True if the gripper is free at the start, which does not depend on the arm configuration.
     pub fn gripper_is_free(&self, config: &[f64]) -> bool {
-        self.along(0, 0).hand_is_free(config)
+        self.along(0, 0).gripper_is_free(config)
     }
 
     /// True if the arm does not touch the object at a step of a path, nor anything else at the first step.
