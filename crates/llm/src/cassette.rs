@@ -1,8 +1,7 @@
 //! Cassettes: recorded exchanges, looked up by request content.
 //!
 //! One readable JSON file per exchange: `<first 24 digits of the key>.json`. A cassette contains request and reply,
-//! with format,
-//! size and hash of images; addresses, headers and keys are never stored.
+//! with format, size and hash of images; addresses, headers and keys are never stored.
 
 use std::fs;
 use std::io::Write;
@@ -50,8 +49,7 @@ pub enum CassetteMode {
     #[default]
     Live,
     /// Use a cassette if there is one, otherwise send and record. An interrupted recording continues; delete the folder
-    /// to start
-    /// over.
+    /// to start over.
     Record,
     /// Use cassettes only; a request without one is an error, and nothing is ever sent.
     Replay,

@@ -1,8 +1,7 @@
 //! API dialects: encoding of requests and decoding of replies, without IO.
 //!
 //! Each dialect is a unit struct in its own file that implements [`Wire`]. To add one, create `dialect/NAME.rs`, and
-//! add
-//! `mod NAME;` and an entry in `dialects!` below; client, cassettes, ledger and settings need no change.
+//! add `mod NAME;` and an entry in `dialects!` below; client, cassettes, ledger and settings need no change.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

@@ -1,10 +1,8 @@
 //! A folder as chat model: a person, a script or another program reads questions and writes answers.
 //!
 //! Each question is a folder `NNN` with `question.json` and its images; the client waits for `answer.json` beside them.
-//! The
-//! folder contains nothing about the origin of the question. A repeated question is not written again: its existing
-//! answer is
-//! read or awaited.
+//! The folder contains nothing about the origin of the question. A repeated question is not written again: its existing
+//! answer is read or awaited.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -18,8 +18,7 @@ use genmanip_core::Seed;
 /// A chat model behind an HTTP server.
 ///
 /// Redirects are refused, so that a key is never sent elsewhere. System proxies (`HTTPS_PROXY`, `NO_PROXY`) are used,
-/// except
-/// for a server on this machine.
+/// except for a server on this machine.
 #[derive(Debug)]
 pub struct HttpChat {
     settings: ServerSettings,

@@ -2,7 +2,7 @@
 //!
 //! - [`ChatModel`] replies to a [`ChatRequest`], whose messages consist of texts and images.
 //! - [`HttpChat`]: a server in its [`Dialect`], with limits on time, size and retries, and structured output with
-//! fallback.
+//!   fallback.
 //! - [`CassetteChat`]: records exchanges and replays them, looked up by request content.
 //! - [`FolderChat`]: writes questions to a folder and waits for answers there.
 //! - [`Service`]: the same for JSON services: over HTTP, recorded, replayed.

@@ -20,8 +20,7 @@ pub struct ChatReply {
     /// Enforcement of the schema by the server.
     pub structure: Structure,
     /// HTTP requests sent, rejected ones included; 0 for a cassette or a script. Not stored, because it differs between
-    /// a
-    /// recording and its replay.
+    /// a recording and its replay.
     #[serde(skip)]
     pub attempts: u32,
 }

@@ -6,16 +6,14 @@ use rand::RngExt;
 use crate::settings::ServerSettings;
 
 /// Wait before retry number `retry` (from 0) [s]: exponential up to a limit, shortened by up to half at random so that
-/// many
-/// clients do not return at once ("equal jitter").
+/// many clients do not return at once ("equal jitter").
 pub(crate) fn backoff_s(settings: &ServerSettings, retry: u32, jitter: Seed) -> f64 {
     let longest = settings.first_backoff_s * 2f64.powi(retry.min(30) as i32);
     longest.min(settings.max_backoff_s) * jitter.fork_index(u64::from(retry)).rng().random_range(0.5..=1.0)
 }
 
 /// Wait requested by a `Retry-After` header [s]: a number, or an HTTP date relative to the server's own `Date` header,
-/// so that
-/// no local clock is needed. Anything else is ignored.
+/// so that no local clock is needed. Anything else is ignored.
 pub(crate) fn retry_after_s(retry_after: Option<&str>, date: Option<&str>) -> Option<f64> {
     let text = retry_after?.trim();
     if let Ok(seconds) = text.parse::<f64>() {

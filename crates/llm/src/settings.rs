@@ -15,8 +15,7 @@ pub struct ServerSettings {
     /// API dialect.
     pub dialect: Dialect,
     /// Base URL up to the dialect's path (`/chat/completions`); user, password and query are rejected, because URLs
-    /// appear in
-    /// errors.
+    /// appear in errors.
     pub base_url: String,
     /// Model name on the server.
     pub model: String,

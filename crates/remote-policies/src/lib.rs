@@ -8,8 +8,7 @@
 //! - [`resize`]: image resizing identical to Pillow's.
 //!
 //! If a server is unreachable or fails, the episode is *not run*, which does not count as a failure of the policy.
-//! Responses are
-//! validated before use; nothing is unpickled.
+//! Responses are validated before use; nothing is unpickled.
 
 mod connection;
 pub mod fake;

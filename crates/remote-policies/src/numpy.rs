@@ -1,8 +1,7 @@
 //! NumPy arrays in MessagePack, as in `msgpack_numpy` of openpi's client.
 //!
 //! An array is a map with the keys `__ndarray__` (true), `data` (bytes, C order), `dtype` (NumPy string, e.g. `<f4`)
-//! and `shape`.
-//! openpi writes these keys as bytes; text keys are accepted as well.
+//! and `shape`. openpi writes these keys as bytes; text keys are accepted as well.
 
 use rmpv::Value;
 

@@ -1,8 +1,7 @@
 //! Client of openpi's policy server: an observation as MessagePack over a WebSocket out, an action chunk back.
 //!
 //! Keys, sizes and formats of the presets follow `examples/droid` and `examples/libero` of
-//! Physical-Intelligence/openpi; scales
-//! of DROID velocities and robosuite deltas are documented at the constants.
+//! Physical-Intelligence/openpi; scales of DROID velocities and robosuite deltas are documented at the constants.
 
 use std::fmt;
 use std::sync::Arc;

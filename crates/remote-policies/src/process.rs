@@ -1,8 +1,7 @@
 //! A policy from a Python module, in a Python process connected by pipes.
 //!
 //! The process needs NumPy and the policy's dependencies, but no GenManip package: it runs `policy_process.py`, which
-//! is embedded
-//! in this crate. A process serves several episodes in sequence, so that a model is loaded once.
+//! is embedded in this crate. A process serves several episodes in sequence, so that a model is loaded once.
 
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -56,8 +55,7 @@ impl Processes {
     ///
     /// # Errors
     /// [`PolicyError::Unreachable`] if no process can be started, [`PolicyError::Unsuited`] if the class cannot be
-    /// instantiated or
-    /// its spec is invalid.
+    /// instantiated or its spec is invalid.
     pub fn policy(
         self: &Arc<Self>,
         read_spec: impl FnOnce(Value) -> Result<PolicySpec, String>,

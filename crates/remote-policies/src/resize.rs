@@ -32,8 +32,7 @@ pub fn resized_with_pad(image: &Rgb, width: usize, height: usize) -> Rgb {
 }
 
 /// Resizes with Pillow's bilinear filter, whose support widens when shrinking: identical bytes for images at least as
-/// wide as
-/// tall. For tall ones Pillow 13 shrinks columns first, and a byte may differ by one.
+/// wide as tall. For tall ones Pillow 13 shrinks columns first, and a byte may differ by one.
 pub fn resized(image: &Rgb, width: usize, height: usize) -> Rgb {
     let across = weights(image.width, width);
     let Rgb { width: from, height: rows, bytes } = image;

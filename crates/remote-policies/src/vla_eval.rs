@@ -1,10 +1,8 @@
 //! Client of vla-eval's model servers (allenai/vla-evaluation-harness): one observation out, one action or chunk back.
 //!
 //! A message is a MessagePack map of `type`, `payload`, `seq` and `timestamp`. Both sides start with `hello`;
-//! `episode_start` and
-//! `episode_end` enclose the observations of an episode. The server ties episode state to the connection, so a lost
-//! connection
-//! ends the episode, which is then not run.
+//! `episode_start` and `episode_end` enclose the observations of an episode. The server ties episode state to the
+//! connection, so a lost connection ends the episode, which is then not run.
 
 use std::sync::Arc;
 
@@ -29,8 +27,7 @@ pub enum Preset {
     /// LIBERO: TCP pose deltas at 20 Hz; images `agentview` and `wrist`; 8 state values.
     Libero,
     /// Joint targets [rad] and gripper opening [m] at 15 Hz; images named by their cameras; joint positions and opening
-    /// as state. For
-    /// servers trained on this robot.
+    /// as state. For servers trained on this robot.
     Joint,
 }
 

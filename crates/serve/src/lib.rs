@@ -1,14 +1,12 @@
 //! HTTP services of GenManip: segmentation, grasps, the agent and environments.
 //!
 //! - `POST /segment`, `POST /grasp`: synchronous. `POST /agent` starts a job, which is polled at `GET /agent/jobs/JOB`.
-//! Requests and
-//! responses are documented in [`genmanip_agent::services`].
+//!   Requests and responses are documented in [`genmanip_agent::services`].
 //! - `POST /env`: environment sessions in MessagePack, one action per request.
 //! - `GET /health`: service name and version; `GET /openapi.json`: API description.
 //!
 //! A [`Server`] runs on its own threads until it is stopped. Request size and arrival time are limited, and a fixed
-//! number of
-//! requests is processed concurrently.
+//! number of requests is processed concurrently.
 
 mod env;
 mod jobs;

@@ -26,8 +26,7 @@ const MAX_VIOLATION_BYTES: usize = 16 << 10;
 ///
 /// # Errors
 /// Fails if the settings are invalid, the key is missing or a prompt file is invalid; failures of single tasks are in
-/// their
-/// outcomes.
+/// their outcomes.
 pub fn generate(
     settings: &LlmSettings,
     kind: TaskKind,

@@ -1,8 +1,7 @@
 //! Prompt files with a name, a version and declared inputs.
 //!
 //! A file begins with TOML front matter between two `+++` lines; in the text `{{name}}` stands for an input. The
-//! built-in files
-//! are in `prompts/`; a user folder may replace any of them with a file of the same name.
+//! built-in files are in `prompts/`; a user folder may replace any of them with a file of the same name.
 
 use std::path::Path;
 
@@ -252,8 +251,7 @@ impl Prompt {
     }
 
     /// Substitutes inputs in one pass, so that braces inside values are kept. [`Prompt::parse`] has checked that there
-    /// are no other
-    /// placeholders; they would be kept.
+    /// are no other placeholders; they would be kept.
     fn render(&self, inputs: &[(&str, &str)]) -> String {
         let mut pieces = self.text.split("{{");
         let mut text = pieces.next().unwrap_or_default().to_owned();

@@ -52,10 +52,8 @@ pub enum SamplingError {
 /// Samples objects, in random order, with which the kind of task is possible.
 ///
 /// Stratified sampling: each pick takes one of the least-used general categories, then a card in it. Objects that the
-/// kind needs
-/// are picked first: movable ones, a container or support, look-alikes for `appearance`, one with states for
-/// `articulated`. The
-/// same seed gives the same objects.
+/// kind needs are picked first: movable ones, a container or support, look-alikes for `appearance`, one with states for
+/// `articulated`. The same seed gives the same objects.
 ///
 /// # Errors
 /// Names what the catalogue lacks.

@@ -14,8 +14,7 @@ use crate::secret::ApiKey;
 /// API version of the formats below, sent in a required header.
 const INTERFACE_VERSION: &str = "2023-06-01";
 /// Default `max_tokens`, which the service requires; enough for a long reply with reasoning, and within the limit of
-/// every model
-/// of the service.
+/// every model of the service.
 const MAX_TOKENS: u64 = 4096;
 
 /// `POST {base_url}/messages`.

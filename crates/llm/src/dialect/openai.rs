@@ -45,8 +45,7 @@ impl Wire for OpenAi {
     }
 
     /// Accepts common deviations: content as a string or a list of text parts, only `reasoning_content`,
-    /// `<think>…</think>` before
-    /// the reply, missing token counts.
+    /// `<think>…</think>` before the reply, missing token counts.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
         let missing = |path: &str, expected: &str| ChatError::NotACompletion {
             url: url.into(),

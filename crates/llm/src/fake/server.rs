@@ -77,8 +77,7 @@ struct Shared {
 }
 
 /// Starts a server that answers each question with the answer of the first of these texts it contains, or with an empty
-/// answer:
-/// for concurrent questions in unknown order.
+/// answer: for concurrent questions in unknown order.
 ///
 /// # Errors
 /// Fails if there is no free port.
