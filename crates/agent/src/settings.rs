@@ -26,9 +26,8 @@ pub struct AgentSettings {
     /// Image width and height [px]; `None` for each camera's own.
     pub size: Option<[u32; 2]>,
     /// Standard deviation of a measured depth of 1 m [m]; it grows with the square of the depth. 0 for perfect depth.
-    /// If not
-    /// 0, depth is smoothed along surfaces, and points closer to the table or the robot than the error are attributed
-    /// to them.
+    /// If not 0, depth is smoothed along surfaces, and points closer to the table or the robot than the error are
+    /// attributed to them.
     #[serde(default, skip_serializing_if = "is_perfect")]
     pub depth_error_m: f64,
     /// Maximum number of task decompositions.
@@ -42,8 +41,7 @@ pub struct AgentSettings {
     /// Show the other cameras' images if the object is not found in the first one.
     pub other_views: bool,
     /// Ask for grab point and placement concurrently. The placement question then marks the mask's middle pixel as its
-    /// start
-    /// instead of the grab point.
+    /// start instead of the grab point.
     pub asks_at_once: bool,
     /// Start a new round with the remaining sub-tasks reported by the check; otherwise, or if it reports none,
     /// decompose again.
@@ -213,8 +211,7 @@ impl Default for MotionSettings {
         Self {
             feasibility: FeasibilitySettings {
                 // The object's points were checked against the fingers when the grasp was proposed; its hull is larger
-                // than the
-                // object, so the gripper may penetrate it.
+                // than the object, so the gripper may penetrate it.
                 object_clearance_m: None,
                 finger_room_m: None,
                 // Chosen: grasps from points are more expensive to check than precomputed ones.
@@ -230,8 +227,7 @@ impl Default for MotionSettings {
             // Chosen: the fingers' length beyond the palm is 4.5 cm.
             short_m: 0.05,
             // Chosen: 50,000 nodes cost minutes per pick without a path, and the 40 episodes in examples/answers have
-            // the same
-            // outcome.
+            // the same outcome.
             search_nodes: 2_000,
             searches: 8,
             squeeze_m: 0.015,

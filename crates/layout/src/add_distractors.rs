@@ -17,8 +17,7 @@ const CANDIDATES_PER_OBJECT: usize = 6;
 const MAX_DISPLACEMENT_M: f64 = 0.001;
 
 /// Adds `count` distractors at rest, none of which the instruction could refer to; `None` if they do not fit. The
-/// objects of
-/// the scenario keep their poses.
+/// objects of the scenario keep their poses.
 ///
 /// # Errors
 /// Fails if an object is unknown or changed, or the simulation fails.

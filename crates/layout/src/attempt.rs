@@ -15,8 +15,7 @@ pub(crate) enum AttemptError {
 
 impl AttemptError {
     /// Classifies a simulation error: instability and dropped contacts reject the layout; everything else (out of
-    /// memory, a
-    /// broken library, an invalid world) is a defect.
+    /// memory, a broken library, an invalid world) is a defect.
     pub(crate) fn of_physics(error: SimError) -> Self {
         match error {
             SimError::Unstable { .. } | SimError::ContactsDropped { .. } => {

@@ -17,8 +17,7 @@ const INTERVAL_S: f64 = 0.25;
 /// Negligible share of the maximum drift. Chosen: 0.1 mm by default.
 const NEGLIGIBLE_DRIFT_SHARE: f64 = 0.2;
 /// Maximum speed ratio between two intervals without acceleration. Chosen: toppling objects are several times faster,
-/// see the
-/// tests.
+/// see the tests.
 const MAX_SPEEDUP: f64 = 1.5;
 /// Lever that converts angular to linear speed [m]. Chosen: half of a large object.
 const LEVER_M: f64 = 0.1;

@@ -8,8 +8,7 @@ use crate::context::Context;
 use crate::sampled_layout::OrientedObject;
 
 /// Maximum distance of an object from the midpoint of its two references, as a share of their distance. Chosen: 0.5
-/// would
-/// be at the references themselves.
+/// would be at the references themselves.
 const MIDPOINT_SHARE: f64 = 0.3;
 
 /// Distance of the farther reference behind the object between, and its tolerance [m]. Chosen: about twice the usual
@@ -41,8 +40,7 @@ pub(crate) fn window(
 }
 
 /// Region of the centre of an object of this size with free space between two bounds, as opposite corners; if there is
-/// no
-/// free space, the region closest to it.
+/// no free space, the region closest to it.
 pub(crate) fn free_window(one: &Aabb, other: &Aabb, size: DVec3) -> [DVec2; 2] {
     let apart = (one.min - other.max).max(other.min - one.max).truncate();
     // Centre of the free strip along each axis on which the bounds are apart, otherwise of both bounds.

@@ -20,10 +20,8 @@ pub(crate) fn sample(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed
 }
 
 /// True if the task cannot refer to this object, as far as cards and graph can tell: it shares no name and no category
-/// with
-/// an object of the task, and no word of the instruction describes it; if the instruction states a need instead of
-/// naming
-/// objects, it is not in the same general category as the goal's objects.
+/// with an object of the task, and no word of the instruction describes it; if the instruction states a need instead of
+/// naming objects, it is not in the same general category as the goal's objects.
 fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
     let known = || task.objects.iter().map(Arc::as_ref);
     let is_alike = |other: &ObjectCard| {

@@ -30,14 +30,12 @@ const EDGE_M: f64 = 0.01;
 const LATER_SAMPLES: usize = 120;
 
 /// Minimum freedom on a carrier along each axis [m], and the usable share of a cavity. Chosen because cavities are
-/// modelled as
-/// boxes and often round.
+/// modelled as boxes and often round.
 const MIN_SLACK_M: f64 = 0.003;
 const USABLE_CAVITY_SHARE: f64 = 0.8;
 
 /// Initial height above the carrier when lowering an object, and the remaining gap [m]. Chosen: any positive height
-/// works, and
-/// the gap is smaller than a layout's drop height.
+/// works, and the gap is smaller than a layout's drop height.
 const LOWERING_HEIGHT_M: f64 = 0.01;
 const RELEASE_GAP_M: f64 = 0.0005;
 
@@ -64,8 +62,7 @@ impl GoalSearch<'_> {
     ///
     /// Every atom of the move holds, directional ones with `settings.margin_m`. Only `usable` poses count, with
     /// `settings.clearance_m` to everything but the support. Objects of `later` moves on the same support still find
-    /// space
-    /// beside it, if possible.
+    /// space beside it, if possible.
     pub fn goal_poses(&self, step: &Move, later: &[Move], usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let rng = &mut seed.rng();
         let mut after = self.scene.clone();
@@ -191,8 +188,7 @@ impl GoalSearch<'_> {
     }
 
     /// True if nothing but its carrier, and the supports of that, is near the object in the plane, and no surface or
-    /// board is
-    /// beside it.
+    /// board is beside it.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
         if after.hits_surface(moved, self.settings.clearance_m) {
             return false;
@@ -213,8 +209,7 @@ impl GoalSearch<'_> {
 }
 
 /// Required normalised margin: directional relations, `near` and `between` need one; support and containment have their
-/// own
-/// measure.
+/// own measure.
 fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     match atom {
         Atom::Relation { relation, .. } if !relation.is_support() => Unit::Metre.normalise(settings.margin_m),
@@ -223,8 +218,7 @@ fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
 }
 
 /// Samples a point above the carrier for the object's centre: in its cavity, or over its top at a distance that grows
-/// with
-/// `spread`.
+/// with `spread`.
 fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spread: f64, rng: &mut impl Rng) -> DVec2 {
     // Bounds are tightest in a frame aligned with the carrier.
     let ahead = carrier.pose.transform_vector(DVec3::X);

@@ -2,10 +2,8 @@
 //!
 //! Objects are placed in topological order of support. Each candidate pose is checked against every edge to the objects
 //! placed so far. The complete layout is settled in physics without a robot and then validated: every edge of the
-//! initial
-//! graph holds, no alternative of the goal holds yet, nothing penetrates or moves, the objects to be moved are
-//! reachable
-//! and visible to a camera. The number of attempts is bounded, and every rejection is counted by its reason.
+//! initial graph holds, no alternative of the goal holds yet, nothing penetrates or moves, the objects to be moved are
+//! reachable and visible to a camera. The number of attempts is bounded, and every rejection is counted by its reason.
 
 mod add_distractors;
 pub mod articulation;
@@ -56,8 +54,7 @@ use placement::Partial;
 use reach::ReachCheck;
 
 /// Number of failed layouts after which objects are aligned with the table's edges and distractors use the smaller gap
-/// of
-/// other objects, which takes less space. Chosen: random orientations look more natural.
+/// of other objects, which takes less space. Chosen: random orientations look more natural.
 const ALIGNED_AFTER: usize = 10;
 
 /// Maximum number of candidate poses hidden from all cameras, mostly inside a container, before the task is rejected.
@@ -92,8 +89,7 @@ pub enum Phase {
 /// # Errors
 /// [`LayoutError::UnknownObject`] for an asset missing from the source; [`LayoutError::StaleGrasps`] and
 /// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] if every attempt
-/// was
-/// rejected, with the counted reasons and the edges that were hardest to satisfy.
+/// was rejected, with the counted reasons and the edges that were hardest to satisfy.
 pub fn lay_out(
     task: &Task,
     assets: &dyn AssetSource,

@@ -2,9 +2,8 @@
 //!
 //! Every relation with one reference bounds the difference between two centres, along x and y separately. The closed
 //! network gives, for each object, the exact interval that leaves space for all others, so that a chain of relations
-//! does
-//! not run off the table, and identifies contradicting relations. After Dechter, Meiri and Pearl, "Temporal constraint
-//! networks", 1991.
+//! does not run off the table, and identifies contradicting relations. After Dechter, Meiri and Pearl, "Temporal
+//! constraint networks", 1991.
 
 /// Index of the world's origin among the coordinates of a [`Network`]; object `i` has coordinate `i + 1`.
 pub(crate) const ORIGIN: usize = 0;

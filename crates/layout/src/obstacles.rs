@@ -44,8 +44,7 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
 }
 
 /// Known grasps that passed their physics trials and fit the object's pose, best first, in the object frame. `known`
-/// comes
-/// from a [`GraspLibrary`](genmanip_assets::GraspLibrary).
+/// comes from a [`GraspLibrary`](genmanip_assets::GraspLibrary).
 ///
 /// # Errors
 /// Fails if a collision piece is not finite or has no size.

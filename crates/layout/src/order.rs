@@ -18,8 +18,7 @@ pub(crate) struct Step {
 }
 
 /// Objects in topological order of support, each after related objects if possible; subjects of `between` come after
-/// their
-/// references.
+/// their references.
 ///
 /// `edges` are the graph's edges with the indices of their objects, subject first, without surfaces.
 ///

@@ -1,6 +1,5 @@
 //! Backtracking search for object poses: sampled within the feasible intervals of the relations and accepted if every
-//! edge
-//! to a placed object holds.
+//! edge to a placed object holds.
 
 use std::sync::Arc;
 
@@ -20,8 +19,7 @@ use crate::sampled_layout::{Contradiction, SampledLayout, SupportRegion};
 use crate::visibility::VisibilityCheck;
 
 /// Clearance around an object at its goal [m]. Chosen larger than `GoalPoseSettings::clearance_m`, since only bounds
-/// are
-/// compared here.
+/// are compared here.
 const GOAL_CLEARANCE_M: f64 = 0.02;
 
 /// Additional reach allowed for placements [m]. Chosen: the exact check follows after settling.
@@ -34,8 +32,7 @@ const LOWERING_HEIGHT_M: f64 = 0.01;
 const MIN_VERTICAL_GAP_M: f64 = 0.01;
 
 /// Centre distance below which two outlines certainly overlap, as a share of the mean width. Chosen: half of the value
-/// for
-/// adjacent boxes.
+/// for adjacent boxes.
 const OVERLAP_SHARE: f64 = 0.25;
 
 /// Space kept in addition to the minimum gap for an object to be placed between two others [m]; chosen.

@@ -11,8 +11,7 @@ use crate::context::Context;
 use crate::network::{Network, ORIGIN};
 
 /// Headings tried until an object fits into its container. Chosen: a box that fits at a quarter of all headings is
-/// missed
-/// once in a thousand samples.
+/// missed once in a thousand samples.
 const MAX_HEADINGS: usize = 24;
 
 /// Maximum yaw of an articulated object from facing the robot [rad]. Chosen so that its doors stay in reach.
@@ -22,13 +21,11 @@ const FACING_RAD: f64 = 0.25;
 const ALIGNED_RAD: f64 = 0.1;
 
 /// Free space around an object in a cavity, both sides together, and above it in a covered one [m]. Chosen larger than
-/// the
-/// needs of settling.
+/// the needs of settling.
 const CAVITY_CLEARANCE_M: [f64; 2] = [0.002, 0.004];
 
 /// Distance from the edge of a support region [m], and the usable share of the rest. Chosen because regions are boxes
-/// and many
-/// carriers are round.
+/// and many carriers are round.
 const EDGE_M: f64 = 0.012;
 const USABLE_SHARE: f64 = 0.75;
 

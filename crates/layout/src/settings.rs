@@ -26,8 +26,7 @@ pub struct LayoutSettings {
     /// Minimum gap between a distractor and other objects [m]; `min_gap_m` if there is too little space.
     pub distractor_gap_m: f64,
     /// Margin of relations at placement [m], and its equivalent in other units (see
-    /// [`genmanip_core::Unit::normalise`]); settling
-    /// may reduce it.
+    /// [`genmanip_core::Unit::normalise`]); settling may reduce it.
     pub relation_margin_m: f64,
     /// Object area within the workspace: minimum and maximum x from the robot's base [m].
     pub x_m: [f64; 2],

@@ -204,8 +204,7 @@ fn what_surely_finds_no_room_is_refused_at_once() {
 }
 
 /// A goal that nearly every random layout meets, and a fruit visible in only some poses in its bin: the backtracking
-/// search
-/// avoids both where rejection sampling of whole layouts failed.
+/// search avoids both where rejection sampling of whole layouts failed.
 #[test]
 fn rare_layouts_are_found() {
     for text in [include_str!("../testdata/near_by_chance.json"), include_str!("../testdata/pear_in_a_bin.json")] {
@@ -332,8 +331,7 @@ fn what_is_wrong_with_a_graph_is_named() {
 }
 
 /// Grasps tested with different physics are an error with the object's name; grasps of another robot are ignored and
-/// new
-/// ones sampled.
+/// new ones sampled.
 #[test]
 fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
     let task = task("024_appearance");

@@ -1,8 +1,7 @@
-//! Recorded exchanges, found again by the content of the request.
+//! Cassettes: recorded exchanges, looked up by request content.
 //!
-//! One JSON file per exchange, made to be read: `<first 24 digits of the key>.json`.
-//! A cassette holds what was asked and what was answered, of an image its format, size and hash; addresses, headers
-//! and keys are never part of it.
+//! One readable JSON file per exchange: `<first 24 digits of the key>.json`. A cassette contains request and reply,
+//! with format, size and hash of images; addresses, headers and keys are never stored.
 
 use std::fs;
 use std::io::Write;
@@ -21,18 +20,18 @@ use crate::request::{ChatRequest, RecordedRequest};
 use crate::secret::ApiKey;
 use crate::settings::ServerSettings;
 
-/// Most cassettes that are compared with a request that has none.
+/// Maximum number of cassettes compared with an unrecorded request.
 const MAX_COMPARED: usize = 2_000;
 
-/// Recording and replaying.
+/// Recording and replay settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CassetteSettings {
-    /// Whether to ask the server, to record it, or to do without it.
+    /// Use the server, record it, or replay.
     pub mode: CassetteMode,
-    /// Where cassettes are, one JSON file per exchange.
+    /// Folder of cassettes, one JSON file per exchange.
     pub folder: PathBuf,
-    /// Written into each new cassette: who answered, and why it was recorded.
+    /// Comment written into each new cassette: who answered and why it was recorded.
     pub note: String,
 }
 
@@ -42,17 +41,17 @@ impl Default for CassetteSettings {
     }
 }
 
-/// What to do with a request.
+/// Treatment of requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CassetteMode {
-    /// Ask; cassettes are neither read nor written.
+    /// Send the request; cassettes are neither read nor written.
     #[default]
     Live,
-    /// Answer from the cassette if there is one; otherwise ask and record. An interrupted recording goes on
-    /// where it stopped; delete the folder to record afresh.
+    /// Use a cassette if there is one, otherwise send and record. An interrupted recording continues; delete the folder
+    /// to start over.
     Record,
-    /// Answer from the cassette; a request without one is an error, and nothing is ever asked.
+    /// Use cassettes only; a request without one is an error, and nothing is ever sent.
     Replay,
 }
 
@@ -62,12 +61,12 @@ pub enum CassetteMode {
 pub struct Cassette {
     /// Content hash of the request, see [`ChatRequest::key`].
     pub key: String,
-    /// Who answered, and why it was recorded; for people.
+    /// Comment: who answered and why it was recorded.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// What was asked.
+    /// The request.
     pub request: RecordedRequest,
-    /// What was answered.
+    /// The reply.
     pub reply: ChatReply,
 }
 
@@ -75,7 +74,7 @@ impl Document for Cassette {
     const SCHEMA: &'static str = "genmanip.cassette/1";
 }
 
-/// A model with a folder of cassettes before it.
+/// A chat model with a folder of cassettes.
 #[derive(Debug)]
 pub struct CassetteChat<M> {
     model: Option<M>,
@@ -84,19 +83,18 @@ pub struct CassetteChat<M> {
 }
 
 impl CassetteChat<HttpChat> {
-    /// The server of the settings with its cassettes; replaying needs neither a key nor a server.
-    /// `jitter` spreads the waits between retries.
+    /// Opens the configured server with its cassettes; replay needs neither a key nor a server. `jitter` seeds the
+    /// retry waits.
     ///
     /// # Errors
-    /// Names the setting that makes no sense, or the variable that holds no key.
+    /// Names the invalid setting, or the variable without a valid key.
     pub fn open(server: &ServerSettings, cassettes: &CassetteSettings, jitter: Seed) -> Result<Self, SettingsError> {
         Self::open_around(server, cassettes, jitter, |server| server)
     }
 }
 
 impl<M: ChatModel> CassetteChat<M> {
-    /// As [`CassetteChat::open`], with something between the cassettes and the server: only what is really asked passes
-    /// it.
+    /// Like [`CassetteChat::open`] with a wrapper around the server, which sees only requests that are really sent.
     ///
     /// # Errors
     /// As [`CassetteChat::open`].
@@ -104,7 +102,7 @@ impl<M: ChatModel> CassetteChat<M> {
         server: &ServerSettings,
         cassettes: &CassetteSettings,
         jitter: Seed,
-        around: impl FnOnce(HttpChat) -> M,
+        wrap: impl FnOnce(HttpChat) -> M,
     ) -> Result<Self, SettingsError> {
         server.check()?;
         let cassettes = cassettes.clone();
@@ -112,16 +110,16 @@ impl<M: ChatModel> CassetteChat<M> {
             return Ok(Self::replay(cassettes));
         }
         let key = server.api_key_env.as_deref().map(ApiKey::from_environment).transpose()?;
-        let model = around(HttpChat::new(server.clone(), key.clone(), jitter)?);
+        let model = wrap(HttpChat::new(server.clone(), key.clone(), jitter)?);
         Ok(Self::new(model, cassettes, key))
     }
 
-    /// `model` is asked in the modes live and record. `key` is what must never get into a file.
+    /// Uses `model` in the modes live and record. `key` must never be stored in a file.
     pub fn new(model: M, settings: CassetteSettings, key: Option<ApiKey>) -> Self {
         Self { model: Some(model), settings, key }
     }
 
-    /// Only what is recorded, whatever the mode says.
+    /// Replays recorded exchanges only, regardless of the mode.
     pub fn replay(settings: CassetteSettings) -> Self {
         let settings = CassetteSettings { mode: CassetteMode::Replay, ..settings };
         Self { model: None, settings, key: None }
@@ -132,9 +130,9 @@ impl<M: ChatModel> CassetteChat<M> {
         let note = self.settings.note.clone();
         let text = Cassette { key, note, request, reply: reply.clone() }.to_json();
         if self.key.as_ref().is_some_and(|secret| secret.is_in(&text)) {
-            return Err(failed("the exchange holds the API key, so it is not recorded", &path));
+            return Err(cassette_error("the exchange contains the API key, so it is not recorded", &path));
         }
-        write_whole(&path, &text).map_err(|error| failed(&format!("cannot write the cassette: {error}"), &path))
+        write_atomically(&path, &text).map_err(|error| cassette_error(&format!("cannot write the cassette: {error}"), &path))
     }
 }
 
@@ -154,7 +152,7 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
                 if cassette.key == key {
                     Ok(cassette.reply)
                 } else {
-                    Err(failed("the cassette is of another request", &path))
+                    Err(cassette_error("the cassette belongs to another request", &path))
                 }
             }
             (false, Some(model)) => {
@@ -171,30 +169,30 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
     }
 }
 
-/// Reads a cassette and checks that its key is that of its request.
+/// Reads a cassette and checks that its key matches its request.
 ///
 /// # Errors
-/// [`ChatError::Cassette`] says what is wrong with the file.
+/// Fails with [`ChatError::Cassette`] if the file is invalid.
 pub fn read(path: &Path) -> Result<Cassette, ChatError> {
-    let cassette = Cassette::from_json(&read_text(path)?).map_err(|error| failed(&error.to_string(), path))?;
+    let cassette = Cassette::from_json(&read_text(path)?).map_err(|error| cassette_error(&error.to_string(), path))?;
     let key = cassette.request.key();
     if cassette.key != key {
-        return Err(failed(&format!("the question was changed: its key is now {key}"), path));
+        return Err(cassette_error(&format!("the request was edited: its key is now {key}"), path));
     }
     Ok(cassette)
 }
 
-/// The text of a cassette.
+/// Reads the text of a cassette.
 pub(crate) fn read_text(path: &Path) -> Result<String, ChatError> {
-    files::read_text(path, limits::CASSETTE).map_err(|message| failed(&message, path))
+    files::read_text(path, limits::CASSETTE).map_err(|message| cassette_error(&message, path))
 }
 
-/// The requests of all readable cassettes of a folder by file name, a bounded number.
+/// Requests of all readable cassettes of a folder by file name, up to [`MAX_COMPARED`].
 fn all_in(folder: &Path) -> Vec<(String, RecordedRequest)> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
         .unwrap_or_default();
-    paths.retain(|path| path.extension().is_some_and(|ending| ending == "json"));
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     paths.sort();
     paths.truncate(MAX_COMPARED);
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
@@ -205,22 +203,22 @@ pub(crate) fn path_of(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("{}.json", key.get(..24).unwrap_or(key)))
 }
 
-/// Written aside, flushed and renamed: a partial cassette is never found.
-pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+/// Writes a temporary file, flushes and renames it, so that a partial cassette is never found.
+pub(crate) fn write_atomically(path: &Path, text: &str) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let aside = path.with_extension(format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id()));
-    let written = fs::File::create(&aside).and_then(|mut file| {
+    let temporary = path.with_extension(format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id()));
+    let written = fs::File::create(&temporary).and_then(|mut file| {
         file.write_all(text.as_bytes())?;
         file.sync_all()?;
-        fs::rename(&aside, path)
+        fs::rename(&temporary, path)
     });
     if written.is_err() {
-        let _ = fs::remove_file(&aside);
+        let _ = fs::remove_file(&temporary);
     }
     written
 }
 
-fn failed(message: &str, path: &Path) -> ChatError {
+fn cassette_error(message: &str, path: &Path) -> ChatError {
     ChatError::Cassette { message: message.into(), path: path.display().to_string() }
 }

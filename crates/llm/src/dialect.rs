@@ -1,14 +1,13 @@
-//! Dialects: how a request is written for a server and how its answer is read. No IO.
+//! API dialects: encoding of requests and decoding of replies, without IO.
 //!
-//! Each dialect is a unit struct in a file of its own that implements [`Wire`].
-//! Another one is that file, `dialect/NAME.rs`, its line `mod NAME;` below, and its line in `dialects!`;
-//! client, cassettes, ledger and settings take it from there.
+//! Each dialect is a unit struct in its own file that implements [`Wire`]. To add one, create `dialect/NAME.rs`, and
+//! add `mod NAME;` and an entry in `dialects!` below; client, cassettes, ledger and settings need no change.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{ChatError, shortened};
-use crate::reply::{ChatReply, Structure};
+use crate::reply::{ChatReply, Structure, Usage};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
 
@@ -16,37 +15,37 @@ mod anthropic;
 mod openai;
 
 dialects! {
-    /// OpenAI's chat completions, which most servers and gateways speak.
+    /// OpenAI chat completions, supported by most servers and gateways.
     OpenAi = openai::OpenAi,
-    /// Anthropic's messages.
+    /// Anthropic messages.
     Anthropic = anthropic::Anthropic,
 }
 
-/// What a dialect is asked for.
+/// Interface of a dialect.
 pub(crate) trait Wire: Sync {
-    /// What follows the server's address, e.g. `/chat/completions`.
+    /// Path after the base URL, e.g. `/chat/completions`.
     fn path(&self) -> &'static str;
 
-    /// Headers beside those of every JSON request; the key stands in one of them.
+    /// Additional headers, including authentication.
     fn headers(&self, key: Option<&ApiKey>) -> Vec<(&'static str, String)>;
 
-    /// The forms of structured output it knows, strictest first; the last is [`Structure::Plain`].
+    /// Supported structured-output modes, strictest first; the last is [`Structure::Plain`].
     fn structures(&self) -> &'static [Structure];
 
-    /// Fields of the body that are written from the request and may not be parameters.
+    /// Body fields that are set from the request and must not be parameters.
     fn reserved(&self) -> &'static [&'static str];
 
-    /// The body of the request.
+    /// Encodes the request body.
     fn request_body(&self, request: &ChatRequest, structure: Structure) -> Value;
 
-    /// Reads the body of a successful answer; `attempts` stays 0.
+    /// Decodes the body of a successful response; leaves `attempts` at 0.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError>;
 }
 
-/// One entry per dialect: documentation, variant, and the value that implements [`Wire`].
+/// Defines `Dialect`: one entry per dialect with documentation, variant and implementation of [`Wire`].
 macro_rules! dialects {
     ($($(#[doc = $doc:literal])* $variant:ident = $wire:expr,)+) => {
-        /// How requests are written and answers read; named in the settings as `server.dialect`.
+        /// API dialect; `server.dialect` in the settings.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
         #[serde(rename_all = "lowercase")]
         pub enum Dialect {
@@ -67,8 +66,8 @@ macro_rules! dialects {
 }
 use dialects;
 
-/// What a server says about its failure, in the shapes in use: `{"error": {"message"}}`, `{"error": "…"}`,
-/// `{"message"}`, `{"detail"}`. Gateways mix them, whatever their dialect.
+/// Extracts a server's error message in the common forms: `{"error": {"message"}}`, `{"error": "…"}`, `{"message"}`,
+/// `{"detail"}`. Gateways mix them regardless of dialect.
 pub(crate) fn error_message(body: &Value) -> Option<String> {
     let error = body.get("error").filter(|error| !error.is_null());
     let nested = error.and_then(|error| error.get("message"));
@@ -81,9 +80,9 @@ pub(crate) fn error_message(body: &Value) -> Option<String> {
     })
 }
 
-/// Whether a refusal is likely about the structured output that was asked for, so that asking without is worth a try.
+/// True if an error is probably about the requested structured output, so that a retry without it is worthwhile.
 ///
-/// Servers use different statuses and words; a request that is wrong for another reason costs two needless requests.
+/// Servers use different statuses and texts; an unrelated error costs at most two unnecessary requests.
 pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     match error {
         ChatError::Status { status: 400 | 415 | 422 | 501, .. } => true,
@@ -97,8 +96,8 @@ pub(crate) fn refuses_structure(error: &ChatError) -> bool {
     }
 }
 
-/// The answer without the thoughts that some models write before it as `<think>…</think>`.
-fn without_thoughts(text: &str) -> &str {
+/// Removes the leading `<think>…</think>` block of reasoning models.
+fn without_reasoning(text: &str) -> &str {
     let begins = text.trim_start();
     match begins.strip_prefix("<think>").and_then(|rest| rest.split_once("</think>")) {
         Some((_, answer)) => answer.trim_start(),
@@ -106,7 +105,35 @@ fn without_thoughts(text: &str) -> &str {
     }
 }
 
-/// The name of the model that answered, under the name that all dialects so far have for it.
+/// Fails if a body with status 200 reports an error, as some gateways do.
+fn check_error(body: &Value, url: &str) -> Result<(), ChatError> {
+    match error_message(body) {
+        Some(message) => Err(ChatError::Status { status: 200, message, url: url.into() }),
+        None => Ok(()),
+    }
+}
+
+/// A short string field of an object.
+fn short_text(object: &Value, field: &str) -> Option<String> {
+    object.get(field).and_then(Value::as_str).map(|text| shortened(text, 100))
+}
+
+/// Builds the reply of a completion without its reasoning block; fails if no text is left.
+fn chat_reply(
+    body: &Value,
+    text: &str,
+    finish_reason: Option<String>,
+    usage: Option<Usage>,
+    structure: Structure,
+) -> Result<ChatReply, ChatError> {
+    let text = without_reasoning(text);
+    if text.trim().is_empty() {
+        return Err(ChatError::NoText { finish_reason: finish_reason.unwrap_or_else(|| "none".into()) });
+    }
+    Ok(ChatReply { text: text.to_owned(), model: model_name(body), finish_reason, usage, structure, attempts: 0 })
+}
+
+/// Model name, in the field common to all dialects.
 fn model_name(body: &Value) -> String {
     body.get("model").and_then(Value::as_str).map_or_else(|| "unknown".into(), |name| shortened(name, 200))
 }

@@ -1,8 +1,8 @@
-//! Why there is no answer, in words for the person who has to do something about it.
+//! Errors of chat models, with advice for users.
 
 use serde::{Deserialize, Serialize};
 
-/// Why a conversation got no answer.
+/// Error of a chat request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "error", rename_all = "snake_case")]
 pub enum ChatError {
@@ -11,78 +11,78 @@ pub enum ChatError {
     Unreachable {
         /// Address without secrets.
         url: String,
-        /// What the system says.
+        /// System message.
         message: String,
     },
-    /// The server took too long.
-    #[error("no whole answer from {url} after {limit_s} s ({phase})")]
+    /// Timeout.
+    #[error("no complete response from {url} within {limit_s} s ({phase})")]
     Timeout {
         /// Address without secrets.
         url: String,
-        /// The limit that was met.
+        /// The exceeded limit [s].
         limit_s: f64,
-        /// What was being waited for.
+        /// Phase of the request.
         phase: String,
     },
-    /// The connection ended before the answer did.
-    #[error("the answer of {url} was cut off: {message}")]
+    /// The connection closed before the response was complete.
+    #[error("the response of {url} was truncated: {message}")]
     CutOff {
         /// Address without secrets.
         url: String,
-        /// What the connection or the parser says.
+        /// Message of the connection or parser.
         message: String,
     },
-    /// The server refused.
+    /// The server returned an error status.
     #[error("{url} answered {status}: {message}")]
     Status {
         /// HTTP status.
         status: u16,
-        /// What the server says, shortened.
+        /// Server message, truncated.
         message: String,
         /// Address without secrets.
         url: String,
     },
-    /// The answer is larger than the limit; reading was stopped there.
-    #[error("the answer of {url} is larger than {limit_bytes} bytes")]
+    /// The response exceeds the size limit; reading was stopped.
+    #[error("the response of {url} is larger than {limit_bytes} bytes")]
     TooLarge {
         /// Address without secrets.
         url: String,
         /// The limit.
         limit_bytes: u64,
     },
-    /// The answer is no JSON, for example a web page.
+    /// The response is not JSON, for example a web page.
     #[error("expected JSON from {url}, got {content_type} beginning {beginning:?}")]
     NotJson {
         /// Address without secrets.
         url: String,
-        /// What the server calls it.
+        /// Content type.
         content_type: String,
-        /// The first characters.
+        /// First characters.
         beginning: String,
     },
-    /// JSON, but no chat completion.
-    #[error("{url} answered JSON that is no chat completion: expected {expected} at {path}")]
+    /// The JSON is not a chat completion.
+    #[error("{url} returned JSON that is not a chat completion: expected {expected} at {path}")]
     NotACompletion {
         /// Address without secrets.
         url: String,
         /// JSON path.
         path: String,
-        /// What should be there.
+        /// Expected value.
         expected: String,
     },
-    /// A completion without words.
-    #[error("the model said nothing (finish reason: {finish_reason})")]
+    /// The completion has no text.
+    #[error("the model returned no text (finish reason: {finish_reason})")]
     NoText {
-        /// In the server's words, or `none`.
+        /// Finish reason reported by the server, or `none`.
         finish_reason: String,
     },
-    /// An image where servers take none; nothing was sent.
-    #[error("expected images in messages of the user only, got one in message {message}")]
+    /// An image outside a user message; nothing was sent.
+    #[error("images are allowed in user messages only, got one in message {message}")]
     MisplacedImage {
         /// Index of the message, from 0.
         message: usize,
     },
-    /// An image that the settings do not allow; nothing was sent.
+    /// An image above the size limit; nothing was sent.
     #[error("the image in message {message} has {size_bytes} bytes, more than the limit of {limit_bytes}")]
     ImageTooLarge {
         /// Index of the message, from 0.
@@ -92,7 +92,7 @@ pub enum ChatError {
         /// The limit.
         limit_bytes: u64,
     },
-    /// A request that the settings do not allow; nothing was sent.
+    /// A request above the size limit; nothing was sent.
     #[error("the request has {size_bytes} bytes, images included, more than the limit of {limit_bytes}")]
     RequestTooLarge {
         /// Size of the body.
@@ -100,94 +100,94 @@ pub enum ChatError {
         /// The limit.
         limit_bytes: u64,
     },
-    /// The model declined.
+    /// The model refused to answer.
     #[error("the model declined: {message}")]
     Declined {
-        /// In the model's words, shortened.
+        /// Text of the refusal, truncated.
         message: String,
     },
-    /// Retrying did not help.
+    /// All retries failed.
     #[error("gave up after {attempts} requests; the last failure: {last}")]
     GaveUp {
         /// Requests sent.
         attempts: u32,
-        /// Why the last one failed.
+        /// Last error.
         last: Box<ChatError>,
     },
-    /// The server asks for more patience than the settings have.
-    #[error("the server asks to wait {asked_s} s, more than the limit of {limit_s} s; its reason: {last}")]
+    /// The server requests a longer wait than allowed.
+    #[error("the server requests a wait of {asked_s} s, more than the limit of {limit_s} s: {last}")]
     WaitTooLong {
-        /// What the server asks for.
+        /// Requested wait [s].
         asked_s: f64,
         /// The limit.
         limit_s: f64,
-        /// The answer that asked.
+        /// Error response with the request to wait.
         last: Box<ChatError>,
     },
-    /// A request that was never recorded.
+    /// An unrecorded request.
     #[error("no cassette {key} in {folder}{}", nearest.as_ref().map_or_else(String::new, |near| format!("; nearest is {near}")))]
     CassetteMiss {
         /// Content hash of the request.
         key: String,
-        /// The most similar cassette, and how it differs.
+        /// Most similar cassette and its first difference.
         nearest: Option<NearestCassette>,
-        /// Where cassettes were looked for.
+        /// Folder of cassettes.
         folder: String,
     },
-    /// A cassette that cannot be read or written.
+    /// A cassette cannot be read or written.
     #[error("{message}: {path}")]
     Cassette {
-        /// What is wrong.
+        /// Description of the problem.
         message: String,
         /// The file.
         path: String,
     },
-    /// A question in a folder that nobody answered.
+    /// A question in a folder was not answered in time.
     #[error("no {path} after {limit_s} s")]
     Unanswered {
-        /// The answer that was waited for.
+        /// Path of the expected answer.
         path: String,
-        /// The limit that was met.
+        /// The exceeded limit [s].
         limit_s: f64,
     },
-    /// A folder of questions that cannot be written, or an answer that cannot be read.
+    /// A question cannot be written, or an answer cannot be read.
     #[error("{message}: {path}")]
     Folder {
-        /// What is wrong.
+        /// Description of the problem.
         message: String,
         /// The folder or file.
         path: String,
     },
-    /// The answers have cost what they may; nothing was sent.
-    #[error("the answers have cost {amount:.2} {currency}, and {limit:.2} is the limit")]
+    /// The cost limit is reached; nothing was sent.
+    #[error("the cost of {amount:.2} {currency} has reached the limit of {limit:.2}")]
     Spent {
-        /// Sum so far.
+        /// Cost so far.
         amount: f64,
-        /// Most that may be spent.
+        /// Cost limit.
         limit: f64,
-        /// Of both.
+        /// Currency of both.
         currency: String,
     },
-    /// The answers may have cost more than they may, since the server does not count; nothing was sent.
-    #[error("the server counts no tokens, so nobody knows whether the limit of {limit:.2} is kept")]
+    /// The cost limit cannot be enforced because the server does not report token usage; nothing was sent.
+    #[error("the server reports no token usage, so the cost limit of {limit:.2} cannot be enforced")]
     Uncounted {
-        /// Most that may be spent.
+        /// Cost limit.
         limit: f64,
     },
-    /// The script of a fake has no more lines.
+    /// The script of a fake model has ended.
     #[error("the script ended after {answers} answers")]
     ScriptEnded {
-        /// Answers that were given.
+        /// Number of answers given.
         answers: usize,
     },
 }
 
-/// The cassette most like a request that has none.
+/// The most similar cassette to an unrecorded request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NearestCassette {
     /// File name.
     pub file: String,
-    /// The first place where it differs from the request.
+    /// First difference from the request.
     pub difference: String,
 }
 
@@ -198,7 +198,7 @@ impl std::fmt::Display for NearestCassette {
 }
 
 impl ChatError {
-    /// Whether other requests will probably fail for the same reason.
+    /// True if other requests will probably fail for the same reason.
     pub fn is_service_trouble(&self) -> bool {
         !matches!(
             self,
@@ -212,72 +212,72 @@ impl ChatError {
         )
     }
 
-    /// What to do about it.
+    /// Advice for fixing the error.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Unreachable { .. } => "start the server, or correct `base_url` in the settings",
             Self::Timeout { .. } => "raise `total_timeout_s`, or choose a faster model",
-            Self::CutOff { .. } => "try again; if it stays so, look at the server's log",
+            Self::CutOff { .. } => "try again; if it persists, check the server's log",
             Self::Status { status: 401 | 403, .. } => {
-                "the variable named in `api_key_env` must hold a key of this server"
+                "the variable named in `api_key_env` must contain a valid key for this server"
             }
             Self::Status { status: 404, .. } => {
-                "`base_url` ends in `/v1` with most servers; `model` must be one it has"
+                "`base_url` usually ends in `/v1`; `model` must exist on the server"
             }
-            Self::Status { status: 400 | 422, .. } => "look at `parameters` and `model` in the settings",
-            Self::Status { status: 300..=399, .. } => "write the address it redirects to into `base_url`",
-            Self::Status { .. } => "the server has trouble of its own; try again later",
-            Self::TooLarge { .. } => "this is no chat completion, or `max_body_bytes` is too small",
+            Self::Status { status: 400 | 422, .. } => "check `parameters` and `model` in the settings",
+            Self::Status { status: 300..=399, .. } => "set `base_url` to the address it redirects to",
+            Self::Status { .. } => "the server failed; try again later",
+            Self::TooLarge { .. } => "this is not a chat completion, or `max_body_bytes` is too small",
             Self::NotJson { .. } | Self::NotACompletion { .. } => {
-                "`base_url` must be that of a server that speaks `dialect`, with most ending in `/v1`"
+                "`base_url` must be that of a server with this `dialect`; it usually ends in `/v1`"
             }
-            Self::NoText { .. } => "a model that thinks at length needs a larger token limit in `parameters`",
-            Self::MisplacedImage { .. } => "say it in words there, or move the image into the user's message",
-            Self::ImageTooLarge { .. } => "scale the image down, or raise `max_image_bytes` if the server takes it",
+            Self::NoText { .. } => "a reasoning model may need a larger token limit in `parameters`",
+            Self::MisplacedImage { .. } => "move the image into a user message",
+            Self::ImageTooLarge { .. } => "scale the image down, or raise `max_image_bytes` if the server accepts it",
             Self::RequestTooLarge { .. } => {
-                "send fewer or smaller images, or raise `max_request_bytes` if the server takes it"
+                "send fewer or smaller images, or raise `max_request_bytes` if the server accepts it"
             }
-            Self::Declined { .. } => "ask another model",
+            Self::Declined { .. } => "use another model",
             Self::GaveUp { last, .. } => last.hint(),
             Self::WaitTooLong { .. } => "run later or with fewer `workers`; `max_retry_after_s` is the limit",
-            Self::CassetteMiss { .. } => "run once in the mode `record`, or undo the change that made a new question",
-            Self::Cassette { .. } => "mend or delete the file, then record again",
-            Self::Unanswered { .. } => "write the answer and start again: what was asked is not asked again",
-            Self::Folder { .. } => "check the folder's rights and the answer's size",
-            Self::Spent { .. } => "raise the limit and start again: what was answered is not asked again",
-            Self::Uncounted { .. } => "run without a limit, or ask a server that counts tokens",
+            Self::CassetteMiss { .. } => "run once in mode `record`, or undo the change that altered the request",
+            Self::Cassette { .. } => "fix or delete the file, then record again",
+            Self::Unanswered { .. } => "write the answer and run again: questions are not repeated",
+            Self::Folder { .. } => "check the folder's permissions and the answer's size",
+            Self::Spent { .. } => "raise the limit and run again: answered requests are not repeated",
+            Self::Uncounted { .. } => "run without a limit, or use a server that reports token usage",
             Self::ScriptEnded { .. } => "give the script more answers",
         }
     }
 }
 
-/// Why settings cannot be used.
+/// Error in the settings.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
-    /// The text is no TOML, or not these settings. The offending line is not shown, it could hold a key.
+    /// The text is not valid TOML for these settings. The line is not shown, since it could contain a key.
     #[error("line {line}: {message}")]
     NotSettings {
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the problem.
         message: String,
     },
-    /// A value that makes no sense.
+    /// An invalid value.
     #[error("`{field}`: expected {expected}")]
     Invalid {
-        /// Its name in the file.
+        /// Field name in the file.
         field: &'static str,
-        /// What it may be.
+        /// Expected value.
         expected: String,
     },
-    /// The variable for the key is unset.
-    #[error("the environment variable {variable}, which `server.api_key_env` names, is not set")]
+    /// The environment variable of the key is not set.
+    #[error("the environment variable {variable} (from `server.api_key_env`) is not set")]
     MissingKey {
         /// Name of the variable.
         variable: String,
     },
-    /// The variable holds no key.
-    #[error("the API key must be 8 to 4096 visible ASCII characters; a server that wants none needs no `api_key_env`")]
+    /// The environment variable contains no valid key.
+    #[error("the API key must be 8 to 4096 visible ASCII characters; omit `api_key_env` for a server without authentication")]
     BadKey,
 }
 
@@ -285,24 +285,24 @@ pub enum SettingsError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a PNG or JPEG file, got {size_bytes} bytes beginning {beginning:?} in hexadecimal")]
 pub struct ImageError {
-    /// How many bytes.
+    /// Size [bytes].
     pub size_bytes: u64,
-    /// The first eight of them, in hexadecimal.
+    /// First eight bytes in hexadecimal.
     pub beginning: String,
 }
 
 impl ImageError {
-    /// What to do about it.
+    /// Advice for fixing the error.
     pub fn hint(&self) -> &'static str {
-        "encode the picture as PNG or JPEG first, and give the bytes of the file, not base64"
+        "encode the image as PNG or JPEG, and pass the file's bytes, not base64"
     }
 }
 
-/// The first characters of a text on one line.
-pub(crate) fn shortened(text: &str, longest: usize) -> String {
+/// Truncates a text to one line.
+pub(crate) fn shortened(text: &str, max_chars: usize) -> String {
     let mut words = String::new();
     for (count, letter) in text.trim().chars().enumerate() {
-        if count == longest {
+        if count == max_chars {
             words.push('…');
             break;
         }

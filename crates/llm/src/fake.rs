@@ -1,6 +1,6 @@
-//! Stand-ins for a language model: a script, and a server on loopback that can misbehave in every known way.
+//! Test doubles of language models: a script, and a loopback server that can fail in every known way.
 //!
-//! Neither is a language model; what they answer must never be reported as a model's.
+//! Neither is a language model; their answers must never be reported as a model's.
 
 use std::sync::Mutex;
 
@@ -12,7 +12,7 @@ use crate::request::ChatRequest;
 mod server;
 pub use server::{Behaviour, FakeServer, SeenRequest, answering, completion};
 
-/// Gives prepared answers in order, whatever is asked, and remembers what was.
+/// Returns prepared answers in order and records the requests.
 ///
 /// ```
 /// use genmanip_llm::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
@@ -29,12 +29,12 @@ pub struct ScriptedChat {
 }
 
 impl ScriptedChat {
-    /// A model that will say these things.
+    /// Creates a model with these answers.
     pub fn new<T: Into<String>>(answers: impl IntoIterator<Item = T>) -> Self {
         Self { answers: answers.into_iter().map(Into::into).collect(), seen: Mutex::default() }
     }
 
-    /// The requests so far, in order.
+    /// Requests received so far, in order.
     pub fn seen(&self) -> Vec<ChatRequest> {
         self.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
     }

@@ -1,4 +1,4 @@
-//! Text files that a person put there: read within bounds, and never waited for.
+//! Bounded, non-blocking reading of user-supplied text files.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -6,16 +6,16 @@ use std::path::Path;
 
 use genmanip_core::limits::Limit;
 
-/// The text of a file that is one and not too large.
+/// Reads a regular UTF-8 file within a size limit.
 ///
 /// # Errors
-/// In words, without the path: what the system says, or what was found instead.
+/// Describes the problem, without the path.
 pub fn read_text(path: &Path, limit: Limit) -> Result<String, String> {
     let bytes = read(path, limit)?;
     String::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8, got something else: {error}"))
 }
 
-/// The bytes of a file that is one and not too large.
+/// Reads the bytes of a regular file within a size limit.
 ///
 /// # Errors
 /// As [`read_text`].

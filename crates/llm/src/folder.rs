@@ -1,8 +1,8 @@
-//! A folder as the model: whoever reads the questions and writes the answers, a person, a script or another program.
+//! A folder as chat model: a person, a script or another program reads questions and writes answers.
 //!
-//! Each question is a folder `NNN` with `question.json` and its pictures; `answer.json` beside them is awaited.
-//! Nothing in it tells where the question comes from, so that whoever answers knows the question alone.
-//! A question that was asked before is not asked again: its answer is read, or waited for, where it is.
+//! Each question is a folder `NNN` with `question.json` and its images; the client waits for `answer.json` beside them.
+//! The folder contains nothing about the origin of the question. A repeated question is not written again: its existing
+//! answer is read or awaited.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -23,19 +23,19 @@ use crate::recorded::RecordedText;
 use crate::reply::{ChatReply, Structure};
 use crate::request::{ChatRequest, ReplySchema};
 
-/// How answers are awaited.
+/// Settings of a question folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FolderSettings {
-    /// Where questions are written and answers are looked for.
+    /// Folder of questions and answers.
     pub folder: PathBuf,
-    /// How long an answer is waited for, seconds; the question stays, and the next start finds its answer.
+    /// Timeout for an answer [s]; the question remains, and the next run finds its answer.
     pub timeout_s: f64,
-    /// How often is looked for an answer, seconds.
+    /// Polling interval [s].
     pub poll_s: f64,
-    /// How long a file that is no JSON must not have grown before it counts as an answer in words, seconds.
+    /// Time without growth after which a non-JSON file counts as a complete text answer [s].
     pub settle_s: f64,
-    /// Largest answer that is read, bytes.
+    /// Maximum answer size [bytes].
     pub max_answer_bytes: u64,
 }
 
@@ -52,10 +52,10 @@ impl Default for FolderSettings {
 }
 
 impl FolderSettings {
-    /// Checks what the types do not say.
+    /// Validates the settings.
     ///
     /// # Errors
-    /// Names the first field that makes no sense, as in a file where these settings are the table `folder`.
+    /// Names the first invalid field, as in a file with these settings in the table `folder`.
     pub fn check(&self) -> Result<(), SettingsError> {
         let seconds =
             [("folder.timeout_s", self.timeout_s), ("folder.poll_s", self.poll_s), ("folder.settle_s", self.settle_s)];
@@ -72,17 +72,17 @@ impl FolderSettings {
     }
 }
 
-/// A question as it is written.
+/// A question file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FolderQuestion {
-    /// Content hash of the request, see [`ChatRequest::key`]; says nothing about where it comes from.
+    /// Content hash of the request, see [`ChatRequest::key`]; independent of its origin.
     pub id: String,
-    /// What to do, for people.
+    /// Instructions for people.
     pub how_to_answer: String,
     /// The conversation, oldest first.
     pub messages: Vec<FolderMessage>,
-    /// Shape that the answer shall have.
+    /// Schema of the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reply_schema: Option<ReplySchema>,
 }
@@ -95,36 +95,36 @@ impl Document for FolderQuestion {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FolderMessage {
-    /// Who speaks.
+    /// Sender.
     pub role: Role,
-    /// What is said and shown, in this order.
+    /// Parts, in order.
     pub parts: Vec<FolderPart>,
 }
 
-/// A piece of a message.
+/// A part of a message.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FolderPart {
-    /// Words.
+    /// A text.
     Text(RecordedText),
-    /// File name of a picture in the same folder.
+    /// File name of an image in the same folder.
     Image(String),
 }
 
-/// A model that is whoever answers in a folder.
+/// A chat model answered through a folder.
 ///
-/// Several threads and programs may ask at once: what is being asked already is not asked twice by one program.
+/// Several threads and programs may use it at once; one program never writes the same question twice.
 #[derive(Debug)]
 pub struct FolderChat {
     settings: FolderSettings,
-    /// The questions that are known to be there; held while one is looked up or written.
+    /// Known questions; locked while one is looked up or written.
     known: Mutex<Known>,
 }
 
 #[derive(Debug, Default)]
 struct Known {
     places: BTreeMap<String, PathBuf>,
-    /// Highest number that was looked at.
+    /// Highest number scanned.
     last: u32,
 }
 
@@ -134,20 +134,20 @@ const HOW_TO_ANSWER: &str = "Write answer.json beside this file: JSON as the sch
                              string with your words.";
 
 impl FolderChat {
-    /// A model in a folder, which is made with the first question.
+    /// Creates a model; the folder is created with the first question.
     ///
     /// # Errors
-    /// Names the setting that makes no sense.
+    /// Names the invalid setting.
     pub fn new(settings: FolderSettings) -> Result<Self, SettingsError> {
         settings.check()?;
         Ok(Self { settings, known: Mutex::default() })
     }
 
-    /// The folder of the question; written if it was never asked.
+    /// Folder of a question, written if new.
     fn place(&self, request: &ChatRequest) -> Result<PathBuf, ChatError> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = &self.settings.folder;
-        let cannot = |error: std::io::Error| failed(&format!("cannot write the question: {error}"), folder);
+        let cannot = |error: std::io::Error| folder_error(&format!("cannot write the question: {error}"), folder);
         fs::create_dir_all(folder).map_err(cannot)?;
         let last = known.last;
         for number in numbers(folder).map_err(cannot)?.into_iter().filter(|number| *number > last) {
@@ -162,18 +162,18 @@ impl FolderChat {
             return Ok(place.clone());
         }
         let last = known.last;
-        let aside = folder.join(format!(".{}-{}.tmp", std::process::id(), &id[..24]));
-        let _ = fs::remove_dir_all(&aside);
-        write(&aside, &id, request).map_err(cannot)?;
-        // Another program may have taken the number meanwhile: a folder that is there is never replaced.
+        let temporary = folder.join(format!(".{}-{}.tmp", std::process::id(), &id[..24]));
+        let _ = fs::remove_dir_all(&temporary);
+        write(&temporary, &id, request).map_err(cannot)?;
+        // Another program may have taken the number meanwhile; existing folders are never replaced.
         for number in last + 1..last + 1000 {
             let place = folder.join(name_of(number));
-            if !place.exists() && fs::rename(&aside, &place).is_ok() {
+            if !place.exists() && fs::rename(&temporary, &place).is_ok() {
                 return Ok(place);
             }
         }
-        let _ = fs::remove_dir_all(&aside);
-        Err(failed("no number is free for the question", folder))
+        let _ = fs::remove_dir_all(&temporary);
+        Err(folder_error("no number is free for the question", folder))
     }
 
     fn wait(&self, place: &Path) -> Result<String, ChatError> {
@@ -203,20 +203,20 @@ impl FolderChat {
         }
     }
 
-    /// The answer as far as it is written; `None` while there is none.
+    /// Reads the current content of the answer; `None` if there is none.
     fn read(&self, path: &Path) -> Result<Option<Vec<u8>>, ChatError> {
         if matches!(fs::metadata(path), Err(error) if error.kind() == std::io::ErrorKind::NotFound) {
             return Ok(None);
         }
         let limit = Limit { what: "an answer", bytes: self.settings.max_answer_bytes };
         let bytes = files::read(path, limit);
-        let bytes = bytes.map_err(|message| failed(&format!("cannot read the answer: {message}"), path))?;
+        let bytes = bytes.map_err(|message| folder_error(&format!("cannot read the answer: {message}"), path))?;
         Ok(Some(bytes))
     }
 }
 
 impl ChatModel for FolderChat {
-    /// Writes the question, if it was never asked, and waits for its answer.
+    /// Writes the question if new, and waits for its answer.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
         let place = self.place(request)?;
         let text = self.wait(&place)?;
@@ -228,7 +228,7 @@ impl ChatModel for FolderChat {
     }
 }
 
-/// The answer in whole JSON: of a string its words, of anything else the text; `None` for what is no JSON.
+/// Parses a complete JSON answer: the content of a string, otherwise the JSON text; `None` if it is not JSON.
 fn answer_of(bytes: &[u8]) -> Option<String> {
     match serde_json::from_slice(bytes).ok()? {
         Value::String(words) => Some(words),
@@ -236,10 +236,10 @@ fn answer_of(bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Writes a question with its pictures into a folder of its own.
+/// Writes a question with its images into a folder.
 fn write(place: &Path, id: &str, request: &ChatRequest) -> std::io::Result<()> {
     fs::create_dir_all(place)?;
-    let mut pictures = 0;
+    let mut images = 0;
     let mut messages = Vec::new();
     for message in &request.messages {
         let mut parts = Vec::new();
@@ -247,10 +247,10 @@ fn write(place: &Path, id: &str, request: &ChatRequest) -> std::io::Result<()> {
             parts.push(match part {
                 Part::Text(text) => FolderPart::Text(RecordedText(text.clone())),
                 Part::Image(image) => {
-                    pictures += 1;
-                    let ending = if image.media_type() == MediaType::Png { "png" } else { "jpg" };
-                    let name = format!("picture_{pictures}.{ending}");
-                    whole(&place.join(&name), image.bytes())?;
+                    images += 1;
+                    let extension = if image.media_type() == MediaType::Png { "png" } else { "jpg" };
+                    let name = format!("picture_{images}.{extension}");
+                    write_flushed(&place.join(&name), image.bytes())?;
                     FolderPart::Image(name)
                 }
             });
@@ -259,18 +259,18 @@ fn write(place: &Path, id: &str, request: &ChatRequest) -> std::io::Result<()> {
     }
     let (id, how_to_answer, reply_schema) = (id.to_owned(), HOW_TO_ANSWER.into(), request.reply_schema.clone());
     let question = FolderQuestion { id, how_to_answer, messages, reply_schema };
-    whole(&place.join(QUESTION), question.to_json().as_bytes())
+    write_flushed(&place.join(QUESTION), question.to_json().as_bytes())
 }
 
-/// Written and flushed; the folder is renamed afterwards.
-fn whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+/// Writes and flushes a file; the folder is renamed afterwards.
+fn write_flushed(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     use std::io::Write;
     let mut file = fs::File::create(path)?;
     file.write_all(bytes)?;
     file.sync_all()
 }
 
-/// Numbers of the questions that are there, in order.
+/// Numbers of existing questions, ascending.
 fn numbers(folder: &Path) -> std::io::Result<Vec<u32>> {
     let mut numbers = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -285,7 +285,7 @@ fn name_of(number: u32) -> String {
     format!("{number:03}")
 }
 
-/// Only the id is read: a question may be large.
+/// Reads only the id, since questions may be large.
 fn id_of(place: &Path) -> Option<String> {
     #[derive(Deserialize)]
     struct Id {
@@ -295,6 +295,6 @@ fn id_of(place: &Path) -> Option<String> {
     serde_json::from_str(&text).ok().map(|question: Id| question.id)
 }
 
-fn failed(message: &str, path: &Path) -> ChatError {
+fn folder_error(message: &str, path: &Path) -> ChatError {
     ChatError::Folder { message: message.into(), path: path.display().to_string() }
 }

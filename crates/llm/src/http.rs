@@ -1,4 +1,4 @@
-//! The client: one request per try, with limits on size and patience.
+//! HTTP client for chat models, with limits on size and retries.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -15,10 +15,10 @@ use crate::settings::ServerSettings;
 use crate::transport::{Failure, Limits, Transport};
 use genmanip_core::Seed;
 
-/// A server that speaks one of the dialects.
+/// A chat model behind an HTTP server.
 ///
-/// Redirects are refused, so that a key is never carried elsewhere.
-/// System proxies (`HTTPS_PROXY`, `NO_PROXY`) are used, except for a server on this machine.
+/// Redirects are refused, so that a key is never sent elsewhere. System proxies (`HTTPS_PROXY`, `NO_PROXY`) are used,
+/// except for a server on this machine.
 #[derive(Debug)]
 pub struct HttpChat {
     settings: ServerSettings,
@@ -26,15 +26,15 @@ pub struct HttpChat {
     jitter: Seed,
     transport: Transport,
     url: String,
-    /// Index into [`Structure::ALL`] of the strictest form that the server is known to take.
+    /// Index into [`Structure::ALL`] of the strictest mode the server is known to accept.
     structure: AtomicUsize,
 }
 
 impl HttpChat {
-    /// A client with a key; none for servers that want none. `jitter` spreads the waits between retries.
+    /// Creates a client; `key` is `None` for servers without authentication. `jitter` seeds the retry waits.
     ///
     /// # Errors
-    /// Names the setting that makes no sense.
+    /// Names the invalid setting.
     pub fn new(settings: ServerSettings, key: Option<ApiKey>, jitter: Seed) -> Result<Self, SettingsError> {
         settings.check()?;
         let limits = Limits {
@@ -48,8 +48,8 @@ impl HttpChat {
         Ok(Self { transport, structure: AtomicUsize::new(first), settings, key, jitter, url })
     }
 
-    /// Asks with one form of structured output, as often as patience allows.
-    fn ask(&self, request: &ChatRequest, structure: Structure, attempts: &mut u32) -> Result<ChatReply, ChatError> {
+    /// Sends a request in one structured-output mode with retries.
+    fn send_with_retries(&self, request: &ChatRequest, structure: Structure, attempts: &mut u32) -> Result<ChatReply, ChatError> {
         let body = self.wire().request_body(request, structure).to_string();
         let (size_bytes, limit_bytes) = (body.len() as u64, self.settings.max_request_bytes);
         if size_bytes > limit_bytes {
@@ -63,8 +63,8 @@ impl HttpChat {
                 Ok(reply) => return Ok(ChatReply { attempts: *attempts, ..reply }),
                 Err(failure) => failure,
             };
-            let refused = structure != Structure::Plain && refuses_structure(&failure.error);
-            if !failure.transient || refused || self.settings.max_retries == 0 {
+            let structure_rejected = structure != Structure::Plain && refuses_structure(&failure.error);
+            if !failure.transient || structure_rejected || self.settings.max_retries == 0 {
                 return Err(failure.error);
             }
             if retry == self.settings.max_retries {
@@ -83,7 +83,7 @@ impl HttpChat {
     fn try_once(&self, body: &str, structure: Structure) -> Result<ChatReply, Failure> {
         let headers = self.wire().headers(self.key.as_ref());
         let value = self.transport.post(&self.url, &headers, body)?;
-        self.wire().reply(&value, structure, &self.url).map_err(Failure::lasting)
+        self.wire().reply(&value, structure, &self.url).map_err(Failure::permanent)
     }
 
     fn wire(&self) -> &'static dyn Wire {
@@ -106,27 +106,27 @@ impl HttpChat {
 }
 
 impl ChatModel for HttpChat {
-    /// Asks with the strictest structured output the server is known to take, then with looser ones.
+    /// Tries structured-output modes from the strictest one the server is known to accept.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
         self.check_images(request)?;
         let first = if request.reply_schema.is_some() { self.structure.load(Ordering::Relaxed) } else { usize::MAX };
         let strictest = Structure::ALL.get(first).copied().unwrap_or(Structure::Plain);
-        let forms = self.wire().structures().iter().filter(|structure| **structure >= strictest);
+        let modes = self.wire().structures().iter().filter(|structure| **structure >= strictest);
         let mut attempts = 0;
-        let mut refusal = None;
-        for structure in forms {
-            match self.ask(request, *structure, &mut attempts) {
+        let mut rejection = None;
+        for structure in modes {
+            match self.send_with_retries(request, *structure, &mut attempts) {
                 Ok(reply) => {
                     if request.reply_schema.is_some() {
                         self.structure.fetch_max(*structure as usize, Ordering::Relaxed);
                     }
                     return Ok(reply);
                 }
-                // The first refusal explains more than the last: the later requests ask for less.
-                Err(error) if refuses_structure(&error) => refusal = refusal.or(Some(error)),
+                // Keep the first rejection: later requests ask for less.
+                Err(error) if refuses_structure(&error) => rejection = rejection.or(Some(error)),
                 Err(error) => return Err(error),
             }
         }
-        Err(refusal.unwrap_or(ChatError::NoText { finish_reason: "none".into() }))
+        Err(rejection.unwrap_or(ChatError::NoText { finish_reason: "none".into() }))
     }
 }

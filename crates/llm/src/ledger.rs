@@ -1,4 +1,4 @@
-//! What was asked, counted in answers, tokens and money.
+//! Accounting of replies, tokens and cost.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::SettingsError;
 use crate::reply::ChatReply;
 
-/// What a model's tokens cost, from the user's settings.
+/// Token prices of a model, from the user's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Price {
@@ -16,15 +16,15 @@ pub struct Price {
     /// Per million tokens of the answer.
     pub output_per_million: f64,
     /// Currency of both.
-    #[serde(default = "dollars")]
+    #[serde(default = "default_currency")]
     pub currency: String,
 }
 
 impl Price {
-    /// Checks what the types do not say.
+    /// Validates the prices.
     ///
     /// # Errors
-    /// Names the table `prices` when a price is negative or no number.
+    /// Names the table `prices` if a price is negative or NaN.
     pub fn check(&self) -> Result<(), SettingsError> {
         let is_price = |amount: f64| amount >= 0.0;
         if is_price(self.input_per_million) && is_price(self.output_per_million) {
@@ -34,84 +34,84 @@ impl Price {
     }
 }
 
-fn dollars() -> String {
+fn default_currency() -> String {
     "USD".into()
 }
 
-/// Sums over exchanges, by the name of the model that was asked for.
+/// Totals over exchanges, by requested model name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ledger {
-    /// Sums per model.
+    /// Totals per model.
     pub models: BTreeMap<String, ModelUsage>,
 }
 
-/// Sums over the exchanges with one model.
+/// Totals of one model.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelUsage {
-    /// Answers that came from a server.
+    /// Replies from a server.
     pub answers: u64,
-    /// HTTP requests sent for them, retries included.
+    /// HTTP requests sent, retries included.
     pub requests: u64,
-    /// Answers that came from cassettes and cost nothing.
+    /// Replies from cassettes, free of charge.
     pub replayed: u64,
-    /// Answers from a server that did not count its tokens.
+    /// Replies without token usage.
     pub uncounted: u64,
-    /// Tokens sent to the server.
+    /// Prompt tokens.
     pub prompt_tokens: u64,
-    /// Tokens the server answered with.
+    /// Completion tokens.
     pub completion_tokens: u64,
 }
 
-/// What one model cost.
+/// Cost of one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cost {
-    /// Sum and currency.
+    /// Known amount.
     Known {
-        /// In units of the currency.
+        /// Amount in units of the currency.
         amount: f64,
-        /// Its name.
+        /// Currency.
         currency: String,
     },
-    /// There is no price, or the server did not count.
+    /// Unknown, because a price or token usage is missing.
     Unknown,
 }
 
 impl Ledger {
-    /// Adds one answer.
+    /// Adds a reply.
     pub fn add(&mut self, model: &str, reply: &ChatReply) {
-        let sums = self.models.entry(model.to_owned()).or_default();
+        let totals = self.models.entry(model.to_owned()).or_default();
         if reply.attempts == 0 {
-            sums.replayed += 1;
+            totals.replayed += 1;
             return;
         }
-        sums.answers += 1;
-        sums.requests += u64::from(reply.attempts);
+        totals.answers += 1;
+        totals.requests += u64::from(reply.attempts);
         match reply.usage {
             Some(usage) => {
-                sums.prompt_tokens = sums.prompt_tokens.saturating_add(usage.prompt_tokens);
-                sums.completion_tokens = sums.completion_tokens.saturating_add(usage.completion_tokens);
+                totals.prompt_tokens = totals.prompt_tokens.saturating_add(usage.prompt_tokens);
+                totals.completion_tokens = totals.completion_tokens.saturating_add(usage.completion_tokens);
             }
-            None => sums.uncounted += 1,
+            None => totals.uncounted += 1,
         }
     }
 
-    /// Cost per model. Requests that failed are not in it: no server says what those cost.
+    /// Cost per model, without failed requests, whose cost servers do not report.
     pub fn costs(&self, prices: &BTreeMap<String, Price>) -> BTreeMap<String, Cost> {
-        let cost = |model: &str, sums: &ModelUsage| match prices.get(model) {
-            _ if sums.answers == 0 => Cost::Known {
+        let cost = |model: &str, totals: &ModelUsage| match prices.get(model) {
+            _ if totals.answers == 0 => Cost::Known {
                 amount: 0.0,
-                currency: prices.get(model).map_or_else(dollars, |price| price.currency.clone()),
+                currency: prices.get(model).map_or_else(default_currency, |price| price.currency.clone()),
             },
-            Some(price) if sums.uncounted == 0 => Cost::Known {
-                amount: (sums.prompt_tokens as f64 * price.input_per_million
-                    + sums.completion_tokens as f64 * price.output_per_million)
+            Some(price) if totals.uncounted == 0 => Cost::Known {
+                amount: (totals.prompt_tokens as f64 * price.input_per_million
+                    + totals.completion_tokens as f64 * price.output_per_million)
                     / 1e6,
                 currency: price.currency.clone(),
             },
             _ => Cost::Unknown,
         };
-        self.models.iter().map(|(model, sums)| (model.clone(), cost(model, sums))).collect()
+        self.models.iter().map(|(model, totals)| (model.clone(), cost(model, totals))).collect()
     }
 }
 

@@ -1,14 +1,15 @@
-//! Conversations with language models: what is sent and received, recorded and counted, whatever they are about.
+//! Language-model client: requests, replies, recording and accounting, independent of their content.
 //!
-//! - [`ChatModel`] answers a [`ChatRequest`], whose messages consist of texts and images.
-//! - [`HttpChat`] asks a server in its [`Dialect`]: limits on time, size and retries, structured output with a fallback.
-//! - [`CassetteChat`] records exchanges and replays them, found by the content of the request.
-//! - [`FolderChat`] writes questions into a folder and waits for whoever answers there.
-//! - [`Service`] is the same for services that answer JSON with JSON: over HTTP, recorded, replayed.
-//! - [`Ledger`] counts answers, requests, tokens and cost.
-//! - [`fake`] has a scripted model and a loopback server that misbehaves on request.
+//! - [`ChatModel`] replies to a [`ChatRequest`], whose messages consist of texts and images.
+//! - [`HttpChat`]: a server in its [`Dialect`], with limits on time, size and retries, and structured output with
+//!   fallback.
+//! - [`CassetteChat`]: records exchanges and replays them, looked up by request content.
+//! - [`FolderChat`]: writes questions to a folder and waits for answers there.
+//! - [`Service`]: the same for JSON services: over HTTP, recorded, replayed.
+//! - [`Ledger`]: counts replies, requests, tokens and cost.
+//! - [`fake`]: a scripted model and a configurable misbehaving loopback server, for tests.
 //!
-//! The API key is read from the environment, sent in one header, and is in no file, error or debug text.
+//! The API key is read from the environment, sent in one header, and never appears in files, errors or debug output.
 //!
 //! ```
 //! use genmanip_llm::{ChatModel, ChatRequest, Message, fake::ScriptedChat};

@@ -1,4 +1,4 @@
-//! Long texts in JSON files as lists of lines, which people can read and compare.
+//! Serde helpers that store multi-line texts in JSON as readable lists of lines.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -9,7 +9,7 @@ enum Text {
     Lines(Vec<String>),
 }
 
-/// One line as a string, several as a list.
+/// Serialises a single line as a string, several as a list.
 pub(crate) fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
     if text.contains('\n') {
         text.split('\n').collect::<Vec<_>>().serialize(serializer)
@@ -18,7 +18,7 @@ pub(crate) fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::O
     }
 }
 
-/// Either form.
+/// Deserialises either form.
 pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     Ok(match Text::deserialize(deserializer)? {
         Text::One(text) => text,

@@ -1,4 +1,4 @@
-//! The messages of a conversation: who speaks, and what is said in texts and images.
+//! Messages of a conversation with text and image parts.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,33 +11,33 @@ use crate::error::ImageError;
 /// One message of a conversation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Who speaks.
+    /// Sender.
     pub role: Role,
-    /// What is said, in this order.
+    /// Parts, in order.
     pub parts: Vec<Part>,
 }
 
-/// A piece of a message.
+/// A part of a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Words.
+    /// A text.
     Text(String),
-    /// A picture; only a user's message may hold one, since servers refuse it elsewhere.
+    /// An image; only allowed in user messages, since servers reject others.
     Image(Image),
 }
 
 impl Message {
-    /// Standing instructions.
+    /// System instructions.
     pub fn system(text: impl Into<String>) -> Self {
         Self { role: Role::System, parts: vec![Part::Text(text.into())] }
     }
 
-    /// What we ask.
+    /// A user message.
     pub fn user(text: impl Into<String>) -> Self {
         Self { role: Role::User, parts: vec![Part::Text(text.into())] }
     }
 
-    /// What we ask, with images among the texts.
+    /// A user message of texts and images.
     ///
     /// ```
     /// use genmanip_llm::{Image, Message, Part};
@@ -50,12 +50,12 @@ impl Message {
         Self { role: Role::User, parts: parts.into_iter().collect() }
     }
 
-    /// What the model said.
+    /// A model message.
     pub fn assistant(text: impl Into<String>) -> Self {
         Self { role: Role::Assistant, parts: vec![Part::Text(text.into())] }
     }
 
-    /// The texts of the message joined by line breaks, without its images.
+    /// Texts of the message joined by line breaks, without images.
     pub fn text(&self) -> String {
         let text = |part: &Part| match part {
             Part::Text(text) => Some(text.clone()),
@@ -65,13 +65,13 @@ impl Message {
     }
 }
 
-/// Who speaks.
+/// Sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Standing instructions.
+    /// System instructions.
     System,
-    /// The side that asks.
+    /// The user.
     User,
     /// The model.
     Assistant,
@@ -84,7 +84,7 @@ pub struct Image {
     bytes: Arc<[u8]>,
 }
 
-/// Formats of images that servers read.
+/// Supported image formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MediaType {
     /// Portable Network Graphics.
@@ -96,10 +96,10 @@ pub enum MediaType {
 }
 
 impl Image {
-    /// Takes the bytes of a file; its signature tells the format. How large it may be is a setting of the server.
+    /// Wraps the bytes of a file; the format is detected by signature. The maximum size is a server setting.
     ///
     /// # Errors
-    /// When the bytes begin like neither format.
+    /// Fails if the signature matches neither format.
     pub fn new(bytes: impl Into<Arc<[u8]>>) -> Result<Self, ImageError> {
         let bytes = bytes.into();
         let format = MediaType::ALL.into_iter().find(|format| bytes.starts_with(format.signature()));
@@ -115,7 +115,7 @@ impl Image {
         self.media_type
     }
 
-    /// The file.
+    /// File bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -126,7 +126,7 @@ impl Image {
     }
 }
 
-/// The bytes are left out: a picture would fill the screen.
+/// Omits the bytes.
 impl fmt::Debug for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Image({}, {} bytes)", self.media_type.name(), self.bytes.len())
@@ -137,7 +137,7 @@ impl MediaType {
     /// All formats.
     pub const ALL: [Self; 2] = [Self::Png, Self::Jpeg];
 
-    /// The name on the wire and in files, e.g. `image/png`.
+    /// MIME type, e.g. `image/png`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Png => "image/png",
@@ -145,7 +145,7 @@ impl MediaType {
         }
     }
 
-    /// The bytes that a file of the format begins with (PNG specification 5.2; JPEG: start of image, next marker).
+    /// File signature (PNG specification 5.2; JPEG: start of image, next marker).
     fn signature(self) -> &'static [u8] {
         match self {
             Self::Png => b"\x89PNG\r\n\x1a\n",

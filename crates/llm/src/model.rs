@@ -1,20 +1,20 @@
-//! The one interface that everything which answers a conversation implements.
+//! Interface of chat models.
 
 use crate::error::ChatError;
 use crate::reply::ChatReply;
 use crate::request::ChatRequest;
 
-/// Anything that answers a conversation: a server, a folder of cassettes, a script.
+/// A source of replies to conversations: a server, a folder of cassettes, a script.
 ///
 /// Calls block and may come from several threads at once.
 pub trait ChatModel: Send + Sync {
-    /// Asks for the next message of the conversation.
+    /// Requests the next message of a conversation.
     ///
     /// # Errors
-    /// Says why there is no answer; retries are over by then.
+    /// Reports why there is no reply, after all retries.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError>;
 
-    /// Asks several conversations that do not depend on each other; the replies are in the same order.
+    /// Requests independent conversations; replies are in the same order.
     fn chat_each(&self, requests: &[ChatRequest]) -> Vec<Result<ChatReply, ChatError>> {
         requests.iter().map(|request| self.chat(request)).collect()
     }

@@ -1,4 +1,4 @@
-//! Which recorded request is most like one that was never recorded, and where the two part.
+//! Nearest recorded request to one that was never recorded, and the first difference.
 
 use std::collections::BTreeMap;
 
@@ -6,20 +6,20 @@ use crate::error::{NearestCassette, shortened};
 use crate::recorded::{RecordedMessage, RecordedPart, RecordedText};
 use crate::request::RecordedRequest;
 
-/// The cassette with the largest share of common lines; the first of equals. `None` without cassettes.
+/// Cassette with the largest share of common lines; the first of equals. `None` without cassettes.
 pub(crate) fn nearest(asked: &RecordedRequest, cassettes: &[(String, RecordedRequest)]) -> Option<NearestCassette> {
     let wanted = lines(asked);
     let mut best: Option<(f64, &(String, RecordedRequest))> = None;
     for cassette in cassettes {
-        let likeness = likeness(&wanted, &lines(&cassette.1));
-        if best.is_none_or(|(most, _)| likeness > most) {
-            best = Some((likeness, cassette));
+        let similarity = similarity(&wanted, &lines(&cassette.1));
+        if best.is_none_or(|(most, _)| similarity > most) {
+            best = Some((similarity, cassette));
         }
     }
     best.map(|(_, (file, recorded))| NearestCassette { file: file.clone(), difference: difference(asked, recorded) })
 }
 
-/// The lines of all texts and one line per image, each with how often it occurs.
+/// Multiset of the lines of all texts, with one line per image.
 fn lines(request: &RecordedRequest) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::from([(request.model.clone(), 1)]);
     for piece in request.messages.iter().flat_map(pieces) {
@@ -30,7 +30,7 @@ fn lines(request: &RecordedRequest) -> BTreeMap<String, usize> {
     counts
 }
 
-/// The parts of a message as texts.
+/// Parts of a message as texts.
 fn pieces(message: &RecordedMessage) -> Vec<String> {
     let text = |text: &RecordedText| text.0.clone();
     let part = |part: &RecordedPart| match part {
@@ -40,8 +40,8 @@ fn pieces(message: &RecordedMessage) -> Vec<String> {
     message.text.iter().map(text).chain(message.parts.iter().map(part)).collect()
 }
 
-/// Common lines over all lines, each counted as often as it occurs (Jaccard index of multisets).
-fn likeness(a: &BTreeMap<String, usize>, b: &BTreeMap<String, usize>) -> f64 {
+/// Jaccard index of two multisets of lines.
+fn similarity(a: &BTreeMap<String, usize>, b: &BTreeMap<String, usize>) -> f64 {
     let common: usize = a.iter().map(|(line, count)| (*count).min(b.get(line).copied().unwrap_or(0))).sum();
     let all = a.values().sum::<usize>() + b.values().sum::<usize>() - common;
     common as f64 / all.max(1) as f64

@@ -1,47 +1,47 @@
-//! Messages as they stand in files: long texts as lines, images by their hash.
+//! Messages in files: texts as lines, images as hashes.
 
 use serde::{Deserialize, Serialize};
 
 use crate::message::{Image, MediaType, Message, Part, Role};
 
-/// A message in a file. One that is a single text has `text`, any other has `parts`.
+/// A message in a file, with `text` if it is a single text, otherwise with `parts`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedMessage {
-    /// Who speaks.
+    /// Sender.
     pub role: Role,
-    /// What is said; a list of lines, so that people can read it.
+    /// Text, as a readable list of lines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<RecordedText>,
-    /// What is said in several parts.
+    /// Parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<RecordedPart>,
 }
 
-/// A text in a file: a string where it is one line, a list of lines where there are several.
+/// A text in a file: a string for one line, a list for several.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct RecordedText(#[serde(with = "crate::lines")] pub String);
 
-/// A piece of a message in a file.
+/// A part of a message in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordedPart {
-    /// Words.
+    /// A text.
     Text(RecordedText),
-    /// A picture.
+    /// An image.
     Image(RecordedImage),
 }
 
-/// What a file says of an image: enough to tell whether another one is the same.
+/// Identity of an image in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedImage {
-    /// Its format.
+    /// Format.
     pub media_type: MediaType,
-    /// Its size in bytes.
+    /// Size [bytes].
     pub size_bytes: u64,
-    /// SHA-256 of its bytes, 64 hexadecimal digits.
+    /// SHA-256, 64 hexadecimal digits.
     pub sha256: String,
 }
 

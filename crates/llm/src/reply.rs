@@ -1,40 +1,40 @@
-//! What a model answers, and how strictly its shape is enforced.
+//! Replies of models and the enforcement of their structure.
 
 use serde::{Deserialize, Serialize};
 
-/// What a model answered.
+/// Reply of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChatReply {
-    /// The answer, never empty; in files a list of lines.
+    /// Reply text, never empty; a list of lines in files.
     #[serde(with = "crate::lines")]
     pub text: String,
-    /// Name of the model that answered, as the server says; often more exact than the one asked for.
+    /// Model name reported by the server; often more specific than the requested one.
     pub model: String,
-    /// Why the answer ends, in the server's words; `length` or `max_tokens` means it was cut off.
+    /// Finish reason reported by the server; `length` or `max_tokens` means truncated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finish_reason: Option<String>,
-    /// Tokens, if the server counts them.
+    /// Token usage, if the server reports it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
-    /// How strictly the server held the answer to the schema.
+    /// Enforcement of the schema by the server.
     pub structure: Structure,
-    /// HTTP requests that were sent for it, refused ones included; 0 when it came from a cassette or a script.
-    /// Not stored, because it differs between a recording and its replay.
+    /// HTTP requests sent, rejected ones included; 0 for a cassette or a script. Not stored, because it differs between
+    /// a recording and its replay.
     #[serde(skip)]
     pub attempts: u32,
 }
 
-/// Tokens of one exchange.
+/// Token usage of one exchange.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Usage {
     /// Tokens of the conversation.
     pub prompt_tokens: u64,
-    /// Tokens of the answer, hidden thoughts included.
+    /// Tokens of the reply, including hidden reasoning.
     pub completion_tokens: u64,
 }
 
-/// How an answer is held to its shape, strictest first; the order in which they are tried.
+/// Structured-output modes, strictest first, in the order tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Structure {
@@ -43,11 +43,11 @@ pub enum Structure {
     JsonSchema,
     /// The server enforces JSON of any shape.
     JsonObject,
-    /// Nothing but the words of the prompt.
+    /// Only the prompt describes the format.
     Plain,
 }
 
 impl Structure {
-    /// All, strictest first.
+    /// All modes, strictest first.
     pub const ALL: [Self; 3] = [Self::JsonSchema, Self::JsonObject, Self::Plain];
 }

@@ -1,4 +1,4 @@
-//! What a model is asked, as it is in memory and as it is recorded.
+//! Requests to models, in memory and recorded.
 
 use genmanip_core::Seed;
 use serde::{Deserialize, Serialize};
@@ -8,33 +8,33 @@ use sha2::{Digest, Sha256};
 use crate::message::{Image, Message, Part, hexadecimal};
 use crate::recorded::RecordedMessage;
 
-/// A conversation to be continued, with everything that decides the answer. It never holds a secret.
+/// A conversation to continue, with everything that determines the reply. It never contains a secret.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChatRequest {
-    /// Name of the model, as the server knows it.
+    /// Model name on the server.
     pub model: String,
     /// The conversation so far, oldest first.
     pub messages: Vec<Message>,
-    /// Shape the answer shall have; a wish, see [`ChatReply::structure`](crate::ChatReply::structure).
+    /// Requested structure of the reply; see [`ChatReply::structure`](crate::ChatReply::structure) for its enforcement.
     pub reply_schema: Option<ReplySchema>,
-    /// Further fields of the request body, e.g. `temperature`.
+    /// Additional fields of the request body, e.g. `temperature`.
     pub parameters: Map<String, Value>,
 }
 
-/// A JSON Schema that the answer shall obey.
+/// A JSON Schema for the reply.
 ///
-/// Keep to the subset that servers understand: objects whose properties are all required and closed with
+/// Use the subset supported by servers: objects whose properties are all required and closed with
 /// `additionalProperties: false`, arrays, strings, enums; no references, no patterns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReplySchema {
-    /// Letters, digits and underscores.
+    /// Name of letters, digits and underscores.
     pub name: String,
     /// The schema.
     pub schema: Value,
 }
 
-/// A request as it stands in a file: with the hashes of its images instead of their bytes.
+/// A request in a file: with image hashes instead of bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedRequest {
@@ -51,7 +51,7 @@ pub struct RecordedRequest {
 }
 
 impl ChatRequest {
-    /// A request for a free answer without further parameters.
+    /// Creates a request for free text without additional parameters.
     pub fn new(model: impl Into<String>, messages: Vec<Message>) -> Self {
         Self { model: model.into(), messages, reply_schema: None, parameters: Map::new() }
     }
@@ -68,7 +68,7 @@ impl ChatRequest {
         RecordedRequest::from(self).key()
     }
 
-    /// A random stream of this request's own, for the waiting times between retries.
+    /// Random stream of this request, for retry jitter.
     pub(crate) fn fork(&self, seed: Seed) -> Seed {
         seed.fork(&self.key())
     }

@@ -1,19 +1,19 @@
-//! How long to wait before asking again.
+//! Waiting times of retries.
 
 use genmanip_core::Seed;
 use rand::RngExt;
 
 use crate::settings::ServerSettings;
 
-/// Wait before retry number `retry` (from 0), seconds: doubles each time up to a limit, then shortened by up to a
-/// half at random, so that many clients do not come back at once ("equal jitter").
+/// Wait before retry number `retry` (from 0) [s]: exponential up to a limit, shortened by up to half at random so that
+/// many clients do not return at once ("equal jitter").
 pub(crate) fn backoff_s(settings: &ServerSettings, retry: u32, jitter: Seed) -> f64 {
     let longest = settings.first_backoff_s * 2f64.powi(retry.min(30) as i32);
     longest.min(settings.max_backoff_s) * jitter.fork_index(u64::from(retry)).rng().random_range(0.5..=1.0)
 }
 
-/// What a `Retry-After` header asks for, seconds from now: a number, or an HTTP date relative to the server's own
-/// `Date` header, so that no clock of ours is needed. Anything else is ignored.
+/// Wait requested by a `Retry-After` header [s]: a number, or an HTTP date relative to the server's own `Date` header,
+/// so that no local clock is needed. Anything else is ignored.
 pub(crate) fn retry_after_s(retry_after: Option<&str>, date: Option<&str>) -> Option<f64> {
     let text = retry_after?.trim();
     if let Ok(seconds) = text.parse::<f64>() {
@@ -23,7 +23,7 @@ pub(crate) fn retry_after_s(retry_after: Option<&str>, date: Option<&str>) -> Op
     Some(seconds.max(0) as f64)
 }
 
-/// Seconds since 1970 of a date such as `Sun, 06 Nov 1994 08:49:37 GMT` (RFC 9110, 5.6.7, the current form).
+/// Seconds since 1970 of a date such as `Sun, 06 Nov 1994 08:49:37 GMT` (IMF-fixdate of RFC 9110, 5.6.7).
 fn http_date_s(text: &str) -> Option<i64> {
     let fields: Vec<&str> = text.split([' ', ':']).collect();
     let [_weekday, day, month, year, hour, minute, second, "GMT"] = fields[..] else {

@@ -1,16 +1,16 @@
-//! The API key: read from the environment, sent in one header, and shown nowhere.
+//! API key handling: read from the environment, sent in one header, never displayed.
 
 use crate::error::SettingsError;
 
-/// A key that prints as `ApiKey(hidden)` and can clean texts that others have put it into.
+/// An API key that prints as `ApiKey(hidden)` and can be redacted from texts.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ApiKey(String);
 
 impl ApiKey {
-    /// Takes a key.
+    /// Validates a key.
     ///
     /// # Errors
-    /// A key is 8 to 4096 visible ASCII characters; the message does not show what was given.
+    /// Fails unless the key has 8 to 4096 visible ASCII characters; the message does not contain the key.
     pub fn new(key: &str) -> Result<Self, SettingsError> {
         let key = key.trim();
         if (8..=4096).contains(&key.len()) && key.bytes().all(|byte| byte.is_ascii_graphic()) {
@@ -23,7 +23,7 @@ impl ApiKey {
     /// Reads the key from an environment variable.
     ///
     /// # Errors
-    /// Names the variable when it is unset or holds no key.
+    /// Names the variable if it is unset or contains no valid key.
     pub fn from_environment(variable: &str) -> Result<Self, SettingsError> {
         match std::env::var(variable) {
             Ok(key) if !key.trim().is_empty() => Self::new(&key),
@@ -31,18 +31,18 @@ impl ApiKey {
         }
     }
 
-    /// The value of the header that carries the key: the name of the scheme, if any, and the key.
-    pub(crate) fn after(&self, scheme: &str) -> String {
+    /// Value of the authentication header: scheme and key.
+    pub(crate) fn header_value(&self, scheme: &str) -> String {
         format!("{scheme}{}", self.0)
     }
 
-    /// The text with every occurrence of the key replaced; servers like to quote what they were sent.
+    /// Redacts the key in a text; servers may echo it.
     pub fn redact(&self, text: &str) -> String {
         text.replace(&self.0, "[key hidden]")
     }
 
-    /// Whether a text holds the key, also as it is written inside JSON.
-    pub fn is_in(&self, text: &str) -> bool {
+    /// True if a text contains the key, plain or JSON-escaped.
+    pub fn occurs_in(&self, text: &str) -> bool {
         let in_json = self.0.replace('\\', "\\\\").replace('"', "\\\"");
         text.contains(&self.0) || text.contains(&in_json)
     }

@@ -1,4 +1,4 @@
-//! Services that answer JSON with JSON, such as segmentation or grasps: over HTTP, recorded and replayed.
+//! JSON services, such as segmentation or grasping: over HTTP, recorded and replayed.
 
 use std::path::Path;
 use std::time::Duration;
@@ -8,18 +8,18 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::cassette::{CassetteMode, CassetteSettings, path_of, read_text, write_whole};
+use crate::cassette::{CassetteMode, CassetteSettings, path_of, read_text, write_atomically};
 use crate::error::{ChatError, SettingsError};
 use crate::message::hexadecimal;
 use crate::settings::{check_address, is_loopback};
 use crate::transport::{Limits, Transport};
 
-/// Anything that answers JSON with JSON. Calls block and may come from several threads at once.
+/// A JSON request-response service. Calls block and may come from several threads at once.
 pub trait Service: Send + Sync {
-    /// The answer to a question.
+    /// Sends a request and returns the response.
     ///
     /// # Errors
-    /// Says why there is none; retries are over by then.
+    /// Reports why there is no response, after all retries.
     fn ask(&self, question: &Value) -> Result<Value, ChatError>;
 }
 
@@ -29,23 +29,23 @@ impl<S: Service + ?Sized> Service for Box<S> {
     }
 }
 
-/// A service over HTTP and how patient to be with it.
+/// HTTP service settings with limits and retries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServiceSettings {
-    /// Address that questions are posted to, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
+    /// URL for requests, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
     pub url: String,
-    /// Limit for making a connection, seconds.
+    /// Connection timeout [s].
     pub connect_timeout_s: f64,
-    /// Limit for one whole request, seconds.
+    /// Timeout of one whole request [s].
     pub total_timeout_s: f64,
-    /// Largest question that is sent, bytes.
+    /// Maximum request size [bytes].
     pub max_request_bytes: u64,
-    /// Largest answer that is read, bytes.
+    /// Maximum response size [bytes].
     pub max_body_bytes: u64,
-    /// Further requests after one that was refused for the moment, timed out or was cut off.
+    /// Maximum retries after a transient failure, a timeout or a broken connection.
     pub max_retries: u32,
-    /// Wait before the first retry, seconds; doubles each time.
+    /// Wait before the first retry [s]; doubles each time.
     pub first_backoff_s: f64,
 }
 
@@ -64,15 +64,15 @@ impl Default for ServiceSettings {
 }
 
 impl ServiceSettings {
-    /// A service at an address.
+    /// Default settings with a URL.
     pub fn at(url: &str) -> Self {
         Self { url: url.into(), ..Self::default() }
     }
 
-    /// Checks what the types do not say.
+    /// Validates the settings.
     ///
     /// # Errors
-    /// Names the first field that makes no sense, as in a file where these settings are the table `service`.
+    /// Names the first invalid field, as in a file with these settings in the table `service`.
     pub fn check(&self) -> Result<(), SettingsError> {
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
         if let Err(expected) = check_address(&self.url) {
@@ -106,10 +106,10 @@ pub struct HttpService {
 }
 
 impl HttpService {
-    /// A client; nothing is sent yet.
+    /// Creates a client without sending anything.
     ///
     /// # Errors
-    /// Names the setting that makes no sense.
+    /// Names the invalid setting.
     pub fn new(settings: ServiceSettings) -> Result<Self, SettingsError> {
         settings.check()?;
         let limits = Limits {
@@ -147,16 +147,16 @@ impl Service for HttpService {
     }
 }
 
-/// One recorded answer of a service; of the question, which may hold megabytes of pixels, only its hash.
+/// A recorded response of a service; of the request, which may contain megabytes of pixels, only the hash.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServiceCassette {
-    /// SHA-256 of the question as JSON with sorted keys, 64 hexadecimal digits.
+    /// SHA-256 of the request as JSON with sorted keys, 64 hexadecimal digits.
     pub key: String,
-    /// Who answered, and why it was recorded; for people.
+    /// Comment: who answered and why it was recorded.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// What was answered.
+    /// The response.
     pub answer: Value,
 }
 
@@ -164,7 +164,7 @@ impl Document for ServiceCassette {
     const SCHEMA: &'static str = "genmanip.service-cassette/1";
 }
 
-/// A service with a folder of recorded answers before it.
+/// A service with a folder of recorded responses.
 #[derive(Debug)]
 pub struct RecordedService<S> {
     service: Option<S>,
@@ -172,14 +172,14 @@ pub struct RecordedService<S> {
 }
 
 impl<S: Service> RecordedService<S> {
-    /// `service` is asked in the modes live and record.
+    /// Uses `service` in the modes live and record.
     pub fn new(service: S, settings: CassetteSettings) -> Self {
         Self { service: Some(service), settings }
     }
 }
 
 impl RecordedService<HttpService> {
-    /// Only what is recorded in a folder.
+    /// Replays recorded responses only.
     pub fn replay(folder: &Path) -> Self {
         let settings =
             CassetteSettings { mode: CassetteMode::Replay, folder: folder.to_owned(), ..CassetteSettings::default() };
@@ -201,12 +201,12 @@ impl<S: Service> Service for RecordedService<S> {
             (true, _) => {
                 let cassette =
                     ServiceCassette::from_json(&read_text(&path)?).map_err(|error| broken(error.to_string()))?;
-                if cassette.key == key { Ok(cassette.answer) } else { Err(broken("it is of another question".into())) }
+                if cassette.key == key { Ok(cassette.answer) } else { Err(broken("it belongs to another request".into())) }
             }
             (false, Some(service)) => {
                 let answer = service.ask(question)?;
                 let cassette = ServiceCassette { key, note: self.settings.note.clone(), answer: answer.clone() };
-                let written = write_whole(&path, &cassette.to_json());
+                let written = write_atomically(&path, &cassette.to_json());
                 written.map_err(|error| broken(format!("cannot write the cassette: {error}")))?;
                 Ok(answer)
             }

@@ -1,4 +1,4 @@
-//! Everything that can be chosen about a server, on one screen; written by people as TOML.
+//! Server settings, written by users as TOML.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -8,42 +8,42 @@ use crate::dialect::Dialect;
 use crate::error::SettingsError;
 use crate::reply::Structure;
 
-/// The server and how patient to be with it.
+/// Server settings with limits and retries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ServerSettings {
-    /// What the server speaks.
+    /// API dialect.
     pub dialect: Dialect,
-    /// Address up to the path of the dialect (`/chat/completions`); user, password and query are refused, because
-    /// addresses appear in errors.
+    /// Base URL up to the dialect's path (`/chat/completions`); user, password and query are rejected, because URLs
+    /// appear in errors.
     pub base_url: String,
-    /// Model name as the server knows it.
+    /// Model name on the server.
     pub model: String,
-    /// Environment variable that holds the API key; none for servers that want no key.
+    /// Environment variable with the API key; none for servers without authentication.
     pub api_key_env: Option<String>,
-    /// Whether the key may travel unencrypted to another machine. (To this machine it always may.)
+    /// Allow sending the key unencrypted to another machine. (To this machine it is always allowed.)
     pub allow_key_over_http: bool,
-    /// Limit for making a connection, seconds.
+    /// Connection timeout [s].
     pub connect_timeout_s: f64,
-    /// Limit for one whole request, connection included, seconds.
+    /// Timeout of one whole request, including connecting [s].
     pub total_timeout_s: f64,
-    /// Largest image that is sent, bytes of its file; a larger one is an error before anything is sent.
+    /// Maximum image file size [bytes]; a larger one is an error before anything is sent.
     pub max_image_bytes: u64,
-    /// Largest request that is sent, bytes of its body with images in base64; a larger one is an error.
+    /// Maximum request body size, with images in base64 [bytes]; a larger one is an error.
     pub max_request_bytes: u64,
-    /// Largest answer that is read, bytes.
+    /// Maximum response size [bytes].
     pub max_body_bytes: u64,
-    /// Further requests after the first, when it was refused for the moment (408, 429, 5xx), timed out or was cut off.
+    /// Maximum retries after a transient failure (408, 429, 5xx), a timeout or a broken connection.
     pub max_retries: u32,
-    /// Wait before the first retry, seconds; doubles each time, and is shortened by up to a half at random.
+    /// Wait before the first retry [s]; doubles each time, and is shortened by up to half at random.
     pub first_backoff_s: f64,
-    /// Longest such wait, seconds.
+    /// Maximum such wait [s].
     pub max_backoff_s: f64,
-    /// Longest wait that a server may ask for (`Retry-After`), seconds; asked for more, the client gives up.
+    /// Maximum wait that a server may request (`Retry-After`) [s]; the client gives up beyond it.
     pub max_retry_after_s: f64,
-    /// Strictest form of structured output to try; looser ones follow when the server refuses it.
+    /// Strictest structured-output mode to try; looser ones follow if the server rejects it.
     pub structure: Structure,
-    /// Further fields of the request body, sent as they are, e.g. `temperature`, `max_tokens`, `seed`.
+    /// Additional request body fields, sent verbatim, e.g. `temperature`, `max_tokens`, `seed`.
     pub parameters: Map<String, Value>,
 }
 
@@ -71,10 +71,10 @@ impl Default for ServerSettings {
 }
 
 impl ServerSettings {
-    /// Checks what the types do not say.
+    /// Validates the settings.
     ///
     /// # Errors
-    /// Names the first field that makes no sense, as in a file where these settings are the table `server`.
+    /// Names the first invalid field, as in a file with these settings in the table `server`.
     pub fn check(&self) -> Result<(), SettingsError> {
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
         if let Err(expected) = check_address(&self.base_url) {
@@ -123,13 +123,13 @@ impl ServerSettings {
         Ok(())
     }
 
-    /// Whether the server is on this machine.
+    /// True if the server is on this machine.
     pub(crate) fn is_loopback(&self) -> bool {
         is_loopback(&self.base_url)
     }
 }
 
-/// Checks an address, which appears in errors; `Err` holds what was expected.
+/// Validates a URL, which appears in errors; `Err` contains the expectation.
 pub(crate) fn check_address(url: &str) -> Result<(), &'static str> {
     let Some((scheme, rest)) = url.split_once("://").filter(|(scheme, _)| matches!(*scheme, "http" | "https")) else {
         return Err("an address that begins with http:// or https://");
@@ -143,7 +143,7 @@ pub(crate) fn check_address(url: &str) -> Result<(), &'static str> {
     Ok(())
 }
 
-/// Whether an address is on this machine.
+/// True if a URL is on this machine.
 pub(crate) fn is_loopback(url: &str) -> bool {
     let authority = url.split("://").nth(1).unwrap_or_default().split('/').next().unwrap_or_default();
     let host = match authority.strip_prefix('[') {
@@ -153,7 +153,7 @@ pub(crate) fn is_loopback(url: &str) -> bool {
     host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
-/// Reads settings from a TOML text without ever showing a value: someone may have written a key there.
+/// Parses TOML settings without ever showing a value, which may be a key.
 ///
 /// # Errors
 /// Names the line.
@@ -165,7 +165,7 @@ pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, SettingsError> {
     })
 }
 
-/// The parser's message without what was written: it quotes values (`string "…"`) and wrong choices (`` variant `…` ``).
+/// Removes values from the parser's message: quoted values (`string "…"`) and wrong variants (`` variant `…` ``).
 fn without_values(message: &str) -> String {
     let line = message.lines().next().unwrap_or_default();
     let hidden = |before: &str, quote: char| {

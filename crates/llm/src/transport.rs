@@ -1,4 +1,4 @@
-//! One blocking HTTP request with limits on time and size: every connection of the project is made here.
+//! Blocking HTTP requests with limits on time and size; the only place that opens HTTP connections.
 
 use std::io::Read;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use crate::error::{ChatError, shortened};
 use crate::retry::retry_after_s;
 use crate::secret::ApiKey;
 
-/// What one request may take.
+/// Limits of one request.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     pub connect_timeout_s: f64,
@@ -18,16 +18,16 @@ pub(crate) struct Limits {
     pub max_body_bytes: u64,
 }
 
-/// Posts JSON and reads JSON.
+/// Sends and receives JSON.
 #[derive(Debug)]
 pub(crate) struct Transport {
     agent: ureq::Agent,
     limits: Limits,
-    /// Taken out of whatever is shown.
+    /// Redacted from all messages.
     key: Option<ApiKey>,
 }
 
-/// One try that failed, and whether another could do better.
+/// A failed attempt, and whether a retry may succeed.
 pub(crate) struct Failure {
     pub error: ChatError,
     pub transient: bool,
@@ -57,7 +57,7 @@ impl Transport {
         Self { agent: config.build().new_agent(), limits, key }
     }
 
-    /// Posts a body; the value of a successful answer.
+    /// Posts a body; returns the JSON of a successful response.
     pub fn post(&self, url: &str, headers: &[(&'static str, String)], body: &str) -> Result<Value, Failure> {
         let mut request = self.agent.post(url).content_type("application/json").header("accept", "application/json");
         for (name, value) in headers {
@@ -69,7 +69,7 @@ impl Transport {
         let content_type = shortened(&self.redact(header("content-type").unwrap_or("no content type")), 100);
         let retry_after_s = retry_after_s(header("retry-after"), header("date"));
         let bytes = self.read(url, response)?;
-        // Cleaned before anything is shortened: half a key is a secret, too.
+        // Redact before truncating: half a key is a secret, too.
         let parsed: Result<Value, _> = serde_json::from_slice(&bytes).map(|value| self.redact_all(value));
         let beginning = || shortened(&self.redact(&String::from_utf8_lossy(&bytes)), 120);
         let url = url.to_owned();
@@ -82,16 +82,16 @@ impl Transport {
         }
         parsed.map_err(|error| {
             if error.is_eof() && !bytes.is_empty() {
-                return Failure::passing(ChatError::CutOff { url, message: "the JSON is not complete".into() });
+                return Failure::transient(ChatError::CutOff { url, message: "the JSON is not complete".into() });
             }
-            Failure::lasting(ChatError::NotJson { url, content_type, beginning: beginning() })
+            Failure::permanent(ChatError::NotJson { url, content_type, beginning: beginning() })
         })
     }
 
     /// Reads at most the allowed number of bytes; dropping the rest closes the connection.
     fn read(&self, url: &str, response: ureq::http::Response<ureq::Body>) -> Result<Vec<u8>, Failure> {
         let limit_bytes = self.limits.max_body_bytes;
-        let too_large = || Failure::lasting(ChatError::TooLarge { url: url.to_owned(), limit_bytes });
+        let too_large = || Failure::permanent(ChatError::TooLarge { url: url.to_owned(), limit_bytes });
         let body = response.into_body();
         if body.content_length().is_some_and(|length| length > limit_bytes) {
             return Err(too_large());
@@ -109,15 +109,15 @@ impl Transport {
             ureq::Error::Timeout(phase) => {
                 let connecting = matches!(phase, ureq::Timeout::Connect | ureq::Timeout::Resolve);
                 let limit_s = if connecting { self.limits.connect_timeout_s } else { self.limits.total_timeout_s };
-                Failure::passing(ChatError::Timeout { url, limit_s, phase: phase.to_string() })
+                Failure::transient(ChatError::Timeout { url, limit_s, phase: phase.to_string() })
             }
             ureq::Error::Io(io) if is_unreachable(io.kind()) => {
-                Failure::lasting(ChatError::Unreachable { url, message })
+                Failure::permanent(ChatError::Unreachable { url, message })
             }
             ureq::Error::Io(_) | ureq::Error::Protocol(_) | ureq::Error::BodyStalled => {
-                Failure::passing(ChatError::CutOff { url, message })
+                Failure::transient(ChatError::CutOff { url, message })
             }
-            _ => Failure::lasting(ChatError::Unreachable { url, message }),
+            _ => Failure::permanent(ChatError::Unreachable { url, message }),
         }
     }
 
@@ -139,11 +139,11 @@ impl Transport {
 }
 
 impl Failure {
-    pub fn passing(error: ChatError) -> Self {
+    pub fn transient(error: ChatError) -> Self {
         Self { error, transient: true, retry_after_s: None }
     }
 
-    pub fn lasting(error: ChatError) -> Self {
+    pub fn permanent(error: ChatError) -> Self {
         Self { error, transient: false, retry_after_s: None }
     }
 }

@@ -57,8 +57,7 @@ pub enum ModelError {
 /// Forward kinematics of a robot arm.
 ///
 /// Frame 0 is the base (= world); frame `k + 1` moves with arm joint `k`, z along the joint axis. Fixed links are
-/// merged
-/// into the frame that carries them.
+/// merged into the frame that carries them.
 #[derive(Clone, Debug)]
 pub struct Chain {
     joints: Vec<ChainJoint>,

@@ -1,9 +1,8 @@
 //! Robot arm motion: kinematics, collision checking, planning, time parametrisation, grasp sampling.
 //!
 //! Robot and world are arguments; this crate knows no simulator, catalogue or file. [`Planner`] is the main entry
-//! point; the
-//! modules can also be used alone. Frames: world = robot base; tcp = midpoint between the pads, z = approach, y =
-//! closing.
+//! point; the modules can also be used alone. Frames: world = robot base; tcp = midpoint between the pads, z =
+//! approach, y = closing.
 
 mod chain;
 mod collision;

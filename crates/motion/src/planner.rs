@@ -128,8 +128,7 @@ impl Planner {
     }
 
     /// Like [`Planner::ik_each`] without the fine search at the reach limit: for many poses of which any will do, most
-    /// of them
-    /// unreachable.
+    /// of them unreachable.
     pub fn ik_coarse(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
         self.ik.coarse_solutions(world_from_tcp, reference)
     }
@@ -140,8 +139,7 @@ impl Planner {
     }
 
     /// IK solutions along a pose sequence, each nearest to the previous one and the first nearest to `from`; `None` if
-    /// a joint
-    /// would move by more than `max_step` [rad] between two of them.
+    /// a joint would move by more than `max_step` [rad] between two of them.
     pub fn follow(
         &self,
         from: &[f64],
@@ -170,8 +168,7 @@ impl Planner {
     /// The world of `around` plus the remaining points of depth images as a point cloud called `name`.
     ///
     /// Filters pixels on the robot at `config`, on the attached object and on the obstacles of `around`: add the table
-    /// as a box,
-    /// and the target of a grasp under its own name. Space that no camera sees counts as free.
+    /// as a box, and the target of a grasp under its own name. Space that no camera sees counts as free.
     ///
     /// # Errors
     /// Fails if an image is invalid or no pixel has a depth.
@@ -191,8 +188,7 @@ impl Planner {
     }
 
     /// Points of depth images, world frame, that belong neither to the robot at `config`, nor to the attached object,
-    /// nor to the
-    /// obstacles of `around`; voxel-downsampled, in pixel order.
+    /// nor to the obstacles of `around`; voxel-downsampled, in pixel order.
     ///
     /// # Errors
     /// Fails if an image is invalid or no pixel has a depth.
@@ -220,8 +216,7 @@ impl Planner {
     /// Plans a straight TCP motion (linear position, shortest rotation) to `world_from_goal`.
     ///
     /// Pairs closer than the padding at `start` may stay as close; all others keep the padding to the end. For a motion
-    /// that
-    /// ends in contact, plan from the contact and reverse the path.
+    /// that ends in contact, plan from the contact and reverse the path.
     pub fn straight(&self, around: &PlanningScene, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
         let mut checker = self.checker(around, self.settings.plan.padding);
         let settings = &self.settings;

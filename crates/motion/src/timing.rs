@@ -1,12 +1,10 @@
 //! Time-optimal smooth time parametrisation of paths, sampled at the control rate.
 //!
 //! A backward and a forward pass over a grid compute the fastest speed along the path under joint velocity and
-//! acceleration
-//! limits (H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on Reachability
-//! Analysis*,
-//! 2018). Then the joint motion is averaged over a short sliding window, which preserves velocity and acceleration
-//! limits,
-//! straight edges and rest at both ends, and bounds the jerk by 2 · acceleration limit / window.
+//! acceleration limits (H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on
+//! Reachability Analysis*, 2018). Then the joint motion is averaged over a short sliding window, which preserves
+//! velocity and acceleration limits, straight edges and rest at both ends, and bounds the jerk by 2 · acceleration
+//! limit / window.
 
 use serde::{Deserialize, Serialize};
 

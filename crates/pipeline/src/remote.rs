@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RobotModel};
-use genmanip_remote_policies::Patience;
+use genmanip_remote_policies::Timeouts;
 use genmanip_remote_policies::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
 use genmanip_remote_policies::process::{ProcessSettings, Processes};
 use genmanip_remote_policies::vla_eval::{self, VlaEvalPolicy, VlaEvalSettings};
@@ -53,7 +53,7 @@ pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, RunError> {
         wrist: wrist.into(),
         execute_steps,
         api_key: std::env::var(KEY).ok().filter(|key| !key.is_empty()),
-        patience: Patience { answer: Duration::from_secs_f64(timeout_s), ..Patience::default() },
+        timeouts: Timeouts { answer: Duration::from_secs_f64(timeout_s), ..Timeouts::default() },
     })
 }
 
@@ -80,8 +80,8 @@ pub(crate) fn vla_eval_settings(
     let known = vla_eval::Preset::ALL.map(vla_eval::Preset::name);
     let found = vla_eval::Preset::ALL.into_iter().find(|it| it.name() == preset);
     let preset = found.ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))?;
-    let patience = Patience { answer: Duration::from_secs_f64(patience_s), ..Patience::default() };
-    Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), patience })
+    let timeouts = Timeouts { answer: Duration::from_secs_f64(patience_s), ..Timeouts::default() };
+    Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), timeouts })
 }
 
 /// The policy for one episode, which lends its core while it waits for the server.

@@ -1,4 +1,4 @@
-//! A websocket to a policy server: one question, one answer.
+//! WebSocket connection to a policy server: one request, one response.
 
 use std::io::ErrorKind;
 use std::net::{TcpStream, ToSocketAddrs};
@@ -11,27 +11,27 @@ use tungstenite::http::header::AUTHORIZATION;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
-/// Largest answer that is read: a chunk of actions has a few kilobytes, a traceback some more.
+/// Maximum response size: an action chunk has a few kilobytes, a traceback somewhat more.
 const MAX_ANSWER_BYTES: usize = 4 << 20;
-/// Deepest nesting of an answer.
+/// Maximum nesting of a response.
 const MAX_DEPTH: usize = 32;
-/// The longest part of a server's traceback that is repeated, characters; its end says what went wrong.
-const SHOWN: usize = 400;
+/// Maximum reported length of a server's traceback [characters]; its end contains the error.
+const MAX_TRACEBACK_CHARS: usize = 400;
 
-/// How long is waited for a server.
+/// Timeouts and reconnects.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Patience {
-    /// For a connection.
+pub struct Timeouts {
+    /// Connection timeout.
     pub connect: Duration,
-    /// For an answer; the first one of a server may wait until its model is compiled.
+    /// Response timeout; the first response may wait until the model is compiled.
     pub answer: Duration,
-    /// How often a connection that is lost before the answer came is made again.
+    /// Reconnects after a connection lost before the response.
     pub reconnects: u32,
-    /// Before that.
+    /// Pause before reconnecting.
     pub pause: Duration,
 }
 
-impl Default for Patience {
+impl Default for Timeouts {
     fn default() -> Self {
         Self {
             connect: Duration::from_secs(10),
@@ -42,60 +42,60 @@ impl Default for Patience {
     }
 }
 
-/// Why a server gave no answer.
+/// Error of a policy server.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RemoteError {
-    /// It cannot be reached, or went away.
+    /// The server is unreachable or closed the connection.
     #[error("the policy server {url}: {reason}")]
     Unreachable {
-        /// Where it should be.
+        /// URL of the server.
         url: String,
-        /// What the system says.
+        /// System message.
         reason: String,
     },
-    /// It did not answer in time.
+    /// Timeout.
     #[error("the policy server {url} did not answer within {seconds} s")]
     TimedOut {
-        /// Where it is.
+        /// URL of the server.
         url: String,
-        /// How long was waited.
+        /// Timeout [s].
         seconds: u64,
     },
-    /// It failed, and said how.
+    /// The server failed with a traceback.
     #[error("the policy server {url} failed: {traceback}")]
     Failed {
-        /// Where it is.
+        /// URL of the server.
         url: String,
-        /// The end of its traceback.
+        /// End of the traceback.
         traceback: String,
     },
-    /// It answered something that is not the protocol.
-    #[error("the policy server {url} answered {what}")]
+    /// Invalid response.
+    #[error("invalid response from the policy server {url}: {what}")]
     Answer {
-        /// Where it is.
+        /// URL of the server.
         url: String,
-        /// What is wrong with the answer.
+        /// Description of the problem.
         what: String,
     },
 }
 
-/// A server that was reached.
+/// An open connection.
 pub(crate) struct Connection {
     url: String,
-    patience: Patience,
+    timeouts: Timeouts,
     socket: WebSocket<TcpStream>,
 }
 
 impl Connection {
-    /// Connects, and takes the metadata with which the server begins.
-    pub(crate) fn open(url: &str, api_key: Option<&str>, patience: Patience) -> Result<(Self, Value), RemoteError> {
-        let mut connection = Self::connect(url, api_key, patience)?;
+    /// Connects and receives the server's metadata.
+    pub(crate) fn open(url: &str, api_key: Option<&str>, timeouts: Timeouts) -> Result<(Self, Value), RemoteError> {
+        let mut connection = Self::connect(url, api_key, timeouts)?;
         let metadata = connection.receive()?;
         Ok((connection, metadata))
     }
 
-    /// Connects to a server that waits to be greeted.
-    pub(crate) fn connect(url: &str, api_key: Option<&str>, patience: Patience) -> Result<Self, RemoteError> {
+    /// Connects to a server that expects a greeting.
+    pub(crate) fn connect(url: &str, api_key: Option<&str>, timeouts: Timeouts) -> Result<Self, RemoteError> {
         let unreachable = |reason: String| RemoteError::Unreachable { url: url.to_owned(), reason };
         let mut request = url.into_client_request().map_err(|error| unreachable(error.to_string()))?;
         if let Some(key) = api_key {
@@ -107,32 +107,32 @@ impl Connection {
         let addresses = addresses.map_err(|error| unreachable(error.to_string()))?;
         let mut last = "no such host".to_owned();
         let stream = addresses.into_iter().find_map(|address| {
-            TcpStream::connect_timeout(&address, patience.connect).map_err(|error| last = error.to_string()).ok()
+            TcpStream::connect_timeout(&address, timeouts.connect).map_err(|error| last = error.to_string()).ok()
         });
         let stream = stream.ok_or_else(|| unreachable(last))?;
-        // Small questions go at once; whoever is silent for too long is given up.
+        // Disable Nagle's algorithm; apply timeouts.
         let prepared = stream
             .set_nodelay(true)
-            .and_then(|()| stream.set_read_timeout(Some(patience.answer)))
-            .and_then(|()| stream.set_write_timeout(Some(patience.answer)));
+            .and_then(|()| stream.set_read_timeout(Some(timeouts.answer)))
+            .and_then(|()| stream.set_write_timeout(Some(timeouts.answer)));
         prepared.map_err(|error| unreachable(error.to_string()))?;
         let limits =
             WebSocketConfig::default().max_message_size(Some(MAX_ANSWER_BYTES)).max_frame_size(Some(MAX_ANSWER_BYTES));
         let (socket, _) = client_with_config(request, stream, Some(limits)).map_err(|error| match error {
             HandshakeError::Failure(error) => unreachable(error.to_string()),
-            HandshakeError::Interrupted(_) => unreachable("it does not answer".into()),
+            HandshakeError::Interrupted(_) => unreachable("no response to the handshake".into()),
         })?;
-        Ok(Self { url: url.to_owned(), patience, socket })
+        Ok(Self { url: url.to_owned(), timeouts, socket })
     }
 
-    /// Says something that is not answered.
-    pub(crate) fn tell(&mut self, message: &[u8]) -> Result<(), RemoteError> {
+    /// Sends a message without a response.
+    pub(crate) fn send(&mut self, message: &[u8]) -> Result<(), RemoteError> {
         self.socket.send(Message::binary(message.to_vec())).map_err(|error| self.lost(error))
     }
 
-    /// Asks and waits for the answer.
-    pub(crate) fn ask(&mut self, question: &[u8]) -> Result<Value, RemoteError> {
-        self.tell(question)?;
+    /// Sends a request and waits for the response.
+    pub(crate) fn request(&mut self, question: &[u8]) -> Result<Value, RemoteError> {
+        self.send(question)?;
         self.receive()
     }
 
@@ -155,10 +155,10 @@ impl Connection {
         }
     }
 
-    /// A text is the server's traceback, which ends with what went wrong.
+    /// A text message is the server's traceback, which ends with the error.
     fn failed(&self, traceback: &str) -> RemoteError {
         let count = traceback.chars().count();
-        let end: String = traceback.trim().chars().skip(count.saturating_sub(SHOWN)).collect();
+        let end: String = traceback.trim().chars().skip(count.saturating_sub(MAX_TRACEBACK_CHARS)).collect();
         RemoteError::Failed { url: self.url.clone(), traceback: end }
     }
 
@@ -170,7 +170,7 @@ impl Connection {
         let url = self.url.clone();
         match error {
             Error::Io(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                RemoteError::TimedOut { url, seconds: self.patience.answer.as_secs() }
+                RemoteError::TimedOut { url, seconds: self.timeouts.answer.as_secs() }
             }
             Error::Capacity(error) => RemoteError::Answer { url, what: format!("too much: {error}") },
             error => RemoteError::Unreachable { url, reason: error.to_string() },

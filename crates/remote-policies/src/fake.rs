@@ -1,4 +1,4 @@
-//! A policy server on loopback that speaks openpi's protocol, and misbehaves on request: for tests.
+//! A loopback policy server for openpi's protocol with configurable faults, for tests.
 
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -10,12 +10,12 @@ use tungstenite::{Message, accept};
 
 use crate::numpy::{Array, Numbers, get};
 
-/// A question that a server was asked.
+/// A received request.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// Its number over all connections, from 0.
+    /// Index over all connections, from 0.
     pub number: usize,
-    /// Its number in its connection, from 0.
+    /// Index in its connection, from 0.
     pub in_connection: usize,
     map: Value,
 }
@@ -24,7 +24,7 @@ impl Question {
     /// An array of the observation, e.g. `observation/state`.
     ///
     /// # Errors
-    /// When there is none of this name.
+    /// Fails if there is none of this name.
     pub fn array(&self, name: &str) -> Result<Array, String> {
         Array::read(get(&self.map, name).ok_or_else(|| format!("no `{name}`"))?)
     }
@@ -35,27 +35,27 @@ impl Question {
     }
 }
 
-/// What a server does with a question.
+/// Behaviour for a request.
 #[derive(Clone, Debug)]
 pub enum Answer {
-    /// A chunk of actions, row by row.
+    /// An action chunk, row by row.
     Actions(Vec<Vec<f32>>),
     /// A map without actions.
     Nothing,
-    /// A text, as of a server that failed.
+    /// A traceback, as from a failed server.
     Traceback(String),
-    /// Any bytes.
+    /// Arbitrary bytes.
     Bytes(Vec<u8>),
-    /// It is silent for so long, and then gone.
+    /// Wait, then close the connection.
     Hangs(Duration),
-    /// It is gone.
+    /// Close the connection.
     Drops,
 }
 
-/// Starts a server, which runs as long as the program; it sends its metadata, then answers question by question.
+/// Starts a server that runs as long as the program; it sends its metadata, then answers requests.
 ///
 /// # Errors
-/// When no port can be had.
+/// Fails if there is no free port.
 pub fn start(answering: impl Fn(&Question) -> Answer + Send + Sync + 'static) -> std::io::Result<SocketAddr> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = listener.local_addr()?;

@@ -1,12 +1,12 @@
-//! NumPy arrays in MessagePack, as the `msgpack_numpy` module of openpi's client writes them.
+//! NumPy arrays in MessagePack, as in `msgpack_numpy` of openpi's client.
 //!
-//! An array is a map with the keys `__ndarray__` (true), `data` (bytes, in C order), `dtype` (as NumPy writes it, `<f4`)
-//! and `shape`. openpi writes these keys as bytes; keys that are texts are read as well.
+//! An array is a map with the keys `__ndarray__` (true), `data` (bytes, C order), `dtype` (NumPy string, e.g. `<f4`)
+//! and `shape`. openpi writes these keys as bytes; text keys are accepted as well.
 
 use rmpv::Value;
 
-/// Most elements that are read.
-const MOST: usize = 1 << 20;
+/// Maximum number of elements.
+const MAX_ELEMENTS: usize = 1 << 20;
 
 /// An array of numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,12 +39,12 @@ impl Array {
         Self { shape: vec![numbers.len()], numbers: Numbers::F64(numbers) }
     }
 
-    /// A picture: rows, columns, red, green and blue.
+    /// An RGB image of shape [height, width, 3].
     pub fn picture(width: usize, height: usize, rgb: Vec<u8>) -> Self {
         Self { shape: vec![height, width, 3], numbers: Numbers::U8(rgb) }
     }
 
-    /// The elements as real numbers.
+    /// Elements as `f64`.
     pub fn reals(&self) -> Vec<f64> {
         match &self.numbers {
             Numbers::U8(numbers) => numbers.iter().map(|&number| f64::from(number)).collect(),
@@ -55,12 +55,12 @@ impl Array {
         }
     }
 
-    /// The array as openpi's client sends it.
+    /// Encodes the array as openpi's client does.
     pub fn value(&self) -> Value {
         self.value_with(|name| Value::Binary(name.as_bytes().to_vec()))
     }
 
-    /// The array with keys that are texts, as vla-eval sends it.
+    /// Encodes the array with text keys, as vla-eval does.
     pub fn value_with_text_keys(&self) -> Value {
         self.value_with(Value::from)
     }
@@ -81,10 +81,10 @@ impl Array {
         ])
     }
 
-    /// An array that was received.
+    /// Decodes an array.
     ///
     /// # Errors
-    /// Says what is wrong with it.
+    /// Describes the problem.
     pub fn read(value: &Value) -> Result<Self, String> {
         let entry = |name: &str| get(value, name).ok_or_else(|| format!("an array without `{name}`"));
         if entry("__ndarray__")?.as_bool() != Some(true) {
@@ -95,7 +95,7 @@ impl Array {
             axes.iter().map(|axis| axis.as_u64().and_then(|axis| usize::try_from(axis).ok())).collect();
         let shape = axes.ok_or("its shape is not of whole numbers")?;
         let count = shape.iter().try_fold(1_usize, |count, axis| count.checked_mul(*axis));
-        let count = count.filter(|count| *count <= MOST).ok_or_else(|| format!("more than {MOST} elements"))?;
+        let count = count.filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| format!("more than {MAX_ELEMENTS} elements"))?;
         let data = entry("data")?.as_slice().ok_or("its data are no bytes")?;
         let dtype = entry("dtype")?.as_str().ok_or("its dtype is no text")?;
         let numbers = match dtype {
@@ -121,7 +121,7 @@ impl Array {
     }
 }
 
-/// The value under a name in a map whose keys are texts or bytes.
+/// Value of a key in a map with text or byte keys.
 pub(crate) fn get<'a>(map: &'a Value, name: &str) -> Option<&'a Value> {
     let is_named = |key: &Value| key.as_str() == Some(name) || key.as_slice() == Some(name.as_bytes());
     map.as_map()?.iter().find(|(key, _)| is_named(key)).map(|(_, value)| value)
@@ -143,7 +143,7 @@ mod tests {
         bytes
     }
 
-    /// What Python's openpi client makes of `{"observation/state": float32 zeros(2), "prompt": "x", "n": 1.5}`.
+    /// Bytes of Python's openpi client for `{"observation/state": float32 zeros(2), "prompt": "x", "n": 1.5}`.
     #[test]
     fn bytes_are_those_of_the_python_client() {
         let state = Array { shape: vec![2], numbers: Numbers::F32(vec![0.0, 0.0]) };

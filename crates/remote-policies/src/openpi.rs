@@ -1,7 +1,7 @@
-//! openpi's policy server: an observation goes out as MessagePack over a websocket, a chunk of actions comes back.
+//! Client of openpi's policy server: an observation as MessagePack over a WebSocket out, an action chunk back.
 //!
-//! Keys, sizes and meanings of the presets are those of `examples/droid` and `examples/libero` of
-//! Physical-Intelligence/openpi; how far DROID's speeds and robosuite's changes go is said at the constants.
+//! Keys, sizes and formats of the presets follow `examples/droid` and `examples/libero` of
+//! Physical-Intelligence/openpi; scales of DROID velocities and robosuite deltas are documented at the constants.
 
 use std::fmt;
 use std::sync::Arc;
@@ -13,37 +13,38 @@ use genmanip_core::{
 };
 use rmpv::Value;
 
-use crate::connection::{Connection, Patience, RemoteError};
+use crate::connection::{Connection, Timeouts, RemoteError};
 use crate::numpy::{Array, get};
-use crate::picture::{Rgb, resized_with_pad};
+use crate::resize::{Rgb, resized_with_pad};
 
-/// Pictures of all presets, pixels each way.
+/// Image size of all presets [px].
 const SIDE: usize = 224;
-/// A speed of 1 in DROID: at most 0.2 rad per step at 15 Hz (`RobotIKSolver` of droid-dataset/droid), rad/s.
+/// Joint velocity of a DROID action of 1 [rad/s]: at most 0.2 rad per step at 15 Hz (`RobotIKSolver` of
+/// droid-dataset/droid).
 const DROID_RAD_S: f64 = 0.2 * 15.0;
-/// A change of 1 in robosuite's operational space controller, as LIBERO sets it: metres.
+/// Position delta of an action of 1 in robosuite's operational space controller with LIBERO's settings [m].
 const LIBERO_M: f64 = 0.05;
-/// The same of rotations, rad.
+/// Rotation delta of an action of 1 [rad].
 const LIBERO_RAD: f64 = 0.5;
-/// Most actions of a chunk.
-const MOST_ACTIONS: usize = 1000;
+/// Maximum actions of a chunk.
+const MAX_ACTIONS: usize = 1000;
 
-/// What a server is shown and what its numbers mean.
+/// Observation and action format of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// DROID: joint speeds, 15 Hz, eight actions of each chunk.
+    /// DROID: joint velocities at 15 Hz, eight actions of each chunk.
     Droid,
-    /// DROID's checkpoints with joint positions, 15 Hz, eight actions of each chunk.
+    /// DROID checkpoints with joint positions at 15 Hz, eight actions of each chunk.
     DroidJointPosition,
-    /// LIBERO: changes of the tool's pose, 20 Hz, five actions of each chunk.
+    /// LIBERO: TCP pose deltas at 20 Hz, five actions of each chunk.
     Libero,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 3] = [Self::Droid, Self::DroidJointPosition, Self::Libero];
 
-    /// Its name.
+    /// Name of the preset.
     pub fn name(self) -> &'static str {
         match self {
             Self::Droid => "droid",
@@ -52,7 +53,7 @@ impl Preset {
         }
     }
 
-    /// Actions per second.
+    /// Action rate [Hz].
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Droid | Self::DroidJointPosition => 15.0,
@@ -60,7 +61,7 @@ impl Preset {
         }
     }
 
-    /// Actions of a chunk that are executed before the next is asked for.
+    /// Actions of a chunk executed before the next request.
     pub fn execute_steps(self) -> usize {
         match self {
             Self::Droid | Self::DroidJointPosition => 8,
@@ -68,7 +69,7 @@ impl Preset {
         }
     }
 
-    /// What its actions mean, once they are in rad, m and s.
+    /// Action format after scaling to rad, m and s.
     pub fn action(self) -> ActionSpec {
         let droid = |space| ActionSpec {
             delta_from: DeltaFrom::Measured,
@@ -87,7 +88,7 @@ impl Preset {
         }
     }
 
-    /// An action of the server in the units of [`Preset::action`].
+    /// Scales a server action to the units of [`Preset::action`].
     pub(crate) fn scaled(self, action: &[f64]) -> Vec<f32> {
         let unit = |number: f64| number.clamp(-1.0, 1.0);
         let (gripper, motion) = match action.split_last() {
@@ -106,39 +107,39 @@ impl Preset {
     }
 }
 
-/// Which server is asked, and how.
+/// Server settings.
 #[derive(Clone, PartialEq)]
 pub struct OpenpiSettings {
-    /// Where it is, e.g. `ws://127.0.0.1:8000`.
+    /// Server URL, e.g. `ws://127.0.0.1:8000`.
     pub url: String,
-    /// What it is shown.
+    /// Observation and action format.
     pub preset: Preset,
-    /// The camera that stands beside the robot.
+    /// Name of the exterior camera.
     pub exterior: String,
-    /// The camera at the hand.
+    /// Name of the wrist camera.
     pub wrist: String,
-    /// Actions of a chunk that are executed; `None` as the preset says.
+    /// Executed actions per chunk; `None` for the preset's.
     pub execute_steps: Option<usize>,
-    /// Sent as `Authorization: Api-Key …`; never shown.
+    /// API key, sent as `Authorization: Api-Key …`; never displayed.
     pub api_key: Option<String>,
-    /// How long is waited.
-    pub patience: Patience,
+    /// Timeouts and reconnects.
+    pub timeouts: Timeouts,
 }
 
 impl fmt::Debug for OpenpiSettings {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { url, preset, exterior, wrist, execute_steps, api_key: _, patience } = self;
+        let Self { url, preset, exterior, wrist, execute_steps, api_key: _, timeouts } = self;
         out.debug_struct("OpenpiSettings")
             .field("url", url)
             .field("preset", preset)
             .field("cameras", &(exterior, wrist))
             .field("execute_steps", execute_steps)
-            .field("patience", patience)
+            .field("timeouts", timeouts)
             .finish_non_exhaustive()
     }
 }
 
-/// A policy behind openpi's protocol. One connection per episode; the protocol knows no episodes.
+/// A policy behind openpi's protocol, with one connection per episode; the protocol has no episodes.
 pub struct OpenpiPolicy {
     settings: OpenpiSettings,
     robot: Arc<RobotModel>,
@@ -147,12 +148,12 @@ pub struct OpenpiPolicy {
 }
 
 impl OpenpiPolicy {
-    /// For a robot. Nothing is asked yet.
+    /// Creates a policy for a robot without connecting.
     pub fn new(settings: OpenpiSettings, robot: Arc<RobotModel>) -> Self {
         Self { settings, robot, instruction: String::new(), connection: None }
     }
 
-    /// What is sent about an observation.
+    /// Encodes the request for an observation.
     fn question(&self, observation: &Observation) -> Result<Vec<u8>, PolicyError> {
         let unsuited = |what: String| PolicyError::Unsuited(what);
         let state = observation.state.get(Observation::STATE);
@@ -161,7 +162,7 @@ impl OpenpiPolicy {
         let width_m: f64 = width_m.iter().sum();
         let picture = |camera: &str| {
             let image = observation.images.get(camera);
-            image.map(|image| shown(image)).ok_or_else(|| unsuited(format!("needs the camera `{camera}`")))
+            image.map(|image| encoded_image(image)).ok_or_else(|| unsuited(format!("needs the camera `{camera}`")))
         };
         let (exterior, wrist) = (picture(&self.settings.exterior)?, picture(&self.settings.wrist)?);
         let entries: Vec<(&str, Value)> = match self.settings.preset {
@@ -189,7 +190,7 @@ impl OpenpiPolicy {
         Ok(bytes)
     }
 
-    /// Servers like to quote what they were sent.
+    /// Redacts the API key, which servers may echo.
     fn without_key(&self, text: &str) -> String {
         match &self.settings.api_key {
             Some(key) if !key.is_empty() => text.replace(key.as_str(), "[key hidden]"),
@@ -197,16 +198,16 @@ impl OpenpiPolicy {
         }
     }
 
-    /// Asks; a connection that is lost before the answer came is made again, since the protocol keeps no state.
-    fn asked(&mut self, question: &[u8]) -> Result<Vec<Vec<f32>>, RemoteError> {
+    /// Requests actions; reconnects after a lost connection, since the protocol is stateless.
+    fn actions_with_reconnects(&mut self, question: &[u8]) -> Result<Vec<Vec<f32>>, RemoteError> {
         let mut reconnects = 0;
         loop {
-            let answer = self.tried(question);
+            let answer = self.try_actions(question);
             match answer {
-                Err(RemoteError::Unreachable { .. }) if reconnects < self.settings.patience.reconnects => {
+                Err(RemoteError::Unreachable { .. }) if reconnects < self.settings.timeouts.reconnects => {
                     self.connection = None;
                     reconnects += 1;
-                    std::thread::sleep(self.settings.patience.pause);
+                    std::thread::sleep(self.settings.timeouts.pause);
                 }
                 Err(error) => {
                     self.connection = None;
@@ -217,16 +218,16 @@ impl OpenpiPolicy {
         }
     }
 
-    fn tried(&mut self, question: &[u8]) -> Result<Vec<Vec<f32>>, RemoteError> {
+    fn try_actions(&mut self, question: &[u8]) -> Result<Vec<Vec<f32>>, RemoteError> {
         let connection = match self.connection.take() {
             Some(connection) => connection,
             None => {
-                let OpenpiSettings { url, api_key, patience, .. } = &self.settings;
-                Connection::open(url, api_key.as_deref(), *patience)?.0
+                let OpenpiSettings { url, api_key, timeouts, .. } = &self.settings;
+                Connection::open(url, api_key.as_deref(), *timeouts)?.0
             }
         };
         let connection = self.connection.insert(connection);
-        let answer = connection.ask(question)?;
+        let answer = connection.request(question)?;
         let length = self.settings.preset.action().length(self.robot.arm_dof());
         let rows = rows(&answer, length).map_err(|what| connection.wrong(what))?;
         Ok(rows.iter().map(|row| self.settings.preset.scaled(row)).collect())
@@ -254,22 +255,22 @@ impl Policy for OpenpiPolicy {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let question = self.question(observation)?;
-        match self.asked(&question) {
+        match self.actions_with_reconnects(&question) {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
             Err(error) => Err(PolicyError::Unreachable(self.without_key(&error.to_string()))),
         }
     }
 }
 
-/// The actions of an answer, row by row.
+/// Action rows of a response.
 fn rows(answer: &Value, length: usize) -> Result<Vec<Vec<f64>>, String> {
     let actions = get(answer, "actions").ok_or("no `actions`")?;
     let actions = Array::read(actions).map_err(|what| format!("`actions` that are no array: {what}"))?;
     let [count, width] = actions.shape[..] else {
         return Err(format!("`actions` of shape {:?}, expected [horizon, {length}]", actions.shape));
     };
-    if width != length || !(1..=MOST_ACTIONS).contains(&count) {
-        return Err(format!("`actions` of shape {:?}, expected [1 to {MOST_ACTIONS}, {length}]", actions.shape));
+    if width != length || !(1..=MAX_ACTIONS).contains(&count) {
+        return Err(format!("`actions` of shape {:?}, expected [1 to {MAX_ACTIONS}, {length}]", actions.shape));
     }
     let numbers = actions.reals();
     if let Some(place) = numbers.iter().position(|number| !number.is_finite()) {
@@ -278,14 +279,14 @@ fn rows(answer: &Value, length: usize) -> Result<Vec<Vec<f64>>, String> {
     Ok(numbers.chunks_exact(width).map(<[f64]>::to_vec).collect())
 }
 
-/// A picture as models are shown it.
-fn shown(image: &RgbdImage) -> Value {
+/// Encodes an image at the models' input size.
+fn encoded_image(image: &RgbdImage) -> Value {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let picture = resized_with_pad(&Rgb { width, height, bytes: image.rgb.clone() }, SIDE, SIDE);
     Array::picture(picture.width, picture.height, picture.bytes).value()
 }
 
-/// LIBERO's state of a robot: position of the tool, axis times angle of its rotation, both fingers; m and rad.
+/// LIBERO's robot state: TCP position, rotation vector, both finger positions [m and rad].
 pub(crate) fn libero_state(robot: &RobotModel, state: &[f64]) -> Vec<f64> {
     let (arm, width_m) = state.split_at(robot.arm_dof().min(state.len()));
     let (tool, width_m) = (robot.tcp_pose(arm), width_m.iter().sum::<f64>());
@@ -294,7 +295,7 @@ pub(crate) fn libero_state(robot: &RobotModel, state: &[f64]) -> Vec<f64> {
     tool.position.to_array().into_iter().chain(turn.to_array()).chain(fingers).collect()
 }
 
-/// Axis times angle of a rotation, at most pi long, rad.
+/// Rotation vector (axis times angle) with an angle of at most pi [rad].
 fn rotation_vector(rotation: DQuat) -> DVec3 {
     let canonical = if rotation.w < 0.0 { -rotation } else { rotation };
     canonical.to_scaled_axis()

@@ -1,8 +1,7 @@
-//! A policy of a Python module, in a Python process that is asked over pipes.
+//! A policy from a Python module, in a Python process connected by pipes.
 //!
-//! The process needs NumPy and whatever the policy needs, and nothing of ours: the program that it runs is
-//! `policy_process.py`, which comes with this crate. A process serves one episode after the other, so that a model is
-//! loaded once.
+//! The process needs NumPy and the policy's dependencies, but no GenManip package: it runs `policy_process.py`, which
+//! is embedded in this crate. A process serves several episodes in sequence, so that a model is loaded once.
 
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -15,25 +14,25 @@ use genmanip_core::{
 };
 use serde_json::{Map, Value, json};
 
-/// What the process runs.
+/// Program of the process.
 const PROGRAM: &str = include_str!("policy_process.py");
-/// Largest head of a message and largest array that is read, bytes.
-const MOST_BYTES: usize = 4 << 20;
-/// The longest part of a traceback that is repeated, characters; its end says what went wrong.
-const SHOWN: usize = 400;
+/// Maximum size of a message header and of an array [bytes].
+const MAX_BYTES: usize = 4 << 20;
+/// Maximum reported length of a traceback [characters]; its end contains the error.
+const MAX_TRACEBACK_CHARS: usize = 400;
 
-/// Which class is asked, in which Python.
+/// Class and interpreter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProcessSettings {
-    /// `module:Class`; the module is found as from the working folder.
+    /// `module:Class`, resolved from the working folder.
     pub class: String,
-    /// The interpreter.
+    /// Python interpreter.
     pub python: String,
-    /// How long is waited for an answer; the first one waits for the module to be imported.
+    /// Response timeout; the first response waits for the module import.
     pub answer: Duration,
 }
 
-/// Processes of one class, kept from episode to episode.
+/// Process pool of one class, reused between episodes.
 #[derive(Debug)]
 pub struct Processes {
     settings: ProcessSettings,
@@ -41,22 +40,22 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// None is started yet.
+    /// Creates the pool without starting a process.
     pub fn new(settings: ProcessSettings) -> Arc<Self> {
         Arc::new(Self { settings, idle: Mutex::default() })
     }
 
-    /// Which class is asked.
+    /// Settings of the pool.
     pub fn settings(&self) -> &ProcessSettings {
         &self.settings
     }
 
-    /// The policy for one episode: an object of the class, in a process that is free or a new one. `read_spec` reads
-    /// what the object says about itself.
+    /// Creates the policy for one episode: an instance of the class in an idle or new process. `read_spec` parses its
+    /// spec.
     ///
     /// # Errors
-    /// [`PolicyError::Unreachable`] when no process can be had, [`PolicyError::Unsuited`] when the class cannot be made
-    /// or says nonsense about itself.
+    /// [`PolicyError::Unreachable`] if no process can be started, [`PolicyError::Unsuited`] if the class cannot be
+    /// instantiated or its spec is invalid.
     pub fn policy(
         self: &Arc<Self>,
         read_spec: impl FnOnce(Value) -> Result<PolicySpec, String>,
@@ -76,10 +75,10 @@ impl Processes {
     }
 }
 
-/// A policy in a process.
+/// A policy in a Python process.
 #[derive(Debug)]
 pub struct ProcessPolicy {
-    /// `None` once it failed to answer: what it would say next belongs to another question.
+    /// `None` after a failed response: the next message would belong to another request.
     process: Option<Process>,
     spec: PolicySpec,
     owner: Arc<Processes>,
@@ -87,8 +86,8 @@ pub struct ProcessPolicy {
 
 impl ProcessPolicy {
     fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
-        let gone = || PolicyError::Unreachable("its Python process has ended".into());
-        let answer = self.process.as_mut().ok_or_else(gone)?.ask(head, arrays);
+        let ended = || PolicyError::Unreachable("its Python process has ended".into());
+        let answer = self.process.as_mut().ok_or_else(ended)?.ask(head, arrays);
         if matches!(answer, Err(PolicyError::Unreachable(_))) {
             self.process = None;
         }
@@ -114,11 +113,11 @@ impl Policy for ProcessPolicy {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let mut arrays = Vec::new();
-        let seen = told(observation, &mut arrays);
+        let seen = encoded_observation(observation, &mut arrays);
         let (head, answered) = self.ask(json!({"ask": "act", "observation": seen}), &arrays)?;
         let wrong = |what: &str| PolicyError::Unsuited(format!("{}: {what}", self.owner.settings.class));
-        let [Array { dtype: F32, shape, bytes }] = &answered[..] else { return Err(wrong("act gave no array")) };
-        let &[_, width] = &shape[..] else { return Err(wrong("act gave no rows of actions")) };
+        let [Array { dtype: F32, shape, bytes }] = &answered[..] else { return Err(wrong("act returned no array")) };
+        let &[_, width] = &shape[..] else { return Err(wrong("act returned no rows of actions")) };
         let numbers = bytes.chunks_exact(4).filter_map(|word| Some(f32::from_le_bytes(word.try_into().ok()?)));
         let numbers: Vec<f32> = numbers.collect();
         let finished = head.get("finished").and_then(Value::as_bool).unwrap_or_default();
@@ -128,13 +127,13 @@ impl Policy for ProcessPolicy {
 
 const F32: &str = "<f4";
 
-/// The head of a message and its arrays.
+/// Message header and arrays.
 type Answer = (Map<String, Value>, Vec<Array>);
 
 /// An array of a message.
 #[derive(Clone, Debug, PartialEq)]
 struct Array {
-    /// As NumPy names it.
+    /// NumPy dtype.
     dtype: &'static str,
     shape: Vec<usize>,
     bytes: Vec<u8>,
@@ -152,15 +151,15 @@ impl Array {
     }
 }
 
-/// An observation with its arrays apart, under the names that the Python package gives them.
-fn told(observation: &Observation, arrays: &mut Vec<Array>) -> Value {
+/// Encodes an observation with the Python package's names; arrays are appended to `arrays`.
+fn encoded_observation(observation: &Observation, arrays: &mut Vec<Array>) -> Value {
     let mut put = |array: Array| {
         arrays.push(array);
         json!({"array": arrays.len() - 1})
     };
     let state = observation.state.get(Observation::STATE).map_or(&[][..], Vec::as_slice);
     let mut seen = json!({"time_s": observation.time_s, "state": put(Array::of_reals(state, &[state.len()]))});
-    let images = observation.images.iter().map(|(name, image)| (name.clone(), picture(image, &mut put)));
+    let images = observation.images.iter().map(|(name, image)| (name.clone(), encoded_image(image, &mut put)));
     seen["images"] = Value::Object(images.collect());
     if let Some(truth) = &observation.privileged {
         let row = |pose: &genmanip_core::Pose| {
@@ -175,7 +174,7 @@ fn told(observation: &Observation, arrays: &mut Vec<Array>) -> Value {
     seen
 }
 
-fn picture(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Value {
+fn encoded_image(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Value {
     let size = [image.height() as usize, image.width() as usize];
     let with_three = [size[0], size[1], 3];
     let k = &image.intrinsics;
@@ -192,7 +191,7 @@ fn picture(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Value {
     seen
 }
 
-/// A running process and the thread that reads what it says.
+/// A running process and the receiver of its reader thread.
 #[derive(Debug)]
 struct Process {
     child: Child,
@@ -223,22 +222,23 @@ impl Process {
         Ok(Self { child, input, messages, answer: *answer })
     }
 
-    /// What the policy raised is its failure; a process that is gone or silent is not.
+    /// Sends a request and waits for the response. An exception is a failure of the policy; a dead or silent process is
+    /// not.
     fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
-        let gone = |error: &dyn std::fmt::Display| {
-            PolicyError::Unreachable(format!("its Python process has ended, see its own words above: {error}"))
+        let ended = |error: &dyn std::fmt::Display| {
+            PolicyError::Unreachable(format!("its Python process has ended, see its output above: {error}"))
         };
-        send(&mut self.input, head, arrays).map_err(|error| gone(&error))?;
+        send(&mut self.input, head, arrays).map_err(|error| ended(&error))?;
         let answer = self.messages.recv_timeout(self.answer).map_err(|error| match error {
             RecvTimeoutError::Timeout => {
                 PolicyError::Unreachable(format!("no answer within {} s", self.answer.as_secs_f64()))
             }
-            RecvTimeoutError::Disconnected => gone(&error),
+            RecvTimeoutError::Disconnected => ended(&error),
         })?;
-        let (head, arrays) = answer.map_err(|error| gone(&error))?;
+        let (head, arrays) = answer.map_err(|error| ended(&error))?;
         match head.get("error").and_then(Value::as_str) {
             Some(traceback) => {
-                let skipped = traceback.chars().count().saturating_sub(SHOWN);
+                let skipped = traceback.chars().count().saturating_sub(MAX_TRACEBACK_CHARS);
                 let evidence = traceback.trim().chars().skip(skipped).collect();
                 Err(PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence }))
             }
@@ -265,24 +265,24 @@ fn send(pipe: &mut impl Write, mut head: Value, arrays: &[Array]) -> std::io::Re
 }
 
 fn receive(pipe: &mut impl Read) -> std::io::Result<Answer> {
-    let wrong = |what: &str| std::io::Error::other(format!("its answer is no message: {what}"));
+    let wrong = |what: &str| std::io::Error::other(format!("invalid message: {what}"));
     let mut length = [0; 4];
     pipe.read_exact(&mut length)?;
     let length = u32::from_le_bytes(length) as usize;
-    if length > MOST_BYTES {
-        return Err(wrong("its head is too long"));
+    if length > MAX_BYTES {
+        return Err(wrong("the header is too long"));
     }
     let mut head = vec![0; length];
     pipe.read_exact(&mut head)?;
     let head: Map<String, Value> = serde_json::from_slice(&head)?;
     let listed = head.get("arrays").and_then(Value::as_array).ok_or_else(|| wrong("it lists no arrays"))?;
     let mut arrays = Vec::new();
-    for told in listed {
-        let axes = told.get("shape").and_then(Value::as_array).ok_or_else(|| wrong("an array without shape"))?;
+    for encoded_observation in listed {
+        let axes = encoded_observation.get("shape").and_then(Value::as_array).ok_or_else(|| wrong("an array without shape"))?;
         let shape: Option<Vec<usize>> = axes.iter().map(|axis| usize::try_from(axis.as_u64()?).ok()).collect();
-        let shape = shape.ok_or_else(|| wrong("a shape that is none"))?;
+        let shape = shape.ok_or_else(|| wrong("an invalid shape"))?;
         let size = shape.iter().try_fold(4_usize, |size, axis| size.checked_mul(*axis));
-        let size = size.filter(|size| *size <= MOST_BYTES).ok_or_else(|| wrong("an array that is too large"))?;
+        let size = size.filter(|size| *size <= MAX_BYTES).ok_or_else(|| wrong("an array that is too large"))?;
         let mut bytes = vec![0; size];
         pipe.read_exact(&mut bytes)?;
         arrays.push(Array { dtype: F32, shape, bytes });
@@ -308,11 +308,11 @@ mod tests {
         let framed = |head: &str| [&(head.len() as u32).to_le_bytes()[..], head.as_bytes()].concat();
         let cases = [
             (vec![1, 0], "failed to fill"),
-            (vec![0xff; 8], "its head is too long"),
+            (vec![0xff; 8], "the header is too long"),
             (framed("[]"), "expected a map"),
             (framed("{}"), "it lists no arrays"),
             (framed("{\"arrays\": [{}]}"), "an array without shape"),
-            (framed("{\"arrays\": [{\"shape\": [-1]}]}"), "a shape that is none"),
+            (framed("{\"arrays\": [{\"shape\": [-1]}]}"), "an invalid shape"),
             (framed("{\"arrays\": [{\"shape\": [99999999, 99999999, 99999999]}]}"), "an array that is too large"),
             (framed("{\"arrays\": [{\"shape\": [2]}]}"), "failed to fill"),
         ];

@@ -1,8 +1,8 @@
-//! Model servers of vla-eval (allenai/vla-evaluation-harness): an observation goes out, one action comes back.
+//! Client of vla-eval's model servers (allenai/vla-evaluation-harness): one observation out, one action or chunk back.
 //!
-//! A message is a map of `type`, `payload`, `seq` and `timestamp` in MessagePack; both sides begin with `hello`, and
-//! `episode_start` and `episode_end` stand around the observations of an episode. The server keeps what it knows of an
-//! episode with the connection, so a connection that is lost ends the episode, which is then not run.
+//! A message is a MessagePack map of `type`, `payload`, `seq` and `timestamp`. Both sides start with `hello`;
+//! `episode_start` and `episode_end` enclose the observations of an episode. The server ties episode state to the
+//! connection, so a lost connection ends the episode, which is then not run.
 
 use std::sync::Arc;
 
@@ -12,30 +12,30 @@ use genmanip_core::{
 };
 use rmpv::Value;
 
-use crate::connection::{Connection, Patience, RemoteError};
+use crate::connection::{Connection, Timeouts, RemoteError};
 use crate::numpy::{Array, get};
 use crate::openpi::{self, libero_state};
 
-/// Version of the protocol that is spoken.
+/// Protocol version.
 const PROTOCOL: u64 = 1;
-/// Pixels each way, as the harness renders LIBERO.
+/// Image size [px], as the harness renders LIBERO.
 const SIDE: u32 = 256;
 
-/// What a server is shown and what its numbers mean.
+/// Observation and action format of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// LIBERO's: changes of the tool's pose, 20 Hz; pictures `agentview` and `wrist`; 8 numbers of state.
+    /// LIBERO: TCP pose deltas at 20 Hz; images `agentview` and `wrist`; 8 state values.
     Libero,
-    /// Joint targets, rad, and the opening, m, 15 Hz; pictures under the names of their cameras; joints and opening as
-    /// state. For servers made for this robot.
+    /// Joint targets [rad] and gripper opening [m] at 15 Hz; images named by their cameras; joint positions and opening
+    /// as state. For servers trained on this robot.
     Joint,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 2] = [Self::Libero, Self::Joint];
 
-    /// Its name.
+    /// Name of the preset.
     pub fn name(self) -> &'static str {
         match self {
             Self::Libero => "libero",
@@ -43,7 +43,7 @@ impl Preset {
         }
     }
 
-    /// Actions per second.
+    /// Action rate [Hz].
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Libero => openpi::Preset::Libero.rate_hz(),
@@ -51,7 +51,7 @@ impl Preset {
         }
     }
 
-    /// What its actions mean, once they are in rad and m.
+    /// Action format after scaling to rad and m.
     pub fn action(self) -> ActionSpec {
         match self {
             Self::Libero => openpi::Preset::Libero.action(),
@@ -59,7 +59,7 @@ impl Preset {
         }
     }
 
-    /// What a server may say about its actions: the formats of their parts, as the harness names them.
+    /// Expected action formats in the server's `action_spec`, in the harness's terms.
     fn formats(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Self::Libero => {
@@ -77,54 +77,54 @@ impl Preset {
     }
 }
 
-/// Which server is asked, and how.
+/// Server settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VlaEvalSettings {
-    /// Where it is, e.g. `ws://127.0.0.1:8000`.
+    /// Server URL, e.g. `ws://127.0.0.1:8000`.
     pub url: String,
-    /// What it is shown.
+    /// Observation and action format.
     pub preset: Preset,
-    /// The camera that stands beside the robot.
+    /// Name of the exterior camera.
     pub exterior: String,
-    /// The camera at the hand; empty for none.
+    /// Name of the wrist camera; empty for none.
     pub wrist: String,
-    /// How long is waited.
-    pub patience: Patience,
+    /// Timeouts and reconnects.
+    pub timeouts: Timeouts,
 }
 
-/// A policy behind the protocol; one connection per episode.
+/// A policy behind the protocol, with one connection per episode.
 pub struct VlaEvalPolicy {
     settings: VlaEvalSettings,
     robot: Arc<RobotModel>,
     instruction: String,
     connection: Option<Connection>,
-    /// Number of the last message.
+    /// Sequence number of the last message.
     seq: u64,
 }
 
 impl VlaEvalPolicy {
-    /// For a robot. Nothing is asked yet.
+    /// Creates a policy for a robot without connecting.
     pub fn new(settings: VlaEvalSettings, robot: Arc<RobotModel>) -> Self {
         Self { settings, robot, instruction: String::new(), connection: None, seq: 0 }
     }
 
-    /// Connects, greets, sees whether the server's actions are those of the preset, and begins the episode.
-    fn begin(&mut self) -> Result<(), RemoteError> {
-        let VlaEvalSettings { url, preset, patience, .. } = &self.settings;
-        let mut connection = Connection::connect(url, None, *patience)?;
+    /// Connects, exchanges `hello`, checks the server's action formats, and starts the episode.
+    fn start_episode(&mut self) -> Result<(), RemoteError> {
+        let VlaEvalSettings { url, preset, timeouts, .. } = &self.settings;
+        let mut connection = Connection::connect(url, None, *timeouts)?;
         self.seq = 1;
         let hello = vec![
             ("harness_version", Value::from(concat!("genmanip ", env!("CARGO_PKG_VERSION")))),
             ("protocol_version", PROTOCOL.into()),
         ];
-        let answer = connection.ask(&message("hello", map(hello), self.seq))?;
-        let told = payload(&answer, "hello").map_err(|what| connection.wrong(what))?;
-        if let Some(version) = get(told, "protocol_version").filter(|version| version.as_u64() != Some(PROTOCOL)) {
+        let answer = connection.request(&message("hello", map(hello), self.seq))?;
+        let announced = payload(&answer, "hello").map_err(|what| connection.wrong(what))?;
+        if let Some(version) = get(announced, "protocol_version").filter(|version| version.as_u64() != Some(PROTOCOL)) {
             return Err(connection.wrong(format!("protocol version {version}, expected {PROTOCOL}")));
         }
         for (part, expected) in preset.formats() {
-            let told = get(told, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
-            if let Some(format) = told.and_then(Value::as_str).filter(|format| format != expected) {
+            let announced = get(announced, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
+            if let Some(format) = announced.and_then(Value::as_str).filter(|format| format != expected) {
                 let what =
                     format!("with the {part} of actions as `{format}`, expected `{expected}` of {}", preset.name());
                 return Err(connection.wrong(what));
@@ -132,12 +132,12 @@ impl VlaEvalPolicy {
         }
         self.seq += 1;
         let task = map(vec![("name", self.instruction.as_str().into()), ("suite", "genmanip".into())]);
-        connection.tell(&message("episode_start", map(vec![("task", task)]), self.seq))?;
+        connection.send(&message("episode_start", map(vec![("task", task)]), self.seq))?;
         self.connection = Some(connection);
         Ok(())
     }
 
-    fn shown(&self, observation: &Observation) -> Result<Value, PolicyError> {
+    fn encoded_observation(&self, observation: &Observation) -> Result<Value, PolicyError> {
         let unsuited = |what: String| PolicyError::Unsuited(what);
         let state = observation.state.get(Observation::STATE);
         let state = state.ok_or_else(|| unsuited(format!("needs `{}`", Observation::STATE)))?;
@@ -164,12 +164,12 @@ impl VlaEvalPolicy {
         ]))
     }
 
-    fn asked(&mut self, shown: Value) -> Result<Vec<Vec<f32>>, RemoteError> {
-        let gone =
+    fn actions_for(&mut self, encoded_observation: Value) -> Result<Vec<Vec<f32>>, RemoteError> {
+        let lost =
             || RemoteError::Unreachable { url: self.settings.url.clone(), reason: "the connection is lost".into() };
-        let mut connection = self.connection.take().ok_or_else(gone)?;
+        let mut connection = self.connection.take().ok_or_else(lost)?;
         self.seq += 1;
-        let answer = connection.ask(&message("observation", shown, self.seq))?;
+        let answer = connection.request(&message("observation", encoded_observation, self.seq))?;
         let (preset, dof) = (self.settings.preset, self.robot.arm_dof());
         let rows = rows(&answer, self.seq, preset.action().length(dof)).map_err(|what| connection.wrong(what))?;
         self.connection = Some(connection);
@@ -178,10 +178,10 @@ impl VlaEvalPolicy {
 }
 
 impl Drop for VlaEvalPolicy {
-    /// The server may forget the episode; nobody waits for that.
+    /// Ends the episode without waiting.
     fn drop(&mut self) {
         if let Some(mut connection) = self.connection.take() {
-            let _ = connection.tell(&message("episode_end", Value::Map(Vec::new()), self.seq + 1));
+            let _ = connection.send(&message("episode_end", Value::Map(Vec::new()), self.seq + 1));
         }
     }
 }
@@ -199,22 +199,22 @@ impl Policy for VlaEvalPolicy {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         self.instruction.clone_from(&start.instruction);
-        self.begin().map_err(|error| PolicyError::Unreachable(error.to_string()))
+        self.start_episode().map_err(|error| PolicyError::Unreachable(error.to_string()))
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
-        let shown = self.shown(observation)?;
-        let actions = self.asked(shown).map_err(|error| PolicyError::Unreachable(error.to_string()))?;
+        let encoded_observation = self.encoded_observation(observation)?;
+        let actions = self.actions_for(encoded_observation).map_err(|error| PolicyError::Unreachable(error.to_string()))?;
         Ok(ActionChunk { actions, finished: false })
     }
 }
 
-/// A message; its time is left at zero, so that the same episode sends the same bytes.
+/// Encodes a message; its timestamp is 0 so that the same episode sends the same bytes.
 fn message(kind: &str, payload: Value, seq: u64) -> Vec<u8> {
     let entries =
         vec![("type", kind.into()), ("payload", payload), ("seq", seq.into()), ("timestamp", Value::F64(0.0))];
     let mut bytes = Vec::new();
-    // Writing into memory does not fail.
+    // Writing to memory does not fail.
     let _ = rmpv::encode::write_value(&mut bytes, &map(entries));
     bytes
 }
@@ -223,10 +223,10 @@ fn map(entries: Vec<(&str, Value)>) -> Value {
     Value::Map(entries.into_iter().map(|(key, value)| (key.into(), value)).collect())
 }
 
-/// The payload of a message of a kind; an error says what the server said.
+/// Payload of a message of the expected type; reports the server's error message.
 fn payload<'a>(message: &'a Value, expected: &str) -> Result<&'a Value, String> {
-    let kind = get(message, "type").and_then(Value::as_str).ok_or("no message: it has no `type`")?;
-    let payload = get(message, "payload").ok_or("a message without `payload`")?;
+    let kind = get(message, "type").and_then(Value::as_str).ok_or("the message has no `type`")?;
+    let payload = get(message, "payload").ok_or("the message has no `payload`")?;
     match kind {
         kind if kind == expected => Ok(payload),
         "error" => {
@@ -237,12 +237,12 @@ fn payload<'a>(message: &'a Value, expected: &str) -> Result<&'a Value, String> 
     }
 }
 
-/// The actions of an answer, row by row; servers give one, or a chunk.
+/// Action rows of a response: one action or a chunk.
 fn rows(answer: &Value, seq: u64, length: usize) -> Result<Vec<Vec<f64>>, String> {
     let payload = payload(answer, "action")?;
-    let told = get(answer, "seq").and_then(Value::as_u64);
-    if told != Some(seq) {
-        return Err(format!("message {told:?}, expected the answer to {seq}"));
+    let announced = get(answer, "seq").and_then(Value::as_u64);
+    if announced != Some(seq) {
+        return Err(format!("message {announced:?}, expected the answer to {seq}"));
     }
     let actions = get(payload, "actions").ok_or("no `actions`")?;
     let actions = Array::read(actions).map_err(|what| format!("`actions` that are no array: {what}"))?;

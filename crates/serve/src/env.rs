@@ -1,4 +1,4 @@
-//! Environments that other programs drive over HTTP, a request per action.
+//! Environment sessions over HTTP, one request per action.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,100 +12,100 @@ use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::refusal::Refusal;
+use crate::request_error::RequestError;
 use crate::wire;
 
-/// A session that was not asked for so long makes room for another one.
+/// Idle time after which a session may be closed for a new one.
 const IDLE: Duration = Duration::from_secs(600);
 
-/// Environments of the same scenes, at most so many.
+/// The environment endpoint: a bounded number of sessions on the same scenes.
 #[derive(Debug)]
-pub struct EnvOffer {
+pub struct EnvEndpoint {
     scenes: Arc<Scenes>,
-    most: usize,
+    max_sessions: usize,
     open: Mutex<Open>,
 }
 
 #[derive(Debug, Default)]
 struct Open {
     opened: u64,
-    sessions: BTreeMap<u64, (Arc<Mutex<Seat>>, Instant)>,
+    sessions: BTreeMap<u64, (Arc<Mutex<Slot>>, Instant)>,
 }
 
-/// A session and the moment it may go back to.
+/// A session and its saved state.
 #[derive(Debug)]
-struct Seat {
+struct Slot {
     session: Session,
     saved: Option<Saved>,
 }
 
-/// What a program asks for; `session` is the number that `open` gave.
+/// Request of a session; `session` is the number returned by `open`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(tag = "ask", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum EnvRequest {
-    /// A new session, without an episode: its `session` and the ids of `scenes`.
+    /// Opens a session without an episode. Returns `session` and the ids of `scenes`.
     Open {
-        /// What it is driven with and what is seen.
+        /// Action and observation settings.
         settings: SessionSettings,
     },
-    /// Begins an episode: `observation`, `id`, `instruction`, `kind`.
+    /// Starts an episode. Returns `observation`, `id`, `instruction`, `kind`.
     Reset {
         session: u64,
-        /// Which of the scenes.
+        /// Index of the scene.
         #[serde(default)]
         index: usize,
-        /// Names the stream of chance of a scenario, or the layout of a task.
+        /// Seed of a scenario's random stream, or of a task's layout.
         #[serde(default)]
         seed: Option<u64>,
     },
-    /// Carries out an action: `reward`, `score`, `success`, `terminated`, `truncated`, `refused`, `observation`.
+    /// Executes an action. Returns `reward`, `score`, `success`, `terminated`, `truncated`, `refused`, `observation`.
     Step {
         session: u64,
-        /// Numbers, or an array.
+        /// Action as numbers or an array.
         action: Vec<f32>,
     },
-    /// `observation`.
+    /// Returns `observation`.
     Observe { session: u64 },
-    /// The goal as it is now, condition by condition: `verdict`.
+    /// Evaluates the goal condition by condition. Returns `verdict`.
     Verdict { session: u64 },
-    /// Keeps this moment, one per session.
+    /// Saves the state, one per session.
     Save { session: u64 },
-    /// Goes back to it: `observation`.
+    /// Restores the saved state. Returns `observation`.
     Restore { session: u64 },
-    /// Ends the episode: `result`, as in the results of an evaluation.
+    /// Ends the episode. Returns `result`, as in the results of an evaluation.
     Finish {
         session: u64,
-        /// Name of the policy.
+        /// Policy name.
         policy: String,
     },
-    /// Ends the session.
+    /// Closes the session.
     Close { session: u64 },
 }
 
-impl EnvOffer {
-    /// No session is open; at most `most` will be.
-    pub fn new(scenes: Arc<Scenes>, most: usize) -> Self {
-        Self { scenes, most: most.max(1), open: Mutex::default() }
+impl EnvEndpoint {
+    /// Creates the endpoint with at most `max_sessions` sessions.
+    pub fn new(scenes: Arc<Scenes>, max_sessions: usize) -> Self {
+        Self { scenes, max_sessions: max_sessions.max(1), open: Mutex::default() }
     }
 
-    /// The answer to a request, both MessagePack.
-    pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, Refusal> {
-        let request = wire::read(body).map_err(Refusal::Malformed)?;
+    /// Processes a request; both sides are MessagePack.
+    pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, RequestError> {
+        let request = wire::read(body).map_err(RequestError::Malformed)?;
         let request: EnvRequest = serde_path_to_error::deserialize(request)
-            .map_err(|error| Refusal::Malformed(format!("at {}: {}", error.path(), error.inner())))?;
-        Ok(wire::written(&map(self.answered(request)?)))
+            .map_err(|error| RequestError::Malformed(format!("at {}: {}", error.path(), error.inner())))?;
+        Ok(wire::written(&map(self.dispatch(request)?)))
     }
 
-    fn answered(&self, request: EnvRequest) -> Result<Vec<(&'static str, Value)>, Refusal> {
+    fn dispatch(&self, request: EnvRequest) -> Result<Vec<(&'static str, Value)>, RequestError> {
         match request {
             EnvRequest::Open { settings } => {
                 let ids = self.scenes.ids().into_iter().map(Value::from).collect();
                 Ok(vec![("session", self.open(settings)?.into()), ("scenes", Value::Array(ids))])
             }
-            EnvRequest::Reset { session, index, seed } => self.with(session, |seat| {
-                seat.session.reset(index, seed)?;
-                let mut answer = vec![("observation", seen(&seat.session.observe()?))];
-                if let Some(case) = seat.session.case() {
+            EnvRequest::Reset { session, index, seed } => self.with(session, |slot| {
+                slot.session.reset(index, seed)?;
+                let mut answer = vec![("observation", encoded_observation(&slot.session.observe()?))];
+                if let Some(case) = slot.session.case() {
                     let task = &case.scenario.task;
                     answer.push(("id", case.id.as_str().into()));
                     answer.push(("instruction", task.instruction.as_str().into()));
@@ -113,8 +113,8 @@ impl EnvOffer {
                 }
                 Ok(answer)
             }),
-            EnvRequest::Step { session, action } => self.with(session, |seat| {
-                let Outcome { reward, verdict, terminated, truncated, refused, .. } = seat.session.step(&action)?;
+            EnvRequest::Step { session, action } => self.with(session, |slot| {
+                let Outcome { reward, verdict, terminated, truncated, refused, .. } = slot.session.step(&action)?;
                 Ok(vec![
                     ("reward", reward.into()),
                     ("score", verdict.score.into()),
@@ -122,68 +122,68 @@ impl EnvOffer {
                     ("terminated", terminated.into()),
                     ("truncated", truncated.into()),
                     ("refused", refused.map_or(Value::Nil, Value::from)),
-                    ("observation", seen(&seat.session.observe()?)),
+                    ("observation", encoded_observation(&slot.session.observe()?)),
                 ])
             }),
             EnvRequest::Observe { session } => {
-                self.with(session, |seat| Ok(vec![("observation", seen(&seat.session.observe()?))]))
+                self.with(session, |slot| Ok(vec![("observation", encoded_observation(&slot.session.observe()?))]))
             }
             EnvRequest::Verdict { session } => {
-                self.with(session, |seat| Ok(vec![("verdict", wire::of(&seat.session.verdict()?))]))
+                self.with(session, |slot| Ok(vec![("verdict", wire::of(&slot.session.verdict()?))]))
             }
-            EnvRequest::Save { session } => self.with(session, |seat| {
-                seat.saved = Some(seat.session.save()?);
+            EnvRequest::Save { session } => self.with(session, |slot| {
+                slot.saved = Some(slot.session.save()?);
                 Ok(Vec::new())
             }),
-            EnvRequest::Restore { session } => self.with(session, |seat| {
-                let nothing = || RunError::input("nothing was saved").with_hint("save keeps a moment of the session");
-                let saved = seat.saved.as_ref().ok_or_else(nothing)?;
-                seat.session.restore(saved)?;
-                Ok(vec![("observation", seen(&seat.session.observe()?))])
+            EnvRequest::Restore { session } => self.with(session, |slot| {
+                let nothing = || RunError::input("no state was saved").with_hint("send `save` first");
+                let saved = slot.saved.as_ref().ok_or_else(nothing)?;
+                slot.session.restore(saved)?;
+                Ok(vec![("observation", encoded_observation(&slot.session.observe()?))])
             }),
             EnvRequest::Finish { session, policy } => {
-                self.with(session, |seat| Ok(vec![("result", wire::of(&seat.session.finish(&policy)?))]))
+                self.with(session, |slot| Ok(vec![("result", wire::of(&slot.session.finish(&policy)?))]))
             }
             EnvRequest::Close { session } => {
-                let gone = || Refusal::Unsuited(format!("there is no session {session}"));
+                let gone = || RequestError::Unsuited(format!("there is no session {session}"));
                 self.lock().sessions.remove(&session).map(|_| Vec::new()).ok_or_else(gone)
             }
         }
     }
 
-    /// A new session; where there are too many, the one that has been idle longest goes, if it has been so long enough.
-    fn open(&self, settings: SessionSettings) -> Result<u64, Refusal> {
+    /// Opens a session; at the maximum, closes the longest idle one if it exceeds [`IDLE`].
+    fn open(&self, settings: SessionSettings) -> Result<u64, RequestError> {
         let mut open = self.lock();
-        if open.sessions.len() >= self.most {
+        if open.sessions.len() >= self.max_sessions {
             let oldest = open.sessions.iter().min_by_key(|(_, (_, asked))| *asked);
             match oldest.filter(|(_, (_, asked))| asked.elapsed() >= IDLE).map(|(number, _)| *number) {
                 Some(number) => open.sessions.remove(&number),
                 None => {
-                    let what = format!("{} sessions are open; close one, or ask for more with --sessions", self.most);
-                    return Err(Refusal::Unsuited(what));
+                    let what = format!("{} sessions are open; close one, or allow more with --sessions", self.max_sessions);
+                    return Err(RequestError::Unsuited(what));
                 }
             };
         }
         open.opened += 1;
         let number = open.opened;
-        let seat = Seat { session: Session::new(Arc::clone(&self.scenes), settings), saved: None };
-        open.sessions.insert(number, (Arc::new(Mutex::new(seat)), Instant::now()));
+        let slot = Slot { session: Session::new(Arc::clone(&self.scenes), settings), saved: None };
+        open.sessions.insert(number, (Arc::new(Mutex::new(slot)), Instant::now()));
         Ok(number)
     }
 
-    /// Works with a session, which others wait for meanwhile.
-    fn with<T>(&self, number: u64, work: impl FnOnce(&mut Seat) -> Result<T, RunError>) -> Result<T, Refusal> {
-        let seat = {
+    /// Accesses a session exclusively.
+    fn with<T>(&self, number: u64, work: impl FnOnce(&mut Slot) -> Result<T, RunError>) -> Result<T, RequestError> {
+        let slot = {
             let mut open = self.lock();
             let found = open.sessions.get_mut(&number);
-            let (seat, asked) = found.ok_or_else(|| {
-                Refusal::Unsuited(format!("there is no session {number}: it was closed, or idle while others came"))
+            let (slot, asked) = found.ok_or_else(|| {
+                RequestError::Unsuited(format!("there is no session {number}: it was closed, possibly because it was idle"))
             })?;
             *asked = Instant::now();
-            Arc::clone(seat)
+            Arc::clone(slot)
         };
-        let mut seat = seat.lock().unwrap_or_else(PoisonError::into_inner);
-        work(&mut seat).map_err(|error| Refusal::Unsuited(in_words(&error)))
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        work(&mut slot).map_err(|error| RequestError::Unsuited(full_message(&error)))
     }
 
     fn lock(&self) -> MutexGuard<'_, Open> {
@@ -191,8 +191,8 @@ impl EnvOffer {
     }
 }
 
-/// An error with those behind it and its hint.
-fn in_words(error: &RunError) -> String {
+/// Error message with causes and hint.
+fn full_message(error: &RunError) -> String {
     let mut text = error.to_string();
     let mut next = std::error::Error::source(error);
     while let Some(cause) = next {
@@ -206,10 +206,10 @@ fn map(entries: Vec<(&str, Value)>) -> Value {
     Value::Map(entries.into_iter().map(|(key, value)| (Value::from(key), value)).collect())
 }
 
-/// An observation under the names that the Python package gives its parts.
-fn seen(observation: &Observation) -> Value {
+/// Encodes an observation with the Python package's names.
+fn encoded_observation(observation: &Observation) -> Value {
     let state = observation.state.get(Observation::STATE).cloned().unwrap_or_default();
-    let images = observation.images.iter().map(|(name, image)| (Value::from(name.as_str()), picture(image)));
+    let images = observation.images.iter().map(|(name, image)| (Value::from(name.as_str()), encoded_image(image)));
     let mut entries = vec![
         ("time_s", observation.time_s.into()),
         ("state", Array::vector(state).value()),
@@ -223,7 +223,7 @@ fn seen(observation: &Observation) -> Value {
     map(entries)
 }
 
-fn picture(image: &RgbdImage) -> Value {
+fn encoded_image(image: &RgbdImage) -> Value {
     let size = [image.height() as usize, image.width() as usize];
     let with_three = [size[0], size[1], 3];
     let k = &image.intrinsics;
@@ -246,7 +246,7 @@ fn array(shape: &[usize], numbers: Numbers) -> Value {
     Array { shape: shape.to_vec(), numbers }.value()
 }
 
-/// Position, then the unit quaternion with w first.
+/// Position and unit quaternion, w first.
 fn pose(pose: &Pose) -> [f64; 7] {
     let (p, q) = (pose.position, pose.rotation);
     [p.x, p.y, p.z, q.w, q.x, q.y, q.z]

@@ -1,4 +1,4 @@
-//! Work that takes longer than a connection should stay open: it is begun, asked about, and fetched.
+//! Asynchronous jobs: started, polled, and fetched.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,68 +10,68 @@ use tokio::sync::watch;
 
 use genmanip_agent::Acted;
 
-/// Most jobs that wait or run; further ones are turned away.
+/// Maximum number of waiting and running jobs; further ones are rejected.
 pub(crate) const MAX_OPEN: usize = 64;
-/// Most ended jobs that are kept, with their pictures; the oldest go first.
+/// Maximum number of ended jobs kept with their images; the oldest are dropped.
 pub(crate) const MAX_ENDED: usize = 32;
-/// Longest that a question about a job waits for its end, s.
+/// Maximum wait for the end of a job in a poll [s].
 pub(crate) const MAX_WAIT_S: f64 = 60.0;
 
-/// How far a job is.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
-    /// Others are before it.
+    /// Waiting for other jobs.
     Waiting,
-    /// It is being computed.
+    /// Running.
     Running,
-    /// It has a result; that the agent found no way is one.
+    /// Ended with a result, which may be a planning failure.
     Done,
-    /// It has none: a service did not answer, or the question cannot be worked with.
+    /// Ended without a result: a service did not answer, or the request cannot be processed.
     Failed,
 }
 
-/// What is said of a job.
+/// Response about a job.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct JobView {
-    /// Its name.
+    /// Job id.
     pub job: String,
-    /// How far it is.
+    /// State.
     pub state: State,
-    /// The motions, or why there are none.
+    /// Planned motions, or the reason for the failure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acted: Option<Acted>,
-    /// Every question and answer: a document `genmanip.agent_transcript`.
+    /// Transcript of all questions and answers: a document `genmanip.agent_transcript`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transcript: Option<serde_json::Value>,
-    /// Pictures that were shown to the model, at `…/pictures/NAME` of the job.
+    /// Names of the images shown to the model, at `…/pictures/NAME` of the job.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<String>,
-    /// Why it failed.
+    /// Error message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
-/// What a job leaves.
+/// Result of a job.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ended {
-    /// The motions, or why there are none.
+    /// Planned motions, or the reason for the failure.
     pub acted: Option<Acted>,
-    /// Why it failed, if it did.
+    /// Error message, if it failed.
     pub error: Option<String>,
     /// The transcript as a document.
     pub transcript: serde_json::Value,
-    /// PNGs by name.
+    /// PNG images by name.
     pub pictures: Vec<(String, Arc<Vec<u8>>)>,
 }
 
 /// All jobs of a server.
 #[derive(Debug, Default)]
-pub(crate) struct Jobs(Mutex<Kept>);
+pub(crate) struct Jobs(Mutex<JobTable>);
 
 #[derive(Debug, Default)]
-struct Kept {
-    begun: u64,
+struct JobTable {
+    started: u64,
     jobs: BTreeMap<u64, Job>,
 }
 
@@ -82,15 +82,15 @@ struct Job {
 }
 
 impl Jobs {
-    /// A new job, unless too many are open.
+    /// Creates a job; `None` if too many are open.
     pub(crate) fn begin(&self) -> Option<u64> {
-        let mut kept = self.lock();
-        if kept.jobs.values().filter(|job| job.ended.is_none()).count() >= MAX_OPEN {
+        let mut table = self.lock();
+        if table.jobs.values().filter(|job| job.ended.is_none()).count() >= MAX_OPEN {
             return None;
         }
-        kept.begun += 1;
-        let number = kept.begun;
-        kept.jobs.insert(number, Job { state: watch::Sender::new(State::Waiting), ended: None });
+        table.started += 1;
+        let number = table.started;
+        table.jobs.insert(number, Job { state: watch::Sender::new(State::Waiting), ended: None });
         Some(number)
     }
 
@@ -101,25 +101,25 @@ impl Jobs {
     }
 
     pub(crate) fn end(&self, number: u64, ended: Ended) {
-        let mut kept = self.lock();
-        let Some(job) = kept.jobs.get_mut(&number) else { return };
+        let mut table = self.lock();
+        let Some(job) = table.jobs.get_mut(&number) else { return };
         let state = if ended.error.is_some() { State::Failed } else { State::Done };
         job.ended = Some(Arc::new(ended));
         job.state.send_replace(state);
-        let ended: Vec<u64> = kept.jobs.iter().filter(|(_, job)| job.ended.is_some()).map(|(it, _)| *it).collect();
+        let ended: Vec<u64> = table.jobs.iter().filter(|(_, job)| job.ended.is_some()).map(|(it, _)| *it).collect();
         for oldest in ended.iter().rev().skip(MAX_ENDED) {
-            kept.jobs.remove(oldest);
+            table.jobs.remove(oldest);
         }
     }
 
-    /// What is known of a job once it has ended or so long has passed; `None` of an unknown one.
+    /// Returns a job's state once it has ended or the wait is over; `None` for an unknown job.
     pub(crate) async fn view(&self, number: u64, wait: Duration) -> Option<JobView> {
         let mut state = self.lock().jobs.get(&number)?.state.subscribe();
         let ended = |state: &State| matches!(state, State::Done | State::Failed);
-        // Time is up, or the job was forgotten meanwhile: either way, what is known is said below.
+        // On timeout or if the job was dropped meanwhile, the current state is returned below.
         let _ = tokio::time::timeout(wait, state.wait_for(ended)).await;
-        let kept = self.lock();
-        let job = kept.jobs.get(&number)?;
+        let table = self.lock();
+        let job = table.jobs.get(&number)?;
         let ended = job.ended.as_deref();
         Some(JobView {
             job: number.to_string(),
@@ -131,14 +131,14 @@ impl Jobs {
         })
     }
 
-    /// A picture of an ended job.
+    /// An image of an ended job.
     pub(crate) fn picture(&self, number: u64, name: &str) -> Option<Arc<Vec<u8>>> {
-        let kept = self.lock();
-        let ended = kept.jobs.get(&number)?.ended.as_ref()?;
+        let table = self.lock();
+        let ended = table.jobs.get(&number)?.ended.as_ref()?;
         ended.pictures.iter().find(|(known, _)| known == name).map(|(_, png)| Arc::clone(png))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Kept> {
+    fn lock(&self) -> MutexGuard<'_, JobTable> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -150,13 +150,13 @@ mod tests {
     #[test]
     fn open_jobs_and_kept_ones_are_bounded() {
         let jobs = Jobs::default();
-        let begun: Vec<u64> = (0..MAX_OPEN).map_while(|_| jobs.begin()).collect();
-        assert_eq!((begun.len(), jobs.begin()), (MAX_OPEN, None), "no further job while so many are open");
-        for &number in &begun {
+        let started: Vec<u64> = (0..MAX_OPEN).map_while(|_| jobs.begin()).collect();
+        assert_eq!((started.len(), jobs.begin()), (MAX_OPEN, None), "no further job while so many are open");
+        for &number in &started {
             jobs.end(number, Ended { pictures: vec![("a.png".into(), Arc::default())], ..Ended::default() });
         }
-        let kept: Vec<u64> = begun.iter().copied().filter(|it| jobs.picture(*it, "a.png").is_some()).collect();
-        assert_eq!(kept, begun[MAX_OPEN - MAX_ENDED..], "the latest are kept");
+        let table: Vec<u64> = started.iter().copied().filter(|it| jobs.picture(*it, "a.png").is_some()).collect();
+        assert_eq!(table, started[MAX_OPEN - MAX_ENDED..], "the latest are kept");
         assert_eq!(jobs.begin(), Some(MAX_OPEN as u64 + 1));
     }
 

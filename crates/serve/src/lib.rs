@@ -1,22 +1,22 @@
-//! What GenManip offers to other programs over HTTP: masks, grasps, the agent and environments, computed here.
+//! HTTP services of GenManip: segmentation, grasps, the agent and environments.
 //!
-//! - `POST /segment`, `POST /grasp`: answered at once. `POST /agent` begins a job, which is asked about at
-//!   `GET /agent/jobs/JOB`. What is asked and answered is documented in [`genmanip_agent::services`].
-//! - `POST /env`: sessions that a program drives, an action per request, in MessagePack.
-//! - `GET /health` says what is offered; `GET /openapi.json` describes it for programs.
+//! - `POST /segment`, `POST /grasp`: synchronous. `POST /agent` starts a job, which is polled at `GET /agent/jobs/JOB`.
+//!   Requests and responses are documented in [`genmanip_agent::services`].
+//! - `POST /env`: environment sessions in MessagePack, one action per request.
+//! - `GET /health`: service name and version; `GET /openapi.json`: API description.
 //!
-//! A [`Server`] runs on threads of its own until it is stopped; requests have limits on their size and on the time to
-//! arrive, and only so many are computed at once while the others wait.
+//! A [`Server`] runs on its own threads until it is stopped. Request size and arrival time are limited, and a fixed
+//! number of requests is processed concurrently.
 
 mod env;
 mod jobs;
-mod offer;
+mod endpoint;
 mod openapi;
-mod refusal;
+mod request_error;
 mod server;
 mod wire;
 
-pub use env::EnvOffer;
-pub use offer::{AgentOffer, Offer};
+pub use env::EnvEndpoint;
+pub use endpoint::{AgentEndpoint, Endpoint};
 pub use openapi::openapi;
 pub use server::{ServeError, ServeSettings, Server};

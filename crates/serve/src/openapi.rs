@@ -1,4 +1,4 @@
-//! The description of a service for programs, made from the types that are read and written.
+//! OpenAPI description of a service, generated from its request and response types.
 
 use genmanip_agent::services::agent_request::ActRequest;
 use genmanip_agent::services::grasps::{GraspReply, GraspRequest};
@@ -6,26 +6,26 @@ use genmanip_agent::services::masks::{SegmentReply, SegmentRequest};
 use schemars::{JsonSchema, schema_for};
 use serde_json::{Value, json};
 
-use crate::Offer;
+use crate::Endpoint;
 use crate::env::EnvRequest;
 use crate::jobs::{JobView, MAX_ENDED, MAX_OPEN, MAX_WAIT_S};
 
-/// An OpenAPI 3.1 document of what is offered.
-pub fn openapi(offer: &Offer) -> Value {
-    let path = offer.path();
-    let mut paths = match offer {
-        Offer::Segment(_) => {
-            json!({path: {"post": operation::<SegmentRequest, SegmentReply>("Masks of the things in an image")}})
+/// OpenAPI 3.1 document of an endpoint.
+pub fn openapi(endpoint: &Endpoint) -> Value {
+    let path = endpoint.path();
+    let mut paths = match endpoint {
+        Endpoint::Segment(_) => {
+            json!({path: {"post": operation::<SegmentRequest, SegmentReply>("Masks of the objects in an image")}})
         }
-        Offer::Grasp(_) => {
-            json!({path: {"post": operation::<GraspRequest, GraspReply>("Grasps of a thing that is known by its points")}})
+        Endpoint::Grasp(_) => {
+            json!({path: {"post": operation::<GraspRequest, GraspReply>("Grasps of an object given by its points")}})
         }
-        Offer::Agent(_) => jobs(path),
-        Offer::Env(_) => json!({path: {"post": environment()}}),
+        Endpoint::Agent(_) => jobs(path),
+        Endpoint::Env(_) => json!({path: {"post": environment()}}),
     };
     paths["/health"] = json!({"get": {
-        "summary": "What is offered",
-        "responses": {"200": {"description": "The service is there", "content": {"application/json": {"schema": {
+        "summary": "Service name and version",
+        "responses": {"200": {"description": "The service is running", "content": {"application/json": {"schema": {
             "type": "object",
             "properties": {"service": {"type": "string"}, "version": {"type": "string"}},
             "required": ["service", "version"]
@@ -33,14 +33,14 @@ pub fn openapi(offer: &Offer) -> Value {
     }});
     json!({
         "openapi": "3.1.0",
-        "info": {"title": format!("genmanip serve {}", offer.name()), "version": env!("CARGO_PKG_VERSION")},
+        "info": {"title": format!("genmanip serve {}", endpoint.name()), "version": env!("CARGO_PKG_VERSION")},
         "paths": paths
     })
 }
 
-/// A request of a session; `ask` says which, and its description what is answered.
+/// Environment operation; `ask` selects the request, whose description lists the response.
 fn environment() -> Value {
-    let mut asked = operation::<EnvRequest, Value>("Drive an environment; requests and answers are MessagePack");
+    let mut asked = operation::<EnvRequest, Value>("Control an environment; requests and responses are MessagePack");
     for content in ["/requestBody/content", "/responses/200/content"] {
         if let Some(content) = asked.pointer_mut(content).and_then(Value::as_object_mut) {
             let json = content.shift_remove("application/json").unwrap_or_default();
@@ -50,12 +50,12 @@ fn environment() -> Value {
     asked
 }
 
-/// A question that begins a job, the job, and its pictures.
+/// Operations to start a job, poll it, and fetch its images.
 fn jobs(path: &str) -> Value {
-    let mut begin = operation::<ActRequest, Value>("Plan one pick and one placement; nothing is moved");
+    let mut begin = operation::<ActRequest, Value>("Plan one pick and one placement without executing them");
     let responses = &mut begin["responses"];
     responses["202"] = json!({
-        "description": "The job has begun; ask about it at `state_at`",
+        "description": "The job has started; poll it at `state_at`",
         "content": {"application/json": {"schema": {
             "type": "object",
             "properties": {"job": {"type": "string"}, "state_at": {"type": "string"}},
@@ -68,23 +68,23 @@ fn jobs(path: &str) -> Value {
     }
     let text = |name: &str| json!({"name": name, "in": "path", "required": true, "schema": {"type": "string"}});
     let wait = json!({"name": "wait_s", "in": "query", "schema": {"type": "number", "minimum": 0, "maximum": MAX_WAIT_S},
-        "description": "Answer when the job has ended, or after so many seconds"});
-    let gone = failed(&format!("Never begun, or {MAX_ENDED} later jobs have ended"));
+        "description": "Respond when the job has ended, or after this many seconds"});
+    let gone = failed(&format!("Unknown job, or {MAX_ENDED} later jobs have ended"));
     json!({
         path: {"post": begin},
         format!("{path}/jobs/{{job}}"): {"get": {
-            "summary": "How far a job is, and what came of it",
+            "summary": "State and result of a job",
             "parameters": [text("job"), wait],
             "responses": {
                 "200": {"description": "The job", "content": {"application/json": {"schema": schema_for!(JobView)}}},
-                "400": failed("Not what is described here"),
+                "400": failed("Invalid request"),
                 "404": gone.clone()
             }
         }},
         format!("{path}/jobs/{{job}}/pictures/{{name}}"): {"get": {
-            "summary": "A picture that was shown to the model",
+            "summary": "An image that was shown to the model",
             "parameters": [text("job"), text("name")],
-            "responses": {"200": {"description": "The picture", "content": {"image/png": {}}}, "404": gone}
+            "responses": {"200": {"description": "The image", "content": {"image/png": {}}}, "404": gone}
         }}
     })
 }
@@ -94,10 +94,10 @@ fn operation<Q: JsonSchema, A: JsonSchema>(summary: &str) -> Value {
         "summary": summary,
         "requestBody": {"required": true, "content": {"application/json": {"schema": schema_for!(Q)}}},
         "responses": {
-            "200": {"description": "The answer", "content": {"application/json": {"schema": schema_for!(A)}}},
-            "400": failed("Not what is described here; the message names the place"),
-            "413": {"description": "Larger than this server takes"},
-            "422": failed("Nothing can be computed from it"),
+            "200": {"description": "The response", "content": {"application/json": {"schema": schema_for!(A)}}},
+            "400": failed("Invalid request; the message names the location"),
+            "413": {"description": "The request exceeds the size limit"},
+            "422": failed("The request cannot be processed"),
             "500": failed("The computation failed")
         }
     })

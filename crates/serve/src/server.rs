@@ -1,4 +1,4 @@
-//! HTTP around an offer.
+//! HTTP server of an endpoint.
 
 use std::future::IntoFuture;
 use std::net::{SocketAddr, TcpListener};
@@ -18,21 +18,21 @@ use tokio::runtime::{self, Runtime};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
-use crate::offer::Work;
-use crate::refusal::Refusal;
-use crate::{Offer, openapi};
+use crate::endpoint::Work;
+use crate::request_error::RequestError;
+use crate::{Endpoint, openapi};
 
-/// How long a request may take to arrive; 64 MiB over a slow local network need less.
-const ARRIVAL: Duration = Duration::from_secs(60);
+/// Timeout for receiving a request; 64 MiB over a slow local network take less.
+const RECEIVE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// How a service is offered.
+/// Server settings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServeSettings {
-    /// Where to listen; port 0 takes a free one. Nobody is asked who they are, so keep to this machine.
+    /// Listening address; port 0 picks a free one. There is no authentication, so keep to this machine.
     pub address: SocketAddr,
-    /// Largest request that is read, bytes.
+    /// Maximum request size [bytes].
     pub max_request_bytes: usize,
-    /// Requests that are computed at once; others wait.
+    /// Maximum number of concurrent computations; others wait.
     pub workers: usize,
 }
 
@@ -46,47 +46,47 @@ impl Default for ServeSettings {
     }
 }
 
-/// Why nothing is offered.
+/// Error of starting the server.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The address cannot be had.
+    /// The address is unavailable.
     #[error("cannot listen at {address}: {message}")]
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// System message.
         message: String,
     },
 }
 
-/// A service that is offered until it is dropped.
+/// A running server, stopped on drop.
 pub struct Server {
     address: SocketAddr,
-    /// Tells the service to take no further request.
+    /// Signals graceful shutdown.
     stop: Option<oneshot::Sender<()>>,
     serving: Option<std::thread::JoinHandle<()>>,
 }
 
-/// What every request is answered with.
+/// Shared state of request handlers.
 struct Shared {
-    offer: Offer,
+    endpoint: Endpoint,
     max_request_bytes: usize,
-    at_once: Semaphore,
+    worker_permits: Semaphore,
     jobs: Jobs,
 }
 
 impl Server {
-    /// Listens and answers on threads of its own.
+    /// Starts the server on its own threads.
     ///
     /// # Errors
-    /// When the address cannot be had.
-    pub fn start(offer: Offer, settings: &ServeSettings) -> Result<Self, ServeError> {
+    /// Fails if the address is unavailable.
+    pub fn start(endpoint: Endpoint, settings: &ServeSettings) -> Result<Self, ServeError> {
         let listen =
             |error: std::io::Error| ServeError::Listen { address: settings.address, message: error.to_string() };
         let socket = TcpListener::bind(settings.address).map_err(listen)?;
         socket.set_nonblocking(true).map_err(listen)?;
         let address = socket.local_addr().map_err(listen)?;
-        // One thread for connections; what is computed has threads of its own, no more than `workers` at once.
+        // One thread for connections; computations have their own threads, at most `workers` at once.
         let runtime: Runtime =
             runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(listen)?;
         let socket = {
@@ -95,9 +95,9 @@ impl Server {
         };
         let workers = settings.workers.max(1);
         let shared = Arc::new(Shared {
-            offer,
+            endpoint,
             max_request_bytes: settings.max_request_bytes,
-            at_once: Semaphore::new(workers),
+            worker_permits: Semaphore::new(workers),
             jobs: Jobs::default(),
         });
         let (stop, stopped) = oneshot::channel::<()>();
@@ -105,18 +105,18 @@ impl Server {
             let _ = stopped.await;
         });
         let serving = std::thread::spawn(move || {
-            // Only a listener that is gone ends it with an error, and then there is nobody to tell.
+            // Only a broken listener causes an error, and there is nobody to report it to.
             let _ = runtime.block_on(service.into_future());
         });
         Ok(Self { address, stop: Some(stop), serving: Some(serving) })
     }
 
-    /// Where it listens.
+    /// Listening address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Waits for as long as it answers.
+    /// Waits until the server stops.
     pub fn wait(mut self) {
         if let Some(serving) = self.serving.take() {
             let _ = serving.join();
@@ -125,7 +125,7 @@ impl Server {
 }
 
 impl Drop for Server {
-    /// Finishes what is being answered.
+    /// Finishes pending requests.
     fn drop(&mut self) {
         if let Some(stop) = self.stop.take() {
             let _ = stop.send(());
@@ -137,22 +137,22 @@ impl Drop for Server {
 }
 
 fn router(shared: Arc<Shared>) -> Router {
-    let (path, name) = (shared.offer.path(), shared.offer.name());
+    let (path, name) = (shared.endpoint.path(), shared.endpoint.name());
     let health = move || async move { Json(json!({"service": name, "version": env!("CARGO_PKG_VERSION")})) };
-    let description = openapi(&shared.offer);
+    let description = openapi(&shared.endpoint);
     let described = move || async move { Json(description) };
     let wrong_method = |request: Request| async move {
-        refused(StatusCode::METHOD_NOT_ALLOWED, format!("{} is not asked like this; see /openapi.json", request.uri()))
+        error_response(StatusCode::METHOD_NOT_ALLOWED, format!("wrong method for {}; see /openapi.json", request.uri()))
     };
     let nothing_here = move || async move {
-        refused(StatusCode::NOT_FOUND, format!("there is only {path}, /health and /openapi.json"))
+        error_response(StatusCode::NOT_FOUND, format!("unknown path; available: {path}, /health and /openapi.json"))
     };
-    let asked = match &shared.offer {
-        Offer::Agent(_) => Router::new()
+    let asked = match &shared.endpoint {
+        Endpoint::Agent(_) => Router::new()
             .route(path, post(begin_job))
             .route(&format!("{path}/jobs/{{job}}"), get(see_job))
             .route(&format!("{path}/jobs/{{job}}/pictures/{{name}}"), get(see_picture)),
-        Offer::Segment(_) | Offer::Grasp(_) | Offer::Env(_) => Router::new().route(path, post(answer)),
+        Endpoint::Segment(_) | Endpoint::Grasp(_) | Endpoint::Env(_) => Router::new().route(path, post(answer)),
     };
     asked
         .route("/health", get(health))
@@ -162,38 +162,38 @@ fn router(shared: Arc<Shared>) -> Router {
         .with_state(shared)
 }
 
-/// Computes the answer while the connection waits.
+/// Handles a synchronous request.
 async fn answer(State(shared): State<Arc<Shared>>, request: Request) -> Response {
-    let body = match arrived(request, shared.max_request_bytes).await {
+    let body = match receive_body(request, shared.max_request_bytes).await {
         Ok(body) => body,
         Err(response) => return response,
     };
     let computing = Arc::clone(&shared);
-    match computed(&shared, move || computing.offer.answer(&body)).await {
-        Ok(Ok(bytes)) => ([(CONTENT_TYPE, shared.offer.media_type())], bytes).into_response(),
-        Ok(Err(refusal)) => refusal.into_response(),
-        Err(message) => refused(StatusCode::INTERNAL_SERVER_ERROR, message),
+    match compute(&shared, move || computing.endpoint.answer(&body)).await {
+        Ok(Ok(bytes)) => ([(CONTENT_TYPE, shared.endpoint.media_type())], bytes).into_response(),
+        Ok(Err(request_error)) => request_error.into_response(),
+        Err(message) => error_response(StatusCode::INTERNAL_SERVER_ERROR, message),
     }
 }
 
-/// Checks the question, begins a job with it and says where to ask about it.
+/// Validates a request, starts its job and returns the URL to poll.
 async fn begin_job(State(shared): State<Arc<Shared>>, request: Request) -> Response {
-    let body = match arrived(request, shared.max_request_bytes).await {
+    let body = match receive_body(request, shared.max_request_bytes).await {
         Ok(body) => body,
         Err(response) => return response,
     };
-    let work: Work = match shared.offer.work(&body) {
+    let work: Work = match shared.endpoint.work(&body) {
         Ok(work) => work,
-        Err(refusal) => return refusal.into_response(),
+        Err(request_error) => return request_error.into_response(),
     };
     let Some(number) = shared.jobs.begin() else {
-        let message = format!("{MAX_OPEN} jobs are open; ask again when one of them has ended");
-        return refused(StatusCode::SERVICE_UNAVAILABLE, message);
+        let message = format!("{MAX_OPEN} jobs are open; retry when one of them has ended");
+        return error_response(StatusCode::SERVICE_UNAVAILABLE, message);
     };
-    let state = format!("{}/jobs/{number}", shared.offer.path());
+    let state = format!("{}/jobs/{number}", shared.endpoint.path());
     tokio::spawn(async move {
         let starting = Arc::clone(&shared);
-        let ended = computed(&shared, move || {
+        let ended = compute(&shared, move || {
             starting.jobs.running(number);
             work()
         });
@@ -203,10 +203,10 @@ async fn begin_job(State(shared): State<Arc<Shared>>, request: Request) -> Respo
     (StatusCode::ACCEPTED, Json(json!({"job": number.to_string(), "state_at": state}))).into_response()
 }
 
-/// How long to wait for the end of a job.
+/// Query of a job poll.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Patience {
+struct WaitQuery {
     #[serde(default)]
     wait_s: f64,
 }
@@ -214,66 +214,66 @@ struct Patience {
 async fn see_job(
     State(shared): State<Arc<Shared>>,
     Path(job): Path<String>,
-    patience: Result<Query<Patience>, axum::extract::rejection::QueryRejection>,
+    query: Result<Query<WaitQuery>, axum::extract::rejection::QueryRejection>,
 ) -> Response {
-    let wait_s = match patience {
-        Ok(Query(Patience { wait_s })) if (0.0..=MAX_WAIT_S).contains(&wait_s) => wait_s,
-        _ => return refused(StatusCode::BAD_REQUEST, format!("expected at most wait_s, 0 to {MAX_WAIT_S}")),
+    let wait_s = match query {
+        Ok(Query(WaitQuery { wait_s })) if (0.0..=MAX_WAIT_S).contains(&wait_s) => wait_s,
+        _ => return error_response(StatusCode::BAD_REQUEST, format!("expected only wait_s, from 0 to {MAX_WAIT_S}")),
     };
     let seen = match job.parse() {
         Ok(number) => shared.jobs.view(number, Duration::from_secs_f64(wait_s)).await,
         Err(_) => None,
     };
-    seen.map_or_else(|| refused(StatusCode::NOT_FOUND, unknown_job(&job)), |view| Json(view).into_response())
+    seen.map_or_else(|| error_response(StatusCode::NOT_FOUND, unknown_job(&job)), |view| Json(view).into_response())
 }
 
 async fn see_picture(State(shared): State<Arc<Shared>>, Path((job, name)): Path<(String, String)>) -> Response {
     let png = job.parse().ok().and_then(|number| shared.jobs.picture(number, &name));
     match png {
         Some(png) => ([(CONTENT_TYPE, "image/png")], png.as_ref().clone()).into_response(),
-        None => refused(StatusCode::NOT_FOUND, format!("no such picture, or {}", unknown_job(&job))),
+        None => error_response(StatusCode::NOT_FOUND, format!("no such image, or {}", unknown_job(&job))),
     }
 }
 
 fn unknown_job(job: &str) -> String {
     let job: String = job.chars().take(20).collect();
-    format!("no job {job}: it was never begun, or {} later ones have ended since", crate::jobs::MAX_ENDED)
+    format!("no job {job}: it is unknown, or {} later ones have ended since", crate::jobs::MAX_ENDED)
 }
 
-/// The body, once all of it is there.
-async fn arrived(request: Request, limit: usize) -> Result<Vec<u8>, Response> {
-    let too_large = || refused(StatusCode::PAYLOAD_TOO_LARGE, format!("larger than {limit} bytes"));
+/// Receives the whole body.
+async fn receive_body(request: Request, limit: usize) -> Result<Vec<u8>, Response> {
+    let too_large = || error_response(StatusCode::PAYLOAD_TOO_LARGE, format!("larger than {limit} bytes"));
     let announced = |headers: &HeaderMap| headers.get(CONTENT_LENGTH)?.to_str().ok()?.parse::<usize>().ok();
     if announced(request.headers()).is_some_and(|length| length > limit) {
         return Err(too_large());
     }
     let body: Body = request.into_body();
-    match tokio::time::timeout(ARRIVAL, to_bytes(body, limit)).await {
+    match tokio::time::timeout(RECEIVE_TIMEOUT, to_bytes(body, limit)).await {
         Ok(Ok(bytes)) => Ok(bytes.into()),
         Ok(Err(error)) => match error.to_string().contains("length limit") {
             true => Err(too_large()),
-            false => Err(refused(StatusCode::BAD_REQUEST, format!("the request ended early: {error}"))),
+            false => Err(error_response(StatusCode::BAD_REQUEST, format!("the request ended early: {error}"))),
         },
-        Err(_) => Err(refused(StatusCode::REQUEST_TIMEOUT, format!("it did not arrive within {ARRIVAL:?}"))),
+        Err(_) => Err(error_response(StatusCode::REQUEST_TIMEOUT, format!("it was not received within {RECEIVE_TIMEOUT:?}"))),
     }
 }
 
-/// Computes on a thread of its own when it is its turn; a defect costs one answer, not the server.
-async fn computed<T: Send + 'static>(shared: &Shared, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
-    let _turn = shared.at_once.acquire().await.map_err(|_| "the server is ending".to_owned())?;
+/// Runs a computation on its own thread when a worker is free; a panic costs one response, not the server.
+async fn compute<T: Send + 'static>(shared: &Shared, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
+    let _turn = shared.worker_permits.acquire().await.map_err(|_| "the server is shutting down".to_owned())?;
     let done = tokio::task::spawn_blocking(work).await;
-    done.map_err(|_| "the computation failed, which is a defect".to_owned())
+    done.map_err(|_| "the computation panicked; please report this bug".to_owned())
 }
 
-impl IntoResponse for Refusal {
+impl IntoResponse for RequestError {
     fn into_response(self) -> Response {
         match self {
-            Self::Malformed(message) => refused(StatusCode::BAD_REQUEST, message),
-            Self::Unsuited(message) => refused(StatusCode::UNPROCESSABLE_ENTITY, message),
+            Self::Malformed(message) => error_response(StatusCode::BAD_REQUEST, message),
+            Self::Unsuited(message) => error_response(StatusCode::UNPROCESSABLE_ENTITY, message),
         }
     }
 }
 
-fn refused(status: StatusCode, message: String) -> Response {
+fn error_response(status: StatusCode, message: String) -> Response {
     (status, Json(json!({"error": {"message": message}}))).into_response()
 }

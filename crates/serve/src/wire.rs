@@ -1,36 +1,36 @@
-//! MessagePack that is read as JSON, and JSON that is written as MessagePack.
+//! Conversion between MessagePack and JSON.
 
 use genmanip_remote_policies::numpy::Array;
 use rmpv::Value;
 use serde::Serialize;
 use serde_json::{Map, Number, Value as Json};
 
-/// Deepest nesting of a request.
+/// Maximum nesting of a request.
 const MAX_DEPTH: usize = 16;
 
-/// A request; arrays are read as lists of their numbers.
+/// Decodes a request; arrays become lists of numbers.
 ///
 /// # Errors
-/// Says what is wrong.
+/// Describes the problem.
 pub(crate) fn read(bytes: &[u8]) -> Result<Json, String> {
     let mut rest = bytes;
     let value = rmpv::decode::read_value_with_max_depth(&mut rest, MAX_DEPTH);
-    let value = value.map_err(|error| format!("no MessagePack: {error}"))?;
+    let value = value.map_err(|error| format!("invalid MessagePack: {error}"))?;
     if !rest.is_empty() {
-        return Err(format!("{} bytes behind the request", rest.len()));
+        return Err(format!("{} extra bytes after the request", rest.len()));
     }
     json(&value)
 }
 
-/// A value as bytes.
-pub(crate) fn written(value: &Value) -> Vec<u8> {
+/// Encodes a value.
+pub(crate) fn encoded(value: &Value) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // Writing into memory does not fail.
+    // Writing to memory does not fail.
     let _ = rmpv::encode::write_value(&mut bytes, value);
     bytes
 }
 
-/// A value of ours; nothing where it cannot be said in JSON.
+/// Converts a serialisable value; nil if it has no JSON form.
 pub(crate) fn of(value: &impl Serialize) -> Value {
     serde_json::to_value(value).map_or(Value::Nil, |json| pack(&json))
 }
@@ -46,20 +46,20 @@ fn json(value: &Value) -> Result<Json, String> {
         },
         Value::F32(number) => real(f64::from(*number))?,
         Value::F64(number) => real(*number)?,
-        Value::String(text) => Json::String(text.as_str().ok_or("a text that is no UTF-8")?.to_owned()),
+        Value::String(text) => Json::String(text.as_str().ok_or("a string that is not UTF-8")?.to_owned()),
         Value::Array(values) => Json::Array(values.iter().map(json).collect::<Result<_, _>>()?),
         Value::Map(entries) if is_array(entries) => {
             Json::Array(Array::read(value)?.reals().into_iter().map(real).collect::<Result<_, _>>()?)
         }
         Value::Map(entries) => {
             let entry = |(key, value): &(Value, Value)| {
-                let key = key.as_str().ok_or("a key that is no text")?;
+                let key = key.as_str().ok_or("a key that is not a string")?;
                 Ok((key.to_owned(), json(value)?))
             };
             Json::Object(entries.iter().map(entry).collect::<Result<Map<_, _>, String>>()?)
         }
-        Value::Binary(_) => return Err("bytes, where nothing takes any".into()),
-        Value::Ext(..) => return Err("an extension type, where nothing takes any".into()),
+        Value::Binary(_) => return Err("bytes are not supported here".into()),
+        Value::Ext(..) => return Err("extension types are not supported".into()),
     })
 }
 
@@ -96,22 +96,22 @@ mod tests {
     #[test]
     fn values_go_both_ways_and_arrays_become_lists() {
         let json = serde_json::json!({"a": [1, -2, 0.5, null, true], "b": {"c": "text"}});
-        assert_eq!(read(&written(&pack(&json))), Ok(json));
-        assert_eq!(read(&written(&Array::vector([1.0, 2.5]).value())), Ok(serde_json::json!([1.0, 2.5])));
+        assert_eq!(read(&encoded(&pack(&json))), Ok(json));
+        assert_eq!(read(&encoded(&Array::vector([1.0, 2.5]).value())), Ok(serde_json::json!([1.0, 2.5])));
     }
 
     #[test]
     fn what_is_no_request_is_named() {
         let deep = (0..40).fold(Value::Nil, |inner, _| Value::Array(vec![inner]));
         let cases = [
-            (vec![], "no MessagePack"),
-            (written(&deep), "no MessagePack"),
-            (vec![0xc0, 0xc0], "1 bytes behind"),
-            (written(&Value::F64(f64::NAN)), "expected a finite number"),
-            (written(&Value::Binary(vec![1])), "bytes, where nothing"),
-            (written(&Value::Map(vec![(1.into(), 1.into())])), "a key that is no text"),
-            // An array that promises more than there is.
-            (vec![0xdd, 0xff, 0xff, 0xff, 0xff], "no MessagePack"),
+            (vec![], "invalid MessagePack"),
+            (encoded(&deep), "invalid MessagePack"),
+            (vec![0xc0, 0xc0], "1 extra bytes"),
+            (encoded(&Value::F64(f64::NAN)), "expected a finite number"),
+            (encoded(&Value::Binary(vec![1])), "bytes are not supported"),
+            (encoded(&Value::Map(vec![(1.into(), 1.into())])), "a key that is not a string"),
+            // An array that announces more elements than it contains.
+            (vec![0xdd, 0xff, 0xff, 0xff, 0xff], "invalid MessagePack"),
         ];
         for (bytes, expected) in cases {
             let error = read(&bytes).unwrap_err();

@@ -1,4 +1,4 @@
-//! Asks a model for tasks, checks every answer, and sends back what is wrong with it, a bounded number of times.
+//! Requests tasks from a model, validates every answer and requests repairs, up to a maximum number of rounds.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -13,19 +13,19 @@ use crate::prompt::{PromptError, PromptSet};
 use crate::sampling::sample_objects;
 use crate::settings::{GenerationSettings, LlmSettings};
 
-/// Longest instruction, words.
+/// Maximum instruction length [words].
 const MAX_WORDS: usize = 30;
-/// Tasks in a row that may fail for trouble with the server before the rest is not asked for.
+/// Maximum consecutive tasks with server failures before the rest is skipped.
 const MAX_UNANSWERED: u32 = 3;
-/// Longest list of violations that is sent back, bytes.
+/// Maximum length of the violation list [bytes].
 const MAX_VIOLATION_BYTES: usize = 16 << 10;
 
-/// Asks for `count` tasks of one kind with objects from `cards`; one outcome per task, in order.
+/// Generates `count` tasks of one kind with objects from `cards`; one outcome per task, in order.
 ///
-/// Task `k` has its own random stream and its own conversation, so it does not depend on the number of workers.
+/// Each task has its own random stream and conversation, so results do not depend on the number of workers.
 ///
 /// # Errors
-/// When the settings cannot be used, the key is missing or a prompt file is wrong; failures of single tasks are in
+/// Fails if the settings are invalid, the key is missing or a prompt file is invalid; failures of single tasks are in
 /// their outcomes.
 pub fn generate(
     settings: &LlmSettings,
@@ -37,18 +37,18 @@ pub fn generate(
     Ok(Designer::open(settings, seed)?.generate(kind, count, seed, cards, &|_| {}))
 }
 
-/// Why nothing can be asked for.
+/// Error of the setup.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DesignerError {
-    /// Settings that cannot be used.
+    /// Invalid settings.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// A prompt file that cannot be used.
+    /// Invalid prompt file.
     #[error(transparent)]
     Prompt(#[from] PromptError),
 }
 
-/// A model together with the prompts and the rules for asking.
+/// A task writer: model, prompts and settings.
 pub struct Designer {
     model: Box<dyn ChatModel>,
     prompts: PromptSet,
@@ -59,7 +59,7 @@ pub struct Designer {
 }
 
 impl Designer {
-    /// The designer that the settings describe. Replaying needs neither a key nor a server.
+    /// Creates a task writer from settings. Replay needs neither a key nor a server.
     ///
     /// # Errors
     /// As [`generate`].
@@ -73,10 +73,10 @@ impl Designer {
         Self::with_model(model, settings)
     }
 
-    /// The same with any other model, for example a [script](genmanip_llm::fake::ScriptedChat).
+    /// Creates a task writer with any model, for example a [script](genmanip_llm::fake::ScriptedChat).
     ///
     /// # Errors
-    /// When the settings or a prompt file are wrong.
+    /// Fails if the settings or a prompt file are invalid.
     pub fn with_model(model: impl ChatModel + 'static, settings: &LlmSettings) -> Result<Self, DesignerError> {
         settings.check()?;
         Ok(Self {
@@ -89,13 +89,13 @@ impl Designer {
         })
     }
 
-    /// Also offers support surfaces of a world, other than the table, to put things on or near.
+    /// Also offers support surfaces of a world other than the table as references.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<NamedSurface>) -> Self {
         Self { surfaces, ..self }
     }
 
-    /// As the function [`generate`]; `on_done` hears of each outcome as it comes, from the thread that made it.
+    /// Like the function [`generate`]; calls `on_done` with each outcome, on the worker thread.
     pub fn generate(
         &self,
         kind: TaskKind,
@@ -165,7 +165,7 @@ impl Designer {
         }
     }
 
-    /// Asks for one task with the objects of the request, and for repairs of it.
+    /// Generates one task with the objects of the request, including repair rounds.
     pub fn design(&self, request: &TaskRequest) -> GenerationOutcome {
         let mut rounds = Vec::new();
         let mut conversation = self.question(request);
@@ -203,7 +203,7 @@ impl Designer {
     }
 
     fn quoted(&self, answer: &str) -> String {
-        cut(answer, self.settings.max_quoted_bytes, "\n… (the rest is left out here)")
+        truncated(answer, self.settings.max_quoted_bytes, "\n… (the rest is left out here)")
     }
 
     fn outcome(&self, request: &TaskRequest, rounds: Vec<Round>, result: Designed) -> GenerationOutcome {
@@ -220,7 +220,7 @@ impl Designer {
     }
 }
 
-/// Everything that could not be repaired, one line each.
+/// Unrepaired violations, one line each.
 fn violations(report: &AnswerReport) -> String {
     let mut text = String::new();
     for flaw in report.flaws.iter().filter(|flaw| !flaw.repaired) {
@@ -230,13 +230,13 @@ fn violations(report: &AnswerReport) -> String {
     if report.flaws_left_out > 0 {
         text += &format!("- and {} more\n", report.flaws_left_out);
     }
-    cut(text.trim_end(), MAX_VIOLATION_BYTES, "\n- and more")
+    truncated(text.trim_end(), MAX_VIOLATION_BYTES, "\n- and more")
 }
 
-fn cut(text: &str, longest: usize, remark: &str) -> String {
-    if text.len() <= longest {
+fn truncated(text: &str, max_bytes: usize, remark: &str) -> String {
+    if text.len() <= max_bytes {
         return text.to_owned();
     }
-    let end = (0..=longest).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+    let end = (0..=max_bytes).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
     format!("{}{remark}", &text[..end])
 }

@@ -1,10 +1,10 @@
-//! Tasks invented by a language model: asking, checking, asking again, and doing it all again without the model.
+//! Task generation by a language model: prompts, validation, repair rounds, and replay without the model.
 //!
-//! - [`generate`] asks a language model for tasks and returns valid ones or typed refusals.
-//! - [`PromptSet`] holds the prompts, which are files; [`sample_objects`] chooses the objects to offer.
+//! - [`generate`]: requests tasks from a language model and returns valid ones or typed failures.
+//! - [`PromptSet`]: the prompt files; [`sample_objects`] chooses the objects to offer.
 //!
-//! The conversation itself, its server and its recording are those of `genmanip_llm`.
-//! What a model says is never trusted: the only way to a task is `genmanip_tasks::answer::check_answer`.
+//! Conversation, server and recording are in `genmanip_llm`. Model output is never trusted: the only way to a task is
+//! `genmanip_tasks::answer::check_answer`.
 //!
 //! ```
 //! use genmanip_llm::fake::ScriptedChat;

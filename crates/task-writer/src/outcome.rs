@@ -1,4 +1,4 @@
-//! What became of asking for a task: the task or the reasons against it, and every round on the way.
+//! Outcome of a task request: the task or the reason for failure, with all rounds.
 
 use genmanip_core::{Document, Task, TaskKind, Upgrade, upgrade};
 use genmanip_llm::{ChatError, ChatReply, Ledger};
@@ -8,25 +8,25 @@ use serde::{Deserialize, Serialize};
 use crate::prompt::PromptStamp;
 use crate::sampling::SamplingError;
 
-/// Everything about one request for a task; recording and replay give the same file.
+/// Complete record of one task request; recording and replay give the same file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GenerationOutcome {
-    /// Name of the task, whether there is one or not.
+    /// Task id, whether it succeeded or not.
     pub id: String,
-    /// Kind asked for.
+    /// Requested kind.
     pub kind: TaskKind,
-    /// Model asked.
+    /// Requested model.
     pub model: String,
     /// Prompts used.
     pub prompts: Vec<PromptStamp>,
-    /// Uids of the objects offered, in the order of the prompt.
+    /// Uids of the offered objects, in prompt order.
     pub offered: Vec<String>,
-    /// Smallest number of objects asked for.
+    /// Requested minimum number of objects.
     pub min_objects: usize,
-    /// Answers, oldest first.
+    /// Rounds, oldest first.
     pub rounds: Vec<Round>,
-    /// The task, or why there is none.
+    /// The task, or the reason for failure.
     pub result: Designed,
 }
 
@@ -35,58 +35,58 @@ impl Document for GenerationOutcome {
     const PREVIOUS: Option<Upgrade> = Some(upgrade::generation::FROM_1);
 }
 
-/// One answer and what was found in it.
+/// One answer with its validation result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// Content hash of the request, whose beginning is the name of its cassette.
+    /// Content hash of the request; its beginning is the cassette's name.
     pub key: String,
     /// The answer.
     pub reply: ChatReply,
-    /// Its verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// What is wrong with it.
+    /// Flaws found.
     pub flaws: Vec<Flaw>,
-    /// What was mended.
+    /// Repairs applied.
     pub repairs: Vec<Repair>,
 }
 
-/// The end of it.
+/// Final result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Designed {
-    /// A valid task, perhaps after repairs.
+    /// A valid task, possibly after repairs.
     Task(Box<Task>),
-    /// None, and why.
+    /// No task, with the reason.
     Refused(Refusal),
 }
 
-/// Why there is no task.
+/// Reason for failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Refusal {
-    /// No answer was valid; the rounds say what was wrong with each.
+    /// No answer was valid; the rounds contain the flaws.
     #[error("no answer was valid")]
     Invalid,
-    /// The model could not be asked.
+    /// The model could not be reached.
     #[error("{error}")]
     Unanswered {
-        /// Why.
+        /// Error of the request.
         error: ChatError,
     },
-    /// The catalogue lacks what this kind of task needs.
+    /// The catalogue lacks objects for this kind of task.
     #[error("{error}")]
     NoObjects {
-        /// What it lacks.
+        /// Missing objects.
         error: SamplingError,
     },
-    /// The server failed for several tasks in a row, so it was not tried.
-    #[error("not asked, because the server failed for several tasks before it")]
+    /// The server failed for several tasks in a row, so the request was not sent.
+    #[error("not requested, because the server failed for several previous tasks")]
     NotAsked,
 }
 
 impl GenerationOutcome {
-    /// The task, if there is one.
+    /// The task, if it succeeded.
     pub fn task(&self) -> Option<&Task> {
         match &self.result {
             Designed::Task(task) => Some(task),
@@ -94,7 +94,7 @@ impl GenerationOutcome {
         }
     }
 
-    /// Why there is no task, with every violation of the last answer; `None` if there is one.
+    /// Reason for failure with every violation of the last answer; `None` if there is a task.
     pub fn refusal(&self) -> Option<String> {
         let Designed::Refused(refusal) = &self.result else {
             return None;
@@ -109,7 +109,7 @@ impl GenerationOutcome {
         Some(text)
     }
 
-    /// What all rounds of some outcomes took.
+    /// Accounting of all rounds of some outcomes.
     pub fn ledger(outcomes: &[Self]) -> Ledger {
         let mut ledger = Ledger::default();
         for outcome in outcomes {
@@ -120,11 +120,11 @@ impl GenerationOutcome {
         ledger
     }
 
-    /// What to do about a refusal; empty if there is nothing to do.
+    /// Advice on a failure; empty if there is none.
     pub fn hint(&self) -> &'static str {
         match &self.result {
             Designed::Refused(Refusal::Unanswered { error }) => error.hint(),
-            Designed::Refused(Refusal::Invalid) => "a stronger model, or more `max_rounds`, may help",
+            Designed::Refused(Refusal::Invalid) => "a stronger model or a higher `max_rounds` may help",
             Designed::Refused(Refusal::NoObjects { .. }) => {
                 "lower `generation.sampling.offered`, or widen the catalogue"
             }

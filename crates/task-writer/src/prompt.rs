@@ -1,7 +1,7 @@
-//! Prompts: one file each, with a name, a version and declared inputs.
+//! Prompt files with a name, a version and declared inputs.
 //!
-//! A file begins with TOML between two lines `+++`; the rest is the text, in which `{{name}}` stands for an input.
-//! The built-in files lie in `prompts/`; a folder of the user's may replace any of them by a file of the same name.
+//! A file begins with TOML front matter between two `+++` lines; in the text `{{name}}` stands for an input. The
+//! built-in files are in `prompts/`; a user folder may replace any of them with a file of the same name.
 
 use std::path::Path;
 
@@ -13,22 +13,22 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-/// All prompts of the task designer.
+/// All prompts of the task writer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PromptSet {
     /// Role, format, conventions and rules. Input: `max_words`.
     pub system: Prompt,
     /// One task. Inputs: `objects`, `min_objects`, `kind`.
     pub request: Prompt,
-    /// What was wrong with an answer. Input: `violations`.
+    /// Violations of an answer. Input: `violations`.
     pub repair: Prompt,
-    /// The paragraph on each kind of task.
+    /// Paragraphs on each kind of task.
     pub kinds: KindPrompts,
-    /// The answer's JSON Schema; `{{uids}}` and `{{states}}` in its enums stand for those of the offered objects.
+    /// JSON Schema of the answer; `{{uids}}` and `{{states}}` in its enums stand for those of the offered objects.
     pub schema: Value,
 }
 
-/// The paragraph on each kind of task. No inputs.
+/// Paragraphs on each kind of task, without inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KindPrompts {
     /// Of [`TaskKind::PickAndPlace`].
@@ -54,59 +54,59 @@ pub struct Prompt {
     pub text: String,
 }
 
-/// What stands at the beginning of a prompt file.
+/// Front matter of a prompt file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PromptHead {
-    /// Name, e.g. `tosg.system`.
+    /// Prompt id, e.g. `tosg.system`.
     pub id: String,
-    /// Grows with every change of the text.
+    /// Version, incremented with every change of the text.
     pub version: u32,
-    /// Names of the placeholders, each of which occurs in the text.
+    /// Placeholder names, each of which occurs in the text.
     pub inputs: Vec<String>,
-    /// Schema file of the answer, where there is one.
+    /// Schema file of the answer, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_schema: Option<String>,
 }
 
-/// Which prompt was used, for provenance.
+/// Identity of a prompt, for provenance.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PromptStamp {
     /// Name.
     pub id: String,
     /// Version.
     pub version: u32,
-    /// First twelve digits of the SHA-256 of the text, in case somebody forgot to raise the version.
+    /// First twelve hexadecimal digits of the SHA-256 of the text, in case the version was not incremented.
     pub sha256: String,
 }
 
-/// Why a prompt cannot be used.
+/// Error in a prompt file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PromptError {
-    /// The beginning is not as it should be.
-    #[error("expected a prompt that begins with TOML between two lines `+++`: {message}: {file}")]
+    /// The front matter is invalid.
+    #[error("expected TOML front matter between two `+++` lines: {message}: {file}")]
     Head {
-        /// What is wrong.
+        /// Description of the problem.
         message: String,
         /// The file.
         file: String,
     },
-    /// Declared and used inputs differ, or are not those that the designer gives.
-    #[error("expected the inputs {expected:?}, declared are {declared:?}, used are {used:?}: {file}")]
+    /// Declared or used inputs differ from those provided.
+    #[error("expected the inputs {expected:?}, but {declared:?} are declared and {used:?} are used: {file}")]
     Inputs {
-        /// What the designer gives.
+        /// Provided inputs.
         expected: Vec<String>,
-        /// What the head says.
+        /// Declared inputs.
         declared: Vec<String>,
-        /// What stands in the text.
+        /// Used inputs.
         used: Vec<String>,
         /// The file.
         file: String,
     },
-    /// A file that cannot be read.
+    /// The file cannot be read.
     #[error("{message}: {file}")]
     File {
-        /// What is wrong.
+        /// Description of the problem.
         message: String,
         /// The file.
         file: String,
@@ -114,10 +114,10 @@ pub enum PromptError {
 }
 
 impl PromptSet {
-    /// The built-in prompts, or those of a folder where it has a file of the same name.
+    /// Loads the built-in prompts; files of the same name in `folder` replace them.
     ///
     /// # Errors
-    /// Names the file and what is wrong with it.
+    /// Names the file and the problem.
     pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return Err(PromptError::File { message: "no such folder".into(), file: folder.display().to_string() });
@@ -125,7 +125,7 @@ impl PromptSet {
         let text = |(file, builtin): (&str, Option<&str>)| {
             match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
                 Some(path) => read_text(&path, limits::PROMPT).map_err(|message| (message, path.display().to_string())),
-                None => builtin.map(str::to_owned).ok_or_else(|| ("there is no such file".into(), file.to_owned())),
+                None => builtin.map(str::to_owned).ok_or_else(|| ("no such file".into(), file.to_owned())),
             }
             .map_err(|(message, file)| PromptError::File { message, file })
         };
@@ -152,12 +152,12 @@ impl PromptSet {
         })
     }
 
-    /// Standing instructions: role, format, conventions and rules. `max_words` bounds an instruction.
+    /// System message: role, format, conventions and rules. `max_words` limits instructions.
     pub fn system_text(&self, max_words: usize) -> String {
         self.system.render(&[("max_words", &max_words.to_string())])
     }
 
-    /// The request for one task with the objects and surfaces that are offered.
+    /// Request for one task with the offered objects and surfaces.
     pub fn request_text(&self, request: &TaskRequest) -> String {
         self.request.render(&[
             ("objects", &object_list(request)),
@@ -166,17 +166,17 @@ impl PromptSet {
         ])
     }
 
-    /// What is sent back after an answer that cannot be used; `violations` is one line each.
+    /// Repair request; `violations` has one line each.
     pub fn repair_text(&self, violations: &str) -> String {
         self.repair.render(&[("violations", violations)])
     }
 
-    /// The prompts that a task of this kind is asked for with.
+    /// Prompts used for this kind of task.
     pub fn stamps(&self, kind: TaskKind) -> Vec<PromptStamp> {
         [&self.system, &self.request, self.kinds.of(kind), &self.repair].map(Prompt::stamp).into()
     }
 
-    /// The schema of an answer that may use the objects and surfaces that are offered.
+    /// Schema of an answer with the offered objects and surfaces.
     pub fn reply_schema(&self, request: &TaskRequest) -> ReplySchema {
         let uids = request.ids();
         let mut states: Vec<&str> = Vec::new();
@@ -196,7 +196,7 @@ impl PromptSet {
 }
 
 impl KindPrompts {
-    /// The one of a kind.
+    /// Paragraph of a kind.
     pub fn of(&self, kind: TaskKind) -> &Prompt {
         match kind {
             TaskKind::PickAndPlace => &self.pick_and_place,
@@ -209,7 +209,7 @@ impl KindPrompts {
     }
 }
 
-/// The name and the text of a file in `prompts/`; one that is missing does not compile.
+/// Name and text of a file in `prompts/`; a missing file is a compile error.
 macro_rules! builtin {
     ($file:literal) => {
         ($file, include_str!(concat!("../prompts/", $file)))
@@ -229,7 +229,7 @@ impl Prompt {
             return Err(wrong("`id` must be a name and `version` at least 1"));
         }
         if prompt.text.trim().is_empty() {
-            return Err(wrong("there is no text below it"));
+            return Err(wrong("the prompt text is empty"));
         }
         let sorted = |names: &[String]| {
             let mut names = names.to_vec();
@@ -250,8 +250,8 @@ impl Prompt {
         pieces.filter_map(|piece| Some(piece.split_once("}}")?.0.to_owned())).collect()
     }
 
-    /// The text with its inputs filled in, in one pass, so that braces in a value stay what they are.
-    /// [`Prompt::parse`] has checked that there are no other placeholders; one would stay as it stands.
+    /// Substitutes inputs in one pass, so that braces inside values are kept. [`Prompt::parse`] has checked that there
+    /// are no other placeholders; they would be kept.
     fn render(&self, inputs: &[(&str, &str)]) -> String {
         let mut pieces = self.text.split("{{");
         let mut text = pieces.next().unwrap_or_default().to_owned();
@@ -277,7 +277,7 @@ impl Prompt {
     }
 }
 
-/// The list of objects as the model sees it, one line each, the surfaces behind them.
+/// Object list for the prompt, one line each, followed by the surfaces.
 fn object_list(request: &TaskRequest) -> String {
     let ids = request.ids();
     let line = |(card, id): (&ObjectCard, &String)| {
@@ -303,7 +303,7 @@ fn object_list(request: &TaskRequest) -> String {
     objects.chain(request.surfaces.iter().map(surface)).collect::<Vec<_>>().join("\n")
 }
 
-/// A schema in which the items of lists that are placeholders are replaced by the values they stand for.
+/// Replaces placeholder items of lists in a schema by the values they stand for.
 fn filled(schema: &Value, lists: &[(&str, Vec<&str>)]) -> Value {
     match schema {
         Value::Array(items) => {
@@ -332,8 +332,8 @@ mod tests {
         check("Hello {{a}}".into(), "the first line is not `+++`");
         check("+++\nid = 1".into(), "the second `+++` is missing");
         check("+++\nid = 1\n+++\n".into(), "invalid type");
-        check(head("[\"a\"]") + "no placeholder", "used are []");
-        check(head("[]") + "{{a}}", "declared are []");
+        check(head("[\"a\"]") + "no placeholder", "[] are used");
+        check(head("[]") + "{{a}}", "[] are declared");
         check(head("[\"a\", \"b\"]") + "{{a}} {{b}}", "expected the inputs [\"a\"]");
         let prompt = Prompt::parse("x.md", &(head("[\"a\"]") + "<{{a}}> {1} <{{a}}>\n\n"), &["a"]).unwrap();
         assert_eq!(prompt.render(&[("a", "{{a}}")]), "<{{a}}> {1} <{{a}}>");

@@ -1,4 +1,4 @@
-//! Which objects a model may choose from: a few of the catalogue, spread over its general categories.
+//! Sampling of the objects offered to a model: a catalogue subset stratified by general category.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,13 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// Which objects are offered.
+/// Sampling settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingSettings {
-    /// Objects per request.
+    /// Number of objects per request.
     pub offered: usize,
-    /// Whether objects with states are offered for the kinds of task that do not need them.
+    /// Offer objects with states for kinds of tasks that do not need them.
     pub articulated_elsewhere: bool,
 }
 
@@ -26,21 +26,21 @@ impl Default for SamplingSettings {
     }
 }
 
-/// Why no objects can be offered.
+/// Sampling error.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 pub enum SamplingError {
     /// The catalogue is too small.
-    #[error("{wanted} objects are to be offered for a {kind} task, the catalogue has {have} that may be")]
+    #[error("a {kind} task needs {wanted} objects to offer, but the catalogue has {have}")]
     TooFew {
-        /// Objects to offer.
+        /// Requested number of objects.
         wanted: usize,
-        /// Objects that may be offered.
+        /// Available objects.
         have: usize,
         /// Kind of task.
         kind: String,
     },
-    /// The catalogue lacks what the kind of task needs.
-    #[error("a {kind} task needs {what}, and the catalogue has no further one")]
+    /// The catalogue lacks a required kind of object.
+    #[error("a {kind} task needs {what}, but the catalogue has no more")]
     Lacks {
         /// What is missing.
         what: String,
@@ -49,14 +49,14 @@ pub enum SamplingError {
     },
 }
 
-/// A random subset in random order, in which the kind of task is possible.
+/// Samples objects, in random order, with which the kind of task is possible.
 ///
-/// Stratified: each pick takes a general category among those least used so far, then a card in it. What the kind
-/// needs is picked first: things to move, something that holds or carries them, look-alikes for `appearance`,
-/// something with states for `articulated`. The same seed gives the same objects.
+/// Stratified sampling: each pick takes one of the least-used general categories, then a card in it. Objects that the
+/// kind needs are picked first: movable ones, a container or support, look-alikes for `appearance`, one with states for
+/// `articulated`. The same seed gives the same objects.
 ///
 /// # Errors
-/// Says what the catalogue lacks.
+/// Names what the catalogue lacks.
 pub fn sample_objects(
     cards: &[ObjectCard],
     kind: TaskKind,
@@ -65,53 +65,53 @@ pub fn sample_objects(
 ) -> Result<Vec<ObjectCard>, SamplingError> {
     let allowed =
         |card: &&ObjectCard| kind == TaskKind::Articulated || settings.articulated_elsewhere || !card.is_articulated;
-    let mut draw = Draw {
+    let mut sampler = Sampler {
         left: cards.iter().filter(allowed).collect(),
         chosen: Vec::new(),
         used: BTreeMap::new(),
         rng: seed.rng(),
     };
-    let (wanted, have) = (settings.offered, draw.left.len());
+    let (wanted, have) = (settings.offered, sampler.left.len());
     if have < wanted {
         return Err(SamplingError::TooFew { wanted, have, kind: kind.name().into() });
     }
     let lacks = |what: &str| SamplingError::Lacks { what: what.into(), kind: kind.name().into() };
     match kind {
         TaskKind::Articulated => {
-            draw.pick(|card| card.is_articulated && !card.states.is_empty())
+            sampler.pick(|card| card.is_articulated && !card.states.is_empty())
                 .ok_or_else(|| lacks("an object with states"))?;
         }
         _ => {
             let movable_count = if kind == TaskKind::LongHorizon { 3 } else { 2 };
             if kind == TaskKind::Appearance {
-                draw.look_alikes().ok_or_else(|| lacks("two look-alikes that can be picked up"))?;
+                sampler.look_alikes().ok_or_else(|| lacks("two look-alikes that can be picked up"))?;
             }
             for _ in 0..movable_count {
-                draw.pick(|card| is_movable(card) && !card.is_container)
-                    .or_else(|| draw.pick(is_movable))
+                sampler.pick(|card| is_movable(card) && !card.is_container)
+                    .or_else(|| sampler.pick(is_movable))
                     .ok_or_else(|| lacks("an object that can be picked up"))?;
             }
-            draw.pick(|card| card.is_container).ok_or_else(|| lacks("an object that holds things"))?;
+            sampler.pick(|card| card.is_container).ok_or_else(|| lacks("a container"))?;
         }
     }
-    while draw.chosen.len() < wanted && draw.pick(|_| true).is_some() {}
-    draw.chosen.truncate(wanted);
-    Ok(draw.shuffled())
+    while sampler.chosen.len() < wanted && sampler.pick(|_| true).is_some() {}
+    sampler.chosen.truncate(wanted);
+    Ok(sampler.shuffled())
 }
 
 fn is_movable(card: &ObjectCard) -> bool {
     card.can_grasp && !card.is_articulated
 }
 
-struct Draw<'a> {
+struct Sampler<'a> {
     left: Vec<&'a ObjectCard>,
     chosen: Vec<&'a ObjectCard>,
-    /// Picks per general category.
+    /// Number of picks per general category.
     used: BTreeMap<&'a str, usize>,
     rng: ChaCha8Rng,
 }
 
-impl<'a> Draw<'a> {
+impl<'a> Sampler<'a> {
     fn pick(&mut self, fits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         let fitting: Vec<&'a ObjectCard> = self.left.iter().copied().filter(|card| fits(card)).collect();
         let times = |card: &ObjectCard| self.used.get(card.general_category.as_str()).copied().unwrap_or(0);
@@ -127,7 +127,7 @@ impl<'a> Draw<'a> {
         Some(card)
     }
 
-    /// Two movable things of one category, such as mugs of two colours.
+    /// Picks two movable objects of one category, such as mugs of two colours.
     fn look_alikes(&mut self) -> Option<()> {
         let mut groups: BTreeMap<&str, Vec<&'a ObjectCard>> = BTreeMap::new();
         for card in self.left.iter().copied().filter(|card| is_movable(card)) {

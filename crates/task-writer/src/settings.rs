@@ -1,4 +1,4 @@
-//! Everything that can be chosen, on one screen; written by people as TOML.
+//! Settings of the task writer, written by users as TOML.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::sampling::SamplingSettings;
 
-/// Settings of the language-model designer. They name the variable that holds the key, never the key.
+/// Settings of the task writer. They name the variable with the key, never the key.
 ///
 /// ```
 /// use genmanip_task_writer::LlmSettings;
@@ -24,34 +24,34 @@ use crate::sampling::SamplingSettings;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LlmSettings {
-    /// The server and how patient to be with it.
+    /// Server settings with limits and retries.
     pub server: ServerSettings,
-    /// A folder in which somebody answers, instead of the server.
+    /// Folder answered by a person or program, instead of the server.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folder: Option<FolderSettings>,
-    /// Recording and replaying.
+    /// Recording and replay.
     pub cassettes: CassetteSettings,
-    /// How tasks are asked for.
+    /// Generation settings.
     pub generation: GenerationSettings,
-    /// What tokens cost, by model name; a model that is not listed costs `unknown`.
+    /// Token prices by model name; a model that is not listed costs `unknown`.
     pub prices: BTreeMap<String, Price>,
 }
 
-/// How tasks are asked for.
+/// Generation settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GenerationSettings {
-    /// Answers per task: the first and its repairs.
+    /// Maximum answers per task, including repairs.
     pub max_rounds: u32,
-    /// Tasks asked for at the same time; also the limit of open requests.
+    /// Tasks generated concurrently; also the maximum number of open requests.
     pub workers: usize,
-    /// Smallest number of objects in a scene.
+    /// Minimum number of objects in a scene.
     pub min_objects: usize,
-    /// Which objects are offered.
+    /// Sampling of offered objects.
     pub sampling: SamplingSettings,
-    /// Folder with prompt files that replace the built-in ones; none for the built-in ones.
+    /// Folder with prompt files that replace built-in ones; none for the built-in ones.
     pub prompts: Option<PathBuf>,
-    /// Longest answer that is quoted back for repair, bytes; of a longer one the beginning.
+    /// Maximum length of an answer quoted back for repair [bytes]; longer ones are truncated.
     pub max_quoted_bytes: usize,
 }
 
@@ -69,20 +69,20 @@ impl Default for GenerationSettings {
 }
 
 impl LlmSettings {
-    /// Reads and checks a TOML text.
+    /// Parses and validates TOML settings.
     ///
     /// # Errors
-    /// Names the line or the field; never shows values, since someone may have written a key there.
+    /// Names the line or the field; never shows values, which may be a key.
     pub fn from_toml(text: &str) -> Result<Self, SettingsError> {
         let settings: Self = from_toml(text)?;
         settings.check()?;
         Ok(settings)
     }
 
-    /// Checks what the types do not say.
+    /// Validates the settings.
     ///
     /// # Errors
-    /// Names the first field that makes no sense.
+    /// Names the first invalid field.
     pub fn check(&self) -> Result<(), SettingsError> {
         self.server.check()?;
         if let Some(folder) = &self.folder {

@@ -1,10 +1,8 @@
 //! Questions to a vision-language model: prompt, validation of the answer, transcript.
 //!
 //! A question is sent with images and the marks drawn on them. Only an answer that names drawn marks in the exact
-//! format
-//! is accepted. An invalid answer is returned to the model with an explanation, up to a fixed number of retries; then
-//! the
-//! stage fails. No mark is ever chosen by default.
+//! format is accepted. An invalid answer is returned to the model with an explanation, up to a fixed number of retries;
+//! then the stage fails. No mark is ever chosen by default.
 
 mod answer;
 

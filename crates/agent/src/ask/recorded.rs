@@ -1,8 +1,7 @@
 //! Recorded answers, replayed by ask index if the question matches.
 //!
 //! A question matches if its kind, prompt, instruction and previously rejected answers are equal, and its marks and
-//! images
-//! differ by at most [`Tolerance`]. Any other question is reported as a mismatch and never answered.
+//! images differ by at most [`Tolerance`]. Any other question is reported as a mismatch and never answered.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -89,10 +88,8 @@ pub struct Tolerance {
 
 impl Default for Tolerance {
     /// The renderer is deterministic across machines, but renderer versions differ slightly: the version that
-    /// introduced
-    /// colour bleeding onto the table changed images by 0.9 of 255 on average and by 12 in one cell. An object
-    /// displaced by
-    /// its own width changes a cell by about 40 of 255.
+    /// introduced colour bleeding onto the table changed images by 0.9 of 255 on average and by 12 in one cell. An
+    /// object displaced by its own width changes a cell by about 40 of 255.
     fn default() -> Self {
         Self { mean: 1.5, largest: 20.0, mark_px: 2.0, mark_size: 0.05 }
     }

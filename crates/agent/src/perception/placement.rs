@@ -15,8 +15,7 @@ use crate::segmentation::Mask;
 #[serde(default, deny_unknown_fields)]
 pub struct CellSettings {
     /// If true, a cell resolves to the surface seen in it: the middle of an object, or the free part of the table
-    /// nearest to
-    /// the cell's centre. If false, the measured point under the cell's centre is used as is.
+    /// nearest to the cell's centre. If false, the measured point under the cell's centre is used as is.
     pub snap: bool,
     /// Minimum share of a cell's pixels that an object must cover for the cell to refer to it.
     pub thing_share: f64,

@@ -111,8 +111,7 @@ impl Agent {
     }
 
     /// Clones the agent in its current state with other services and a copy of the transcript so far, for
-    /// counterfactual
-    /// rollouts from this moment on.
+    /// counterfactual rollouts from this moment on.
     #[must_use]
     pub fn branch(&self, services: Services) -> (Self, TranscriptRecorder) {
         let transcribed = self.transcribed.copied();

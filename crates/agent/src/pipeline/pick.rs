@@ -107,8 +107,7 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
     let object_from_world = subtask.object.pose.inverse();
     let (mut count, mut near) = (0, Vec::new());
     // Deep in a container the walls hide the object's sides from every camera, and all unobserved space counts as
-    // occupied.
-    // If that rejects every grasp, only observed points count; the motions are checked against those.
+    // occupied. If that rejects every grasp, only observed points count; the motions are checked against those.
     for question in [question, GraspQuestion { scene: &[], ..question }] {
         let found = agent.services.grasps.grasps(&question).map_err(failed)?;
         count += found.len();

@@ -37,8 +37,7 @@ pub(super) struct Subtask {
     /// Placement target.
     pub target: PlacementTarget,
     /// Waypoints of the carry path without its start cell: points on the table below the path with heights and yaw; the
-    /// last
-    /// one is the placement. Empty when the model was asked for one cell only.
+    /// last one is the placement. Empty when the model was asked for one cell only.
     pub path: Vec<(DVec3, PathCell)>,
 }
 

@@ -4,8 +4,8 @@
 //! - [`grasps`]: `POST /grasp`, for servers like AnyGrasp or Contact-GraspNet.
 //! - [`agent_request`]: `POST /agent`, requests to the agent itself from a camera and an arm.
 //!
-//! The first two use a [`genmanip_llm::Service`]: a server, a recording, or a recording server.
-//! Every response is validated number by number before use.
+//! The first two use a [`genmanip_llm::Service`]: a server, a recording, or a recording server. Every response is
+//! validated number by number before use.
 
 pub mod agent_request;
 pub mod grasps;

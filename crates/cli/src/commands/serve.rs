@@ -8,7 +8,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::evaluate::Suite;
 use genmanip_pipeline::sessions::Scenes;
-use genmanip_serve::{AgentOffer, EnvOffer, Offer, ServeSettings, Server, openapi};
+use genmanip_serve::{AgentEndpoint, EnvEndpoint, Endpoint, ServeSettings, Server, openapi};
 use genmanip_workspace::worlds;
 
 use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};
@@ -17,26 +17,26 @@ use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
-        ServeCommand::Segment(arguments) => serve(Offer::Segment(RgbdSegmenter::default()), arguments, printer),
+        ServeCommand::Segment(arguments) => serve(Endpoint::Segment(RgbdSegmenter::default()), arguments, printer),
         ServeCommand::Grasp(arguments) => {
             let planner = worlds::planner(&default_world(), &PlannerSettings::default())?;
-            serve(Offer::Grasp(planner), arguments, printer)
+            serve(Endpoint::Grasp(planner), arguments, printer)
         }
-        ServeCommand::Env(arguments) => serve(Offer::Env(environments(arguments)?), &arguments.serve, printer),
-        ServeCommand::Agent(arguments) => serve(Offer::Agent(agent(arguments)?), &arguments.serve, printer),
+        ServeCommand::Env(arguments) => serve(Endpoint::Env(environments(arguments)?), &arguments.serve, printer),
+        ServeCommand::Agent(arguments) => serve(Endpoint::Agent(agent(arguments)?), &arguments.serve, printer),
     }
 }
 
-fn environments(arguments: &ServeEnvArguments) -> Result<Arc<EnvOffer>, Failed> {
+fn environments(arguments: &ServeEnvArguments) -> Result<Arc<EnvEndpoint>, Failed> {
     let ServeEnvArguments { scenes, tasks, sessions, .. } = arguments;
     let scenes = match scenes {
         Some(path) => Scenes::of_suite(&Suite::at(path)?)?,
         None => Scenes::of_tasks(tasks, None)?,
     };
-    Ok(Arc::new(EnvOffer::new(Arc::new(scenes), *sessions)))
+    Ok(Arc::new(EnvEndpoint::new(Arc::new(scenes), *sessions)))
 }
 
-fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {
+fn agent(arguments: &ServeAgentArguments) -> Result<AgentEndpoint, Failed> {
     let ServeAgentArguments { vlm, masks, grasps, path, .. } = arguments;
     let choice =
         AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
@@ -45,12 +45,12 @@ fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {
     choice.for_one_image(&planner)?;
     let own = Arc::clone(&planner);
     let make = Arc::new(move || choice.for_one_image(&own).map_err(|error| error.to_string()));
-    Ok(AgentOffer { planner, make })
+    Ok(AgentEndpoint { planner, make })
 }
 
-fn serve(offer: Offer, arguments: &ServeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+fn serve(endpoint: Endpoint, arguments: &ServeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     if arguments.openapi {
-        let description = openapi(&offer);
+        let description = openapi(&endpoint);
         printer.data(&description, &serde_json::to_string_pretty(&description).unwrap_or_default());
         return Ok(ExitStatus::Done);
     }
@@ -63,8 +63,8 @@ fn serve(offer: Offer, arguments: &ServeArguments, printer: &Printer) -> Result<
         max_request_bytes: arguments.max_mb << 20,
         workers: arguments.workers.unwrap_or(ServeSettings::default().workers),
     };
-    let (name, path) = (offer.name(), offer.path());
-    let server = Server::start(offer, &settings)
+    let (name, path) = (endpoint.name(), endpoint.path());
+    let server = Server::start(endpoint, &settings)
         .map_err(|error| Failed::because(format!("cannot offer {name}"), &error).hint("choose another --address"))?;
     printer.say(format!("offering {name} at http://{}{path}; Ctrl-C ends it", server.address()));
     server.wait();

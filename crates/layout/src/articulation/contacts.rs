@@ -36,8 +36,7 @@ const FINGER_CLEARANCE_M: f64 = 0.016;
 /// Difference between handle width and commanded width while holding [m]; smaller is gentler; chosen.
 const SQUEEZE_M: f64 = 0.006;
 /// The same for a handle that pivots between the pads: a stronger grip resists the rotation and tips the object over.
-/// At
-/// 1.5 mm (15 N, about 0.5 N·m at pad friction 1) bins of 0.6 kg, which tip at 0.4 N·m, fell over; chosen.
+/// At 1.5 mm (15 N, about 0.5 N·m at pad friction 1) bins of 0.6 kg, which tip at 0.4 N·m, fell over; chosen.
 const PIVOT_SQUEEZE_M: f64 = 0.0006;
 /// Distances from the TCP to the side, back and tip of the closed fingers [m]: half a pad's width, both fingers' depth,
 /// and

@@ -7,8 +7,7 @@ use genmanip_motion::{Allowed, Checker, CollisionWorld, Planner, PlanningScene};
 use super::Motion;
 
 /// Clearance between robot and object during the motion, besides the gap at the contact [m]. Chosen small, since the
-/// gripper
-/// works at this distance.
+/// gripper works at this distance.
 const CONTACT_M: f64 = 0.0005;
 
 /// Path of a joint to one target.

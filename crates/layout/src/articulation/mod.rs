@@ -23,8 +23,7 @@ pub struct JointSettings {
     /// Length of straight approach and retreat [m].
     pub approach_m: f64,
     /// Shares of the link's rotation that the gripper follows, in the order tried; a grasp follows all of it unless the
-    /// handle
-    /// pivots between the pads.
+    /// handle pivots between the pads.
     pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,
@@ -79,8 +78,7 @@ pub struct JointChange {
 /// Joint changes required to bring an object into a state; empty if it is in that state or has no such state.
 ///
 /// Ordered to avoid blocking: closing joints first, then from the lowest link up, so that no pulled-out link hangs over
-/// the
-/// next one.
+/// the next one.
 pub fn joint_changes(scene: &PosedScene, object: usize, state: &str) -> Vec<JointChange> {
     let Some(posed) = scene.objects().nth(object) else { return Vec::new() };
     let Some(wanted) = posed.model.joint_states.iter().find(|known| known.name == state) else { return Vec::new() };

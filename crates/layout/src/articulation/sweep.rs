@@ -193,8 +193,7 @@ impl<'a> Sweeper<'a> {
     }
 
     /// Returns `Some(true)` if the arm can follow the contact along the path, and beyond its end for a push, without
-    /// collision;
-    /// `None` if inverse kinematics fails.
+    /// collision; `None` if inverse kinematics fails.
     ///
     /// Stops at the first infeasible step, since most paths are blocked early.
     fn can_follow(

@@ -1,20 +1,20 @@
-//! Anthropic's messages: its own service and gateways that offer the same path.
+//! Anthropic messages API: Anthropic's service and compatible gateways.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
 
-use super::{Wire, error_message, model_name, without_thoughts};
+use super::{Wire, chat_reply, check_error, short_text, without_reasoning};
 use crate::error::{ChatError, shortened};
 use crate::message::{Message, Part, Role};
 use crate::reply::{ChatReply, Structure, Usage};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
 
-/// Version of the interface that the shapes below belong to; the service wants it in a header.
+/// API version of the formats below, sent in a required header.
 const INTERFACE_VERSION: &str = "2023-06-01";
-/// Longest answer in tokens where `parameters` has no `max_tokens`, which the service demands; room for a long answer
-/// with thoughts, and within what every model of the service allows.
+/// Default `max_tokens`, which the service requires; enough for a long reply with reasoning, and within the limit of
+/// every model of the service.
 const MAX_TOKENS: u64 = 4096;
 
 /// `POST {base_url}/messages`.
@@ -26,11 +26,11 @@ impl Wire for Anthropic {
     }
 
     fn headers(&self, key: Option<&ApiKey>) -> Vec<(&'static str, String)> {
-        let key = key.map(|key| ("x-api-key", key.after("")));
+        let key = key.map(|key| ("x-api-key", key.header_value("")));
         [("anthropic-version", INTERFACE_VERSION.into())].into_iter().chain(key).collect()
     }
 
-    /// The words of the prompt alone: no tools are used to force a shape.
+    /// Prompt only: tools are not used to enforce a structure.
     fn structures(&self) -> &'static [Structure] {
         &[Structure::Plain]
     }
@@ -39,16 +39,16 @@ impl Wire for Anthropic {
         &["model", "system", "messages", "stream", "tools", "tool_choice"]
     }
 
-    /// The shape that is asked for stands in the instructions, since nothing else carries it.
+    /// The schema is part of the system prompt, since the API has no field for it.
     fn request_body(&self, request: &ChatRequest, _: Structure) -> Value {
-        let (standing, said): (Vec<&Message>, Vec<&Message>) =
+        let (system_messages, dialogue): (Vec<&Message>, Vec<&Message>) =
             request.messages.iter().partition(|message| message.role == Role::System);
-        let mut system: Vec<String> = standing.into_iter().map(Message::text).collect();
+        let mut system: Vec<String> = system_messages.into_iter().map(Message::text).collect();
         if let Some(schema) = &request.reply_schema {
             system.push(format!("Answer with JSON alone that obeys this JSON Schema:\n{}", schema.schema));
         }
         let message = |message: &&Message| json!({"role": message.role, "content": content(message)});
-        let messages: Vec<Value> = said.iter().map(message).collect();
+        let messages: Vec<Value> = dialogue.iter().map(message).collect();
         let mut body = Map::new();
         body.insert("model".into(), request.model.clone().into());
         body.insert("max_tokens".into(), MAX_TOKENS.into());
@@ -60,36 +60,24 @@ impl Wire for Anthropic {
         body.into()
     }
 
-    /// Joins the text blocks; blocks of thoughts are left out.
+    /// Joins text blocks; ignores reasoning blocks.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
-        if let Some(message) = error_message(body) {
-            return Err(ChatError::Status { status: 200, message, url: url.into() });
-        }
+        check_error(body, url)?;
         let blocks = body.get("content").and_then(Value::as_array).ok_or_else(|| ChatError::NotACompletion {
             url: url.into(),
             path: "$.content".into(),
             expected: "a list".into(),
         })?;
         let is_text = |block: &&Value| block.get("type").and_then(Value::as_str) == Some("text");
-        let said: String =
+        let dialogue: String =
             blocks.iter().filter(is_text).filter_map(|block| block.get("text").and_then(Value::as_str)).collect();
-        let text = without_thoughts(&said).to_owned();
-        let finish_reason = body.get("stop_reason").and_then(Value::as_str).map(|reason| shortened(reason, 100));
+        let finish_reason = short_text(body, "stop_reason");
         if finish_reason.as_deref() == Some("refusal") {
-            let message = if text.trim().is_empty() { "(no reason given)".into() } else { shortened(&text, 300) };
+            let text = without_reasoning(&dialogue);
+            let message = if text.trim().is_empty() { "(no reason given)".into() } else { shortened(text, 300) };
             return Err(ChatError::Declined { message });
         }
-        if text.trim().is_empty() {
-            return Err(ChatError::NoText { finish_reason: finish_reason.unwrap_or_else(|| "none".into()) });
-        }
-        Ok(ChatReply {
-            text,
-            model: model_name(body),
-            finish_reason,
-            usage: body.get("usage").and_then(usage),
-            structure,
-            attempts: 0,
-        })
+        chat_reply(body, &dialogue, finish_reason, body.get("usage").and_then(usage), structure)
     }
 }
 

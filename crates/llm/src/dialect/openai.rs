@@ -1,10 +1,10 @@
-//! OpenAI's chat completions: OpenAI, vLLM, llama.cpp, Ollama, LM Studio, gateways.
+//! OpenAI chat completions API: OpenAI, vLLM, llama.cpp, Ollama, LM Studio, gateways.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
 
-use super::{Wire, error_message, model_name, without_thoughts};
+use super::{Wire, chat_reply, check_error, short_text};
 use crate::error::{ChatError, shortened};
 use crate::message::{Message, Part};
 use crate::reply::{ChatReply, Structure, Usage};
@@ -20,7 +20,7 @@ impl Wire for OpenAi {
     }
 
     fn headers(&self, key: Option<&ApiKey>) -> Vec<(&'static str, String)> {
-        key.map(|key| ("authorization", key.after("Bearer "))).into_iter().collect()
+        key.map(|key| ("authorization", key.header_value("Bearer "))).into_iter().collect()
     }
 
     fn structures(&self) -> &'static [Structure] {
@@ -44,46 +44,33 @@ impl Wire for OpenAi {
         body.into()
     }
 
-    /// Accepts what servers do: content as a string or as a list of text parts, nothing but `reasoning_content`,
-    /// thoughts in `<think>…</think>` before the answer, token counts or none.
+    /// Accepts common deviations: content as a string or a list of text parts, only `reasoning_content`,
+    /// `<think>…</think>` before the reply, missing token counts.
     fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
         let missing = |path: &str, expected: &str| ChatError::NotACompletion {
             url: url.into(),
             path: path.into(),
             expected: expected.into(),
         };
-        if let Some(message) = error_message(body) {
-            // Some gateways report failures with status 200.
-            return Err(ChatError::Status { status: 200, message, url: url.into() });
-        }
+        check_error(body, url)?;
         let choices = body.get("choices").and_then(Value::as_array).ok_or_else(|| missing("$.choices", "a list"))?;
         let choice = choices.first().ok_or_else(|| missing("$.choices[0]", "an answer"))?;
         let message = choice
             .get("message")
             .and_then(Value::as_object)
             .ok_or_else(|| missing("$.choices[0].message", "an object"))?;
-        let finish_reason = choice.get("finish_reason").and_then(Value::as_str).map(|reason| shortened(reason, 100));
+        let finish_reason = short_text(choice, "finish_reason");
         if let Some(words) = message.get("refusal").and_then(Value::as_str).filter(|words| !words.is_empty()) {
             return Err(ChatError::Declined { message: shortened(words, 300) });
         }
         let said = message.get("content").and_then(text_of_content).filter(|text| !text.trim().is_empty());
-        let thought = || message.get("reasoning_content").and_then(Value::as_str).map(String::from);
-        let text = said.or_else(thought).map(|text| without_thoughts(&text).to_owned()).unwrap_or_default();
-        if text.trim().is_empty() {
-            return Err(ChatError::NoText { finish_reason: finish_reason.unwrap_or_else(|| "none".into()) });
-        }
-        Ok(ChatReply {
-            text,
-            model: model_name(body),
-            finish_reason,
-            usage: body.get("usage").and_then(usage),
-            structure,
-            attempts: 0,
-        })
+        let reasoning = || message.get("reasoning_content").and_then(Value::as_str).map(String::from);
+        let text = said.or_else(reasoning).unwrap_or_default();
+        chat_reply(body, &text, finish_reason, body.get("usage").and_then(usage), structure)
     }
 }
 
-/// A single text as a string, which every server takes; anything else as a list of typed parts.
+/// A single text as a string, which every server accepts; anything else as a list of typed parts.
 fn content(message: &Message) -> Value {
     match &message.parts[..] {
         [Part::Text(text)] => text.clone().into(),

@@ -1,4 +1,4 @@
-//! A server on a free loopback port that speaks all dialects, with a script of good and bad behaviour.
+//! A server on a free loopback port that supports all dialects, with scripted normal and faulty behaviour.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -10,52 +10,52 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// Largest request that is read, bytes.
+/// Maximum request size [bytes].
 const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
-/// A client that does not read or write for so long is left alone.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Socket timeout.
+const SOCKET_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// What to do with one request.
+/// Behaviour for one request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Behaviour {
-    /// An ordinary answer with this text, in the dialect whose path was asked for.
+    /// A normal reply with this text, in the dialect of the requested path.
     Answer(String),
     /// A status with headers and a body.
     Status(u16, Vec<(String, String)>, String),
-    /// A body under status 200 with a content type.
+    /// Status 200 with a content type and a body.
     Body(String, String),
-    /// Wait so long, then do the other thing.
+    /// Wait, then behave as given.
     Slow(Duration, Box<Behaviour>),
-    /// Announce more bytes than are sent, then hang up.
+    /// Announce more bytes than are sent, then close the connection.
     CutOff(String),
-    /// Send so many bytes under status 200, announced or not.
+    /// Send this many bytes with status 200.
     Flood {
         /// Bytes to send.
         bytes: u64,
-        /// Whether `Content-Length` says so.
+        /// Send `Content-Length`.
         announced: bool,
     },
-    /// Send one byte of an endless JSON text at a time.
+    /// Send an endless JSON text byte by byte.
     Drip {
         /// Bytes to send.
         bytes: usize,
         /// Pause before each.
         every: Duration,
     },
-    /// Hang up without a word.
+    /// Close the connection without a response.
     HangUp,
 }
 
-/// A request as it arrived.
+/// A received request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenRequest {
-    /// Number from 0.
+    /// Index, from 0.
     pub index: usize,
     /// Method and path, e.g. `POST /v1/chat/completions`.
     pub target: String,
     /// Headers, names in lower case.
     pub headers: BTreeMap<String, String>,
-    /// The body; null if it was no JSON.
+    /// The body; null if it is not JSON.
     pub body: Value,
 }
 
@@ -69,18 +69,18 @@ pub struct FakeServer {
 struct Shared {
     behaviour: Box<dyn Fn(&SeenRequest) -> Behaviour + Send + Sync>,
     seen: Mutex<Vec<SeenRequest>>,
-    /// Requests so far, remembered or not.
+    /// Number of requests received.
     count: AtomicUsize,
-    remembers: bool,
+    records: bool,
     bytes_sent: AtomicU64,
     stopped: AtomicBool,
 }
 
-/// A server that gives each question the answer of the first of these texts that stands in it, and an empty answer where
-/// none does: for who asks several questions at the same time, so that their order is not known.
+/// Starts a server that answers each question with the answer of the first of these texts it contains, or with an empty
+/// answer: for concurrent questions in unknown order.
 ///
 /// # Errors
-/// When there is no free port.
+/// Fails if there is no free port.
 pub fn answering<'a>(answers: impl IntoIterator<Item = (&'a str, Value)>) -> io::Result<FakeServer> {
     let answers: Vec<(String, String)> =
         answers.into_iter().map(|(words, answer)| (words.to_owned(), answer.to_string())).collect();
@@ -91,7 +91,7 @@ pub fn answering<'a>(answers: impl IntoIterator<Item = (&'a str, Value)>) -> io:
     })
 }
 
-/// The body of an ordinary chat completion, as OpenAI's dialect has it.
+/// Body of a normal chat completion in OpenAI's dialect.
 pub fn completion(text: &str) -> String {
     json!({
         "id": "fake", "object": "chat.completion", "created": 0, "model": "fake-server",
@@ -101,7 +101,7 @@ pub fn completion(text: &str) -> String {
     .to_string()
 }
 
-/// The body of an ordinary message, as Anthropic's dialect has it.
+/// Body of a normal message in Anthropic's dialect.
 fn message(text: &str) -> String {
     json!({
         "id": "fake", "type": "message", "role": "assistant", "model": "fake-server",
@@ -112,34 +112,35 @@ fn message(text: &str) -> String {
 }
 
 impl FakeServer {
-    /// Does one thing per request, in order; afterwards answers 410.
+    /// Starts a server with one behaviour per request, in order; afterwards it answers 410.
     ///
     /// # Errors
-    /// When no loopback port can be had.
+    /// Fails if there is no free loopback port.
     pub fn scripted(script: impl IntoIterator<Item = Behaviour>) -> io::Result<Self> {
         let script: Vec<Behaviour> = script.into_iter().collect();
         let ended = Behaviour::Status(410, Vec::new(), "the script has ended".into());
         Self::start(move |request| script.get(request.index).unwrap_or(&ended).clone())
     }
 
-    /// Decides by the request.
+    /// Starts a server whose behaviour depends on the request.
     ///
     /// # Errors
-    /// When no loopback port can be had.
+    /// Fails if there is no free loopback port.
     pub fn start(behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static) -> io::Result<Self> {
         Self::listen(true, behaviour)
     }
 
-    /// Decides by the request and forgets it: [`FakeServer::seen`] stays empty, however many large requests come.
+    /// Like [`FakeServer::start`] without recording requests: [`FakeServer::seen`] stays empty, for many large
+    /// requests.
     ///
     /// # Errors
-    /// When no loopback port can be had.
+    /// Fails if there is no free loopback port.
     pub fn forgetful(behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static) -> io::Result<Self> {
         Self::listen(false, behaviour)
     }
 
     fn listen(
-        remembers: bool,
+        records: bool,
         behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static,
     ) -> io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", 0))?;
@@ -148,7 +149,7 @@ impl FakeServer {
             behaviour: Box::new(behaviour),
             seen: Mutex::default(),
             count: AtomicUsize::new(0),
-            remembers,
+            records,
             bytes_sent: AtomicU64::new(0),
             stopped: AtomicBool::new(false),
         });
@@ -160,7 +161,7 @@ impl FakeServer {
                 }
                 let serving = Arc::clone(&accepting);
                 if let Ok(stream) = stream {
-                    // A client that goes away in the middle is the purpose of some tests.
+                    // Some tests close the connection early.
                     std::thread::spawn(move || drop(serve(stream, &serving)));
                 }
             }
@@ -168,17 +169,17 @@ impl FakeServer {
         Ok(Self { address, shared, listener: Some(listener) })
     }
 
-    /// What to put into the settings.
+    /// Base URL for the settings.
     pub fn base_url(&self) -> String {
         format!("http://{}/v1", self.address)
     }
 
-    /// The requests so far, in the order of their arrival.
+    /// Requests received so far, in order of arrival.
     pub fn seen(&self) -> Vec<SeenRequest> {
         self.shared.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
     }
 
-    /// Bytes of bodies that were handed to the system for sending.
+    /// Body bytes handed to the operating system.
     pub fn bytes_sent(&self) -> u64 {
         self.shared.bytes_sent.load(Ordering::SeqCst)
     }
@@ -195,12 +196,12 @@ impl Drop for FakeServer {
 }
 
 fn serve(stream: TcpStream, shared: &Shared) -> io::Result<()> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(SOCKET_TIMEOUT))?;
+    stream.set_write_timeout(Some(SOCKET_TIMEOUT))?;
     let mut request = read_request(&mut BufReader::new(&stream))?;
     if let Ok(mut seen) = shared.seen.lock() {
         request.index = shared.count.fetch_add(1, Ordering::SeqCst);
-        if shared.remembers {
+        if shared.records {
             seen.push(request.clone());
         }
     }
@@ -254,13 +255,13 @@ fn behave(behaviour: Behaviour, request: &SeenRequest, mut stream: TcpStream, sh
             let length = if announced { format!("content-length: {bytes}\r\n") } else { String::new() };
             write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: {json}\r\n{length}connection: close\r\n\r\n")?;
             let mut flood = io::repeat(b' ').take(bytes);
-            let mut piece = [0; 1 << 16];
+            let mut chunk = [0; 1 << 16];
             loop {
-                let count = flood.read(&mut piece)?;
+                let count = flood.read(&mut chunk)?;
                 if count == 0 {
                     return Ok(());
                 }
-                stream.write_all(&piece[..count])?;
+                stream.write_all(&chunk[..count])?;
                 shared.bytes_sent.fetch_add(count as u64, Ordering::SeqCst);
             }
         }

@@ -23,7 +23,7 @@ fn slow(seconds: f64) -> Behaviour {
     Behaviour::Slow(Duration::from_secs_f64(seconds), Box::new(answer()))
 }
 
-/// Asks a server with this script: `Ok(text)`, or the error with its causes; and how many requests that took.
+/// Sends a request to a scripted server; returns the text or the error with its causes, and the number of requests.
 fn ask(script: Vec<Behaviour>, change: impl Fn(&mut ServerSettings)) -> (Result<String, ChatError>, usize) {
     let server = FakeServer::scripted(script).unwrap();
     let mut settings = impatient(server.base_url());
@@ -34,7 +34,7 @@ fn ask(script: Vec<Behaviour>, change: impl Fn(&mut ServerSettings)) -> (Result<
 
 fn check(script: Vec<Behaviour>, expected: &str, requests: usize) {
     let shown = format!("{script:.200?}");
-    // Short only where slowness is the point: other answers may take their time on a busy machine.
+    // Short only in timeout tests: other requests may be slow on a busy machine.
     let is_slow = |behaviour: &Behaviour| matches!(behaviour, Behaviour::Slow(..) | Behaviour::Drip { .. });
     let total_timeout_s = if script.iter().any(is_slow) { 0.5 } else { 20.0 };
     let (result, seen) = ask(script, |settings| settings.total_timeout_s = total_timeout_s);
@@ -51,7 +51,7 @@ fn good_and_bad_servers() {
     let half = completion("hello")[..60].to_owned();
 
     check(vec![answer()], "hello", 1);
-    // Passing troubles are tried again …
+    // Transient failures are retried …
     check(vec![status(500, &[], "oops"), answer()], "hello", 2);
     check(vec![status(429, &[("retry-after", "0.1")], "busy"), answer()], "hello", 2);
     check(vec![status(503, &[], ""), status(408, &[], ""), answer()], "hello", 3);
@@ -63,7 +63,7 @@ fn good_and_bad_servers() {
     check(always(status(500, &[], r#"{"error":{"message":"out of memory"}}"#)), "out of memory", 3);
     check(always(Behaviour::CutOff(completion("hello"))), "cut off", 3);
     check(always(Behaviour::HangUp), "cut off", 3);
-    // Lasting troubles are told at once.
+    // Permanent failures are reported at once.
     check(always(status(429, &[("retry-after", "3600")], "quota")), "asks to wait 3600 s", 1);
     check(always(status(401, &[], r#"{"error":{"message":"no such key"}}"#)), "401: no such key", 1);
     check(always(status(404, &[], r#"{"detail":"Not Found"}"#)), "404: Not Found", 1);
@@ -80,13 +80,13 @@ fn good_and_bad_servers() {
 #[test]
 fn slow_servers() {
     check(vec![slow(0.8), answer()], "hello", 2);
-    check(always(slow(0.8)), "no whole answer", 3);
+    check(always(slow(0.8)), "no complete response", 3);
 }
 
-/// Each byte arrives in time, the whole never does.
+/// Each byte arrives in time, the whole response never does.
 #[test]
 fn a_dripping_server() {
-    check(always(Behaviour::Drip { bytes: 1000, every: Duration::from_millis(20) }), "no whole answer", 3);
+    check(always(Behaviour::Drip { bytes: 1000, every: Duration::from_millis(20) }), "no complete response", 3);
 }
 
 fn web_page_text() -> &'static str {
@@ -101,7 +101,7 @@ fn a_server_is_given_the_time_it_asks_for() {
     assert!(begin.elapsed() >= Duration::from_secs(1), "{:?}", begin.elapsed());
 }
 
-/// A gigabyte would fill the memory of a small machine; reading must stop at the limit.
+/// A gigabyte would exhaust the memory of a small machine; reading must stop at the limit.
 #[test]
 fn a_flood_is_cut_off_early() {
     for announced in [true, false] {
@@ -110,7 +110,7 @@ fn a_flood_is_cut_off_early() {
         settings.max_body_bytes = 1 << 20;
         let error = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?")).unwrap_err();
         assert!(matches!(error, ChatError::TooLarge { limit_bytes: 1_048_576, .. }), "{error}");
-        // What was sent beyond the limit sits in socket buffers of the system, not in ours.
+        // Excess bytes are in the system's socket buffers.
         assert!(server.bytes_sent() < 64 << 20, "{} bytes", server.bytes_sent());
     }
 }
@@ -126,7 +126,7 @@ fn nobody_listens() {
     assert!(begin.elapsed() < Duration::from_secs(1), "not retried");
 }
 
-/// The TLS stack is in place, and a server that does not speak it is told apart from one that is absent.
+/// TLS is available, and a server without TLS is distinguished from an absent one.
 #[cfg(feature = "https")]
 #[test]
 fn https_with_a_server_that_speaks_none() {

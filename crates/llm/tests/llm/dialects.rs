@@ -17,7 +17,7 @@ fn speaking(dialect: Dialect, server: &FakeServer) -> HttpChat {
     HttpChat::new(settings, Some(ApiKey::new(KEY).unwrap()), Seed::new(1)).unwrap()
 }
 
-/// The same request in every dialect gives the same answer and has the same key; only the wire differs.
+/// The same request gives the same reply and key in every dialect; only the encoding differs.
 #[test]
 fn every_dialect_asks_and_answers() {
     for &dialect in Dialect::ALL {

@@ -9,7 +9,7 @@ use genmanip_llm::{Message, ReplySchema};
 use crate::images::{RED_GREEN, image, png, words};
 use crate::question;
 
-/// A model in a folder that does not let a test wait.
+/// A folder model with short timeouts.
 fn model(folder: &Path, timeout_s: f64) -> FolderChat {
     let folder = folder.to_owned();
     FolderChat::new(FolderSettings { folder, timeout_s, poll_s: 0.005, settle_s: 0.03, max_answer_bytes: 1000 })
@@ -39,7 +39,7 @@ fn a_question_is_written_whole_and_its_answer_awaited() {
         asked.join().unwrap()
     });
     assert_eq!(answered.unwrap().text, "{\"number\": 3}");
-    // Asked again, also by another program, the answer is there; another question gets the next number.
+    // Asked again, also by another program, the answer is reused; another question gets the next number.
     assert_eq!(model(folder.path(), 0.05).chat(&shown()).unwrap().text, "{\"number\": 3}");
     let other = model(folder.path(), 0.05).chat(&question("And now?"));
     assert!(matches!(other, Err(ChatError::Unanswered { .. })), "{other:?}");
@@ -62,7 +62,7 @@ fn answers_are_taken_as_people_write_them() {
         let folder = tempfile::tempdir().unwrap();
         let model = model(folder.path(), 0.3);
         fs::create_dir_all(folder.path().join("001")).unwrap();
-        // Another program's number is never taken.
+        // Another program's number is never reused.
         let _ = FolderChat::new(FolderSettings {
             timeout_s: 0.001,
             folder: folder.path().into(),

@@ -14,7 +14,7 @@ use genmanip_core::Seed;
 use genmanip_llm::fake::FakeServer;
 use genmanip_llm::{ChatRequest, HttpChat, Message, ReplySchema, ServerSettings};
 
-/// Settings for a server on loopback that does not let a test wait.
+/// Settings for a loopback server with short timeouts.
 fn impatient(base_url: String) -> ServerSettings {
     ServerSettings {
         base_url,

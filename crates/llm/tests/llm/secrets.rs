@@ -10,7 +10,7 @@ use crate::{impatient, question};
 
 const KEY: &str = "sk-test-4fJ/9qLw+Zx\"7\\Tt";
 
-/// Everything that a server may do to get the key into our texts: it quotes the header in each of its answers.
+/// Server behaviours that may leak the key into messages: it echoes the header in each response.
 #[test]
 fn the_key_is_in_no_error_reply_or_debug_text() {
     let escaped = KEY.replace('\\', "\\\\").replace('"', "\\\"").replace('/', "\\/");
@@ -60,7 +60,7 @@ fn the_key_is_in_no_error_reply_or_debug_text() {
     assert_clean(&std::fs::read_to_string(recorded[0].as_ref().unwrap().path()).unwrap());
 }
 
-/// Any run of eight characters of the key counts as a leak, raw or as JSON writes it.
+/// Any run of eight characters of the key counts as a leak, plain or JSON-escaped.
 fn assert_clean(text: &str) {
     let escaped = KEY.replace('\\', "\\\\").replace('"', "\\\"");
     for secret in [KEY, &escaped] {
@@ -71,7 +71,7 @@ fn assert_clean(text: &str) {
     }
 }
 
-/// Somebody pastes the key into a prompt or a model's name: the exchange is not recorded.
+/// If the key is in a prompt or a model name, the exchange is not recorded.
 #[test]
 fn an_exchange_with_the_key_in_the_question_is_not_recorded() {
     let server = FakeServer::scripted([Behaviour::Answer("fine".into())]).unwrap();
@@ -85,7 +85,7 @@ fn an_exchange_with_the_key_in_the_question_is_not_recorded() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// A settings file as the crates above write it.
+/// A settings file as dependent crates write it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct File {
@@ -100,7 +100,7 @@ fn read(text: &str) -> Result<File, SettingsError> {
     Ok(file)
 }
 
-/// Settings that would publish a key are refused, without showing what may be one.
+/// Settings that would expose a key are rejected, without showing what may be one.
 #[test]
 fn settings_do_not_take_or_show_keys() {
     let check = |toml: &str, part: &str| {

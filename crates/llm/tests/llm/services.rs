@@ -4,7 +4,7 @@ use genmanip_llm::fake::{Behaviour, FakeServer};
 use genmanip_llm::{CassetteMode, CassetteSettings, ChatError, HttpService, RecordedService, Service, ServiceSettings};
 use serde_json::json;
 
-/// A client that does not let a test wait.
+/// A client with short timeouts.
 fn service(server: &FakeServer) -> HttpService {
     HttpService::new(ServiceSettings {
         url: format!("{}/segment", server.base_url()),
@@ -40,9 +40,9 @@ fn bad_servers_give_one_clear_error() {
         (status, "answered 422: no depth"),
         (Behaviour::Flood { bytes: 300_000, announced: true }, "is larger than 100000 bytes"),
         (Behaviour::Flood { bytes: 300_000, announced: false }, "is larger than 100000 bytes"),
-        (Behaviour::CutOff("{\"masks\"".into()), "gave up after 2 requests; the last failure: the answer of "),
-        (Behaviour::HangUp, "gave up after 2 requests; the last failure: the answer of "),
-        (slow, "gave up after 2 requests; the last failure: no whole answer from "),
+        (Behaviour::CutOff("{\"masks\"".into()), "gave up after 2 requests; the last failure: the response of "),
+        (Behaviour::HangUp, "gave up after 2 requests; the last failure: the response of "),
+        (slow, "gave up after 2 requests; the last failure: no complete response from "),
     ];
     for (behaviour, expected) in cases {
         let server = FakeServer::scripted([behaviour.clone(), behaviour]).unwrap();

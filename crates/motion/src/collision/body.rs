@@ -38,8 +38,7 @@ pub(super) struct BodyPair {
     /// Required clearance [m].
     pub(super) margin: f64,
     /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
-    /// unit joint
-    /// velocity.
+    /// unit joint velocity.
     pub(super) movers: Vec<(usize, f64)>,
     /// Index of the pair's distance table in the robot shape.
     pub(super) table: Option<usize>,

@@ -38,8 +38,7 @@ impl std::fmt::Display for CollisionReport {
 /// Collision checks for one query; cheap to create.
 ///
 /// The base (everything that no arm joint moves) is checked against moving links but not against the world: no arm
-/// motion
-/// could change the result.
+/// motion could change the result.
 #[derive(Clone, Debug)]
 pub struct Checker<'a> {
     pub(super) robot: &'a RobotShape,
@@ -49,8 +48,7 @@ pub struct Checker<'a> {
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
     /// Motion bounds of each body: per joint the maximum speed of its points per unit joint velocity [m/rad] (1 for
-    /// prismatic
-    /// joints).
+    /// prismatic joints).
     pub(super) motion_bounds: Vec<Vec<f64>>,
     /// Motion bounds of the whole robot.
     pub(super) motion_bound: Vec<f64>,
@@ -165,8 +163,7 @@ impl<'a> Checker<'a> {
     }
 
     /// True if the bodies on the last moving frame (gripper and attached object) keep their clearance to obstacles;
-    /// independent of
-    /// the arm configuration for a given gripper pose.
+    /// independent of the arm configuration for a given gripper pose.
     pub fn gripper_is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let last = frames.len().saturating_sub(1);

@@ -296,8 +296,7 @@ pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl Support
 /// Fast inconclusive version of `closer_than` with one support point of `b`.
 ///
 /// The direction from obstacle `a` to the centre of `b` often separates them; if the support point of `b` against it is
-/// within
-/// the margin, they are too close.
+/// within the margin, they are too close.
 pub(crate) fn try_closer_than(
     a: &Convex,
     b: &Convex,

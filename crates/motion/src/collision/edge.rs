@@ -12,8 +12,7 @@ impl Checker<'_> {
     /// True if every state of a straight joint-space edge keeps its clearances.
     ///
     /// States are sampled so that no point of the robot moves more than `spacing` [m] between them; with `spacing` at
-    /// most twice
-    /// the padding, nothing can be touched in between either.
+    /// most twice the padding, nothing can be touched in between either.
     pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let steps = self.edge_steps(from, to, spacing);
         let batches = steps.div_ceil(LANES);
@@ -48,8 +47,7 @@ impl Checker<'_> {
     }
 
     /// True if two bodies keep their clearance along an edge, by conservative advancement: the distance at one state
-    /// bounds how far
-    /// the bodies may move before they can touch.
+    /// bounds how far the bodies may move before they can touch.
     pub(super) fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
         let speed: f64 = pair.movers.iter().map(|&(joint, bound)| (to[joint] - from[joint]).abs() * bound).sum();

@@ -4,8 +4,7 @@
 //! Written as loops, since closures passed to library functions are not compiled for wide registers.
 //!
 //! The result is either "clear", "touching", or a list of unresolved pairs and lanes for the exact check. After W.
-//! Thomason,
-//! Z. Kingston and L. Kavraki, *Motions in Microseconds via Vectorized Sampling-Based Planning* (2024).
+//! Thomason, Z. Kingston and L. Kavraki, *Motions in Microseconds via Vectorized Sampling-Based Planning* (2024).
 
 use multiversion::multiversion;
 

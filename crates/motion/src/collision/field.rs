@@ -1,10 +1,8 @@
 //! Distance field: grid of lower and upper bounds on the distance to a cloud or mesh, used by the fast path.
 //!
 //! Each cell holds bounds for all its points, so that one lookup may prove a sphere clear or in contact. Computed in
-//! three
-//! separable passes (after P. Felzenszwalb and D. Huttenlocher, *Distance Transforms of Sampled Functions*, 2012), with
-//! a
-//! window instead of envelopes, since far cells need no value.
+//! three separable passes (after P. Felzenszwalb and D. Huttenlocher, *Distance Transforms of Sampled Functions*,
+//! 2012), with a window instead of envelopes, since far cells need no value.
 
 use glam::DVec3;
 
@@ -35,8 +33,7 @@ pub(super) struct DistanceField {
 
 impl DistanceField {
     /// Builds a field over a box (`low` to `high`, world frame) with cells of at least `cell` metres; `mark` calls its
-    /// argument with
-    /// boxes that together contain the surface, none much larger than a cell.
+    /// argument with boxes that together contain the surface, none much larger than a cell.
     pub(super) fn new(
         [low, high]: [DVec3; 2],
         radius: f64,

@@ -40,8 +40,7 @@ pub(super) fn mesh(
 }
 
 /// Triangulates a collision piece: vertices in the link frame, and three indices per triangle, counter-clockwise seen
-/// from
-/// outside.
+/// from outside.
 ///
 /// Curved shapes get 48 vertices around, all on the surface: the triangles are at most 1 % of the radius below it.
 ///

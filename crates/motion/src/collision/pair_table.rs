@@ -22,8 +22,7 @@ const CELLS: usize = 96;
 
 impl PairTable {
     /// Fills the table from `distance` (at positions of the two joints, or a lower bound); `movers` are the two joints
-    /// with their
-    /// limits and the maximum approach speed of the bodies per unit joint velocity.
+    /// with their limits and the maximum approach speed of the bodies per unit joint velocity.
     pub(crate) fn new(movers: [(usize, [f64; 2], f64); 2], mut distance: impl FnMut([f64; 2]) -> f64) -> Self {
         // Slightly wider than the limits, for measured positions just outside.
         let axis = |(joint, [lower, upper], _): (usize, [f64; 2], f64)| Axis {

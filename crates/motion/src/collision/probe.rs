@@ -12,8 +12,7 @@ use crate::rigid::Rigid;
 /// Face planes of a hull, in the frame of its core; empty for other shapes, whose distances have closed forms.
 ///
 /// In batches of eight, each next plane as different from the previous ones as possible, so that distant points are
-/// rejected
-/// after a few.
+/// rejected after a few.
 #[derive(Clone, Debug)]
 pub(crate) struct FacePlanes(Vec<EightPlanes>);
 
@@ -96,8 +95,7 @@ impl FacePlanes {
 }
 
 /// Largest signed distance of a point from a plane, negative inside, up to rounding: a lower bound of the distance to
-/// the hull.
-/// Values above `enough` may be reported early.
+/// the hull. Values above `enough` may be reported early.
 fn max_plane_distance(planes: &[EightPlanes], point: DVec3, enough: f64) -> f64 {
     let [x, y, z] = point.to_array().map(|value| Lanes::all(value as f32));
     let mut max_plane_distance = Lanes::all(f32::MIN);

@@ -174,8 +174,7 @@ impl RobotShape {
     }
 
     /// Motion bounds per joint: maximum speed of a point of the body per unit joint velocity [m/rad] (1 for prismatic
-    /// joints); 0 if
-    /// the joint does not move the body.
+    /// joints); 0 if the joint does not move the body.
     pub(super) fn motion_bounds(&self, body: &Body) -> Vec<f64> {
         let joints = self.chain.joints();
         let mut bounds = vec![0.0_f64; joints.len()];

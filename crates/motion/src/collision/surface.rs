@@ -1,6 +1,5 @@
 //! Surfaces of many facets (cloud points or mesh triangles): a bounding volume hierarchy for exact queries, a distance
-//! field
-//! for the fast path.
+//! field for the fast path.
 //!
 //! Each node has eight children, tested with one SIMD operation.
 

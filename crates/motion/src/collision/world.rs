@@ -83,8 +83,8 @@ impl CollisionWorld {
     /// Adds or replaces a point cloud: spheres of `radius_m` around `points` (world frame).
     ///
     /// The acceleration structure is built once and shared by clones of the world. A cloud is checked like any other
-    /// obstacle; near
-    /// the start and goal of a motion single points may be as close as they are there, all others keep the padding.
+    /// obstacle; near the start and goal of a motion single points may be as close as they are there, all others keep
+    /// the padding.
     ///
     /// # Errors
     /// Fails if the cloud is empty, not finite or larger than a million points, or if the radius is out of range.
@@ -96,8 +96,7 @@ impl CollisionWorld {
     /// Adds or replaces a triangle mesh; `corners` are vertices in the mesh frame, three indices per triangle.
     ///
     /// Only its surface is an obstacle: a robot that starts inside a closed mesh may move there. The acceleration
-    /// structure is built
-    /// once and shared by clones of the world.
+    /// structure is built once and shared by clones of the world.
     ///
     /// # Errors
     /// Fails if the mesh is empty, not finite or larger than a million triangles, a vertex is missing, or a triangle is

@@ -22,8 +22,7 @@ pub struct DepthSettings {
     /// Voxel size [m]; one point per voxel is kept.
     ///
     /// With radius and padding it determines how far a sharp corner of the robot can get between points: not to the
-    /// surface as
-    /// long as 0.7 voxels are less than radius plus padding.
+    /// surface as long as 0.7 voxels are less than radius plus padding.
     pub cell_m: f64,
     /// Collision radius of points [m].
     pub radius_m: f64,
@@ -32,8 +31,7 @@ pub struct DepthSettings {
     /// Points within this distance of a known obstacle are attributed to it [m].
     pub known_margin_m: f64,
     /// Standard deviation of a measured depth of 1 m [m], growing with the square of the depth; both margins grow by
-    /// four standard
-    /// deviations. 0 for perfect depth.
+    /// four standard deviations. 0 for perfect depth.
     #[serde(default, skip_serializing_if = "is_perfect")]
     pub error_m: f64,
 }
@@ -109,8 +107,7 @@ pub enum DepthError {
 }
 
 /// Unknown points, world frame, voxel-downsampled, in pixel order: on neither the robot at `config` nor the known
-/// obstacles of
-/// `checker`; without points out of reach.
+/// obstacles of `checker`; without points out of reach.
 pub(crate) fn unknown_points(
     checker: &Checker,
     config: &[f64],

@@ -1,9 +1,8 @@
 //! Robot models from URDF: links, joints and convex collision pieces, with typed errors.
 //!
 //! Text and meshes are arguments: the caller reads the files. Values missing in URDF are chosen here: accelerations, a
-//! home
-//! configuration, and the tool frame. Every mesh is replaced by its convex hull, and fingers are fixed at their zero
-//! position.
+//! home configuration, and the tool frame. Every mesh is replaced by its convex hull, and fingers are fixed at their
+//! zero position.
 
 mod error;
 mod links;
@@ -38,10 +37,8 @@ pub struct MeshFile {
 /// Reads a robot from URDF, and the pairs allowed to touch from SRDF.
 ///
 /// `mesh` loads the mesh of a name in the file, or another with the same convex hull. `tip` names the link of the tool
-/// frame;
-/// the default is the SRDF's end effector or the last frame of the arm. Adjacent links, and without an SRDF those that
-/// touch at
-/// every sampled configuration, are never checked against each other.
+/// frame; the default is the SRDF's end effector or the last frame of the arm. Adjacent links, and without an SRDF
+/// those that touch at every sampled configuration, are never checked against each other.
 ///
 /// # Errors
 ///

@@ -1,8 +1,7 @@
 //! Plausibility bounds of robot descriptions that keep all derived data small and fast.
 //!
 //! All bounds are chosen: generous for real arms (the largest industrial ones reach five metres) and far below what
-//! grids,
-//! tables and sampled motions could not handle. A file in millimetres exceeds them by a factor of a thousand.
+//! grids, tables and sampled motions could not handle. A file in millimetres exceeds them by a factor of a thousand.
 
 use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
 

@@ -87,8 +87,7 @@ fn unique<'a>(
 }
 
 /// The frame at the end of the longest arm: preferably a leaf without geometry after its last joint (such as a tool
-/// frame),
-/// otherwise the last link before a branch.
+/// frame), otherwise the last link before a branch.
 pub(super) fn last_frame(links: &[RobotLink]) -> usize {
     let depth = |mut index: usize| {
         let mut joints = usize::from(links[index].joint.is_some());

@@ -1,18 +1,15 @@
 //! Feasibility of picks and placements.
 //!
 //! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
-//! grasp
-//! candidates in order and yields the feasible ones:
+//! grasp candidates in order and yields the feasible ones:
 //! 1. an arm configuration is reachable and free of everything but the object, as is the pre-grasp if
-//! [`FeasibilitySettings::tests_pregrasp`] is set;
+//!   [`FeasibilitySettings::tests_pregrasp`] is set;
 //! 2. the open fingers fit beside the object;
 //! 3. at some goal pose the same grasp can release the object, as low as possible.
 //!
 //! The search is lazy and ends after [`FeasibilitySettings::wanted`] grasps; rejections are counted by reason. Motions
-//! are
-//! planned for one grasp at a time on demand: straight approach, free motion to it, lift. For a held object, a
-//! [`PlaceQuery`]
-//! plans carry, lower and retreat.
+//! are planned for one grasp at a time on demand: straight approach, free motion to it, lift. For a held object, a
+//! [`PlaceQuery`] plans carry, lower and retreat.
 //!
 //! Goal poses are arguments; this module knows nothing about task goals.
 

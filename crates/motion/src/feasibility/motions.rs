@@ -10,8 +10,7 @@ use crate::plan::PlanError;
 use crate::planner::PlanningScene;
 
 /// Maximum joint step between states of an approach checked against the object [rad]: less than 0.5 mm of finger motion
-/// at the
-/// forearm's length.
+/// at the forearm's length.
 const APPROACH_STEP_RAD: f64 = 0.005;
 
 /// Motions of one pick, in order; the gripper closes after the second.

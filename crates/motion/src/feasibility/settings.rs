@@ -22,12 +22,10 @@ pub struct FeasibilitySettings {
     /// Clearance of the robot to everything but the object, at grasp and release [m].
     pub clearance_m: f64,
     /// Clearance of the robot to the object before the gripper closes [m]; `None` lets the gripper touch the object,
-    /// for grasps with
-    /// known finger clearance, and arm links then keep `clearance_m` to it.
+    /// for grasps with known finger clearance, and arm links then keep `clearance_m` to it.
     pub object_clearance_m: Option<f64>,
     /// Additional opening beyond the grasp width, both sides together [m], if there is space; otherwise, and if `None`,
-    /// the opening
-    /// proposed with the grasp.
+    /// the opening proposed with the grasp.
     pub finger_room_m: Option<f64>,
     /// Length of the straight approach and retreat [m].
     pub approach_m: f64,
@@ -73,8 +71,7 @@ impl Default for FeasibilitySettings {
             // Chosen: clears most neighbours, and most lifts are still reachable.
             lift_m: 0.10,
             // Chosen: from the padding of free motions to a height that clears the catalogue's deepest cavities; the
-            // lowest feasible one is
-            // used, since objects dropped from high topple.
+            // lowest feasible one is used, since objects dropped from high topple.
             release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
             // Chosen: only the nearest ones, for speed.
             goal_configurations: 4,

@@ -1,12 +1,9 @@
 //! Grasp sampling from exact object geometry; nothing is learned.
 //!
 //! Antipodal point pairs (after V.-D. Nguyen, *Constructing Force-Closure Grasps*, 1988) come from lines through the
-//! convex
-//! pieces, so that widths are exact and walls, rims and handles are found as well as whole bodies; flat objects are
-//! also sampled
-//! with lines along the table. Each pair is tried from several approach directions: gripper clearance is checked
-//! exactly, the
-//! fingers are closed until contact, and the result is scored.
+//! convex pieces, so that widths are exact and walls, rims and handles are found as well as whole bodies; flat objects
+//! are also sampled with lines along the table. Each pair is tried from several approach directions: gripper clearance
+//! is checked exactly, the fingers are closed until contact, and the result is scored.
 
 mod assess;
 pub mod cloud;
@@ -160,8 +157,7 @@ pub fn candidates(
 }
 
 /// Known grasps (object frame) that fit at the object's pose, in their order: allowed approach angle, and clearance to
-/// object
-/// and table.
+/// object and table.
 ///
 /// # Errors
 /// Fails if a collision piece is not finite or has no size.

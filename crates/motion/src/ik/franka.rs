@@ -1,6 +1,5 @@
 //! Analytic inverse kinematics of arms with the Panda's geometry, after Y. He and S. Liu, *Analytical Inverse
-//! Kinematics for
-//! Franka Emika Panda* (2021): joint 7 is the free parameter.
+//! Kinematics for Franka Emika Panda* (2021): joint 7 is the free parameter.
 //!
 //! With joint 7 given, the wrist centre W (axes 5 and 6 meet there) is known, and the shoulder S is fixed.
 //! The triangle S - elbow - W gives joint 4; axis 5 lies in the triangle's plane, at a known angle to S-W,

@@ -98,8 +98,7 @@ impl InverseKinematics {
     }
 
     /// Like [`InverseKinematics::solutions`] without the fine sweep at the reach limit, thirty times faster for
-    /// unreachable poses with
-    /// the closed form. Other arms are unaffected.
+    /// unreachable poses with the closed form. Other arms are unaffected.
     pub fn coarse_solutions(
         &self,
         world_from_tcp: &Pose,
@@ -153,8 +152,7 @@ impl InverseKinematics {
     }
 
     /// Solution that follows a tool pose. A joint at its limit, or at the end of its `reach` around `previous` (rad or
-    /// m, base to
-    /// hand), is held while the others continue.
+    /// m, base to hand), is held while the others continue.
     ///
     /// `None` if the pose is unreachable that way; an infinite reach means no bound.
     pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64], reach: &[f64]) -> Option<Vec<f64>> {
@@ -163,8 +161,7 @@ impl InverseKinematics {
     }
 
     /// Like [`InverseKinematics::follow`] with null-space motion: each joint moves by `drift` (rad or m, base to hand)
-    /// as far as that
-    /// leaves the tool pose unchanged. `None` if it does not converge, even if it would without drift.
+    /// as far as that leaves the tool pose unchanged. `None` if it does not converge, even if it would without drift.
     pub fn follow_drifting(
         &self,
         world_from_tcp: &Pose,
@@ -199,8 +196,7 @@ impl InverseKinematics {
     }
 
     /// All closed-form branches for one value of the free joint (joint 7), inside the joint limits, unrefined; empty
-    /// without a closed
-    /// form.
+    /// without a closed form.
     pub fn branches(&self, world_from_tcp: &Pose, free_joint: f64, reference: &[f64]) -> Vec<Vec<f64>> {
         let Some(franka) = &self.franka else { return Vec::new() };
         let mut found = Vec::new();

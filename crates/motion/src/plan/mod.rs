@@ -25,16 +25,14 @@ pub struct PlanSettings {
     /// Maximum edge of the search tree [rad] (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,
     /// Every second sample is drawn from the bounding box of start and goals extended by this [rad]: most paths lead
-    /// through it, and
-    /// shorter ones.
+    /// through it, and shorter ones.
     pub sample_around: f64,
     /// Maximum iterations of the search.
     pub max_iterations: usize,
     /// Maximum motion of any robot point between states checked during the search [m].
     pub search_spacing: f64,
     /// Maximum motion of any robot point between states checked in the returned path [m]; up to twice the padding
-    /// nothing can be
-    /// touched in between.
+    /// nothing can be touched in between.
     pub final_spacing: f64,
     /// Maximum repeated searches with denser checks after the final check finds a contact.
     pub retries: usize,

@@ -7,8 +7,7 @@ use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
 /// Clearance on rounded corners [m], also for relaxed pairs: the timed motion deviates from the path there by fractions
-/// of a
-/// millimetre.
+/// of a millimetre.
 const CORNER_CLEARANCE: f64 = 0.001;
 
 /// Shortens a path, checks the remaining edges and rounds its corners; `None` if an edge is not free.
@@ -87,8 +86,7 @@ impl Route {
     }
 
     /// Inserts a checked shortcut with its ends on the edges after `first` and before `last`; without ends it connects
-    /// the two
-    /// waypoints.
+    /// the two waypoints.
     fn replace<const ENDS: usize>(&mut self, first: usize, last: usize, ends: [Vec<f64>; ENDS]) {
         // Parts of checked edges are checked.
         let (before, after) = (self.checked[first], self.checked[last - 1]);

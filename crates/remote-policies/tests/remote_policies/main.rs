@@ -14,11 +14,11 @@ use genmanip_core::{
     ActionSpace, EpisodeStart, Gripper, Intrinsics, MassProperties, Observation, Policy, PolicyError, Pose, RgbdImage,
     RobotLink, RobotModel, Seed,
 };
-use genmanip_remote_policies::Patience;
+use genmanip_remote_policies::Timeouts;
 use genmanip_remote_policies::fake::{self, Answer, Question};
 use genmanip_remote_policies::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
 
-/// An arm whose tool stays where it is, 0.5 m before the base: nothing else is sent of it.
+/// A test arm with a fixed tool 0.5 m in front of the base.
 fn robot() -> Arc<RobotModel> {
     let parent_from_link = Pose { position: DVec3::new(0.5, 0.0, 0.2), ..Pose::IDENTITY };
     let mass = MassProperties { mass_kg: 1.0, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
@@ -40,11 +40,11 @@ fn robot() -> Arc<RobotModel> {
 }
 
 fn policy(address: SocketAddr, preset: Preset) -> OpenpiPolicy {
-    let patience = Patience {
+    let timeouts = Timeouts {
         answer: Duration::from_millis(500),
         pause: Duration::from_millis(10),
         reconnects: 2,
-        ..Patience::default()
+        ..Timeouts::default()
     };
     let (exterior, wrist) = ("side".to_owned(), "hand".to_owned());
     let url = format!("ws://{address}");
@@ -55,7 +55,7 @@ fn policy(address: SocketAddr, preset: Preset) -> OpenpiPolicy {
         wrist,
         execute_steps: None,
         api_key: Some("kept-secret".into()),
-        patience,
+        timeouts,
     };
     OpenpiPolicy::new(settings, robot())
 }
@@ -92,7 +92,7 @@ fn a_droid_server_is_shown_what_it_expects_and_its_speeds_are_in_rad_per_s() {
         assert!((closed[0] - 0.75).abs() < 1e-12, "{closed:?}");
         let picture = question.array("observation/exterior_image_1_left").unwrap();
         assert_eq!(picture.shape, [224, 224, 3]);
-        // 126 rows of picture between black ones.
+        // 126 image rows between black ones.
         let pixels = picture.reals();
         assert_eq!((pixels[0], pixels[(112 * 224 + 112) * 3], pixels.last().copied()), (0.0, 200.0, Some(0.0)));
         Answer::Actions(vec![vec![0.5, -2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9]; 10])
@@ -106,7 +106,7 @@ fn a_droid_server_is_shown_what_it_expects_and_its_speeds_are_in_rad_per_s() {
     assert_eq!(chunk.actions[3], [1.5, -3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9]);
 }
 
-/// Metadata, question and answer of openpi's own client and packer, as `testdata/record_conversation.py` recorded them.
+/// Metadata, request and response of openpi's own client and packer, as recorded by `testdata/record_conversation.py`.
 fn recorded() -> [Vec<u8>; 3] {
     let packed = include_bytes!("../../testdata/openpi_conversation.zlib");
     let bytes = miniz_oxide::inflate::decompress_to_vec_zlib(packed).unwrap();
@@ -135,7 +135,7 @@ fn a_recorded_conversation_of_the_real_client_is_repeated_to_the_byte() {
     policy.reset(&start()).unwrap();
     let chunk = policy.act(&observation()).unwrap();
     assert!(server.join().unwrap() == question[..], "our question is not that of openpi's client");
-    // Row 2 of the recorded answer is -0.24 to -0.17; joint speeds of 1 are 3 rad/s.
+    // Row 2 of the recorded response is -0.24 to -0.17; joint velocities of 1 are 3 rad/s.
     let speed = (0.16 - 0.4) * 3.0;
     assert_eq!((chunk.actions.len(), chunk.actions[2].len()), (10, 8));
     assert!((f64::from(chunk.actions[2][0]) - speed).abs() < 1e-6, "{:?}", chunk.actions[2]);
@@ -154,7 +154,7 @@ fn a_libero_server_is_told_the_tool_and_its_changes_are_in_metres_and_rad() {
     assert_eq!(chunk.actions[0], [0.05, 0.025, -0.05, 0.1, 0.0, 0.0, -1.0]);
 }
 
-/// What a server does wrong is never a failure of the policy, and its words are told.
+/// Server faults are never failures of the policy, and their messages are reported.
 #[test]
 fn servers_that_fail_are_not_reached() {
     let cases = [
@@ -196,6 +196,6 @@ fn a_connection_that_is_lost_is_made_again() {
     policy.reset(&start()).unwrap();
     let first = |chunk: genmanip_core::ActionChunk| chunk.actions[0][0];
     assert_eq!(first(policy.act(&observation()).unwrap()), 0.0);
-    // The second question is asked again over a new connection, as the third.
+    // The second request is repeated over a new connection, as the third.
     assert_eq!(first(policy.act(&observation()).unwrap()), 0.2);
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use genmanip_core::{EpisodeStart, Observation, Policy, PolicyError};
-use genmanip_remote_policies::Patience;
+use genmanip_remote_policies::Timeouts;
 use genmanip_remote_policies::numpy::{Array, Numbers};
 use genmanip_remote_policies::vla_eval::{Preset, VlaEvalPolicy, VlaEvalSettings};
 use rmpv::Value;
@@ -13,7 +13,7 @@ use tungstenite::{Message, accept};
 
 use super::{observation, robot, start};
 
-/// What a server is told, and what it answers to observations.
+/// Messages received by a server, and its responses to observations.
 #[derive(Clone)]
 struct Script {
     hello: Value,
@@ -33,7 +33,7 @@ fn actions(shape: &[usize], numbers: Vec<f32>) -> Value {
     map(vec![("actions", array.value_with_text_keys())])
 }
 
-/// Serves one connection after the other; keeps every message that it gets.
+/// Serves connections in sequence and records every message.
 fn serve(script: Script) -> (SocketAddr, Arc<Mutex<Vec<Value>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let (address, heard) = (listener.local_addr().unwrap(), Arc::new(Mutex::new(Vec::new())));
@@ -76,9 +76,9 @@ fn hello(rotation: &str) -> Value {
 }
 
 fn policy(address: SocketAddr, preset: Preset) -> VlaEvalPolicy {
-    let patience = Patience { answer: Duration::from_millis(500), ..Patience::default() };
+    let timeouts = Timeouts { answer: Duration::from_millis(500), ..Timeouts::default() };
     let (exterior, wrist) = ("side".to_owned(), "hand".to_owned());
-    VlaEvalPolicy::new(VlaEvalSettings { url: format!("ws://{address}"), preset, exterior, wrist, patience }, robot())
+    VlaEvalPolicy::new(VlaEvalSettings { url: format!("ws://{address}"), preset, exterior, wrist, timeouts }, robot())
 }
 
 fn begun(address: SocketAddr, preset: Preset) -> Result<VlaEvalPolicy, PolicyError> {
@@ -94,7 +94,7 @@ fn an_episode_is_greeted_begun_asked_and_ended() {
     let mut policy = begun(address, Preset::Libero).unwrap();
     let seen: Observation = observation();
     let chunk = policy.act(&seen).unwrap();
-    // Changes of at most 5 cm and 0.5 rad.
+    // Deltas of at most 5 cm and 0.5 rad.
     assert_eq!(chunk.actions, [[0.05, 0.0, -0.05, 0.0, 0.0, 0.25, -1.0]]);
     assert!(!chunk.finished);
     drop(policy);
@@ -126,7 +126,7 @@ fn joint_targets_come_in_chunks() {
     assert!(part(part(shown, "images"), "side").is_map(), "under the names of their cameras");
 }
 
-/// What is no answer costs the episode, which is then not run, and says why.
+/// An invalid response ends the episode, which is then not run with a reason.
 #[test]
 fn what_is_no_answer_is_named() {
     let error = map(vec![("error", "observation_failed: no weights".into())]);

@@ -1,4 +1,4 @@
-//! An environment on loopback, driven in MessagePack.
+//! An environment on loopback, controlled in MessagePack.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -7,11 +7,11 @@ use std::sync::Arc;
 
 use genmanip_pipeline::sessions::Scenes;
 use genmanip_remote_policies::numpy::Array;
-use genmanip_serve::{EnvOffer, Offer, ServeSettings, Server, openapi};
+use genmanip_serve::{EnvEndpoint, Endpoint, ServeSettings, Server, openapi};
 use rmpv::Value;
 use serde_json::json;
 
-/// Status, and the answer as JSON text where it is an error.
+/// Status, and the response as JSON text if it is an error.
 fn ask(server: &Server, request: &serde_json::Value, action: Option<Vec<f64>>) -> (u16, Value) {
     let mut body = Vec::new();
     let mut map: Vec<(Value, Value)> =
@@ -52,11 +52,11 @@ fn part<'a>(value: &'a Value, name: &str) -> &'a Value {
 #[test]
 fn a_program_drives_an_environment() {
     let task = PathBuf::from(format!("{}/../../examples/tasks/012_pick_and_place.json", env!("CARGO_MANIFEST_DIR")));
-    let offer = Offer::Env(Arc::new(EnvOffer::new(Arc::new(Scenes::of_tasks(&[task], None).unwrap()), 1)));
-    let described = openapi(&offer).to_string();
+    let endpoint = Endpoint::Env(Arc::new(EnvEndpoint::new(Arc::new(Scenes::of_tasks(&[task], None).unwrap()), 1)));
+    let described = openapi(&endpoint).to_string();
     assert!(described.contains("application/msgpack") && described.contains("stop_on_success"), "{described}");
     let address = ([127, 0, 0, 1], 0).into();
-    let server = Server::start(offer, &ServeSettings { address, max_request_bytes: 10_000, workers: 2 }).unwrap();
+    let server = Server::start(endpoint, &ServeSettings { address, max_request_bytes: 10_000, workers: 2 }).unwrap();
     let native = json!({"space": "joint_position", "gripper": {"encoding": "width_m"}});
     let cameras = json!([{"name": "static", "size": [32, 24], "channels": {"rgb": true, "depth": true}}]);
     let open = json!({"ask": "open", "settings": {"action": native, "rate_hz": 60, "cameras": cameras}});

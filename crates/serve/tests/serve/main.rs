@@ -1,4 +1,4 @@
-//! Services on loopback, asked by the clients that the agent uses.
+//! Services on loopback, used by the agent's clients.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
@@ -12,13 +12,13 @@ use genmanip_agent::services::ServiceMasks;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 use genmanip_llm::{HttpService, Service, ServiceSettings};
-use genmanip_serve::{Offer, ServeSettings, Server, openapi};
+use genmanip_serve::{Endpoint, ServeSettings, Server, openapi};
 use serde_json::{Value, json};
 
 fn server(max_request_bytes: usize) -> Server {
     let address = ([127, 0, 0, 1], 0).into();
     let settings = ServeSettings { address, max_request_bytes, workers: 2 };
-    Server::start(Offer::Segment(RgbdSegmenter::default()), &settings).unwrap()
+    Server::start(Endpoint::Segment(RgbdSegmenter::default()), &settings).unwrap()
 }
 
 fn client(server: &Server) -> HttpService {
@@ -26,7 +26,7 @@ fn client(server: &Server) -> HttpService {
     HttpService::new(ServiceSettings { total_timeout_s: 20.0, ..ServiceSettings::at(&url) }).unwrap()
 }
 
-/// A table seen from above at a slant, with a red cube and a blue one on it.
+/// A table seen obliquely from above, with a red cube and a blue one on it.
 fn two_cubes() -> RgbdImage {
     let intrinsics = Intrinsics::from_vertical_fov(160, 90, 0.6);
     let world_from_camera = Camera::pose_looking_at(DVec3::new(1.4, 0.0, 1.0), DVec3::new(0.5, 0.0, 0.0));
@@ -56,7 +56,7 @@ fn two_cubes() -> RgbdImage {
     RgbdImage { rgb, ..RgbdImage::of_depth(intrinsics, world_from_camera, depth) }
 }
 
-/// The status and the body of a bare request.
+/// Status and body of a raw request.
 fn bare(server: &Server, request: &str) -> (String, String) {
     let mut stream = TcpStream::connect(server.address()).unwrap();
     stream.write_all(request.as_bytes()).unwrap();
@@ -104,7 +104,7 @@ fn a_service_says_what_it_is() {
     );
     let (_, body) = bare(&server, "GET /openapi.json HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n");
     let described: Value = serde_json::from_str(&body).unwrap();
-    assert_eq!(described, openapi(&Offer::Segment(RgbdSegmenter::default())));
+    assert_eq!(described, openapi(&Endpoint::Segment(RgbdSegmenter::default())));
     let asked = &described["paths"]["/segment"]["post"]["requestBody"]["content"]["application/json"]["schema"];
     assert!(asked["properties"]["depth_m"].is_object(), "{asked}");
     assert!(bare(&server, "GET /segment HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").0.contains("405"));

@@ -22,7 +22,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// A request for a task and the answers that a scripted server gives to it, in order.
+/// A task request and the scripted server's answers, in order.
 fn shipped_exchanges() -> Vec<(TaskRequest, Vec<String>)> {
     let answers = recorded_answers();
     let find = |number: &str| answers.iter().find(|(name, _)| name.starts_with(number)).unwrap();
@@ -32,11 +32,11 @@ fn shipped_exchanges() -> Vec<(TaskRequest, Vec<String>)> {
     };
     let said = |number: &str| find(number).1.response.clone();
     vec![
-        (request("003"), vec![said("003")]),                          // taken as it is
+        (request("003"), vec![said("003")]), // accepted as is
         (request("009"), vec![said("009")]),                          // in a code fence
         (request("015"), vec![said("015")]),                          // two alternatives
         (request("030"), vec![said("030")]),                          // repaired here: flat goal
-        (request("012"), vec!["I am not sure.".into(), said("012")]), // sent back once
+        (request("012"), vec!["I am not sure.".into(), said("012")]), // repaired once by the model
     ]
 }
 
@@ -72,7 +72,7 @@ fn without_attempts(mut outcome: GenerationOutcome) -> GenerationOutcome {
     outcome
 }
 
-/// After a change of the prompts: `cargo test --release -p genmanip-task-writer -- --ignored record_the_shipped`.
+/// After a change of the prompts, run `cargo test --release -p genmanip-task-writer -- --ignored record_the_shipped`.
 #[test]
 #[ignore = "writes into testdata"]
 fn record_the_shipped_cassettes() {

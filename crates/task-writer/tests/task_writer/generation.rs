@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::{catalogue, impatient, recorded_answers};
 
-/// Every recorded answer, served over HTTP, gets the verdict that is written in its file.
+/// Every recorded answer, served over HTTP, gets the verdict in its file.
 #[test]
 fn recorded_answers_over_the_wire() {
     let cards = catalogue();
@@ -45,7 +45,7 @@ fn recorded_answers_over_the_wire() {
     assert_eq!((accepted, answers.len()), (22, 30));
 }
 
-/// The violations of the first answer are in the next question, and the second answer is taken.
+/// The next question contains the violations of the first answer, and the second answer is accepted.
 #[test]
 fn violations_are_fed_back() {
     let (name, answer) =
@@ -86,7 +86,7 @@ fn rounds_and_quotations_are_bounded() {
     insta::assert_snapshot!(outcome.refusal().unwrap());
 }
 
-/// Answers with a valid task made of the first offered objects, so that any subset can be answered.
+/// Answers with a valid task of the first offered objects, for any subset.
 fn plausible_answer(request: &Value) -> String {
     let text = request["messages"][1]["content"].as_str().unwrap();
     let field = |line: &str, after: &str, until: &str| {
@@ -116,7 +116,7 @@ fn plausible_answer(request: &Value) -> String {
     .to_string()
 }
 
-/// The same tasks with one worker and with four, and never more open requests than workers.
+/// One and four workers give the same tasks, and never more open requests than workers.
 #[test]
 fn generation_does_not_depend_on_the_number_of_workers() {
     let run = |workers: usize| {
@@ -163,7 +163,7 @@ fn a_dead_server_is_not_asked_for_ever() {
     assert_eq!(server.seen().len(), 3);
 }
 
-/// Over many seeds, what each kind of task needs is on offer, and every general category gets its turn.
+/// Over many seeds, the required objects of each kind are offered, and every general category is sampled.
 #[test]
 fn subsets_suit_the_kind_and_use_the_whole_catalogue() {
     let cards = catalogue();
@@ -203,7 +203,7 @@ fn subsets_suit_the_kind_and_use_the_whole_catalogue() {
     }
 }
 
-/// What a model gets to read, as a person should read it once in a while.
+/// The complete prompt, as a snapshot for review.
 #[test]
 fn the_prompt() {
     let script = Arc::new(ScriptedChat::new(["-"]));
@@ -215,7 +215,7 @@ fn the_prompt() {
     insta::assert_snapshot!(format!("{}\n\n---- user ----\n\n{}", messages[0].text(), messages[1].text()));
 }
 
-/// The schema keeps to the subset that strict servers take, and lets every sound recorded answer through.
+/// The schema uses only the subset supported by strict servers, and accepts every valid recorded answer.
 #[test]
 fn the_schema_fits_the_answers() {
     let prompts = PromptSet::load(None).unwrap();
@@ -272,7 +272,7 @@ fn conflict(schema: &Value, value: &Value, path: &str) -> Option<String> {
     }
 }
 
-/// Lets a test look at the script after giving it away.
+/// Lets a test inspect the script after passing it on.
 pub struct Shared(pub Arc<ScriptedChat>);
 
 impl ChatModel for Shared {

@@ -1,7 +1,7 @@
 use genmanip_llm::CassetteMode;
 use genmanip_task_writer::LlmSettings;
 
-/// The settings that the guide shows are read as it says.
+/// The settings shown in the guide parse as documented.
 #[test]
 fn the_settings_of_the_guide() {
     let guide = include_str!("../../../../docs/guides/language-models.md");

@@ -13,10 +13,10 @@ use genmanip_llm::ServerSettings;
 use genmanip_task_writer::LlmSettings;
 use genmanip_tasks::answer::RecordedAnswer;
 
-/// The recorded answers belong to the crate that judges them.
+/// Recorded answers of the crate `tasks`.
 const SCENE_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scene/testdata");
 
-/// The built-in catalogue, read as a file: this crate knows no assets.
+/// The built-in catalogue, read as a file, since this crate does not depend on assets.
 const CATALOGUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/data/catalog.json");
 
 fn catalogue() -> Vec<ObjectCard> {
@@ -33,7 +33,7 @@ fn catalogue() -> Vec<ObjectCard> {
     records.into_iter().map(card).collect()
 }
 
-/// File name without ending, and answer, in order.
+/// File stem and answer, in order.
 fn recorded_answers() -> Vec<(String, RecordedAnswer)> {
     let folder = std::fs::read_dir(format!("{SCENE_TESTDATA}/responses")).unwrap();
     let mut paths: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
@@ -45,7 +45,7 @@ fn recorded_answers() -> Vec<(String, RecordedAnswer)> {
     paths.into_iter().map(read).collect()
 }
 
-/// Settings for a server on loopback that does not let a test wait.
+/// Settings for a loopback server with short timeouts.
 fn impatient(base_url: String) -> LlmSettings {
     let server = ServerSettings {
         base_url,

@@ -8,7 +8,7 @@ use crate::catalogue;
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/prompts");
 
-/// Every file of the folder is a prompt that is used, with a name of its own, a version and a text.
+/// Every file in the folder is a used prompt with a unique name, a version and a text.
 #[test]
 fn every_prompt_file_is_used() {
     let set = PromptSet::load(None).unwrap();
@@ -34,7 +34,7 @@ fn every_prompt_file_is_used() {
     assert_eq!(files, used);
 }
 
-/// What is said holds every value that it was given, and no placeholder.
+/// Rendered prompts contain every given value and no placeholder.
 #[test]
 fn all_placeholders_are_filled() {
     let set = PromptSet::load(None).unwrap();
@@ -67,7 +67,7 @@ fn all_placeholders_are_filled() {
     }
 }
 
-/// A folder that names a schema it does not have, or leaves a file empty, is refused; nothing becomes an empty prompt.
+/// A folder with a missing schema or an empty file is rejected; nothing becomes an empty prompt.
 #[test]
 fn files_that_say_nothing_are_refused() {
     let request = std::fs::read_to_string(format!("{FOLDER}/request.md")).unwrap();

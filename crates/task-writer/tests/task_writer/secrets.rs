@@ -5,7 +5,7 @@ use genmanip_task_writer::{Designer, LlmSettings};
 
 use crate::{catalogue, impatient};
 
-/// Through the front door: the key comes from the variable that the settings name (here one that cargo sets).
+/// The key is read from the variable named in the settings (here one that cargo sets).
 #[test]
 fn the_key_comes_from_the_environment() {
     let value = std::env::var("CARGO_MANIFEST_DIR").unwrap();
@@ -22,7 +22,7 @@ fn the_key_comes_from_the_environment() {
     for entry in std::fs::read_dir(folder.path()).unwrap() {
         assert!(!std::fs::read_to_string(entry.unwrap().path()).unwrap().contains(&value));
     }
-    // Replaying needs neither the key nor the server.
+    // Replay needs neither the key nor the server.
     settings.server.api_key_env = Some("GENMANIP_TEST_KEY_THAT_IS_NOT_SET".into());
     let missing = Designer::open(&settings, Seed::new(1)).err().unwrap();
     assert!(missing.to_string().contains("GENMANIP_TEST_KEY_THAT_IS_NOT_SET"), "{missing}");
@@ -33,7 +33,7 @@ fn the_key_comes_from_the_environment() {
     assert_eq!(replayed[0].to_json(), outcomes[0].to_json(), "a replay writes the same bytes");
 }
 
-/// Settings are checked as a whole, without showing what may be a key.
+/// All settings are validated, without showing what may be a key.
 #[test]
 fn settings_do_not_take_or_show_keys() {
     let check = |toml: &str, part: &str| {

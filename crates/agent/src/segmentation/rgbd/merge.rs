@@ -52,8 +52,7 @@ pub type Features = [f64; COUNT];
 /// Names of the features.
 ///
 /// Shares refer to the border. `out` is the share of a region's perimeter at which it occludes or rises above the
-/// other,
-/// `pit` the share at which the other does, each for the region with the larger share.
+/// other, `pit` the share at which the other does, each for the region with the larger share.
 pub const FEATURES: [&str; COUNT] = [
     "one",
     "steps",

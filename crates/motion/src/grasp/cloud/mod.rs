@@ -1,14 +1,11 @@
 //! Grasp sampling from point clouds: no object model, no network.
 //!
 //! The gripper approaches straight along one of a few directions; for each direction and roll, the points form a height
-//! profile
-//! over a strip of pad width. Parts of the strip above the tips must fit between the pads, with space for the pads
-//! beside them.
-//! This covers bodies, rims, walls and handles alike; flat objects are searched down to the table. Contacts are where
-//! flat pads
-//! would touch the points on closing; their slope, offset, area and lever to the centre are features of a logistic
-//! regression
-//! fitted to physics trials (`genmanip-lab grasp`) that predicts the success probability.
+//! profile over a strip of pad width. Parts of the strip above the tips must fit between the pads, with space for the
+//! pads beside them. This covers bodies, rims, walls and handles alike; flat objects are searched down to the table.
+//! Contacts are where flat pads would touch the points on closing; their slope, offset, area and lever to the centre
+//! are features of a logistic regression fitted to physics trials (`genmanip-lab grasp`) that predicts the success
+//! probability.
 
 mod filter;
 mod occlusion;

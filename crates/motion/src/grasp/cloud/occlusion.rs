@@ -39,10 +39,9 @@ impl Occlusion {
     /// Completes hidden sides by mirroring observed points into occluded space.
     ///
     /// Assumes symmetry about a vertical plane that roughly faces the cameras (Bohg et al., *Mind the Gap: Robotic
-    /// Grasping under
-    /// Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested whose mirror image
-    /// is visible to
-    /// no camera by more than `1 - hidden_share`; the plane whose image best matches observed points is used.
+    /// Grasping under Incomplete Observation*, 2011). For each of several directions, the farthest plane is tested
+    /// whose mirror image is visible to no camera by more than `1 - hidden_share`; the plane whose image best matches
+    /// observed points is used.
     pub(super) fn complete(&self, points: &[DVec3], hidden_share: f64) -> Vec<Seen> {
         let sample: Vec<DVec3> = points.iter().copied().step_by((points.len() / 150).max(1)).collect();
         let allowed = ((1.0 - hidden_share) * sample.len() as f64) as usize;

@@ -38,8 +38,7 @@ pub(super) struct Contacts {
 
 impl Contacts {
     /// Contacts of flat pads closed on points between them, sorted along the closing direction; pads centred at `h`
-    /// across, tips at
-    /// `tip` along the approach.
+    /// across, tips at `tip` along the approach.
     pub(super) fn of(points: &[Local], [low, high]: [f64; 2], h: f64, tip: f64) -> Self {
         // Each pad uses its own half only, so that walls do not count for both.
         let reach = |distance: f64| distance.min((high - low) / 2.0).max(0.0005);
@@ -122,8 +121,7 @@ pub struct Features {
     /// Height of the tips above the target's centre [0.1 m].
     pub below: f64,
     /// Distance from the target's centre to the closing line [0.1 m] times the target's RMS radius [0.05 m]: a proxy of
-    /// weight times
-    /// lever.
+    /// weight times lever.
     pub torque: f64,
     /// 1 with minimal pad clearance, 0 with plenty.
     pub tight: f64,

@@ -254,8 +254,7 @@ impl Frame<'_> {
     }
 
     /// True if a pad approaching from the side would enter unobserved space below a surface, such as the end of a box;
-    /// from above,
-    /// the observed points block it themselves.
+    /// from above, the observed points block it themselves.
     fn enters_solid(&self, ends: [f64; 2], h: f64, tip: f64) -> bool {
         let half_pad = self.gripper.pad_size.y / 2.0;
         self.approach.z > -0.99

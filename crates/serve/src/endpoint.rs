@@ -1,4 +1,4 @@
-//! What is computed for a request, without any HTTP.
+//! Endpoints: processing of requests, independent of HTTP.
 
 use std::fmt;
 use std::sync::Arc;
@@ -15,42 +15,43 @@ use genmanip_motion::Planner;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::env::EnvOffer;
+use crate::env::EnvEndpoint;
 use crate::jobs::Ended;
-use crate::refusal::Refusal;
+use crate::request_error::RequestError;
 
-/// A service.
+/// An endpoint.
 #[derive(Clone, Debug)]
-pub enum Offer {
-    /// Masks from colour and depth.
+pub enum Endpoint {
+    /// Segmentation by colour and depth.
     Segment(RgbdSegmenter),
-    /// Grasps from points, for the gripper of a planner.
+    /// Grasp sampling from points, for the gripper of a planner.
     Grasp(Arc<Planner>),
-    /// Motions from an image, the arm's joints and an instruction, as jobs.
-    Agent(AgentOffer),
-    /// Environments that programs drive.
-    Env(Arc<EnvOffer>),
+    /// Pick-and-place planning from an image, joint positions and an instruction, as jobs.
+    Agent(AgentEndpoint),
+    /// Environment sessions.
+    Env(Arc<EnvEndpoint>),
 }
 
-/// An agent that is made anew for every job.
+/// The agent endpoint; creates an agent per job.
 #[derive(Clone)]
-pub struct AgentOffer {
-    /// Of the arm that is to move.
+pub struct AgentEndpoint {
+    /// Planner of the arm.
     pub planner: Arc<Planner>,
-    /// Makes one, with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and its transcript.
+    /// Creates an agent with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and its
+    /// transcript.
     pub make: Arc<dyn Fn() -> Result<(Agent, TranscriptRecorder), String> + Send + Sync>,
 }
 
-impl fmt::Debug for AgentOffer {
+impl fmt::Debug for AgentEndpoint {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.debug_struct("AgentOffer").finish_non_exhaustive()
     }
 }
 
-/// What a job computes.
+/// Computation of a job.
 pub(crate) type Work = Box<dyn FnOnce() -> Ended + Send>;
 
-impl Offer {
+impl Endpoint {
     /// Name, e.g. `segment`.
     pub fn name(&self) -> &'static str {
         match self {
@@ -61,7 +62,7 @@ impl Offer {
         }
     }
 
-    /// Where it is asked, e.g. `/segment`.
+    /// URL path, e.g. `/segment`.
     pub fn path(&self) -> &'static str {
         match self {
             Self::Segment(_) => "/segment",
@@ -71,7 +72,7 @@ impl Offer {
         }
     }
 
-    /// What its answers are written in; errors are JSON.
+    /// Media type of responses; errors are JSON.
     pub(crate) fn media_type(&self) -> &'static str {
         match self {
             Self::Segment(_) | Self::Grasp(_) | Self::Agent(_) => "application/json",
@@ -79,28 +80,28 @@ impl Offer {
         }
     }
 
-    /// The body of the answer to a body, where the connection waits for it.
-    pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, Refusal> {
+    /// Processes a request synchronously; returns the response body.
+    pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, RequestError> {
         match self {
             Self::Segment(segmenter) => segmented(segmenter, &read(body)?),
             Self::Grasp(planner) => grasped(planner, &read(body)?),
-            Self::Env(offer) => offer.answer(body),
-            Self::Agent(_) => Err(Refusal::Unsuited("the agent answers in jobs".into())),
+            Self::Env(endpoint) => endpoint.answer(body),
+            Self::Agent(_) => Err(RequestError::Unsuited("the agent runs as jobs".into())),
         }
     }
 
-    /// What a body asks for, checked, where it is computed as a job.
-    pub(crate) fn work(&self, body: &[u8]) -> Result<Work, Refusal> {
-        let Self::Agent(offer) = self else { return Err(Refusal::Unsuited("this is answered at once".into())) };
+    /// Validates a request and returns its job.
+    pub(crate) fn work(&self, body: &[u8]) -> Result<Work, RequestError> {
+        let Self::Agent(endpoint) = self else { return Err(RequestError::Unsuited("this endpoint is synchronous".into())) };
         let request: ActRequest = read(body)?;
-        let question = request.read(offer.planner.robot().arm_dof()).map_err(Refusal::Malformed)?;
-        let offer = offer.clone();
-        Ok(Box::new(move || offer.ended(&question)))
+        let question = request.read(endpoint.planner.robot().arm_dof()).map_err(RequestError::Malformed)?;
+        let endpoint = endpoint.clone();
+        Ok(Box::new(move || endpoint.run(&question)))
     }
 }
 
-impl AgentOffer {
-    fn ended(&self, question: &ActQuestion) -> Ended {
+impl AgentEndpoint {
+    fn run(&self, question: &ActQuestion) -> Ended {
         let (mut agent, transcribed) = match (self.make)() {
             Ok(made) => made,
             Err(error) => return Ended { error: Some(error), ..Ended::default() },
@@ -110,37 +111,37 @@ impl AgentOffer {
             Err(error) => (None, Some(error.to_string())),
         };
         let pictures = transcribed.pictures();
-        let drawn = pictures.iter().filter_map(|(name, picture)| Some((name.clone(), Arc::new(picture.png().ok()?))));
+        let encoded = pictures.iter().filter_map(|(name, picture)| Some((name.clone(), Arc::new(picture.png().ok()?))));
         let transcript = serde_json::from_str(&transcribed.transcript().to_json()).unwrap_or_default();
-        Ended { acted, error, transcript, pictures: drawn.collect() }
+        Ended { acted, error, transcript, pictures: encoded.collect() }
     }
 }
 
-fn segmented(segmenter: &RgbdSegmenter, request: &SegmentRequest) -> Result<Vec<u8>, Refusal> {
-    let (image, ignore, within) = request.read().map_err(Refusal::Malformed)?;
+fn segmented(segmenter: &RgbdSegmenter, request: &SegmentRequest) -> Result<Vec<u8>, RequestError> {
+    let (image, ignore, within) = request.read().map_err(RequestError::Malformed)?;
     let question = SegmentQuestion { image: &image, ignore: &ignore, within: within.as_ref() };
-    let masks = segmenter.segment(&question).map_err(|error| Refusal::Unsuited(error.to_string()))?;
-    // Our masks come in an order that means something, but without a score.
+    let masks = segmenter.segment(&question).map_err(|error| RequestError::Unsuited(error.to_string()))?;
+    // The built-in masks are ordered but have no score.
     let scored = |mask: &Mask| ScoredMask { segmentation: RunLengths::of(mask), score: None };
-    written(&SegmentReply { masks: masks.iter().map(scored).collect() })
+    serialized(&SegmentReply { masks: masks.iter().map(scored).collect() })
 }
 
-fn grasped(planner: &Arc<Planner>, request: &GraspRequest) -> Result<Vec<u8>, Refusal> {
-    let [points, scene] = request.read().map_err(Refusal::Malformed)?;
+fn grasped(planner: &Arc<Planner>, request: &GraspRequest) -> Result<Vec<u8>, RequestError> {
+    let [points, scene] = request.read().map_err(RequestError::Malformed)?;
     let (world_from_camera, table_height) = (request.world_from_camera, request.table_height);
     let camera_positions = &[world_from_camera.position];
     let question = GraspQuestion { points: &points, scene: &scene, world_from_camera, camera_positions, table_height };
     let grasps = SampledGrasps::new(Arc::clone(planner)).grasps(&question);
-    let grasps = grasps.map_err(|error| Refusal::Unsuited(error.to_string()))?;
-    written(&GraspReply::of(&grasps, &world_from_camera))
+    let grasps = grasps.map_err(|error| RequestError::Unsuited(error.to_string()))?;
+    serialized(&GraspReply::of(&grasps, &world_from_camera))
 }
 
-fn read<T: DeserializeOwned>(body: &[u8]) -> Result<T, Refusal> {
+fn read<T: DeserializeOwned>(body: &[u8]) -> Result<T, RequestError> {
     let from = &mut serde_json::Deserializer::from_slice(body);
     serde_path_to_error::deserialize(from)
-        .map_err(|error| Refusal::Malformed(format!("at {}: {}", error.path(), error.inner())))
+        .map_err(|error| RequestError::Malformed(format!("at {}: {}", error.path(), error.inner())))
 }
 
-fn written(reply: &impl Serialize) -> Result<Vec<u8>, Refusal> {
-    serde_json::to_vec(reply).map_err(|error| Refusal::Unsuited(format!("the answer cannot be written: {error}")))
+fn serialized(reply: &impl Serialize) -> Result<Vec<u8>, RequestError> {
+    serde_json::to_vec(reply).map_err(|error| RequestError::Unsuited(format!("the response cannot be serialised: {error}")))
 }

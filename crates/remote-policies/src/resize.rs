@@ -1,27 +1,27 @@
-//! Pictures at the size that models want.
+//! Image resizing identical to Pillow's.
 
-/// How many fractional bits the weights of [`resized`] have, as in Pillow: products of a byte fit 32 bits.
+/// Fractional bits of the weights of [`resized`], as in Pillow: products with a byte fit 32 bits.
 const WEIGHT_BITS: u32 = 22;
 
-/// An 8-bit colour picture, three bytes per pixel, row by row.
+/// An 8-bit RGB image, row-major.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rgb {
-    /// Pixels per row.
+    /// Width [px].
     pub width: usize,
-    /// Rows.
+    /// Height [px].
     pub height: usize,
-    /// The bytes.
+    /// Three bytes per pixel.
     pub bytes: Vec<u8>,
 }
 
-/// A picture made to fit a size without distortion, in the middle of black: `resize_with_pad` of openpi's client.
-pub fn resized_with_pad(picture: &Rgb, width: usize, height: usize) -> Rgb {
-    if (picture.width, picture.height) == (width, height) || picture.bytes.is_empty() {
-        return picture.clone();
+/// Resizes to fit without distortion, centred on black: `resize_with_pad` of openpi's client.
+pub fn resized_with_pad(image: &Rgb, width: usize, height: usize) -> Rgb {
+    if (image.width, image.height) == (width, height) || image.bytes.is_empty() {
+        return image.clone();
     }
-    let ratio = (picture.width as f64 / width as f64).max(picture.height as f64 / height as f64);
+    let ratio = (image.width as f64 / width as f64).max(image.height as f64 / height as f64);
     let inner = |length: usize, most: usize| ((length as f64 / ratio) as usize).clamp(1, most);
-    let small = resized(picture, inner(picture.width, width), inner(picture.height, height));
+    let small = resized(image, inner(image.width, width), inner(image.height, height));
     let (left, top) = ((width - small.width) / 2, (height - small.height) / 2);
     let mut bytes = vec![0; width * height * 3];
     for (row, pixels) in small.bytes.chunks_exact(small.width * 3).enumerate() {
@@ -31,11 +31,11 @@ pub fn resized_with_pad(picture: &Rgb, width: usize, height: usize) -> Rgb {
     Rgb { width, height, bytes }
 }
 
-/// A picture at another size, by Pillow's bilinear filter, which widens as pictures shrink: the same bytes for pictures at
-/// least as wide as tall. Of tall ones Pillow 13 shrinks the columns first, and a byte may differ by one.
-pub fn resized(picture: &Rgb, width: usize, height: usize) -> Rgb {
-    let across = weights(picture.width, width);
-    let Rgb { width: from, height: rows, bytes } = picture;
+/// Resizes with Pillow's bilinear filter, whose support widens when shrinking: identical bytes for images at least as
+/// wide as tall. For tall ones Pillow 13 shrinks columns first, and a byte may differ by one.
+pub fn resized(image: &Rgb, width: usize, height: usize) -> Rgb {
+    let across = weights(image.width, width);
+    let Rgb { width: from, height: rows, bytes } = image;
     let mut wide = Vec::with_capacity(width * rows * 3);
     for row in bytes.chunks_exact(from * 3) {
         for (first, weights) in &across {
@@ -49,10 +49,10 @@ pub fn resized(picture: &Rgb, width: usize, height: usize) -> Rgb {
     Rgb { width, height, bytes }
 }
 
-/// For each of `to` pixels the first of `from` that counts, and the weights of it and those after it.
+/// For each of `to` pixels, the first contributing pixel of `from` and the weights from there on.
 fn weights(from: usize, to: usize) -> Vec<(usize, Vec<i32>)> {
     let scale = from as f64 / to as f64;
-    // The triangle is one pixel wide on the coarser side.
+    // The triangle filter is one pixel wide on the coarser side.
     let support = scale.max(1.0);
     let narrow = 1.0 / support;
     let of_pixel = |index: usize| {
@@ -78,7 +78,7 @@ fn sum(weights: &[i32], byte: impl Fn(usize) -> u8) -> u8 {
 mod tests {
     use super::*;
 
-    /// Against `PIL.Image.resize(…, BILINEAR)` of Pillow 13.0, pasted into black: FNV-1a hashes of the bytes.
+    /// FNV-1a hashes of `PIL.Image.resize(…, BILINEAR)` of Pillow 13.0, pasted onto black.
     #[test]
     fn bytes_are_those_of_pillow() {
         let cases = [
