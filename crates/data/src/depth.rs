@@ -33,7 +33,7 @@ pub fn depth_to_mm(depth_m: f32) -> u16 {
 /// Encodes a depth image in metres (row-major) as PNG.
 ///
 /// # Errors
-/// When the number of values is not `width · height`.
+/// If the number of values is not `width · height`.
 pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
     if depth_m.len() != width as usize * height as usize {
         return Err(DataError::mismatch("values of a depth image", width as usize * height as usize, depth_m.len()));

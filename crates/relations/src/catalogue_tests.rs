@@ -1,4 +1,4 @@
-//! The judges on the objects of the catalogue: what people would say about everyday arrangements.
+//! Tests of the relations with objects of the catalogue: everyday arrangements get the labels that people would give.
 
 use genmanip_assets::Catalogue;
 use genmanip_core::Pose;
@@ -10,7 +10,7 @@ use parry3d_f64::shape::ConvexPolyhedron;
 use super::shape::outline_points;
 use super::*;
 
-/// Puts the first object with its base at a place relative to the second, which stands on the table.
+/// The label with the first object's base at `offset` from the second object, which stands on the table.
 fn label(upper: &str, lower: &str, offset: DVec3) -> PairVerdict {
     label_pair(&scene(upper, lower, offset), 0, 1, &RelationSettings::default()).unwrap()
 }
@@ -57,7 +57,7 @@ fn neighbours_on_the_table() {
     assert_eq!(label("023", "010", DVec3::new(0.0, -0.2, 0.0)).a_to_b, Some(Label::Right));
 }
 
-/// The pieces of an object in the world as polyhedra; the roundest are a millimetre too small.
+/// The pieces of an object in the world as polyhedra; curved pieces are up to a millimetre too small.
 fn polyhedra(scene: &PosedScene, index: usize) -> Vec<ConvexPolyhedron> {
     let body = &scene.bodies[index];
     let of_piece = |piece: &super::posed_scene::WorldPiece| {
@@ -70,7 +70,8 @@ fn polyhedra(scene: &PosedScene, index: usize) -> Vec<ConvexPolyhedron> {
     body.pieces.iter().map(of_piece).collect()
 }
 
-/// Whether two objects touch when the first one is lowered, as a collision library sees it that the judges do not ask.
+/// True if the objects touch after lowering the first one, according to a collision library that the relations do not
+/// use.
 fn touches(scene: &PosedScene, lowered_m: f64) -> bool {
     let (upper, lower) = (polyhedra(scene, 0), polyhedra(scene, 1));
     let down = Placing::from_translation(Vector::new(0.0, 0.0, -lowered_m));

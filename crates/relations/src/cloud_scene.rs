@@ -1,12 +1,14 @@
-//! The judges on point clouds: profile `seed` when only points on the objects' surfaces are known.
+//! Relations between point clouds: the profile `seed` for objects of which only surface points are known.
 //!
-//! Thresholds, order of the decision and explanations are those of posed geometry; only the measures differ:
-//! - *distance in the plane* is the shortest one between points;
-//! - *inside* is the share of points in the other's convex hull that have the other's surface around them, at their
-//!   height or above, in most directions of the compass: a cloud tells no cavity, but a hollow shows in its walls;
-//! - *resting on* compares, in small columns over the table, the lowest point of the one with the highest of the other.
+//! Thresholds, order of decisions and explanations are those for posed geometry. The measured quantities are
+//! approximated:
+//! - *distance in the plane* is the shortest distance between points;
+//! - *inside* is the share of points in the other object's convex hull that have the other's surface around them, at
+//! their height or above, in most compass directions. A cloud has no explicit cavity, but a cavity is surrounded by
+//! walls;
+//! - *resting on* compares, in narrow vertical columns, the lowest point of one object with the highest of the other.
 //!
-//! A cloud says nothing about joints, so no state holds.
+//! A cloud has no joint positions, so no condition on a state is met.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -24,40 +26,40 @@ use crate::clouds::{Cloud, spread_directions};
 use crate::hull::Hull;
 use crate::planar::Polygon;
 
-/// Points of a cloud that are tried for being inside.
-const TRIED: usize = 384;
+/// Maximum number of points of a cloud that are tested for being inside.
+const MAX_TESTED_POINTS: usize = 384;
 
-/// Points of a container that can stand in the way.
-const WALL: usize = 1536;
+/// Maximum number of points of a container that are considered as walls.
+const MAX_WALL_POINTS: usize = 1536;
 
-/// In how many of 16 directions of the compass a point that is inside has a wall.
-const WALLED: u32 = 11;
+/// Minimum number of the 16 compass directions in which a point inside has a wall.
+const MIN_WALLED_DIRECTIONS: u32 = 11;
 
-/// Directions in which the hull of a cloud gets its corners, besides those of a cube.
+/// Number of directions that define the corners of a cloud's hull, besides those of a cube.
 const HULL_DIRECTIONS: usize = 230;
 
-/// Narrowest and widest column in which heights are compared, metres.
+/// Smallest and largest width of the columns in which heights are compared, metres.
 const COLUMN_M: [f64; 2] = [0.004, 0.02];
 
-/// Objects of which points are known, ready to be judged.
+/// Objects as point clouds, ready for relation queries.
 #[derive(Debug, Default)]
 pub struct CloudScene {
     bodies: Vec<CloudBody>,
 }
 
-/// A cloud with its outline, hull and samples, made when first needed.
+/// A cloud with its outline, hull and samples, computed on first use.
 #[derive(Debug)]
 pub(super) struct CloudBody {
     uid: String,
     cloud: Cloud,
-    /// Points in an order of their own, so that the order they came in does not matter.
+    /// Points in a canonical order, so that results do not depend on the input order.
     sorted: OnceLock<Vec<DVec3>>,
     outline: OnceLock<Polygon>,
     hull: OnceLock<Vec<(DVec3, f64)>>,
 }
 
 impl CloudScene {
-    /// Objects by uid with their points in the world frame, metres.
+    /// `clouds` are object ids with points in the world frame, metres.
     pub fn new(clouds: impl IntoIterator<Item = (String, Cloud)>) -> Self {
         let body = |(uid, cloud)| CloudBody {
             uid,
@@ -74,17 +76,17 @@ impl CloudScene {
         self.bodies.iter().position(|body| body.uid == uid)
     }
 
-    /// Judges one condition on objects at rest, as [`super::judge_atom`] does.
+    /// Judges one condition on objects at rest, like [`super::judge_atom`].
     pub fn judge_atom(&self, atom: &Atom, settings: &RelationSettings) -> AtomVerdict {
         judge(self, atom, &Rest::default(), settings)
     }
 
-    /// Judges a goal, as [`super::judge_goal`] does.
+    /// Judges a goal, like [`super::judge_goal`].
     pub fn judge_goal(&self, goal: &Goal, rest: &Rest, settings: &RelationSettings) -> GoalVerdict {
         judge_alternatives(self, goal, rest, settings)
     }
 
-    /// Measures and labels two objects, as [`super::label_pair`] does; `None` for an index out of range.
+    /// Measures and labels two objects, like [`super::label_pair`]; `None` if an index is out of range.
     pub fn label_pair(&self, a: usize, b: usize, settings: &RelationSettings) -> Option<PairVerdict> {
         label_extents(self, a, b, settings)
     }
@@ -116,7 +118,7 @@ impl Extent for CloudBody {
     }
 
     fn share_inside(&self, container: &Self) -> f64 {
-        let (tried, walls) = (thinned(self.sorted(), TRIED), thinned(container.sorted(), WALL));
+        let (tried, walls) = (thinned(self.sorted(), MAX_TESTED_POINTS), thinned(container.sorted(), MAX_WALL_POINTS));
         let planes = container.hull();
         let in_hull =
             |point: DVec3| !planes.is_empty() && planes.iter().all(|(normal, limit)| normal.dot(point) <= *limit);
@@ -137,7 +139,7 @@ impl Extent for CloudBody {
             let top = around.filter_map(|cell| tops.get(&cell)).copied().reduce(f64::max)?;
             Some(bottom - top)
         });
-        // Of columns where the one is above the other the closest counts, otherwise the one that is least sunk in.
+        // Among columns where the object is above the other the smallest gap counts, otherwise the least negative one.
         let gap_m = gaps.reduce(|one, other| match (one >= -settings.sinking_m, other >= -settings.sinking_m) {
             (true, true) => one.min(other),
             (false, false) => one.max(other),
@@ -169,7 +171,7 @@ impl CloudBody {
         self.outline.get_or_init(|| Polygon::hull(self.sorted().iter().map(|point| point.truncate()).collect()))
     }
 
-    /// Planes of the convex hull of the extreme points in evenly spread directions; none when the points are flat.
+    /// Planes of the convex hull of the extreme points in evenly spread directions; empty for coplanar points.
     fn hull(&self) -> &[(DVec3, f64)] {
         self.hull.get_or_init(|| {
             let tree = self.cloud.tree();
@@ -181,35 +183,35 @@ impl CloudBody {
         })
     }
 
-    /// About the distance between neighbouring points.
+    /// Approximate distance between neighbouring points.
     fn column_width(&self) -> f64 {
         let size = self.cloud.max - self.cloud.min;
         (size.x * size.y / self.cloud.points().len() as f64).sqrt().clamp(COLUMN_M[0], COLUMN_M[1])
     }
 }
 
-/// At most so many points, evenly taken.
+/// An even selection of at most `most` points.
 fn thinned(points: &[DVec3], most: usize) -> Vec<DVec3> {
     points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
 }
 
-/// Whether a container's surface is around a point, at its height or above, in most directions.
+/// True if a container's surface surrounds a point, at its height or above, in most directions.
 fn is_walled_in(point: DVec3, walls: &[DVec3]) -> bool {
     let mut seen = 0_u32;
     for wall in walls.iter().filter(|wall| wall.z >= point.z) {
         seen |= 1 << compass(wall.truncate() - point.truncate());
-        if seen.count_ones() >= WALLED {
+        if seen.count_ones() >= MIN_WALLED_DIRECTIONS {
             return true;
         }
     }
     false
 }
 
-/// Which of 16 directions is nearest; mirror images and quarter turns of a way have those of the direction.
+/// The nearest of 16 compass directions. Consistent under mirroring and quarter turns.
 fn compass(way: DVec2) -> u32 {
     let size = way.abs();
     let slope = size.min_element() / size.max_element();
-    // The tangents of 11.25 and 33.75 degrees.
+    // Tangents of 11.25 and 33.75 degrees.
     let step = if slope < 0.198_912 { 0 } else { 1 + u32::from(slope >= 0.668_179) };
     let quarter = if size.y > size.x { 4 - step } else { step };
     match (way.x < 0.0, way.y < 0.0) {
@@ -220,7 +222,7 @@ fn compass(way: DVec2) -> u32 {
     }
 }
 
-/// One height per column of points in the given bounds, chosen from the lowest and highest one.
+/// One height per column of points within the bounds, chosen from the lowest and the highest.
 fn columns(cloud: &Cloud, within: &Aabb, width: f64, choose: impl Fn([f64; 2]) -> f64) -> BTreeMap<[i64; 2], f64> {
     let (min, max) = (within.min.truncate() - width, within.max.truncate() + width);
     let mut spans: BTreeMap<[i64; 2], [f64; 2]> = BTreeMap::new();

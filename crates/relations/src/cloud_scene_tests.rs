@@ -1,4 +1,4 @@
-//! Clouds against the geometry they were sampled from, and what must not change a verdict.
+//! Clouds agree with the geometry they were sampled from, and verdicts are invariant under symmetries.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +27,7 @@ fn clouds(points: Vec<Vec<DVec3>>) -> CloudScene {
     CloudScene::new(NAMES.map(String::from).into_iter().zip(points.into_iter().map(cloud)))
 }
 
-/// Any object of the catalogue near a place on the table.
+/// A random object of the catalogue near a place on the table.
 fn object(name: &str, spread: f64, rng: &mut impl Rng) -> PosedObject {
     let catalogue = Catalogue::builtin();
     let cards = catalogue.cards();
@@ -38,7 +38,7 @@ fn object(name: &str, spread: f64, rng: &mut impl Rng) -> PosedObject {
     PosedObject { id: name.into(), model, pose: Pose::new(place, turn), joint_positions }
 }
 
-/// Three objects of the catalogue: the first dropped onto, into or beside the second.
+/// Three objects of the catalogue; the first is dropped onto, into or beside the second.
 fn arrangement(seed: Seed, shapes: &mut ShapeCache) -> PosedScene {
     let rng = &mut seed.rng();
     let reach = [0.02, 0.1, 0.25][rng.random_range(0..3)];
@@ -48,7 +48,7 @@ fn arrangement(seed: Seed, shapes: &mut ShapeCache) -> PosedScene {
     if measure_pair(&scene, 0, 1, &settings).unwrap().gap_m > 0.0 {
         return scene;
     }
-    // Let the first down onto the second from above.
+    // Lower the first object onto the second.
     let mut lowered = scene.objects().next().unwrap().clone();
     lowered.pose.position.z = 0.6;
     for _ in 0..4 {
@@ -59,12 +59,12 @@ fn arrangement(seed: Seed, shapes: &mut ShapeCache) -> PosedScene {
     scene
 }
 
-/// Whether the third object is clear of the others.
+/// True if the third object does not touch the others.
 fn is_possible(scene: &PosedScene) -> bool {
     [0, 1].iter().all(|&one| measure_pair(scene, one, 2, &RelationSettings::default()).unwrap().gap_m > 0.0)
 }
 
-/// Conditions on three objects, with the verdicts of posed geometry.
+/// Verdicts of posed geometry for conditions on three objects.
 fn judged(scene: &PosedScene) -> Vec<genmanip_core::AtomVerdict> {
     let pairs = [(0, 1), (1, 0), (0, 2), (2, 1)];
     let atoms = pairs.iter().flat_map(|&(one, other)| Relation::OF_PAIRS.map(|word| atom(word, one, other, None)));
@@ -96,7 +96,7 @@ fn clouds_of_posed_geometry_agree_beyond_five_millimetres() {
     assert!(share >= 0.995, "{} of {compared}\n{}", disagreements.len(), disagreements.join("\n"));
 }
 
-/// Points moved, turned and mirrored, in another order and sampled anew: what the verdicts of a scene become.
+/// Verdicts under translation, rotation, mirroring, reordering and resampling of the points.
 #[test]
 fn moving_turning_mirroring_swapping_shuffling_and_sampling_anew() {
     let settings = RelationSettings::default();
@@ -141,7 +141,7 @@ fn moving_turning_mirroring_swapping_shuffling_and_sampling_anew() {
         });
         assert_eq!(mirrored.a_to_b, exchanged, "{original:#?}\n{mirrored:#?}");
 
-        // The order of the points changes nothing but the last bits of the mean.
+        // The order of the points changes only the last bits of the mean.
         let mut shuffled = points.clone();
         shuffled.iter_mut().for_each(|cloud| cloud.shuffle(&mut seed.rng()));
         let shuffled = label(&shuffled);

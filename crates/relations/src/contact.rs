@@ -1,8 +1,8 @@
-//! Where one object would first touch another if it fell: the vertical gap between two convex bodies.
+//! The vertical gap between two convex bodies: how far one can fall until it touches the other.
 //!
-//! How far body A can fall until it touches body B is where a vertical line enters the Minkowski difference A − B.
-//! The line is followed by portal refinement (Snethen, "XenoCollide", Game Programming Gems 7): a triangle of support
-//! points around the line is pushed outwards until the body does not reach beyond it.
+//! The gap is found where a vertical line enters the Minkowski difference A − B. The entry point is computed by portal
+//! refinement (Snethen, "XenoCollide", Game Programming Gems 7): a triangle of support points around the line is moved
+//! outwards until the body does not extend beyond it.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -10,35 +10,35 @@ use serde::{Deserialize, Serialize};
 
 use super::RelationSettings;
 
-/// The place where one object would first touch another if it fell.
+/// The place at which a falling object would first touch another one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contact {
-    /// Vertical gap there, m; negative when the upper object is below.
+    /// Vertical gap there, metres; negative if the upper object is below the surface.
     pub gap_m: f64,
-    /// Height of the upper object's middle above the middle of the link it would touch, m.
+    /// Height of the upper object's centre above the centre of the link that it would touch, metres.
     pub rise_m: f64,
 }
 
 impl Contact {
-    /// Whether the upper object rests on the lower one.
+    /// True if the upper object rests on the lower one.
     pub fn rests(&self, settings: &RelationSettings) -> bool {
         (-settings.sinking_m..=settings.touching_gap_m).contains(&self.gap_m) && self.rise_m > 0.0
     }
 }
 
-/// The gap is known to this accuracy, metres.
+/// Accuracy of the gap, metres.
 const ACCURACY: f64 = 1e-6;
 
-/// The line runs this far beside the origin, so that symmetric bodies do not put a corner exactly on it.
+/// Offset of the line from the origin, so that no corner of a symmetric body lies exactly on it.
 const OFFSET: DVec2 = DVec2::new(1.3e-7, 0.7e-7);
 
-/// Bound on both searches; they end after some ten steps.
+/// Limit on both searches, which normally end after about ten steps.
 const MAX_STEPS: usize = 64;
 
-/// Height of A above B where they would first touch if A fell, negative when A would have to rise to clear B;
-/// `None` when the projections do not overlap.
+/// Vertical gap at which A would first touch B; negative if A has to rise to clear B; `None` if the projections do not
+/// overlap.
 ///
-/// `support(direction)` returns the farthest point of A − B. Below `give_up_below` the value is only an upper bound.
+/// `support(direction)` returns the farthest point of A − B. Results below `give_up_below` are only upper bounds.
 pub(super) fn vertical_gap(support: impl Fn(DVec3) -> DVec3, give_up_below: f64) -> Option<f64> {
     let support = |direction: DVec3| support(direction) - OFFSET.extend(0.0);
     let mut portal = surround_line(&support)?;
@@ -48,7 +48,7 @@ pub(super) fn vertical_gap(support: impl Fn(DVec3) -> DVec3, give_up_below: f64)
         if normal.z == 0.0 {
             return None;
         }
-        // Scaled to fall by one, so that progress along it is progress along the line.
+        // Scaled to a fall of one, so that progress along it is progress along the line.
         let down = normal / -normal.z;
         let height = -down.dot(a);
         if height < give_up_below {
@@ -66,7 +66,7 @@ pub(super) fn vertical_gap(support: impl Fn(DVec3) -> DVec3, give_up_below: f64)
     Some(normal.dot(a) / normal.z)
 }
 
-/// Three points of the body around the line, or `None` when it misses the body.
+/// Three points of the body around the line; `None` if the line misses the body.
 fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
     let horizontal = |direction: DVec2| support(direction.extend(0.0));
     let mut a = horizontal(DVec2::X);
@@ -75,7 +75,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
         return None;
     }
     for _ in 0..MAX_STEPS {
-        // The side of the edge on which the line stands.
+        // The side of the edge on which the line is.
         let edge = b.truncate() - a.truncate();
         let mut toward = edge.perp();
         if toward.dot(-a.truncate()) < 0.0 {
@@ -92,7 +92,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
         if inside(&triangle) >= 0.0 {
             return Some(triangle);
         }
-        // Keep the edge through the new point beyond which the line stands.
+        // Keep the edge through the new point that has the line beyond it.
         let beyond = |p: DVec3, q: DVec3, other: DVec3| {
             let normal = (q - p).truncate().perp();
             (normal.dot(-p.truncate()) > 0.0) != (normal.dot((other - p).truncate()) > 0.0)
@@ -106,7 +106,7 @@ fn surround_line(support: &impl Fn(DVec3) -> DVec3) -> Option<[DVec3; 3]> {
     None
 }
 
-/// Smallest barycentric coordinate of the line in a triangle seen from above; negative outside.
+/// Smallest barycentric coordinate of the line in a triangle in the top view; negative outside.
 fn inside([a, b, c]: &[DVec3; 3]) -> f64 {
     let [a, b, c] = [a.truncate(), b.truncate(), c.truncate()];
     let area = (b - a).perp_dot(c - a);

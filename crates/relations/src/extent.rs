@@ -1,4 +1,4 @@
-//! What the judges ask of an object, whatever its place is known from: exact pieces or a cloud of points.
+//! The quantities of objects on which relations are based, for exact geometry and for point clouds.
 
 use genmanip_core::Aabb;
 use glam::DVec3;
@@ -8,7 +8,7 @@ use super::contact::Contact;
 use super::requirement::Requirement;
 use crate::planar::Polygon;
 
-/// The place an object takes up in the world, metres.
+/// The space that an object occupies in the world, metres.
 pub(super) trait Extent {
     /// Bounds.
     fn bounds(&self) -> Aabb;
@@ -16,19 +16,19 @@ pub(super) trait Extent {
     fn center(&self) -> DVec3;
     /// Shortest distance between the projections onto the table.
     fn planar_gap(&self, other: &Self) -> f64;
-    /// Share of this surface that is inside a container.
+    /// Share of this object's surface that is inside a container.
     fn share_inside(&self, container: &Self) -> f64;
-    /// Where this would first touch the lower one if it fell; `None` when the projections do not overlap.
+    /// The place at which this would first touch the lower object if it fell; `None` if the projections do not overlap.
     fn contact_above(&self, lower: &Self, settings: &RelationSettings) -> Option<Contact>;
-    /// Whether the overlap-area test holds for something on this.
+    /// True if `upper` passes the overlap-area test with this object as its support.
     fn supports(&self, upper: &Self, settings: &RelationSettings) -> bool;
-    /// What has to be true for the object to be in a state.
+    /// Requirements for the object to be in a state.
     fn state(&self, state: &str, settings: &RelationSettings) -> Vec<Requirement>;
 }
 
-/// Objects by uid.
+/// Objects by id.
 pub(super) trait Extents {
-    /// How the place of an object is known.
+    /// Representation of an object.
     type Extent: Extent;
 
     /// Index of an object.
@@ -37,7 +37,7 @@ pub(super) trait Extents {
     fn extent(&self, index: usize) -> Option<&Self::Extent>;
 }
 
-/// Whether most of the upper footprint is over the lower one, and it is not much larger.
+/// True if most of the upper footprint is over the lower one and it is not much larger.
 pub(super) fn supported(upper: &Polygon, lower: &Polygon, settings: &RelationSettings) -> bool {
     let (lower_area, upper_area) = (lower.area(), upper.area());
     upper.intersection(lower).area() > settings.support_overlap * upper_area

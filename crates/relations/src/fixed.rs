@@ -1,10 +1,10 @@
-//! Support surfaces other than the table, as bodies that are judged like objects.
+//! Support surfaces other than the table, represented as bodies so that relations treat them like objects.
 
 use genmanip_core::{Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, SupportSurface};
 use glam::{DMat3, DVec3};
 
-/// A support surface as an object's model in the surface's frame: its slab, without the boards beside and above it, so
-/// that *on* means on the top and *near* is measured from its edges.
+/// A support surface as an object model in the surface's frame: only its slab, without the boards beside and above it.
+/// *On* then means on its top, and *near* is measured from its edges.
 pub(super) fn model(surface: &SupportSurface) -> ObjectModel {
     let slab: Vec<_> = surface.pieces().into_iter().take(1).collect();
     let asset = AssetRef::builtin(&surface.id, 1);

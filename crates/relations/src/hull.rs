@@ -4,7 +4,7 @@ use glam::DVec3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 
-/// A convex hull as a closed triangle mesh; empty when the points lie in a plane.
+/// A convex hull as a closed triangle mesh; empty for coplanar points.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Hull {
     pub corners: Vec<DVec3>,
@@ -31,7 +31,7 @@ impl Hull {
         self.triangles.iter().map(|triangle| triangle.map(|index| self.corners[index as usize]))
     }
 
-    /// Outward unit normals and distances from the origin, pushed out by a tolerance.
+    /// Outward unit normals and distances from the origin, enlarged by a tolerance.
     pub fn planes(&self, tolerance: f64) -> Vec<(DVec3, f64)> {
         let center = self.corners.iter().sum::<DVec3>() / self.corners.len().max(1) as f64;
         self.faces()

@@ -8,12 +8,12 @@ use super::pair::{PairGeometry, measure};
 use super::requirement::{Requirement, SINKING, better, verdict};
 use super::{PosedScene, RelationSettings};
 
-/// What is known besides poses: an object held by the gripper or not at rest satisfies nothing.
+/// State of motion of the objects. An object that is held by the gripper or not at rest meets no condition.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rest {
     /// Index of the object in the gripper.
     pub held: Option<usize>,
-    /// Per object, whether it moves; objects beyond the end are at rest.
+    /// For each object, true if it moves; objects beyond the end of the list are at rest.
     pub moving: Vec<bool>,
 }
 
@@ -28,7 +28,7 @@ impl Rest {
 
 /// Judges one condition on objects at rest.
 ///
-/// An id that is not in the scene is a condition that does not hold, and the explanation says so.
+/// A condition with an unknown id is not met, and the explanation says so.
 pub fn judge_atom(scene: &PosedScene, atom: &Atom, settings: &RelationSettings) -> AtomVerdict {
     judge(scene, atom, &Rest::default(), settings)
 }
@@ -38,7 +38,7 @@ pub fn judge_goal(scene: &PosedScene, goal: &Goal, rest: &Rest, settings: &Relat
     judge_alternatives(scene, goal, rest, settings)
 }
 
-/// Judges a goal, whatever the extents are known from.
+/// Judges a goal, for any representation of the objects.
 pub(super) fn judge_alternatives(
     scene: &impl Extents,
     goal: &Goal,
@@ -53,19 +53,19 @@ pub(super) fn judge_alternatives(
     )
 }
 
-/// Judges every edge of an initial graph, in its order.
+/// Judges every edge of an initial graph, in order.
 pub fn judge_edges(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSettings) -> Vec<AtomVerdict> {
     graph.edges.iter().map(|edge| judge_atom(scene, &edge.atom(), settings)).collect()
 }
 
-/// Judges the state of every node of an initial graph that has one, in its order.
+/// Judges the state of every node of an initial graph that has one, in order.
 pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSettings) -> Vec<AtomVerdict> {
     let atoms =
         graph.nodes.iter().filter_map(|node| Some(Atom::State { object: node.id.clone(), state: node.state.clone()? }));
     atoms.map(|atom| judge_atom(scene, &atom, settings)).collect()
 }
 
-/// Judges one condition, whatever the extents are known from.
+/// Judges one condition, for any representation of the objects.
 pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
     let (ids, word): (Vec<&str>, &str) = match atom {
         Atom::State { object, state } => (vec![object], state),
@@ -94,14 +94,14 @@ pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &R
     verdict(atom, word, requirements)
 }
 
-/// What has to be true for A to stand in a relation to B.
+/// Requirements for A to be in a relation to B.
 fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     let close = || Requirement::at_most("gap in the plane", pair.gap_m, settings.close_m);
-    // Bounds that overlap along one axis only have nothing in common in the plane, so the pair is neither in nor on.
+    // If the bounds do not overlap along both axes, the projections are disjoint and the pair can be neither in nor on.
     let overlap_x = || Requirement::above("overlap along x", pair.overlap_x_m, 0.0);
     let overlap_y = || Requirement::above("overlap along y", pair.overlap_y_m, 0.0);
     let apart = |toward: f64, overlap: f64| {
-        // On the wrong side the way to the right one leads across the other object.
+        // On the wrong side, the distance to the right side leads across the other object.
         let clear = if toward > 0.0 { -overlap } else { -overlap.abs() - 2.0 * toward.abs() };
         Requirement::at_least("clearance towards that side", clear, 0.0)
     };
@@ -129,9 +129,9 @@ fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &Rel
     }
 }
 
-/// A in B.
+/// Requirements for A in B.
 fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
-    // When both hold, the smaller one is in the larger one.
+    // If each is in the other, the smaller one counts as being in the larger one.
     let share =
         Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit(Unit::Share);
     let mut requirements = vec![share];
@@ -142,7 +142,7 @@ fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> 
     requirements
 }
 
-/// A rests on B and is not in it.
+/// Requirements for A resting on B without being in it.
 fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     let mut requirements = touching(pair, settings);
     for (quantity, share) in
@@ -155,7 +155,7 @@ fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     requirements
 }
 
-/// A touches B from above.
+/// Requirements for A touching B from above.
 fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     match pair.a_over_b {
         Some(Contact { gap_m, rise_m }) => {
@@ -176,7 +176,7 @@ fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement
     }
 }
 
-/// The subject stands on the way from one object to the other.
+/// Requirements for the subject being between two objects.
 fn between<E: Extent>(subject: &E, one: &E, other: &E, settings: &RelationSettings) -> Vec<Requirement> {
     let (there, onward) = (subject.center() - one.center(), other.center() - subject.center());
     if there.length() == 0.0 || onward.length() == 0.0 {

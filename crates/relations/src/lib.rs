@@ -1,19 +1,20 @@
-//! Spatial relations and goal verdicts, on exact posed geometry (profile `seed`) and on point clouds.
+//! Spatial relations between objects and verdicts on goals, for exact posed geometry (profile `seed`) and point clouds.
 //!
-//! [`PosedScene`] holds objects at their poses; [`judge_atom`], [`judge_goal`] and [`judge_edges`] say what holds,
-//! with every measured quantity, its threshold and the margin; [`label_pair`] names how two objects stand to each other.
+//! [`PosedScene`] holds objects at their poses. [`judge_atom`], [`judge_goal`] and [`judge_edges`] return verdicts with
+//! every measured quantity, its threshold and the margin. [`label_pair`] returns the spatial labels of two objects.
 //!
-//! Bodies are the exact convex pieces of the object models, not boxes around them:
+//! Bodies are the exact convex pieces of the object models, not bounding boxes:
 //! - *distance in the plane* is the shortest distance between the projections of the pieces;
-//! - *resting on* is the vertical gap between the pieces where the projections overlap, so that a mug on a saucer is on
-//!   it although the saucer's rim is higher than the place where they touch;
-//! - *inside* is the share of an object's surface points in the other's cavity, or in its convex hull if the model
-//!   knows no cavity.
+//! - *resting on* is decided by the vertical gap between pieces whose projections overlap. A mug is on a saucer even
+//! though the saucer's rim is higher than the point of contact;
+//! - *inside* is the share of an object's surface points in the other's cavity, or in its convex hull if the model has
+//! no cavity.
 //!
-//! [`CloudScene`] judges point clouds in the same way, for objects that are only seen; [`observed`] makes them from depth
-//! images. [`clouds`] reproduces the verdicts of two released evaluators on point clouds.
+//! [`CloudScene`] applies the same rules to point clouds, for objects that are only observed; [`observed`] makes the
+//! clouds from depth images. [`clouds`] reproduces the verdicts of two released evaluators on point clouds.
 //!
-//! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius); vertical gaps are exact to a micrometre.
+//! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius). Vertical gaps are exact to a
+//! micrometre.
 
 #[cfg(test)]
 mod catalogue_tests;

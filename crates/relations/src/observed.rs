@@ -1,8 +1,8 @@
-//! Point clouds of objects from depth images with instance ids, of several cameras fused.
+//! Point clouds of objects, fused from depth images with instance ids of several cameras.
 //!
-//! Cameras see the near sides only. What is missing is filled in from the convex hull of what was seen: its surface is
-//! kept where every camera looks at something in front of it, and left out where one looked through it. So a box gets
-//! its back and its underside, and a bowl stays open.
+//! Cameras see only the near sides. Hidden sides are filled in from the convex hull of the observed points: a point of
+//! the hull's surface is kept if every camera sees something in front of it, and dropped if a camera saw through it. A
+//! box thus gets its back and underside, and a bowl stays open.
 
 use std::collections::BTreeMap;
 
@@ -12,18 +12,19 @@ use glam::{DVec2, DVec3};
 use crate::clouds::Cloud;
 use crate::hull::Hull;
 
-/// Points of one object are at least about so far apart, metres.
+/// Approximate spacing of the points of one object, metres.
 const SPACING_M: f64 = 0.003;
 
-/// How far behind a point a camera must see something for the point to be in free space, metres.
-const FREE_M: f64 = 0.006;
+/// A point is in free space if a camera sees something at least this far behind it, metres.
+const FREE_SPACE_M: f64 = 0.006;
 
-/// Fewest pixels of an object that tell anything about it.
+/// Minimum number of observed points of an object; with fewer it gets no cloud.
 const MIN_POINTS: usize = 12;
 
-/// The cloud of each instance in the world frame, hidden sides filled in; `None` for one that is hardly seen.
+/// The cloud of each instance in the world frame, with hidden sides filled in; `None` for an instance that is hardly
+/// visible.
 ///
-/// Pixels beyond the shorter of a view's two images are left out.
+/// If a view's two images differ in size, the pixels beyond the smaller one are ignored.
 pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Cloud>> {
     let cameras: Vec<Pose> = views.iter().map(|view| view.world_from_camera.inverse()).collect();
     let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| looks_through(view, camera, point));
@@ -50,13 +51,13 @@ pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Clo
     instances.iter().map(cloud).collect()
 }
 
-/// The points seen of an instance, in the world.
+/// Observed points of an instance in the world frame.
 fn points_of(view: &RgbdImage, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
     let seen = view.ids.iter().enumerate().filter(move |(_, id)| **id == instance);
     seen.filter_map(|(index, _)| view.point(index))
 }
 
-/// Whether a camera looks through a point at something behind it.
+/// True if a camera sees through a point to something behind it.
 fn looks_through(view: &RgbdImage, camera_from_world: &Pose, point: DVec3) -> bool {
     let local = camera_from_world.transform_point(point);
     let Some(pixel) = view.intrinsics.project(local).map(DVec2::round) else { return false };
@@ -65,7 +66,7 @@ fn looks_through(view: &RgbdImage, camera_from_world: &Pose, point: DVec3) -> bo
         return false;
     }
     let index = pixel.y as usize * view.width() as usize + pixel.x as usize;
-    view.depth_m.get(index).is_some_and(|&depth| depth <= 0.0 || f64::from(depth) > local.z + FREE_M)
+    view.depth_m.get(index).is_some_and(|&depth| depth <= 0.0 || f64::from(depth) > local.z + FREE_SPACE_M)
 }
 
 fn cell(point: DVec3) -> [i64; 3] {

@@ -1,4 +1,4 @@
-//! How two objects stand to each other.
+//! Spatial labels of a pair of objects.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -8,7 +8,7 @@ use super::contact::Contact;
 use super::extent::{Extent, Extents};
 use super::{PosedScene, RelationSettings};
 
-/// How one object stands to another.
+/// Position of one object relative to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Label {
@@ -20,20 +20,20 @@ pub enum Label {
     On,
     /// The other rests on it.
     Beneath,
-    /// To the robot's left of it (+y).
+    /// It is to the robot's left of the other (+y).
     Left,
-    /// To the robot's right of it (-y).
+    /// It is to the robot's right of the other (-y).
     Right,
-    /// On the far side of it (+x).
+    /// It is farther from the robot than the other (+x).
     Front,
-    /// On the robot's side of it (-x).
+    /// It is nearer to the robot than the other (-x).
     Back,
-    /// Close in the plane, none of the above.
+    /// It is close in the plane, and none of the above.
     Near,
 }
 
 impl Label {
-    /// The label seen from the other object.
+    /// The label with the roles exchanged.
     #[must_use]
     pub fn inverse(self) -> Self {
         match self {
@@ -53,14 +53,14 @@ impl Label {
 /// The labels of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PairVerdict {
-    /// How A stands to B; `None` when they are not close in the plane.
+    /// Label of A relative to B; `None` if they are not close in the plane.
     pub a_to_b: Option<Label>,
-    /// How B stands to A.
+    /// Label of B relative to A.
     pub b_to_a: Option<Label>,
-    /// Whether the one on top is also *supported by* the lower one: most of its footprint is over the other's, and it
+    /// True if the upper object is also *supported by* the lower one: most of its footprint is over the other's, and it
     /// is not much larger.
     pub supporting: bool,
-    /// What was measured.
+    /// Measured quantities.
     pub geometry: PairGeometry,
 }
 
@@ -69,34 +69,34 @@ pub struct PairVerdict {
 pub struct PairGeometry {
     /// Shortest distance between the projections onto the table.
     pub gap_m: f64,
-    /// Length along x that the two have in common; negative: how far apart they are.
+    /// Overlap of the bounds along x; if negative, their distance.
     pub overlap_x_m: f64,
-    /// Length along y that the two have in common; negative: how far apart they are.
+    /// Overlap of the bounds along y; if negative, their distance.
     pub overlap_y_m: f64,
     /// Share of A's surface points in B.
     pub a_in_b: f64,
     /// Share of B's surface points in A.
     pub b_in_a: f64,
-    /// A's pieces above B's, where their projections overlap.
+    /// Contact of A falling onto B, if their projections overlap.
     pub a_over_b: Option<Contact>,
-    /// B's pieces above A's, where their projections overlap.
+    /// Contact of B falling onto A, if their projections overlap.
     pub b_over_a: Option<Contact>,
-    /// Middle of A minus middle of B, the middle being the mean of the surface.
+    /// Centre of A minus centre of B, where the centre is the mean of the surface.
     #[schemars(with = "[f64; 3]")]
     pub offset: DVec3,
 }
 
-/// Measures and labels two objects of a scene; `None` for an index out of range.
+/// Measures and labels two objects of a scene; `None` if an index is out of range.
 pub fn label_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairVerdict> {
     label_extents(scene, a, b, settings)
 }
 
-/// Measures two objects of a scene; `None` for an index out of range.
+/// Measures two objects of a scene; `None` if an index is out of range.
 pub fn measure_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairGeometry> {
     Some(measure(scene.extent(a)?, scene.extent(b)?, settings))
 }
 
-/// Measures and labels two objects, whatever their extents are known from.
+/// Measures and labels two objects, for any representation.
 pub(super) fn label_extents(
     scene: &impl Extents,
     a: usize,
@@ -114,41 +114,41 @@ pub(super) fn label_extents(
     Some(PairVerdict { a_to_b: label, b_to_a: label.map(Label::inverse), supporting, geometry })
 }
 
-/// Whether the convex outlines of two objects on the table are certainly at least a distance apart; false for an index
-/// out of range. Much cheaper than measuring the pair, and now and then too careful by a little.
+/// True if the convex outlines of two objects on the table are certainly at least a distance apart; false if an index
+/// is out of range. Much cheaper than measuring the pair, but sometimes slightly conservative.
 pub fn outlines_apart(scene: &PosedScene, a: usize, b: usize, distance_m: f64) -> bool {
     let pair = scene.bodies.get(a).zip(scene.bodies.get(b));
     pair.is_some_and(|(one, other)| one.footprint().hull.is_apart(&other.footprint().hull, distance_m))
 }
 
-/// Shortest distance of the projections of two objects onto the table, metres; `None` for an index out of range.
+/// Shortest distance between the projections of two objects onto the table, metres; `None` if an index is out of range.
 ///
-/// One of the quantities of [`measure_pair`], at a fraction of its cost.
+/// One of the quantities of [`measure_pair`], at a fraction of the cost.
 pub fn planar_gap(scene: &PosedScene, a: usize, b: usize) -> Option<f64> {
     Some(scene.bodies.get(a)?.planar_gap(scene.bodies.get(b)?))
 }
 
-/// Where an object that comes straight down first touches another; `None` when it is not above it, or for an index out
-/// of range.
+/// The contact of an object that falls straight down onto another; `None` if it is not above it or an index is out of
+/// range.
 ///
-/// One of the quantities of [`measure_pair`], at a fraction of its cost.
+/// One of the quantities of [`measure_pair`], at a fraction of the cost.
 pub fn contact_below(scene: &PosedScene, upper: usize, lower: usize, settings: &RelationSettings) -> Option<Contact> {
     let (upper, lower) = (scene.bodies.get(upper)?, scene.bodies.get(lower)?);
     overlap(upper, lower).truncate().cmpgt(DVec2::ZERO).all().then(|| upper.contact_above(lower, settings))?
 }
 
-/// Extent that the bounds of two share along each axis, metres; negative where they are apart.
+/// Overlap of the bounds along each axis, metres; negative where they are apart.
 fn overlap<E: Extent>(a: &E, b: &E) -> DVec3 {
     let (a, b) = (a.bounds(), b.bounds());
     a.max.min(b.max) - a.min.max(b.min)
 }
 
-/// How A stands to B, in the order of the decision.
+/// The first label that applies to A relative to B, in the order of precedence.
 fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
     if pair.gap_m > settings.close_m {
         return None;
     }
-    // Flat things can share a bound; without an offset neither is on either side.
+    // The bounds of flat objects can coincide; without an offset, neither is on a side of the other.
     let over_x_only = pair.overlap_x_m > 0.0 && pair.overlap_y_m <= 0.0 && pair.offset.y != 0.0;
     let over_y_only = pair.overlap_y_m > 0.0 && pair.overlap_x_m <= 0.0 && pair.offset.x != 0.0;
     let one_of = |condition: bool, yes: Label, no: Label| Some(if condition { yes } else { no });
@@ -168,7 +168,7 @@ fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
 }
 
 impl PairGeometry {
-    /// Whether A rests on B; of two that are hooked into each other, the one with the closer contact is the upper one.
+    /// True if A rests on B. If two objects interlock, the one with the smaller gap is the upper one.
     pub fn a_rests_on_b(&self, settings: &RelationSettings) -> bool {
         let rests = |contact: Option<Contact>| contact.filter(|contact| contact.rests(settings));
         match (rests(self.a_over_b), rests(self.b_over_a)) {
@@ -191,7 +191,7 @@ impl PairGeometry {
     }
 }
 
-/// Every quantity of a pair.
+/// All quantities of a pair.
 pub(super) fn measure<E: Extent>(a: &E, b: &E, settings: &RelationSettings) -> PairGeometry {
     let overlap = overlap(a, b);
     let (a_in_b, b_in_a) =

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-/// A convex polygon, counter-clockwise, without repeated corners; a point or a segment when degenerate.
+/// A convex polygon, counter-clockwise, without repeated corners; a point or a segment if degenerate.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Polygon {
     pub corners: Vec<DVec2>,
@@ -46,7 +46,7 @@ impl Polygon {
         self.edges().map(|(a, b)| a.perp_dot(b)).sum::<f64>() * 0.5
     }
 
-    /// Shortest distance to another polygon, 0 when they overlap.
+    /// Shortest distance to another polygon, 0 if they overlap.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.overlaps(other) {
             return 0.0;
@@ -60,8 +60,8 @@ impl Polygon {
         one_way(self, other).min(one_way(other, self)).sqrt()
     }
 
-    /// Whether a line along one of the edges keeps the two apart by at least a distance; corners that face each other
-    /// can be a little farther apart than this sees.
+    /// True if a line along one of the edges separates the two by at least a distance. The test is conservative:
+    /// corners that face each other can be slightly farther apart than it detects.
     pub fn is_apart(&self, other: &Self, distance: f64) -> bool {
         let keeps_apart = |from: &Self, to: &Self| {
             from.edges().any(|(a, b)| {
@@ -72,14 +72,14 @@ impl Polygon {
         self.bounds_distance(other) >= distance || keeps_apart(self, other) || keeps_apart(other, self)
     }
 
-    /// The same polygon elsewhere.
+    /// Translates the polygon.
     pub fn shift(&mut self, by: DVec2) {
         self.corners.iter_mut().for_each(|corner| *corner += by);
         self.min += by;
         self.max += by;
     }
 
-    /// Smallest possible distance, from the bounds.
+    /// Lower bound of the distance, from the bounding boxes.
     pub fn bounds_distance(&self, other: &Self) -> f64 {
         (self.min - other.max).max(other.min - self.max).max(DVec2::ZERO).length()
     }
@@ -110,7 +110,7 @@ impl Polygon {
         (0..count).map(move |index| (self.corners[index], self.corners[(index + 1) % count]))
     }
 
-    /// Whether no line separates the two.
+    /// True if no line separates the two.
     fn overlaps(&self, other: &Self) -> bool {
         let separates = |from: &Self, to: &Self| {
             from.edges().any(|(a, b)| a != b && to.corners.iter().all(|&corner| (b - a).perp_dot(corner - a) < 0.0))

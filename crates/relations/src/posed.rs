@@ -1,4 +1,4 @@
-//! Extents of objects at their poses: the exact convex pieces.
+//! Space occupied by objects at their poses, as exact convex pieces.
 
 use genmanip_core::{Aabb, Pose};
 use glam::DVec3;
@@ -73,11 +73,10 @@ fn planar_gap(a: &Body, b: &Body) -> f64 {
     best
 }
 
-/// Points this far outside of the bounds of a room are surely outside of the room, metres.
+/// Points further than this outside of the bounds of a cavity are certainly outside of it, metres.
 const ROUNDING_M: f64 = 1e-9;
 
-/// Room that one link of a body holds: its bounds in the world, which most points lie outside of, and the solids that
-/// it is made of.
+/// Cavities of one link: their bounds in the world, for a quick test, and the solids that they consist of.
 struct Room<'a> {
     bounds: Aabb,
     room_from_world: Pose,
@@ -94,8 +93,8 @@ impl Room<'_> {
     }
 }
 
-/// Share of A's surface points in B's cavities, where its joints have moved them, or in B's convex hull where no
-/// cavity is known.
+/// Share of A's surface points in B's cavities at the current joint positions, or in B's convex hull if no cavity is
+/// known.
 fn share_inside(a: &Body, b: &Body) -> f64 {
     let hull;
     let mut rooms: Vec<Room> = Vec::new();
@@ -121,8 +120,8 @@ fn share_inside(a: &Body, b: &Body) -> f64 {
     if count == 0 { 0.0 } else { inside as f64 / count as f64 }
 }
 
-/// Where A would first touch B from above: the smallest gap of pieces that are above each other, or the least
-/// negative one when none is.
+/// The contact of A falling onto B: the smallest gap of pieces that are above each other, or the least negative one if
+/// there are none.
 fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
     let mut best: Option<Contact> = None;
     let (a_outlines, b_outlines) = (a.footprint(), b.footprint());
@@ -149,7 +148,7 @@ fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
     best
 }
 
-/// A gap between bodies above each other beats any other; of those the smaller counts, of the others the larger.
+/// Gaps between pieces above each other take precedence, the smallest first; among the others the largest does.
 fn better(gap: f64, known: f64, sinking: f64) -> bool {
     match (gap >= -sinking, known >= -sinking) {
         (true, true) => gap < known,

@@ -9,16 +9,16 @@ use super::fixed;
 use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
 use crate::planar::Polygon;
 
-/// How far below the top of a surface something may be and still count as standing on it, metres; chosen, more than
-/// contacts sink in and less than any slab is thick.
-const SUNK_M: f64 = 0.002;
+/// Depth below the top of a surface down to which an object counts as standing on it, metres: more than the penetration
+/// of contacts and less than the thickness of any slab.
+const SURFACE_TOLERANCE_M: f64 = 0.002;
 
 /// An object at its pose.
 #[derive(Clone, Debug)]
 pub struct PosedObject {
-    /// What the scene calls it.
+    /// Its id in the scene.
     pub id: String,
-    /// What it is.
+    /// Its model.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Pose,
@@ -26,15 +26,15 @@ pub struct PosedObject {
     pub joint_positions: Vec<f64>,
 }
 
-/// Objects at their poses, ready to be judged. Outlines are computed when first needed.
+/// Objects at their poses, ready for relation queries. Outlines are computed on first use.
 ///
-/// Indices count the objects; behind the last one come the support surfaces other than the table, which are judged like
-/// objects but stay where they are.
+/// Indices count the objects first, then the support surfaces other than the table. Relations treat these surfaces like
+/// objects, but they cannot be moved.
 #[derive(Clone, Debug)]
 pub struct PosedScene {
     /// Objects, then surfaces.
     pub(super) bodies: Vec<Body>,
-    /// How many of the bodies are objects.
+    /// Number of bodies that are objects.
     count: usize,
     surfaces: Arc<[SupportSurface]>,
 }
@@ -49,7 +49,7 @@ pub(super) struct Body {
     pub bounds: Aabb,
     /// Mean of the surface.
     pub center: DVec3,
-    /// State the object was in before, for hysteresis.
+    /// Previous state of the object, for hysteresis.
     pub previous_state: Option<String>,
     footprint: OnceLock<Footprint>,
 }
@@ -68,13 +68,13 @@ pub(super) struct WorldPiece {
 pub(super) struct Footprint {
     /// One polygon per piece.
     pub pieces: Vec<Polygon>,
-    /// Hull of all.
+    /// Hull of all pieces.
     pub hull: Polygon,
 }
 
 impl PosedScene {
-    /// Places objects among the support surfaces of their world, the table first; shapes come from the cache or are
-    /// prepared into it.
+    /// Places objects among the support surfaces of their world, of which the table is the first. Shapes are taken from
+    /// the cache or added to it.
     pub fn new(objects: Vec<PosedObject>, surfaces: &[SupportSurface], shapes: &mut ShapeCache) -> Self {
         let count = objects.len();
         let mut bodies: Vec<Body> = objects
@@ -86,7 +86,7 @@ impl PosedScene {
             .collect();
         bodies.extend(surfaces.iter().skip(1).map(|surface| {
             let model = Arc::new(fixed::model(surface));
-            // Another world may have another surface of that id, so the cache is no help.
+            // Not cached: another world may have another surface with the same id.
             let shape = Arc::new(shapes.shape_of(&model));
             let (id, pose) = (surface.id.clone(), surface.world_from_surface());
             Body::new(PosedObject { id, model, pose, joint_positions: Vec::new() }, shape)
@@ -104,14 +104,14 @@ impl PosedScene {
         self.bodies[..self.count].iter().map(|body| &body.object)
     }
 
-    /// The support surface with an index, by its place among [`PosedScene::surfaces`]; `None` for an object.
+    /// The position among [`PosedScene::surfaces`] of the surface with a body index; `None` for an object.
     pub fn surface_at(&self, index: usize) -> Option<usize> {
-        // The table has no index.
+        // The table has no body index.
         (self.count..self.bodies.len()).contains(&index).then(|| index - self.count + 1)
     }
 
-    /// Whether an object is in a support surface or one of its boards, or beside one by less than a margin, seen with boxes
-    /// around all of them; what stands on a surface is not in it. False in a world that has a table only.
+    /// True if an object penetrates a support surface or one of its boards, or is closer to its side than a margin,
+    /// based on bounding boxes. An object standing on a surface does not hit it. False in a world with a table only.
     pub fn hits_surface(&self, index: usize, margin_m: f64) -> bool {
         let Some(bounds) = self.bounds(index).filter(|_| self.surfaces.len() > 1) else { return false };
         let mut pieces = self.surfaces.iter().flat_map(|surface| {
@@ -122,16 +122,16 @@ impl PosedScene {
             let beside = margin_m * DVec3::new(1.0, 1.0, 0.0);
             bounds.min.cmplt(piece.max + beside).all()
                 && (piece.min - beside).cmplt(bounds.max).all()
-                && bounds.min.z < piece.max.z - SUNK_M
+                && bounds.min.z < piece.max.z - SURFACE_TOLERANCE_M
         })
     }
 
-    /// Index of an object or a support surface other than the table.
+    /// Index of an object, or of a support surface other than the table.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.object.id == id)
     }
 
-    /// Moves one object; the geometry of the others is kept. An index out of range changes nothing.
+    /// Moves one object and keeps the geometry of the others. An index out of range has no effect.
     pub fn set_pose(&mut self, index: usize, world_from_object: Pose, joint_positions: &[f64]) {
         if let Some(body) = self.bodies[..self.count].get_mut(index) {
             let object = PosedObject {
@@ -144,7 +144,7 @@ impl PosedScene {
         }
     }
 
-    /// Moves one object without turning it, which keeps its outlines. An index out of range changes nothing.
+    /// Translates one object, which keeps its outlines. An index out of range has no effect.
     pub fn shift(&mut self, index: usize, by: DVec3) {
         if let Some(body) = self.bodies[..self.count].get_mut(index) {
             body.shift(by);
@@ -161,12 +161,12 @@ impl PosedScene {
         self.bodies.get(index).map(|body| body.center)
     }
 
-    /// Points spread evenly over an object's surface in the world, as many as the shapes were sampled with.
+    /// The sampled surface points of an object in the world.
     pub fn surface_points(&self, index: usize) -> Vec<DVec3> {
         self.bodies.get(index).map(|body| body.samples().collect()).unwrap_or_default()
     }
 
-    /// Corners of each piece of an object projected onto the table; empty for an index out of range.
+    /// Corners of each piece of an object projected onto the table; empty if the index is out of range.
     pub fn footprints(&self, index: usize) -> Vec<&[DVec2]> {
         let pieces = self.bodies.get(index).map(|body| body.footprint().pieces.iter());
         pieces.into_iter().flatten().map(|polygon| polygon.corners.as_slice()).collect()
@@ -240,7 +240,7 @@ impl Body {
     pub fn samples(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.shape.links.iter().zip(&self.object_from_link).flat_map(|(link, object_from_link)| {
             let Pose { position, rotation } = self.object.pose * *object_from_link;
-            // There are thousands of them, and a matrix is quicker than a quaternion.
+            // A matrix is faster than a quaternion for thousands of points.
             let world_from_link = DAffine3::from_rotation_translation(rotation, position);
             link.samples.iter().map(move |&point| world_from_link.transform_point3(point))
         })
@@ -255,7 +255,7 @@ impl Body {
         })
     }
 
-    /// Whether the projections have been asked for.
+    /// True if the projections were computed.
     #[cfg(test)]
     pub fn is_outlined(&self) -> bool {
         self.footprint.get().is_some()

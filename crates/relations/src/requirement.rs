@@ -1,13 +1,13 @@
-//! Verdicts from requirements: what has to be true, how far it is from being otherwise, in words.
+//! Combines requirements into verdicts: the values, their distances from the thresholds, and an explanation.
 
 use std::cmp::Ordering;
 
 use genmanip_core::{Atom, AtomVerdict, Measurement, Unit};
 
-/// The quantity of a contact that has sunk in.
+/// Name of the quantity for the penetration of a contact.
 pub(super) const SINKING: &str = "sinking";
 
-/// One thing that has to be true for a condition to hold.
+/// One necessary part of a condition.
 #[derive(Clone, Debug)]
 pub(super) struct Requirement {
     quantity: &'static str,
@@ -38,18 +38,18 @@ impl Requirement {
         Self { quantity, value, threshold, unit: Unit::Metre, comparison: ">", met: margin > 0.0, margin }
     }
 
-    /// The same quantity in a unit.
+    /// The same quantity in another unit.
     pub fn in_unit(self, unit: Unit) -> Self {
         Self { unit, ..self }
     }
 
-    /// A requirement without a measure: 1 of 1 when met.
+    /// A requirement without a measured quantity: 1 of 1 if met.
     pub fn fact(quantity: &'static str, met: bool) -> Self {
         let (value, margin) = if met { (1.0, 1.0) } else { (0.0, -1.0) };
         Self { quantity, value, threshold: 1.0, unit: Unit::Fact, comparison: "=", met, margin }
     }
 
-    /// That something else does not hold, measured by what decides it; `what` must have at least one part.
+    /// The negation of a set of requirements, measured by the one that decides it. `what` must not be empty.
     pub fn clear_of(quantity: &'static str, what: &[Self]) -> Self {
         let Some(deciding) = what.iter().min_by(|a, b| a.order(b)) else { return Self::fact(quantity, false) };
         let margin = -deciding.margin;
@@ -64,12 +64,12 @@ impl Requirement {
         }
     }
 
-    /// Whether it is met.
+    /// True if the requirement is met.
     pub fn met(&self) -> bool {
         self.met
     }
 
-    /// What is not met comes first, then what is nearest to its threshold, or farthest beyond it.
+    /// Orders unmet requirements first, then by distance to the threshold; among unmet ones the farthest comes first.
     fn order(&self, other: &Self) -> Ordering {
         self.met.cmp(&other.met).then(self.normalised_margin().total_cmp(&other.normalised_margin()))
     }
@@ -79,7 +79,7 @@ impl Requirement {
     }
 }
 
-/// The one of two ways to satisfy a condition that is nearer to doing so, or farther from failing; the first of equals.
+/// The alternative way to meet a condition that is closer to being met, or farther from failing; the first if equal.
 pub(super) fn better(one: Vec<Requirement>, other: Vec<Requirement>) -> Vec<Requirement> {
     let deciding = |requirements: &[Requirement]| requirements.iter().min_by(|a, b| a.order(b)).cloned();
     match (deciding(&one), deciding(&other)) {
@@ -88,10 +88,10 @@ pub(super) fn better(one: Vec<Requirement>, other: Vec<Requirement>) -> Vec<Requ
     }
 }
 
-/// Whether every measured quantity is farther from its threshold than a margin in metres, so that another way of
-/// measuring should come to the same verdict; other units count by their scale, see [`Unit::normalise`].
+/// True if every measured quantity is farther from its threshold than a margin in metres, so that another measurement
+/// should give the same verdict. Other units are converted, see [`Unit::normalise`].
 ///
-/// How deep a contact has sunk in is left out where it is allowed: between solid bodies it is never far from its limit.
+/// Permitted penetration of contacts is ignored: between solid bodies it is always close to its limit.
 pub fn is_clear(verdict: &AtomVerdict, margin_m: f64) -> bool {
     verdict.measurements.iter().all(|measured| {
         measured.normalised_margin().abs() > Unit::Metre.normalise(margin_m)
@@ -99,9 +99,9 @@ pub fn is_clear(verdict: &AtomVerdict, margin_m: f64) -> bool {
     })
 }
 
-/// The verdict of a condition that holds when every requirement is met.
+/// The verdict of a condition that holds if every requirement is met.
 pub(super) fn verdict(atom: &Atom, word: &str, mut requirements: Vec<Requirement>) -> AtomVerdict {
-    // The deciding one first: the one to change for the verdict to change.
+    // The deciding requirement comes first: the one that has to change for the verdict to change.
     requirements.sort_by(Requirement::order);
     let holds = requirements.iter().all(Requirement::met);
     let named = |requirement: &Requirement| {
@@ -152,7 +152,7 @@ mod tests {
         Requirement::at_least("length", margin, 0.0)
     }
 
-    /// Which of several requirements decides, whatever their units and their order.
+    /// The deciding requirement does not depend on units or order.
     #[test]
     fn the_deciding_requirement_is_the_one_nearest_to_its_threshold() {
         let atom = Atom::State { object: "057".into(), state: "open".into() };

@@ -1,4 +1,4 @@
-//! What the judges need to know about an object model, prepared once.
+//! Geometry of an object model that relations need, prepared once per model.
 
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -10,17 +10,17 @@ use rand::RngExt;
 use super::solid::Solid;
 use crate::hull::Hull;
 
-/// Corners of a curved outline.
+/// Number of corners of a curved outline.
 const SIDES: usize = 64;
 
-/// An object model with its surface sampled and its cavity prepared.
+/// An object model with its surface sampled and its cavities prepared.
 #[derive(Debug)]
 pub struct ObjectShape {
     /// The model.
     pub model: Arc<ObjectModel>,
     /// One entry per link of the model.
     pub(super) links: Vec<LinkShape>,
-    /// Hull of a rigid object in its own frame, made when first asked for.
+    /// Hull of a rigid object in its own frame, computed on first use.
     rigid_hull: OnceLock<Solid>,
 }
 
@@ -33,11 +33,11 @@ pub(super) struct LinkShape {
     pub area: f64,
     /// Mean of the surface.
     pub centroid: DVec3,
-    /// Regions in which things are *in* the object.
+    /// Regions whose content is *in* the object.
     pub cavity: Vec<Solid>,
 }
 
-/// Shapes by asset, so that each model is prepared once; only looked up, never iterated over.
+/// Shapes by asset, so that each model is prepared once. Lookups only; iteration order is undefined.
 #[derive(Debug)]
 pub struct ShapeCache {
     shapes: HashMap<AssetRef, Arc<ObjectShape>>,
@@ -46,18 +46,18 @@ pub struct ShapeCache {
 
 impl Default for ShapeCache {
     fn default() -> Self {
-        // A share of points is then known to about 2 %.
+        // The standard error of a share of points is then about 2 %.
         Self::with_samples(512)
     }
 }
 
 impl ShapeCache {
-    /// A cache that samples each object with about so many points.
+    /// A cache that samples each object with about `samples` points.
     pub fn with_samples(samples: usize) -> Self {
         Self { shapes: HashMap::new(), samples }
     }
 
-    /// The shape of a model that is not to be kept, sampled as the others are.
+    /// The shape of a model that is not cached, sampled like the others.
     pub(super) fn shape_of(&self, model: &Arc<ObjectModel>) -> ObjectShape {
         ObjectShape::new(model, self.samples)
     }
@@ -70,7 +70,7 @@ impl ShapeCache {
 }
 
 impl ObjectShape {
-    /// Samples the drawn surface, or the collision pieces where a link has none, with about `samples` points.
+    /// Samples the visual surface, or the collision pieces of a link without one, with about `samples` points.
     pub fn new(model: &Arc<ObjectModel>, samples: usize) -> Self {
         let faces: Vec<Vec<[DVec3; 3]>> = model.links.iter().map(surface).collect();
         let areas: Vec<f64> = faces.iter().map(|faces| faces.iter().map(area).sum()).collect();
@@ -112,7 +112,7 @@ impl ObjectShape {
     }
 }
 
-/// Points of a shape's surface whose hull is the shape; curved ones to `SIDES` corners around.
+/// Surface points of a shape whose hull is the shape, with `SIDES` corners around curved shapes.
 pub(super) fn outline_points(shape: &Shape) -> Vec<DVec3> {
     let circle = |count: usize| {
         (0..count).map(move |index| {
@@ -146,8 +146,7 @@ pub(super) fn outline_points(shape: &Shape) -> Vec<DVec3> {
     }
 }
 
-/// Directions in the plane in which curved outlines get their corners; they map onto themselves under mirroring
-/// and quarter turns.
+/// Directions in the plane of the corners of curved outlines; the set is invariant under mirroring and quarter turns.
 pub(super) fn outline_directions() -> impl Iterator<Item = DVec3> {
     (0..SIDES).map(|index| {
         let (sin, cos) = (std::f64::consts::TAU * index as f64 / SIDES as f64).sin_cos();
@@ -186,7 +185,7 @@ fn centroid(faces: &[[DVec3; 3]], total: f64) -> DVec3 {
     faces.iter().map(|face| (face[0] + face[1] + face[2]) / 3.0 * area(face)).sum::<DVec3>() / total
 }
 
-/// Points at even steps of area, so that each face gets its share, at random places in the faces.
+/// Points at even steps of area, so that each face gets its share, at random positions in the faces.
 fn sample(faces: &[[DVec3; 3]], total: f64, count: usize, seed: Seed) -> Vec<DVec3> {
     let mut rng = seed.rng();
     let mut points = Vec::with_capacity(count);

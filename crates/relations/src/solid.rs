@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::hull::Hull;
 
-/// A convex body that answers whether a point is in it.
+/// A convex body for containment tests.
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
     piece_from_link: Pose,
@@ -34,7 +34,7 @@ impl Solid {
         Self { piece_from_link: Pose::IDENTITY, body: Body::Planes(hull.planes(1e-12)) }
     }
 
-    /// Whether a point of the link's frame is in the body.
+    /// True if a point in the link's frame is in the body.
     pub fn contains(&self, point: DVec3) -> bool {
         let point = self.piece_from_link.transform_point(point);
         match &self.body {

@@ -7,10 +7,10 @@ use super::RelationSettings;
 use super::posed_scene::Body;
 use super::requirement::Requirement;
 
-/// The state an object of a scene is in, `None` between states or without joints.
+/// The state of an object of the scene; `None` between states or without joints.
 ///
-/// With a state from before ([`PosedScene::set_previous_states`]) that state lasts until a joint has left its interval
-/// by more than the hysteresis.
+/// A previous state ([`PosedScene::set_previous_states`]) persists until a joint is outside of its interval by more
+/// than the hysteresis.
 pub fn joint_state(scene: &PosedScene, index: usize, settings: &RelationSettings) -> Option<String> {
     let body = scene.bodies.get(index)?;
     let holds = |name: &str| state_requirements(body, name, settings).iter().all(Requirement::met);
@@ -22,7 +22,7 @@ pub fn joint_state(scene: &PosedScene, index: usize, settings: &RelationSettings
 }
 
 impl PosedScene {
-    /// Tells the state each object was in before; objects beyond the end keep what they had.
+    /// Sets the previous state of each object; objects beyond the end of the list keep theirs.
     pub fn set_previous_states(&mut self, states: impl IntoIterator<Item = Option<String>>) {
         for (body, state) in self.bodies.iter_mut().zip(states) {
             body.previous_state = state;
@@ -30,13 +30,13 @@ impl PosedScene {
     }
 }
 
-/// Every joint of the state lies in its interval, widened if the object was in that state before.
+/// Requires every joint to lie in its interval of the state, widened by the hysteresis for the previous state.
 pub(super) fn state_requirements(body: &Body, state: &str, settings: &RelationSettings) -> Vec<Requirement> {
     let model = &body.object.model;
     let Some(wanted) = model.joint_states.iter().find(|known| known.name == state) else {
         return vec![Requirement::fact("a state of the object", false)];
     };
-    // States exclude each other: the one that lasts by hysteresis keeps the others out.
+    // States exclude each other: a state that persists by hysteresis excludes the others.
     let lasting = body.previous_state.as_deref().filter(|previous| *previous != state).is_some_and(|previous| {
         model.joint_states.iter().any(|known| {
             known.name == previous && joints(body, known, settings.state_hysteresis).iter().all(Requirement::met)

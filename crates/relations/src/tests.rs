@@ -99,7 +99,7 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-/// Compares the label of the first object to the second, and every judged relation with what the label implies.
+/// Compares the label of the first object relative to the second, and all relations that the label implies.
 fn check(objects: &[(&Arc<ObjectModel>, Pose)], expected: Option<Label>) -> PairVerdict {
     let settings = RelationSettings::default();
     let scene = scene(objects);
@@ -161,7 +161,7 @@ fn a_lemon_in_a_bowl_is_in_it_with_or_without_a_known_cavity() {
         let bowl = cup("bowl", 0.06, 0.055, 0.005, cavity);
         let lemon = ball("lemon", 0.025);
         check(&[(&lemon, at(0.5, 0.01, 0.005)), (&bowl, at(0.5, 0.0, 0.0))], Some(Label::In));
-        // A large orange stands out of the same bowl: it rests on it, and `top` accepts that.
+        // A large orange stands out of the same bowl: it rests on it, which `top` accepts.
         let orange = ball("orange", 0.054);
         check(&[(&orange, at(0.5, 0.0, 0.005)), (&bowl, at(0.5, 0.0, 0.0))], Some(Label::On));
     }
@@ -186,7 +186,7 @@ fn in_a_drawer_follows_the_drawer() {
 
 #[test]
 fn under_an_overhang_is_beside() {
-    // The rim of a bowl reaches over a low block: that is no support, whatever the gap.
+    // The rim of a funnel extends over a low block, which is no support at any gap.
     let funnel = model(
         "funnel",
         vec![
@@ -255,7 +255,7 @@ fn what_is_held_or_moving_or_absent_satisfies_nothing() {
         let verdict = judge_goal(&scene, &goal(subject), &rest, &RelationSettings::default());
         assert_eq!(verdict.score, score, "{verdict:#?}");
         assert_eq!(verdict.success, score == 1.0);
-        // Verdicts are stored: they must survive JSON.
+        // Verdicts are stored as JSON and must be identical when read back.
         let text = serde_json::to_string(&verdict).unwrap();
         assert_eq!(serde_json::from_str::<genmanip_core::GoalVerdict>(&text).unwrap(), verdict);
     };
@@ -280,8 +280,7 @@ fn explanations_read_well() {
     insta::assert_snapshot!(told(at(0.5, 0.0, 0.1), Relation::On), @"on: sinking -0.000 m ≤ 0.005 m; vertical gap 0.000 m ≤ 0.020 m; height of its middle over the other's 0.080 m > 0.000 m");
 }
 
-/// What makes judging cheap enough for every control step: shapes are prepared once, outlines only where they are asked
-/// for.
+/// Performance requirement for judging at every control step: shapes are prepared once, and outlines only where needed.
 #[test]
 fn a_goal_prepares_nothing_twice_and_outlines_only_what_it_names() {
     let cups: Vec<_> = (0..10).map(|index| cup(&format!("cup{index}"), 0.04, 0.08, 0.005, index % 2 == 0)).collect();
@@ -311,7 +310,7 @@ fn a_goal_prepares_nothing_twice_and_outlines_only_what_it_names() {
     assert_eq!(outlined, [0, 1, 2, 5]);
 }
 
-/// Two different bodies at random poses, close enough to each other to stand in every relation.
+/// Two different bodies at random poses, close enough to each other for every relation to occur.
 fn pair_strategy() -> impl Strategy<Value = (Vec<Arc<ObjectModel>>, [Pose; 2])> {
     let body = |uid: &'static str| {
         (0..4usize, 0.02..0.1f64, 0.02..0.1f64, 0.02..0.08f64).prop_map(move |(kind, x, y, z)| match kind {
@@ -347,8 +346,8 @@ fn label_of(models: &[Arc<ObjectModel>], poses: &[Pose]) -> PairVerdict {
     label_pair(&scene(&objects), 0, 1, &RelationSettings::default()).unwrap()
 }
 
-/// Whether some quantity is so near its threshold that sampling and rounding decide.
-fn on_the_fence(pair: &PairGeometry, settings: &RelationSettings) -> bool {
+/// True if a quantity is so near its threshold that sampling and rounding decide.
+fn is_near_threshold(pair: &PairGeometry, settings: &RelationSettings) -> bool {
     let near = |value: f64, threshold: f64, tolerance: f64| (value - threshold).abs() < tolerance;
     let contact = |contact: Option<Contact>| {
         contact.is_some_and(|contact| {
@@ -374,7 +373,7 @@ proptest! {
     fn moving_turning_mirroring_and_swapping((models, poses) in pair_strategy(), shift in prop::array::uniform3(-1.0..1.0f64)) {
         let settings = RelationSettings::default();
         let label = label_of(&models, &poses);
-        prop_assume!(!on_the_fence(&label.geometry, &settings));
+        prop_assume!(!is_near_threshold(&label.geometry, &settings));
 
         let swapped = label_of(&[models[1].clone(), models[0].clone()], &[poses[1], poses[0]]);
         prop_assert_eq!((swapped.a_to_b, swapped.b_to_a), (label.b_to_a, label.a_to_b));
@@ -402,7 +401,7 @@ proptest! {
         prop_assert_eq!(reflected.a_to_b, exchanged, "{:#?}\n{:#?}", label, reflected);
     }
 
-    /// The vertical gap against dense sampling of both bodies.
+    /// Compares the vertical gap with dense sampling of both bodies.
     #[test]
     fn a_ball_over_a_tilted_block(x in -0.04..0.04f64, y in -0.04..0.04f64, z in 0.1..0.2f64, tilt in -0.6..0.6f64) {
         let (top, bottom) = (ball("a", 0.02), block("b", 0.2, 0.2, 0.04));
@@ -415,7 +414,7 @@ proptest! {
         prop_assert!((pair.a_over_b.unwrap().gap_m - expected).abs() < 5e-6, "{pair:?} {expected}");
     }
 
-    /// Every place in a window satisfies a directional relation between boxes.
+    /// Every position in a window satisfies a directional relation between boxes.
     #[test]
     fn windows_hold(
         (size, anchor) in (prop::array::uniform2(0.02..0.12f64), prop::array::uniform2(0.02..0.2f64)),

@@ -1,4 +1,4 @@
-//! Where an object may stand to satisfy a relation: proposals for layout and expert, to be judged afterwards.
+//! Areas in which an object meets a relation: proposals for the layout and the expert, to be verified afterwards.
 
 use genmanip_core::{Aabb, Relation};
 use glam::{DVec2, DVec3};
@@ -17,14 +17,14 @@ pub struct Window {
 }
 
 impl Window {
-    /// The part that lies in another window; `None` when there is none.
+    /// The common part of two windows; `None` if there is none.
     pub fn intersection(&self, other: &Self) -> Option<Self> {
         let clip = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].min(b[1])];
         let window = Self { x: clip(self.x, other.x), y: clip(self.y, other.y) };
         window.is_real().then_some(window)
     }
 
-    /// Whether a point lies in it.
+    /// True if the point is in the window.
     pub fn contains(&self, point: DVec2) -> bool {
         (self.x[0]..=self.x[1]).contains(&point.x) && (self.y[0]..=self.y[1]).contains(&point.y)
     }
@@ -39,12 +39,12 @@ impl Window {
     }
 }
 
-/// Where the centre of the subject's bounds may be for the relation to hold against an anchor, with the margin of the
-/// settings kept; `None` when there is no such place or the relation has no single anchor.
+/// Positions for the centre of the subject's bounds at which a relation to an anchor holds, with the margin of the
+/// settings; `None` if there are none or the relation has no single anchor.
 ///
-/// `subject_size` is the size of the subject's bounds in the world.
-/// The window is exact for boxes; round things can be a little farther apart than their bounds, and `near` includes the
-/// anchor itself, so every proposal has to be judged.
+/// `subject_size` is the size of the subject's bounds in the world. The window is exact for boxes. Round objects can be
+/// slightly farther apart than their bounds, and `near` includes the anchor itself, so every proposal has to be
+/// verified.
 pub fn placement_window(
     relation: Relation,
     anchor_bounds: &Aabb,
@@ -56,7 +56,7 @@ pub fn placement_window(
     let (low, high) = (anchor_bounds.min, anchor_bounds.max);
     let beyond_low = |low: f64, half: f64| [low - half - settings.close_m + margin, low - half - margin];
     let beyond_high = |high: f64, half: f64| [high + half + margin, high + half + settings.close_m - margin];
-    // Sideways at least a third of the narrower one is in common, so that the relation is plain to see.
+    // Sideways at least a third of the narrower object overlaps, so that the relation is obvious.
     let beside = |low: f64, high: f64, half: f64| {
         let common = ((high - low).min(2.0 * half) / 3.0).max(margin);
         [low - half + common, high + half - common]

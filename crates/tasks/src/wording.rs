@@ -1,20 +1,20 @@
-//! Other sentences for a task: paraphrases of its instruction, and what each step is called.
+//! Other sentences for a task: paraphrases of its instruction, and instructions for its single steps.
 //!
-//! A paraphrase has other verbs and prepositions, or asks politely; what things are called stays.
-//! The reader of [`references`], with which this shares no table, reads each one back: only sentences that ask for
-//! exactly the goal of the task are told.
+//! A paraphrase exchanges verbs and prepositions or adds politeness, and keeps the names of objects. Each one is read
+//! back by [`references`], which shares no table with this module, and is only used if it states exactly the goal of
+//! the task.
 
 use genmanip_core::{Atom, Relation, Task};
 
 use crate::references;
 
-/// Most words of an instruction, as tasks have it.
-const MOST_WORDS: usize = 30;
-/// Sentences that are tried per task; chosen: of designed tasks all have enough after 40.
+/// Maximum number of words of an instruction, as for tasks.
+const MAX_WORDS: usize = 30;
+/// Attempts per task. In designed tasks, all paraphrases that are needed were found within 40.
 const DRAWS: usize = 96;
 
-/// Phrases, and what says the same in their place; longer ones first.
-const SAME: [(&str, &[&str]); 24] = [
+/// Phrases and their synonyms; longer phrases first.
+const SYNONYMS: [(&str, &[&str]); 24] = [
     ("pick up", &["take", "grab", "fetch"]),
     ("take", &["pick up", "grab", "fetch"]),
     ("grab", &["take", "pick up"]),
@@ -41,7 +41,7 @@ const SAME: [(&str, &[&str]); 24] = [
     ("bottom drawer", &["lower drawer"]),
 ];
 
-/// What a request may begin with, and end with; the plain form most often.
+/// Beginnings and ends of requests, weighted towards the plain form.
 const MANNERS: [(&str, &str); 8] = [
     ("", "."),
     ("please ", "."),
@@ -53,23 +53,23 @@ const MANNERS: [(&str, &str); 8] = [
     ("please help me ", "."),
 ];
 
-/// How a tower is asked for.
+/// Requests for a tower.
 const TOWERS: [&str; 6] =
     ["Build a tower", "Make a tower", "Please build a tower", "Stack a tower", "Please make a tower", "I want a tower"];
 
-/// What a request may begin with that asks for nothing.
+/// Polite beginnings of requests.
 const POLITE: [&str; 4] = ["please", "could you", "can you", "help me"];
 
-/// Verbs that a request begins with.
+/// Verbs at the beginning of a request.
 const VERBS: [&str; 27] = [
     "put", "place", "set", "move", "stack", "bring", "pick", "take", "grab", "find", "fetch", "open", "close", "shut",
     "pull", "push", "lift", "raise", "lower", "flip", "fold", "swing", "turn", "switch", "press", "either", "first",
 ];
 
-/// Up to `count` other sentences that ask for the same in the task's scene; none where the instruction itself is not
-/// understood.
+/// Up to `count` other sentences with the same meaning in the task's scene; none if the instruction itself cannot be
+/// read.
 ///
-/// The same task always has the same ones.
+/// The result depends on the task only.
 pub fn paraphrases(task: &Task, count: usize) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     if references::check(task).is_err() {
@@ -81,15 +81,15 @@ pub fn paraphrases(task: &Task, count: usize) -> Vec<String> {
         }
         let said = reworded(&task.instruction, draw);
         let is_new = said != task.instruction && !found.contains(&said);
-        if is_new && said.split_whitespace().count() <= MOST_WORDS && references::check_said(task, &said).is_ok() {
+        if is_new && said.split_whitespace().count() <= MAX_WORDS && references::check_said(task, &said).is_ok() {
             found.push(said);
         }
     }
     found
 }
 
-/// Directions as the robot has them, and as a camera that faces the robot sees them.
-const SEEN: [(&str, &str); 8] = [
+/// Directions as seen by the robot, and by a camera that faces it.
+const CAMERA_DIRECTIONS: [(&str, &str); 8] = [
     ("to the robot's left of", "to the camera's right of"),
     ("to the robot's right of", "to the camera's left of"),
     ("on the far side of", "on the camera's side of"),
@@ -100,16 +100,16 @@ const SEEN: [(&str, &str); 8] = [
     ("closest to the robot", "farthest from the camera"),
 ];
 
-/// The instruction with its directions as the camera that faces the robot sees them, where that can be said and is
-/// understood.
+/// The instruction with directions as seen by a camera that faces the robot; `None` if it has no directions or would be
+/// misread.
 pub fn from_the_camera(task: &Task) -> Option<String> {
     let instruction = task.instruction.clone();
-    let said = SEEN.iter().fold(instruction, |said, (robot, camera)| said.replace(robot, camera));
+    let said = CAMERA_DIRECTIONS.iter().fold(instruction, |said, (robot, camera)| said.replace(robot, camera));
     let is_mixed = said.contains("robot");
     (said != task.instruction && !is_mixed && references::check_said(task, &said).is_ok()).then_some(said)
 }
 
-/// The instruction in the words of one draw; what commands nothing stays as it is.
+/// The instruction in variant `draw`; clauses without a request stay unchanged.
 fn reworded(instruction: &str, draw: usize) -> String {
     let mut sentences = Vec::new();
     let mut is_first = true;
@@ -139,8 +139,8 @@ fn reworded(instruction: &str, draw: usize) -> String {
     sentences.join(" ")
 }
 
-/// A request that begins with its verb, in small letters and without politeness: `I want X to be there` and every other
-/// `take X and put it there` become `put X there`.
+/// The request in lower case, without politeness, beginning with its verb: `I want X to be there`, and in every other
+/// variant `take X and put it there`, become `put X there`.
 fn plain(request: &str, draw: usize) -> String {
     let mut small = lowered(request).trim_end_matches(", please").trim_end_matches(" please").to_owned();
     while let Some(rest) = POLITE.iter().find_map(|words| small.strip_prefix(words)) {
@@ -158,7 +158,7 @@ fn plain(request: &str, draw: usize) -> String {
     }
 }
 
-/// Exchanges each phrase for one that says the same, or leaves it.
+/// Replaces each phrase by a synonym or keeps it.
 fn exchanged(request: &str, draw: usize) -> String {
     let words: Vec<&str> = request.split(' ').collect();
     let mut said: Vec<String> = Vec::new();
@@ -168,7 +168,7 @@ fn exchanged(request: &str, draw: usize) -> String {
         let is_here = |phrase: &str| {
             follows.strip_prefix(phrase).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', ',', ';']))
         };
-        let Some((phrase, others)) = SAME.iter().find(|(phrase, _)| is_here(phrase)) else {
+        let Some((phrase, others)) = SYNONYMS.iter().find(|(phrase, _)| is_here(phrase)) else {
             said.push(words[next].to_owned());
             next += 1;
             continue;
@@ -183,7 +183,7 @@ fn exchanged(request: &str, draw: usize) -> String {
     said.join(" ")
 }
 
-/// One of `count` in a draw, different at different places.
+/// A choice among `count` options that depends on the variant and the place in the sentence.
 fn chosen(draw: usize, place: usize, count: usize) -> usize {
     let mixed = (draw as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (place as u64).wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
     let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -195,7 +195,7 @@ fn begins_with_verb(request: &str) -> bool {
     VERBS.contains(&first)
 }
 
-/// With a small first letter.
+/// With a lower-case first letter.
 fn lowered(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
@@ -206,9 +206,10 @@ fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// What is done with one object on the way to the goal, as a request: `Put the red mug on the plate.`
+/// The request for one object on the way to the goal, such as `Put the red mug on the plate.`
 ///
-/// `alternative` is the one that is aimed at; an object that it does not move is in its way.
+/// `alternative` is the alternative of the goal that is attempted. An object that it does not move is taken to be in
+/// the way.
 pub fn step(task: &Task, object: &str, alternative: usize) -> String {
     let twins = task.interchangeable.iter().find(|group| group.iter().any(|id| id == object));
     let is_meant = |id: &str| id == object || twins.is_some_and(|group| group.iter().any(|twin| twin == id));
@@ -233,7 +234,7 @@ pub fn step(task: &Task, object: &str, alternative: usize) -> String {
     }
 }
 
-/// The name of an instance or a surface in small letters.
+/// Name of an instance or a surface in lower case.
 fn name(task: &Task, id: &str) -> String {
     let surface = task.surfaces.iter().find(|surface| surface.id == id).map(|surface| surface.name.clone());
     surface
@@ -255,7 +256,7 @@ fn preposition(relation: Relation) -> &'static str {
     }
 }
 
-/// What brings a thing from one state into another.
+/// The request that changes an object from one state to another.
 fn changed(name: &str, state: &str, before: Option<&str>) -> String {
     match (state, before) {
         ("open", _) => format!("Open the {name}."),
@@ -315,7 +316,7 @@ mod tests {
         assert!(poor.is_empty(), "{}", poor.join("\n"));
     }
 
-    /// Only sentences with directions have it, and it means the same.
+    /// Only sentences with directions have a camera variant, and it means the same.
     #[test]
     fn directions_can_be_told_from_the_camera() {
         let spatial: Vec<Task> =
@@ -328,7 +329,7 @@ mod tests {
         assert_eq!(from_the_camera(&plain), None);
     }
 
-    /// What is not understood has no paraphrase that could be trusted.
+    /// Instructions that cannot be read have no paraphrases.
     #[test]
     fn what_is_not_understood_is_not_said_again() {
         let task = Task { instruction: "Frobnicate the mug.".into(), ..tasks(760_002, 1).remove(0) };

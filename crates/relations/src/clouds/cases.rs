@@ -1,4 +1,4 @@
-//! Compares the profiles with recorded verdicts of the evaluators they reproduce.
+//! Compares the profiles with recorded verdicts of the evaluators that they reproduce.
 
 use std::collections::BTreeMap;
 
@@ -10,66 +10,67 @@ use crate::{CloudScene, Label, RelationSettings};
 
 use super::{Cloud, CloudError, CloudGoal, CloudLabel, Profile, articulation, goal_score, labels, subgoal};
 
-/// Relative distance to a threshold within which rounding decides and a case is not compared.
-const FENCE: f64 = 1e-6;
+/// Cases with a quantity closer to a threshold than this relative distance are not compared, since rounding decides
+/// them.
+const THRESHOLD_TOLERANCE: f64 = 1e-6;
 
-/// Largest difference of equal goal scores.
+/// Tolerance for equal goal scores.
 const SCORE_TOLERANCE: f64 = 1e-12;
 
-/// How a profile agrees with recorded verdicts.
+/// Agreement of a profile with recorded verdicts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Comparison {
-    /// Cases compared: two label lists and a verdict for each word.
+    /// Number of cases compared: two label lists and one verdict per word.
     pub compared: usize,
-    /// Cases of which everything agrees.
+    /// Number of cases in which everything agrees.
     pub agreed: usize,
-    /// Cases with a quantity so close to a threshold that rounding decides.
+    /// Number of cases excluded because a quantity is too close to a threshold.
     pub excluded: usize,
-    /// Goals compared; recorded for GenManip V0.9 only.
+    /// Number of goals compared; recorded for GenManip V0.9 only.
     pub dnf_compared: usize,
-    /// Goals with the recorded score.
+    /// Number of goals with the recorded score.
     pub dnf_agreed: usize,
-    /// Articulated states compared; recorded for GenManip V0.9 only.
+    /// Number of articulated states compared; recorded for GenManip V0.9 only.
     pub articulation_compared: usize,
-    /// Articulated states with the recorded verdicts.
+    /// Number of articulated states with the recorded verdict.
     pub articulation_agreed: usize,
-    /// Label lists and verdicts per second of the clock that was given, search structures included.
+    /// Label lists and verdicts per second of the given clock, including the construction of search structures.
     pub calls_per_cpu_s: f64,
-    /// What disagrees, in words.
+    /// Description of each disagreement.
     pub disagreements: Vec<String>,
 }
 
-/// Why recorded cases cannot be compared.
+/// Reason why recorded cases cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum CasesError {
-    /// The JSON file is not as expected.
+    /// The JSON file does not have the expected structure.
     #[error("expected recorded cases, got: {0}")]
     Json(#[from] serde_json::Error),
-    /// The number of units per metre is none.
+    /// The number of units per metre is not positive and finite.
     #[error("expected a positive `scale`, got {0}")]
     Scale(f64),
     /// The archive cannot be read.
     #[error(transparent)]
     Npz(#[from] NpzError),
-    /// A cloud is absent from the archive.
+    /// A cloud is missing from the archive.
     #[error("expected the cloud `{0}` in the archive, got none")]
     Missing(String),
-    /// A cloud cannot be judged.
+    /// A cloud is invalid.
     #[error("cloud `{name}`: {error}")]
     Cloud {
         /// Name in the archive.
         name: String,
-        /// Why.
+        /// Reason.
         error: CloudError,
     },
 }
 
 /// Compares every case of a recorded file (its JSON text and its archive of clouds) with a profile.
 ///
-/// `cpu_s` is a clock of processor time in seconds; the library has none of its own.
+/// `cpu_s` returns processor time in seconds.
 ///
 /// # Errors
-/// When one of the files cannot be read or they do not belong together.
+/// If one of the files cannot be read or they do not belong together.
 pub fn compare(
     json: &str,
     npz: &[u8],
@@ -90,7 +91,7 @@ pub fn compare(
         let words: Vec<bool> = file.positions.iter().map(|word| subgoal(profile, word, &a, &b, c.as_ref())).collect();
         seconds += cpu_s() - start;
         calls += 2 + words.len();
-        if case.on_the_fence() {
+        if case.is_near_threshold() {
             report.excluded += 1;
             continue;
         }
@@ -107,7 +108,7 @@ pub fn compare(
         check("labels of a to b", ab == known.ab);
         check("labels of b to a", has_c || ba == known.ba);
         for (word, holds) in file.positions.iter().zip(words) {
-            // Where the original raised an error, any verdict will do.
+            // Where the original raised an error, any verdict is accepted.
             let expected = known.subgoal.get(word).and_then(serde_json::Value::as_bool);
             check(word, expected.is_none_or(|expected| expected == holds));
         }
@@ -140,11 +141,11 @@ pub fn compare(
     Ok(report)
 }
 
-/// Compares profile `seed` with the labels that GenManip V0.9 gave: nobody recorded verdicts of its own, so this tells
-/// how the two differ, not whether one is right.
+/// Compares profile `seed` with the labels of GenManip V0.9. No verdicts of `seed` itself are recorded, so the result
+/// measures how the two differ, not which one is right.
 ///
-/// A case agrees when the label of profile `seed` is among the recorded ones, seen from the same side of the table, or
-/// both have none. Cases with three clouds are left out.
+/// A case agrees if the label of `seed`, converted to the opposite view, is among the recorded ones, or if both have
+/// none. Cases with three clouds are skipped.
 ///
 /// # Errors
 /// As [`compare`].
@@ -154,7 +155,7 @@ pub fn compare_seed(json: &str, npz: &[u8], cpu_s: &mut dyn FnMut() -> f64) -> R
     let mut report = Comparison::default();
     let (mut calls, mut seconds) = (0, 0.0);
     for case in &recorded.file.cases {
-        if case.on_the_fence() || recorded.has(case, "c") {
+        if case.is_near_threshold() || recorded.has(case, "c") {
             report.excluded += 1;
             continue;
         }
@@ -166,7 +167,7 @@ pub fn compare_seed(json: &str, npz: &[u8], cpu_s: &mut dyn FnMut() -> f64) -> R
         calls += 1;
         report.compared += 1;
         let known = &case.v09.ab;
-        if label.map_or(known.is_empty(), |label| known.contains(&from_the_other_side(label))) {
+        if label.map_or(known.is_empty(), |label| known.contains(&opposite_view(label))) {
             report.agreed += 1;
         } else {
             report.disagreements.push(format!("case {} ({}): {label:?}, recorded {known:?}", case.id, case.family));
@@ -176,8 +177,8 @@ pub fn compare_seed(json: &str, npz: &[u8], cpu_s: &mut dyn FnMut() -> f64) -> R
     Ok(report)
 }
 
-/// The label of the released evaluators that means the same.
-fn from_the_other_side(label: Label) -> CloudLabel {
+/// The corresponding label of the released evaluators, which look from the opposite side of the table.
+fn opposite_view(label: Label) -> CloudLabel {
     match label {
         Label::In => CloudLabel::In,
         Label::OutOf => CloudLabel::OutOf,
@@ -199,7 +200,7 @@ struct Recording {
 
 impl Recording {
     fn read(json: &str, npz: &[u8]) -> Result<Self, CasesError> {
-        // Python writes numbers that are none as NaN.
+        // Python writes NaN, which JSON does not allow.
         let file: File = serde_json::from_str(&json.replace(": NaN", ": null"))?;
         if !(file.scale.is_finite() && file.scale > 0.0) {
             return Err(CasesError::Scale(file.scale));
@@ -237,7 +238,7 @@ struct File {
 struct Case {
     id: u32,
     family: String,
-    /// Measured quantities; some are texts where the original failed.
+    /// Measured quantities; some are strings where the original failed.
     m: BTreeMap<String, serde_json::Value>,
     v09: Recorded,
     suite: Recorded,
@@ -267,8 +268,8 @@ struct Articulation {
 }
 
 impl Case {
-    /// Whether a measured quantity lies on a threshold of either evaluator.
-    fn on_the_fence(&self) -> bool {
+    /// True if a measured quantity lies on a threshold of one of the evaluators.
+    fn is_near_threshold(&self) -> bool {
         let thresholds: [(&[&str], &[f64]); 6] = [
             (&["xy_dist"], &[0.1515]),
             (&["dist", "za", "zb"], &[0.101]),
@@ -278,9 +279,9 @@ impl Case {
             (&["angle"], &[45.0]),
         ];
         thresholds.iter().any(|(keys, values)| {
-            keys.iter()
-                .filter_map(|key| self.m.get(*key)?.as_f64())
-                .any(|value| values.iter().any(|threshold| (value.abs() - threshold).abs() <= FENCE * threshold))
+            keys.iter().filter_map(|key| self.m.get(*key)?.as_f64()).any(|value| {
+                values.iter().any(|threshold| (value.abs() - threshold).abs() <= THRESHOLD_TOLERANCE * threshold)
+            })
         })
     }
 }

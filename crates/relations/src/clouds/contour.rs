@@ -1,8 +1,8 @@
-//! The concave outline of a cloud seen from above.
+//! The concave outline of a cloud in the top view.
 //!
 //! The algorithm is concaveman's (Park and Oh, "A New Concave Hull Algorithm and Concaveness Measure for n-dimensional
-//! Datasets", 2012, with Agafonkin's search order): edges of the convex hull are dug inwards to the nearest point that
-//! is close enough compared with the edge's length.
+//! Datasets", 2012, with Agafonkin's search order): an edge of the convex hull is replaced by two edges through the
+//! nearest interior point if that point is close enough relative to the length of the edge.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::tree::Tree;
 use crate::planar::Polygon;
 
-/// An edge is dug when the point is nearer to one of its ends than its length over this.
+/// An edge is replaced if the point is closer to one of its ends than the edge's length divided by this.
 const CONCAVITY: f64 = 2.0;
 
 /// A closed outline.
@@ -21,7 +21,7 @@ pub(crate) struct Contour {
 }
 
 impl Contour {
-    /// `None` when the points lie on a line.
+    /// `None` if the points are collinear.
     pub fn new(points: &[DVec3]) -> Option<Self> {
         let flat: Vec<DVec2> = points.iter().map(|point| point.truncate()).collect();
         let hull = Polygon::hull(flat.clone()).corners;
@@ -31,7 +31,7 @@ impl Contour {
         Some(Self { corners: dig(&hull, Grid::new(flat, &hull)) })
     }
 
-    /// The points inside, or closer to the outline than `reach`.
+    /// The points inside the outline or closer to it than `reach`.
     pub fn crop(&self, tree: &Tree, reach: f64) -> Vec<DVec3> {
         let mut kept = Vec::new();
         let edges: Vec<usize> = (0..self.corners.len()).collect();
@@ -39,7 +39,7 @@ impl Contour {
         kept
     }
 
-    /// Crops one node, given the edges that may be in reach of it.
+    /// Crops one node of the tree, given the edges that may be within reach of it.
     fn crop_node(&self, tree: &Tree, index: usize, edges: &[usize], reach: f64, kept: &mut Vec<DVec3>) {
         let node = &tree.nodes[index];
         let center = ((node.min + node.max) * 0.5).truncate();
@@ -78,7 +78,7 @@ impl Contour {
         segment_distance_squared(point, self.corners[edge], self.corners[(edge + 1) % self.corners.len()])
     }
 
-    /// Whether a ray from the point crosses the outline an odd number of times.
+    /// True if a ray from the point crosses the outline an odd number of times.
     fn surrounds(&self, point: DVec2) -> bool {
         let mut inside = false;
         for (index, &a) in self.corners.iter().enumerate() {
@@ -91,7 +91,7 @@ impl Contour {
     }
 }
 
-/// Points not yet on the outline, in square cells.
+/// Points that are not yet on the outline, in square cells.
 struct Grid {
     points: Vec<DVec2>,
     cells: Vec<Vec<usize>>,
@@ -126,7 +126,7 @@ impl Grid {
         ((place.x as usize).min(self.columns - 1), (place.y as usize).min(self.rows - 1))
     }
 
-    /// Points within a distance of a segment that are wanted, the nearest first, with their squared distances.
+    /// Wanted points within a distance of a segment, nearest first, with their squared distances.
     fn near(&self, a: DVec2, b: DVec2, limit_squared: f64, wanted: impl Fn(f64, DVec2) -> bool) -> Vec<(f64, usize)> {
         let reach = DVec2::splat(limit_squared.sqrt());
         let (left, bottom) = self.cell_of(a.min(b) - reach);

@@ -1,7 +1,8 @@
-//! How many points of one cloud lie in the convex hull of another.
+//! Counts the points of one cloud in the convex hull of another.
 //!
-//! The hull of thousands of points is rarely needed: a polytope of supporting planes holds the hull, the hull of the
-//! extreme points along the same directions is held by it, and mostly the two agree on which side of one half the count is.
+//! Computing the full hull of thousands of points is rarely necessary: an outer polytope of supporting planes contains
+//! the hull, and the hull of the extreme points along the same directions is contained in it. Usually both give the
+//! same answer to the question whether at least half of the points are inside.
 
 use std::sync::OnceLock;
 
@@ -10,15 +11,15 @@ use glam::DVec3;
 use super::tree::Tree;
 use crate::hull::Hull;
 
-/// Tolerance of the half-space tests, metres: points on the surface count.
+/// Tolerance of the half-space tests, metres, so that points on the surface count.
 const TOLERANCE: f64 = 1e-12;
 
-/// Convex bounds of a cloud from outside and inside, and the hull itself when it has been needed.
+/// Outer and inner convex bounds of a cloud, and its hull once it was needed.
 #[derive(Debug)]
 pub(crate) struct Enclosure {
     /// Supporting planes.
     outer: Vec<(DVec3, f64)>,
-    /// Faces of the hull of the extreme points; empty when they lie in a plane.
+    /// Faces of the hull of the extreme points; empty if they are coplanar.
     inner: Vec<(DVec3, f64)>,
     exact: OnceLock<Vec<(DVec3, f64)>>,
 }
@@ -32,7 +33,7 @@ impl Enclosure {
         Self { outer, inner: Hull::of(&extremes).planes(TOLERANCE), exact: OnceLock::new() }
     }
 
-    /// Whether at least `needed` of the points lie in the hull of `own`, the cloud this was made from.
+    /// True if at least `needed` of the points lie in the hull of `own`, the cloud of this enclosure.
     pub fn holds(&self, points: &Tree, own: &[DVec3], needed: usize) -> bool {
         if self.inner.is_empty() && is_flat(own) {
             return false;
@@ -52,14 +53,15 @@ impl Enclosure {
         count.sure + count.open.iter().filter(|&&point| within(exact, point)).count() >= needed
     }
 
-    /// Counts the points of a node, given the outer planes that cross its parent and the inner ones not known to hold.
+    /// Counts the points of a node. `outer` are the planes that cross its parent, `inner` those not known to contain
+    /// it.
     fn count(&self, tree: &Tree, index: usize, outer: &[usize], inner: &[usize], count: &mut Count) {
         if count.decided() {
             return;
         }
         let node = &tree.nodes[index];
         let (center, half) = ((node.min + node.max) * 0.5, (node.max - node.min) * 0.5);
-        // Signed distance of the box's middle from a plane, and how far the box reaches along the normal.
+        // Signed distance of the box's centre from a plane, and half the box's extent along the normal.
         let place = |(normal, distance): &(DVec3, f64)| (normal.dot(center) - distance, normal.abs().dot(half) + 1e-12);
         let size = node.end - node.start;
         let mut crossed = Vec::new();
@@ -106,13 +108,13 @@ impl Enclosure {
     }
 }
 
-/// Points counted so far.
+/// Intermediate state of the count.
 struct Count {
-    /// In the inner polytope.
+    /// Points in the inner polytope.
     sure: usize,
-    /// Between the two polytopes.
+    /// Points between the two polytopes.
     open: Vec<DVec3>,
-    /// Not looked at yet.
+    /// Points not yet classified.
     left: usize,
     needed: usize,
 }
@@ -131,7 +133,7 @@ fn strictly_within(planes: &[(DVec3, f64)], point: DVec3) -> bool {
     !planes.is_empty() && planes.iter().all(|(normal, distance)| normal.dot(point) < *distance - 1e-9)
 }
 
-/// Whether all points lie in a plane, as far as rounding can tell.
+/// True if all points are coplanar within rounding.
 fn is_flat(points: &[DVec3]) -> bool {
     let Some(&origin) = points.first() else { return true };
     let farthest = |measure: &dyn Fn(DVec3) -> f64| {
@@ -147,7 +149,7 @@ fn is_flat(points: &[DVec3]) -> bool {
     points.iter().all(|&point| normal.dot(point - origin).abs() < 1e-9)
 }
 
-/// Directions spread evenly: the corners, edges and faces of a cube and a spiral of `count` over the sphere.
+/// Evenly spread directions: corners, edges and faces of a cube, and a spiral of `count` over the sphere.
 pub(crate) fn spread_directions(count: usize) -> impl Iterator<Item = DVec3> {
     let cube = (0..27).filter(|index| *index != 13).map(|index| {
         DVec3::new(f64::from(index % 3 - 1), f64::from(index / 3 % 3 - 1), f64::from(index / 9 - 1)).normalize()

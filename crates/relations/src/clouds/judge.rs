@@ -9,26 +9,26 @@ use serde::{Deserialize, Serialize};
 use super::tree::Tree;
 use super::{Cloud, CloudLabel, Profile};
 
-/// Distance in the plane up to which objects are close, with the originals' tolerance of 1 %.
+/// Largest distance in the plane of close objects, including the originals' tolerance of 1 %.
 const CLOSE_M: f64 = 0.15 * 1.01;
-/// Distance and height gap up to which objects touch, with the same tolerance.
+/// Largest distance and height gap of touching objects, including the same tolerance.
 const TOUCHING_M: f64 = 0.1 * 1.01;
-/// How far the target's outline is widened before the anchor is cropped to it.
+/// Amount by which the target's outline is widened before the anchor is cropped to it.
 const CROP_M: f64 = 0.05;
-/// Largest bend of the way for `between`, degrees.
+/// Largest angle at the middle object for `between`, degrees.
 const BETWEEN_DEG: f64 = 45.0;
 
 /// A goal of the released evaluators: a disjunction of conjunctions.
 pub type CloudGoal = Vec<Vec<Subgoal>>;
 
-/// A relation of a goal.
+/// One relation of a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Subgoal {
     /// Uid of the target.
     pub obj1_uid: String,
     /// Uid of the anchor.
     pub obj2_uid: String,
-    /// Word, e.g. `on`, `top`, `out of`.
+    /// Relation word, e.g. `on`, `top`, `out of`.
     pub position: String,
     /// Uid of the second anchor of `between`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -36,7 +36,7 @@ pub struct Subgoal {
 }
 
 impl Profile {
-    /// Share of the target's bounds over the anchor's that is more than this.
+    /// Lower limit of the share of the target's bounds that is over the anchor's.
     fn supported_ratio(self) -> f64 {
         match self {
             Self::GenManip09 => 0.7,
@@ -44,7 +44,7 @@ impl Profile {
         }
     }
 
-    /// Target's bounds over the anchor's, less than this.
+    /// Upper limit of the area of the target's bounds relative to the anchor's.
     fn area_ratio(self) -> f64 {
         match self {
             Self::GenManip09 => 1.5,
@@ -52,7 +52,7 @@ impl Profile {
         }
     }
 
-    /// Points that have to be in the hull for `in`.
+    /// Number of points that must be in the hull for `in`.
     fn needed(self, points: usize) -> usize {
         match self {
             Self::GenManip09 => points / 2 + 1,
@@ -61,7 +61,7 @@ impl Profile {
     }
 }
 
-/// The labels of a target and an anchor; with a second anchor only `between` is tested.
+/// Labels of a target and an anchor. With a second anchor, only `between` is tested.
 pub fn labels(profile: Profile, target: &Cloud, anchor: &Cloud, second_anchor: Option<&Cloud>) -> Vec<CloudLabel> {
     if let Some(second) = second_anchor {
         return if between(profile, target, anchor, second) { vec![CloudLabel::Between] } else { Vec::new() };
@@ -94,7 +94,7 @@ pub fn labels(profile: Profile, target: &Cloud, anchor: &Cloud, second_anchor: O
     found
 }
 
-/// Whether a word of a goal holds.
+/// True if the relation word holds.
 pub fn subgoal(
     profile: Profile,
     position: &str,
@@ -112,7 +112,7 @@ pub fn subgoal(
     found().iter().any(|label| label.name() == position)
 }
 
-/// Fraction of true relations in the best conjunction; a uid without a cloud makes its relation false.
+/// Fraction of true relations in the best conjunction. A relation with a uid that has no cloud is false.
 pub fn goal_score(profile: Profile, goal: &CloudGoal, clouds: &BTreeMap<String, Cloud>) -> f64 {
     let holds = |part: &Subgoal| {
         let (Some(target), Some(anchor)) = (clouds.get(&part.obj1_uid), clouds.get(&part.obj2_uid)) else {
@@ -127,14 +127,14 @@ pub fn goal_score(profile: Profile, goal: &CloudGoal, clouds: &BTreeMap<String, 
     };
     goal.iter()
         .map(|conjunction| {
-            // Added up in the originals' way, so that the last bit agrees.
+            // Summed in the same order as the originals, for identical rounding.
             let part = 1.0 / conjunction.len() as f64;
             conjunction.iter().filter(|part| holds(part)).fold(0.0, |sum, _| sum + part)
         })
         .fold(0.0, f64::max)
 }
 
-/// Whether joint positions (one list per instance) lie in the closed intervals of a status.
+/// True if the joint positions (one list per instance) lie in the closed intervals of a status.
 pub fn articulation(positions: &[Vec<f64>], status: &[Vec<[f64; 2]>]) -> bool {
     positions.len() == status.len()
         && positions.iter().zip(status).all(|(positions, intervals)| {
@@ -144,7 +144,7 @@ pub fn articulation(positions: &[Vec<f64>], status: &[Vec<[f64; 2]>]) -> bool {
 }
 
 impl CloudLabel {
-    /// The word in files.
+    /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -174,7 +174,7 @@ fn contains(profile: Profile, outer: &Cloud, inner: &Cloud) -> bool {
     outer.enclosure().holds(inner.tree(), &outer.points, profile.needed(inner.points.len()))
 }
 
-/// Whether the bounds overlap enough and the heights match for the upper cloud to be on the lower one.
+/// True if the bounds overlap enough and the heights match for the upper cloud to be on the lower one.
 fn supported(profile: Profile, upper: &Cloud, lower: &Cloud) -> bool {
     let area = |cloud: &Cloud| (cloud.max.x - cloud.min.x) * (cloud.max.y - cloud.min.y);
     let common = (upper.max.min(lower.max) - upper.min.max(lower.min)).max(DVec3::ZERO);
@@ -203,13 +203,13 @@ fn between(profile: Profile, target: &Cloud, anchor: &Cloud, second: &Cloud) -> 
     if profile == Profile::Suite023 {
         cosine = cosine.clamp(-1.0, 1.0);
     }
-    // Equal places, and for V0.9 a cosine rounded above 1, give no number and no label.
+    // For coincident positions, and in V0.9 for a cosine rounded above 1, the angle is NaN and there is no label.
     cosine.acos().to_degrees() < BETWEEN_DEG
 }
 
-/// The originals' second chance for `on`: against the part of the anchor under the target's widened outline.
+/// Fallback of the originals for `on`: tests the part of the anchor under the target's widened outline.
 fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
-    // The part has smaller bounds than the whole, so what the whole cannot support the part cannot either.
+    // The part has smaller bounds than the whole, so it cannot support the target if the whole cannot.
     let area = |size: DVec3| size.x.max(0.0) * size.y.max(0.0);
     let common = |reach: f64| (target.max + reach).min(anchor.max) - (target.min - reach).max(anchor.min);
     let target_area = area(target.max - target.min);
@@ -228,17 +228,18 @@ fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
         && (profile == Profile::GenManip09 || !(contains(profile, &part, target) || contains(profile, target, &part)))
 }
 
-/// Whether some point of the anchor that is too high for the target to rest there is surely under its widened outline.
+/// True if a point of the anchor that is too high for the target to rest on it is certainly under the widened outline.
 fn rises_too_high(target: &Cloud, anchor: &Cloud) -> bool {
     let high: Vec<DVec3> =
         anchor.points.iter().copied().filter(|point| point.z > target.min.z + TOUCHING_M + 1e-9).collect();
     !high.is_empty() && target.tree().has_pair_within(&Tree::new(&high), CROP_M * 0.99, false)
 }
 
-/// The points of the anchor under the target's outline widened by 5 cm; `None` when there are none.
+/// The points of the anchor under the target's outline widened by 5 cm; `None` if there are none.
 ///
-/// The originals widen with polygons of 64 sides, here the corners are round (0.06 mm more), and points equally far from
-/// an edge may be dug in another order: 9 in 10 crops of the recorded cases have the same size, all the same verdict.
+/// The originals approximate the widened corners by polygons of 64 sides; here they are round (0.06 mm larger), and
+/// points equally far from an edge may be processed in another order. 9 of 10 crops of the recorded cases have the same
+/// size, and all lead to the same verdict.
 fn crop(target: &Cloud, anchor: &Cloud) -> Option<Cloud> {
     let kept = target.contour()?.crop(anchor.tree(), CROP_M);
     (!kept.is_empty()).then(|| Cloud::from_finite(kept))

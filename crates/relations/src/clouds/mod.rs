@@ -1,9 +1,10 @@
-//! Relations between point clouds exactly as two released evaluators judge them, for comparable numbers.
+//! Reproduces the relations of two released evaluators on point clouds, for comparable benchmark numbers.
 //!
-//! These profiles are not the project's own judgement (that is [`crate::relations`]): directions are seen from the
-//! opposite side of the table (front is the smaller x, left the smaller y), labels accumulate, and an object floating
-//! ten centimetres above another is on it.
-//! Where an original raises an error (a cloud without an outline), the verdict here is the one without that step.
+//! These profiles differ from the project's own relations (the other modules of this crate): directions are seen from
+//! the opposite side of the table (front is the smaller x, left the smaller y), a pair can have several labels, and an
+//! object floating ten centimetres above another one is `on` it.
+//!
+//! Where an original raises an error (a cloud without an outline), the verdict here omits that step.
 //!
 //! ```
 //! use genmanip_relations::clouds::{Cloud, CloudLabel, Profile, labels};
@@ -54,7 +55,7 @@ pub enum CloudLabel {
     /// Bounds overlap and the heights match.
     #[serde(rename = "on")]
     On,
-    /// The same the other way round.
+    /// `On` with the roles exchanged.
     #[serde(rename = "below")]
     Below,
     /// Close, or bounds overlapping along both axes.
@@ -77,19 +78,19 @@ pub enum CloudLabel {
     Between,
 }
 
-/// Why a cloud cannot be judged.
+/// Reason why a cloud is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CloudError {
-    /// No points.
+    /// It has no points.
     #[error("expected at least one point, got none")]
     Empty,
-    /// A coordinate that is no number.
+    /// A coordinate is not finite.
     #[error("expected finite coordinates, got something else in point {index}")]
     NotFinite {
         /// Index of the point.
         index: usize,
     },
-    /// A coordinate beyond any table, with which lengths could not be computed.
+    /// A coordinate is too large to compute lengths with.
     #[error("expected coordinates within {MAX_COORDINATE_M:.0} m, got more in point {index}")]
     TooFar {
         /// Index of the point.
@@ -100,7 +101,7 @@ pub enum CloudError {
 /// Largest coordinate of a cloud, metres.
 const MAX_COORDINATE_M: f64 = 1e6;
 
-/// A point cloud; search structures are built when first needed and kept.
+/// A point cloud; search structures are built on first use and kept.
 #[derive(Debug)]
 pub struct Cloud {
     pub(crate) points: Vec<DVec3>,
@@ -113,10 +114,10 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// From points in metres.
+    /// A cloud of points in metres.
     ///
     /// # Errors
-    /// Without points, or with a coordinate that is not finite or beyond 1,000 km.
+    /// If there are no points, or a coordinate is not finite or larger than 1,000 km.
     pub fn new(points: Vec<[f64; 3]>) -> Result<Self, CloudError> {
         if points.is_empty() {
             return Err(CloudError::Empty);

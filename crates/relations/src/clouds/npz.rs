@@ -1,29 +1,29 @@
-//! Reads point clouds from NumPy archives (`.npz` with int16 arrays of shape n × 3), as the recorded cases use them.
+//! Reads point clouds from NumPy archives (`.npz` with int16 arrays of shape n × 3), the format of the recorded cases.
 
 use std::collections::BTreeMap;
 
-/// Most that is read of an archive, bytes of all its arrays together: ten times the recorded cases; points take four
-/// times as much in memory, twice while they are read.
+/// Maximum total size of an archive's arrays, bytes: ten times the recorded cases. In memory the points take four times
+/// as much, and twice that while reading.
 const MAX_BYTES: usize = 64 << 20;
 
-/// Longest part of a header that is told, characters.
-const MAX_TOLD: usize = 200;
+/// Longest part of an array header in an error message, characters.
+const MAX_QUOTED: usize = 200;
 
-/// Why an archive cannot be read.
+/// Reason why an archive cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum NpzError {
     /// Not a zip archive, or a damaged one.
     #[error("expected a zip archive, got a damaged one: {0}")]
     Archive(&'static str),
-    /// More than can be held.
+    /// Larger than the limit.
     #[error("expected arrays of at most {} MiB together, got more", MAX_BYTES >> 20)]
     TooLarge,
-    /// A member that is not an int16 array of points.
+    /// A member is not an int16 array of points.
     #[error("expected `{name}` to be a little-endian int16 array of shape (n, 3), got {got}")]
     Array {
         /// Name of the array.
         name: String,
-        /// What it is.
+        /// Its actual type or shape.
         got: String,
     },
 }
@@ -31,7 +31,7 @@ pub enum NpzError {
 /// The arrays of an archive by name; metres = value / `scale`.
 ///
 /// # Errors
-/// When the bytes are no zip archive, or an array is not int16 with three columns.
+/// If the bytes are not a zip archive, or an array is not int16 with three columns.
 pub fn read_npz(bytes: &[u8], scale: f64) -> Result<BTreeMap<String, Vec<[f64; 3]>>, NpzError> {
     let mut arrays = BTreeMap::new();
     for (name, content) in members(bytes)? {
@@ -54,7 +54,7 @@ fn points(npy: &[u8], scale: f64) -> Result<Vec<[f64; 3]>, String> {
     let known = plain.contains("'descr':'<i2'") && plain.contains("'fortran_order':False");
     let rows = plain.split_once("'shape':(").and_then(|(_, shape)| shape.split_once(",3)"));
     let Some(rows) = rows.and_then(|(rows, _)| rows.parse::<usize>().ok()).filter(|_| known) else {
-        return Err(header.trim().chars().take(MAX_TOLD).collect());
+        return Err(header.trim().chars().take(MAX_QUOTED).collect());
     };
     let held = npy.len() - start;
     if rows.checked_mul(6) != Some(held) {
@@ -93,7 +93,7 @@ fn members(bytes: &[u8]) -> Result<Vec<(String, Vec<u8>)>, NpzError> {
             Some((method, size, name, content, entry + 46 + name_length + extra + comment))
         };
         let (method, size, name, content, next) = read().ok_or_else(cut)?;
-        // What a member says about its size may be wrong: a bomb is stopped where it bursts.
+        // The declared size may be wrong, so the actual size is limited as well.
         if size > left || content.len() > left {
             return Err(NpzError::TooLarge);
         }

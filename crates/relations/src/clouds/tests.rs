@@ -10,7 +10,7 @@ use crate::{CloudScene, RelationSettings};
 
 const PROFILES: [Profile; 2] = [Profile::GenManip09, Profile::Suite023];
 
-/// Four small cases of each family, twelve goals and twenty joint states of the recorded verdicts.
+/// Reproduces a sample of the recorded verdicts: four small cases of each family, twelve goals, twenty joint states.
 #[test]
 fn recorded_verdicts_are_reproduced() {
     let json = include_str!("../../testdata/recorded_clouds.json");
@@ -33,7 +33,7 @@ fn what_is_no_cloud_is_refused() {
     check(vec![[0.0; 3], [0.0; 3], [0.0, -1e300, 0.0]], CloudError::TooFar { index: 2 });
 }
 
-/// Judges two clouds in every profile, both ways; what matters is that verdicts come, soon, and that they are sane.
+/// Judges two clouds in every profile, in both directions: verdicts come in reasonable time and are plausible.
 fn judge_in_all_profiles(a: &[[f64; 3]], b: &[[f64; 3]]) {
     let cloud = |points: &[[f64; 3]]| Cloud::new(points.to_vec()).unwrap();
     let (one, other) = (cloud(a), cloud(b));
@@ -78,7 +78,7 @@ fn odd_clouds_get_verdicts() {
     }
 }
 
-/// Many points take a moment, not minutes; `lab relations` is where time is measured.
+/// Large clouds take less than minutes. `lab relations` measures the speed.
 #[test]
 fn large_clouds_get_verdicts() {
     let spread = |scale: f64, count: u32| -> Vec<[f64; 3]> {
@@ -93,7 +93,7 @@ fn large_clouds_get_verdicts() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(150))]
 
-    /// Points on a coarse grid are collinear, coplanar and repeated all the time.
+    /// Points on a coarse grid contain many collinear, coplanar and repeated ones.
     #[test]
     fn clouds_on_a_grid_get_verdicts(
         a in prop::collection::vec(prop::array::uniform3(-3..3i8), 1..60),
@@ -107,7 +107,7 @@ proptest! {
     }
 }
 
-/// A zip archive with one stored or deflated member that says it has a size.
+/// A zip archive with one stored or deflated member and the given declared size.
 fn archive(member: &[u8], deflated: bool, size: Option<u32>) -> Vec<u8> {
     let data = if deflated { miniz_oxide::deflate::compress_to_vec(member, 6) } else { member.to_vec() };
     let size = size.unwrap_or(member.len() as u32).to_le_bytes();
@@ -159,7 +159,7 @@ fn arrays_that_are_no_clouds_are_refused() {
     check(&archive(&array(&good.replace("False", "True"), &[0; 12]), false, None), "True");
     check(&archive(b"", false, None), "no NumPy array");
     check(&archive(&array(good, &[0; 12])[..20], false, None), "cut short");
-    // A bomb: the size it names is too large, or it is larger than it says.
+    // Decompression bombs: the declared size is too large, or the actual size exceeds it.
     check(&archive(&vec![0; 1 << 20], true, Some(u32::MAX)), "at most 64 MiB");
     check(&archive(&vec![0; 1 << 20], true, Some(12)), "inflated");
 }
@@ -177,7 +177,7 @@ fn damaged_archives_are_refused() {
     }
 }
 
-/// The two notions differ in heights and in what they call near, so they agree on most cases and not on all.
+/// The profiles treat heights and nearness differently, so they agree on most recorded cases but not on all.
 #[test]
 fn profile_seed_names_recorded_cases_much_as_the_others_do() {
     let json = include_str!("../../testdata/recorded_clouds.json");
@@ -190,7 +190,7 @@ fn profile_seed_names_recorded_cases_much_as_the_others_do() {
     }
 }
 
-/// The whole recorded files, from the folder that `GENMANIP_RELATIONS` names.
+/// All recorded files, from the folder in the environment variable `GENMANIP_RELATIONS`.
 #[test]
 #[ignore = "needs the recorded files"]
 #[expect(clippy::print_stderr, reason = "a measurement for people")]

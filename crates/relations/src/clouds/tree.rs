@@ -12,7 +12,7 @@ pub(crate) struct Tree {
     pub nodes: Vec<Node>,
 }
 
-/// A box around a run of points; inner nodes have two children.
+/// A box around a range of points; inner nodes have two children.
 #[derive(Debug)]
 pub(crate) struct Node {
     pub min: DVec3,
@@ -30,8 +30,8 @@ impl Tree {
         tree
     }
 
-    /// Whether some point of this cloud and one of the other are at most so far apart; without `with_height` seen
-    /// from above.
+    /// True if a point of this cloud and one of the other are at most `distance` apart; without `with_height`, in the
+    /// top view.
     pub fn has_pair_within(&self, other: &Self, distance: f64, with_height: bool) -> bool {
         let mask = if with_height { DVec3::ONE } else { DVec3::new(1.0, 1.0, 0.0) };
         let limit = distance * distance;
@@ -67,7 +67,7 @@ impl Tree {
         false
     }
 
-    /// Shortest distance between the two clouds seen from above.
+    /// Shortest distance between the two clouds in the top view.
     pub fn planar_distance(&self, other: &Self) -> f64 {
         let mask = DVec3::new(1.0, 1.0, 0.0);
         let mut best = f64::INFINITY;
@@ -125,7 +125,7 @@ impl Tree {
         best.1
     }
 
-    /// The nearer pair is looked at first.
+    /// Pushes the nearer pair last, so that it is processed first.
     fn push_nearer_last(&self, stack: &mut Vec<(usize, usize)>, pairs: [(usize, usize); 2], other: &Self, mask: DVec3) {
         let middle = |(i, j): (usize, usize)| {
             let (a, b) = (&self.nodes[i], &other.nodes[j]);

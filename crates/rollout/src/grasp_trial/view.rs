@@ -31,7 +31,7 @@ pub struct ViewSettings {
 impl Default for ViewSettings {
     fn default() -> Self {
         Self {
-            // That of the prompt images in the GenManip paper.
+            // Same as in the prompt images in the GenManip paper.
             resolution: [1280, 720],
             // Chosen: a good short-range depth camera; earlier experiments with one and three views used the same.
             noise_m: 0.0005,

@@ -1,4 +1,4 @@
-//! Gives a JSON object the shape of the exchange format.
+//! Decoding of a JSON object into the exchange format.
 
 use std::borrow::Cow;
 
@@ -10,10 +10,10 @@ use super::flaw::{Findings, FlawKind};
 /// Keys of the second reference of `between`.
 const SECOND_KEYS: [&str; 2] = ["obj3", "obj3_uid"];
 
-/// Longest list that is looked at; a table holds a dozen objects.
+/// Maximum list length; a table holds a dozen objects.
 const MAX_ITEMS: usize = 256;
 
-/// An answer in the format's own words; `"none"`, `null` and empty text are `None`.
+/// An answer in the format's own words; `"none"`, `null` and empty texts become `None`.
 pub(super) struct RawAnswer {
     pub instruction: String,
     pub alternatives: Vec<Vec<RawCondition>>,
@@ -22,7 +22,7 @@ pub(super) struct RawAnswer {
     pub nodes: Vec<RawNode>,
 }
 
-/// An object as the answer names it.
+/// Object reference of the answer.
 pub(super) struct RawObject {
     pub name: Option<String>,
     pub uid: Option<String>,
@@ -35,7 +35,7 @@ pub(super) struct RawCondition {
     pub subject: RawObject,
     pub state: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`; read only where the option allows it.
+    /// Second reference of `between`, if that option is on.
     pub second: Option<RawObject>,
     pub position: Option<String>,
     pub path: String,
@@ -46,7 +46,7 @@ pub(super) struct RawEdge {
     pub subject: RawObject,
     pub position: Option<String>,
     pub reference: RawObject,
-    /// Second reference of `between`; read only where the option allows it.
+    /// Second reference of `between`, if that option is on.
     pub second: Option<RawObject>,
     pub path: String,
 }
@@ -58,7 +58,7 @@ pub(super) struct RawNode {
     pub path: String,
 }
 
-/// Reads every part; `None` when a part is missing that nothing can be said without.
+/// Decodes all parts; `None` if an indispensable part is missing.
 pub(super) fn decode(value: &Value, between: bool, findings: &mut Findings) -> Option<RawAnswer> {
     let answer = value.as_object()?;
     let graph = scene_graph(answer, findings);
@@ -78,7 +78,7 @@ pub(super) fn decode(value: &Value, between: bool, findings: &mut Findings) -> O
     Some(RawAnswer { instruction: instruction?, alternatives: alternatives?, description: description?, edges, nodes })
 }
 
-/// The graph, also when its three parts were written one level too high.
+/// The scene graph, also if its parts are one level too high.
 fn scene_graph<'a>(answer: &'a Map<String, Value>, findings: &mut Findings) -> Option<Cow<'a, Map<String, Value>>> {
     match answer.get("scene_graph") {
         Some(Value::Object(graph)) => Some(Cow::Borrowed(graph)),
@@ -103,7 +103,7 @@ fn scene_graph<'a>(answer: &'a Map<String, Value>, findings: &mut Findings) -> O
     }
 }
 
-/// The disjunction of conjunctions; a single condition or a flat list is one conjunction.
+/// The goal in disjunctive normal form; a single condition or a flat list is one conjunction.
 fn alternatives(answer: &Map<String, Value>, between: bool, findings: &mut Findings) -> Option<Vec<Vec<RawCondition>>> {
     const PATH: &str = "$.goal_conditions";
     let conjunction = "read as one conjunction";
@@ -197,7 +197,7 @@ fn edge(map: &Map<String, Value>, path: String, between: bool, findings: &mut Fi
     }
 }
 
-/// The third object, where the option is on and the position asks for one.
+/// The third object, if the option is on and the position is `between`.
 fn second_reference(map: &Map<String, Value>, path: &str, between: bool, findings: &mut Findings) -> Option<RawObject> {
     let asks = map.get("position").and_then(Value::as_str).is_some_and(|word| word == Relation::Between.name());
     (between && asks).then(|| object(map, "obj3", path, findings))
@@ -222,7 +222,7 @@ fn object(map: &Map<String, Value>, key: &str, path: &str, findings: &mut Findin
     }
 }
 
-/// The list of objects under a key, each with its path.
+/// Objects of a list, each with its JSON path.
 fn objects<'a>(
     graph: &'a Map<String, Value>,
     key: &str,
@@ -257,7 +257,7 @@ fn objects<'a>(
     Some(list)
 }
 
-/// A text that may be absent; a number stands for its digits, as models write uids.
+/// Optional text; numbers are accepted as uids.
 fn text(map: &Map<String, Value>, key: &str, path: &str, findings: &mut Findings) -> Option<String> {
     let path = format!("{path}.{key}");
     match map.get(key) {
@@ -301,7 +301,7 @@ fn note_unknown_keys(map: &Map<String, Value>, known: &[&str], path: &str, findi
     }
 }
 
-/// Whether a list is short enough to be looked at.
+/// True if a list does not exceed the maximum length.
 fn fits(items: &[Value], path: &str, findings: &mut Findings) -> bool {
     if items.len() > MAX_ITEMS {
         let message = format!("expected at most {MAX_ITEMS} items, got {}", items.len());

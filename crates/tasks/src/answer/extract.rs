@@ -1,4 +1,4 @@
-//! Finds the answer's JSON object in what a model wrote around it.
+//! Extraction of the answer's JSON object from the model's text.
 
 use serde_json::Value;
 
@@ -6,16 +6,17 @@ use super::MAX_ANSWER_BYTES;
 use super::flaw::{Findings, FlawKind};
 use super::json::{Failure, Parsed, parse_object};
 
-/// Most code fences that are looked into.
+/// Maximum number of code fences.
 const MAX_FENCES: usize = 16;
 
-/// Most JSON values that are read; an answer has a few hundred.
+/// Maximum number of JSON values; an answer has a few hundred.
 const MAX_VALUES: usize = 10_000;
 
 /// Keys of which an answer has at least one.
 const ANSWER_KEYS: [&str; 3] = ["instruction", "goal_conditions", "scene_graph"];
 
-/// The answer's object, out of code fences, prose and wrapping objects; `None` after noting why there is none.
+/// The answer's object, extracted from code fences, prose and wrapping objects; `None` after reporting why there is
+/// none.
 pub(super) fn find_answer(raw: &str, findings: &mut Findings) -> Option<Value> {
     if raw.len() > MAX_ANSWER_BYTES {
         findings.reject(
@@ -60,7 +61,7 @@ pub(super) fn find_answer(raw: &str, findings: &mut Findings) -> Option<Value> {
     Some(unwrap(first.value, findings))
 }
 
-/// Contents of the code fences that begin with an object, as byte ranges.
+/// Byte ranges of the code fences that begin with an object.
 fn fenced_objects(raw: &str) -> Vec<(usize, usize)> {
     let mut regions = Vec::new();
     let mut at = 0;
@@ -79,13 +80,13 @@ fn fenced_objects(raw: &str) -> Vec<(usize, usize)> {
     regions
 }
 
-/// Tries every `{` that is not inside an object already read; goes on behind the place where a try failed, so that
-/// the time is proportional to the text.
+/// Tries to parse at every `{` outside parsed objects; continues after the position of a failure, so that the time is
+/// linear in the length of the text.
 fn scan(raw: &str, start: usize, end: usize, budget: &mut usize, mut found: impl FnMut(Result<Parsed, Failure>)) {
     let text = &raw[..end];
     let mut at = start;
     while let Some(open) = text[at..].find('{').map(|offset| at + offset) {
-        // Every try costs something, so that a megabyte of braces is soon given up.
+        // Each attempt has a cost, so that a megabyte of braces is soon abandoned.
         *budget = budget.saturating_sub(64);
         let result = match *budget {
             0 => Err(Failure::TooManyValues { at: open }),
@@ -109,12 +110,12 @@ fn looks_like_answer(value: &Value) -> bool {
     has_key(value) || wrapped(value).is_some_and(has_key)
 }
 
-/// The only value of an object with one key.
+/// The single value of an object with one key.
 fn wrapped(value: &Value) -> Option<&Value> {
     value.as_object().filter(|map| map.len() == 1).and_then(|map| map.values().next())
 }
 
-/// Takes the answer out of an object like `{"task": {…}}`.
+/// Extracts the answer from an object like `{"task": {…}}`.
 fn unwrap(value: Value, findings: &mut Findings) -> Value {
     if ANSWER_KEYS.iter().any(|key| value.get(key).is_some()) {
         return value;
@@ -132,7 +133,7 @@ fn unwrap(value: Value, findings: &mut Findings) -> Value {
 
 fn note_failure(raw: &str, failures: &[Failure], other_objects: usize, findings: &mut Findings) {
     let again = "send one complete JSON object";
-    // The try that got farthest says most about what was meant.
+    // The attempt that got farthest is the most informative one.
     match failures.iter().max_by_key(|failure| failure.at()) {
         Some(Failure::Truncated { at }) => findings.reject(
             FlawKind::TruncatedJson,
@@ -165,7 +166,7 @@ fn note_failure(raw: &str, failures: &[Failure], other_objects: usize, findings:
     }
 }
 
-/// Line and column for people, both from 1.
+/// Line and column, from 1.
 fn position(raw: &str, at: usize) -> String {
     let before = raw.get(..at).unwrap_or(raw);
     let line = before.bytes().filter(|&byte| byte == b'\n').count() + 1;

@@ -1,29 +1,29 @@
-//! What can be wrong with an answer.
+//! Flaws of an answer.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Kinds of flaws; the names in files are the snake-case ones.
+/// Kinds of flaws; serialised in snake case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlawKind {
     /// The text is longer than [`super::MAX_ANSWER_BYTES`].
     TooLarge,
-    /// There is no JSON object in the text.
+    /// The text contains no JSON object.
     NoJson,
     /// The text ends before the object is closed.
     TruncatedJson,
-    /// The object is no JSON, and what was meant is not certain.
+    /// The object is invalid JSON, and its meaning is ambiguous.
     MalformedJson,
     /// Comments, trailing commas, single quotes and the like.
     SloppyJson,
     /// A key occurs twice with different values.
     DuplicateKey,
-    /// The text holds several different answers.
+    /// The text contains several different answers.
     SeveralAnswers,
     /// The answer sits inside another object, or parts of it one level too high.
     WrongNesting,
-    /// A required key is absent, or an optional one was left out instead of `"none"`.
+    /// A required key is missing, or an optional one is missing instead of `"none"`.
     MissingField,
     /// A key that the format does not have.
     UnknownField,
@@ -41,19 +41,19 @@ pub enum FlawKind {
     UnknownUid,
     /// The uid is an offered one written differently (`7` or `O07` for `007`).
     UidSpelling,
-    /// An object is named, but its uid is absent.
+    /// An object has a name but no uid.
     MissingUid,
     /// The name is exactly that of another offered object.
     UidNameMismatch,
     /// The position is not a word of the format.
     UnknownRelation,
-    /// The position is a wordier form of one of the format (`in front of`).
+    /// The position is a longer form of one of the format (`in front of`).
     RelationSpelling,
     /// The state is not in the object's list.
     UnknownState,
     /// The state is in the object's list, written differently (`Top Open`).
     StateSpelling,
-    /// The goal tests the state of an object whose initial state is not given.
+    /// The goal tests the state of an object without initial state.
     MissingState,
     /// An edge with `none` as object.
     MissingEdgeObject,
@@ -71,11 +71,11 @@ pub enum FlawKind {
     DuplicateNode,
     /// A node without an edge.
     IsolatedObject,
-    /// Fewer nodes than asked for.
+    /// Fewer nodes than requested.
     TooFewObjects,
-    /// A condition that tests nothing, or lacks one of its objects.
+    /// A condition without relation and state, or without one of its objects.
     IncompleteCondition,
-    /// A condition that tests a relation and a state.
+    /// A condition with both a relation and a state.
     MixedCondition,
     /// A condition against the table.
     GoalOnTable,
@@ -85,49 +85,49 @@ pub enum FlawKind {
     GoalAlreadySatisfied,
     /// The same, seen from the other object (A left of B is B right of A).
     CircularGoal,
-    /// The goal moves an object that the hand cannot carry.
+    /// The goal moves an object that the gripper cannot carry.
     NotGraspable,
-    /// Something is put *in* an object that holds nothing.
+    /// Something is put *in* an object without a cavity.
     NotAContainer,
-    /// The goal does not fit the kind of task asked for.
+    /// The goal does not match the requested kind of task.
     WrongKind,
 }
 
 impl FlawKind {
-    /// The name in files.
+    /// Name in files.
     pub fn name(self) -> String {
         serde_json::to_value(self).ok().and_then(|name| name.as_str().map(String::from)).unwrap_or_default()
     }
 }
 
-/// One thing that is wrong with an answer.
+/// A flaw of an answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Flaw {
-    /// What kind of flaw.
+    /// Kind of the flaw.
     pub kind: FlawKind,
-    /// JSON path of the place, e.g. `$.goal_conditions[0][1].obj1_uid`; for a flaw of the text, line and column.
+    /// JSON path, e.g. `$.goal_conditions[0][1].obj1_uid`; for a flaw of the text, line and column.
     pub path: String,
-    /// What was expected and what was found.
+    /// Expected and actual contents.
     pub message: String,
-    /// What to do about it; empty when the message says it all.
+    /// Advice; empty if the message suffices.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub hint: String,
-    /// Whether it could be mended with certainty.
+    /// True if it was repaired unambiguously.
     pub repaired: bool,
 }
 
-/// One change made to an answer.
+/// A change made to an answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Repair {
-    /// The flaw that made it necessary.
+    /// The repaired flaw.
     pub flaw: FlawKind,
-    /// JSON path of the place.
+    /// JSON path.
     pub path: String,
-    /// What was done.
+    /// Description of the change.
     pub what: String,
 }
 
-/// The lists of a report while it is made.
+/// Flaws and repairs found so far.
 #[derive(Default)]
 pub(super) struct Findings {
     pub flaws: Vec<Flaw>,
@@ -136,11 +136,11 @@ pub(super) struct Findings {
     rejecting: usize,
 }
 
-/// Longest list of flaws; the rest is counted only.
+/// Maximum number of listed flaws; further ones are only counted.
 const MAX_LISTED: usize = 64;
 
 impl Findings {
-    /// Notes a flaw that cannot be mended.
+    /// Records a flaw that cannot be repaired.
     pub fn reject(
         &mut self,
         kind: FlawKind,
@@ -152,7 +152,7 @@ impl Findings {
         self.list(Flaw { kind, path: path.into(), message: message.into(), hint: hint.into(), repaired: false });
     }
 
-    /// Notes a flaw together with what was done about it.
+    /// Records a flaw and its repair.
     pub fn repair(
         &mut self,
         kind: FlawKind,
@@ -167,7 +167,7 @@ impl Findings {
         self.list(Flaw { kind, path, message: message.into(), hint: String::new(), repaired: true });
     }
 
-    /// Whether anything makes the answer unusable.
+    /// True if any flaw makes the answer unusable.
     pub fn rejects(&self) -> bool {
         self.rejecting > 0
     }

@@ -1,6 +1,6 @@
-//! Texts that try to stall or break the reader of answers: worst cases by construction, and a mutational fuzzer.
+//! Adversarial texts for the answer parser: constructed worst cases, and a mutation fuzzer.
 //!
-//! For measurements and tests; a language model is as likely to send them as any other stranger.
+//! For tests and measurements; a language model's output is untrusted input.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use rand::{Rng, RngExt};
 
 use super::{AnswerReport, MAX_ANSWER_BYTES, TaskRequest, Verdict, check_answer};
 
-/// Pieces of which most texts that a reader has trouble with are made.
+/// Tokens that parsers often have trouble with.
 const TOKENS: [&str; 40] = [
     "{",
     "}",
@@ -53,13 +53,13 @@ const TOKENS: [&str; 40] = [
     "[]",
 ];
 
-/// Longest text that the fuzzer makes, bytes; the worst cases by construction are longer.
+/// Maximum length of a fuzzed text, bytes; the constructed worst cases are longer.
 const MAX_FUZZED_BYTES: usize = 1 << 16;
 
-/// Most texts that the fuzzer keeps to change further.
+/// Maximum size of the fuzzer's corpus.
 const MAX_KEPT: usize = 2000;
 
-/// Worst cases as long as an answer may be, each with a name.
+/// Worst cases of the maximum length, with names.
 pub fn worst_cases() -> Vec<(&'static str, String)> {
     let most = MAX_ANSWER_BYTES;
     let filled = |unit: &str, around: usize| unit.repeat((most - around) / unit.len());
@@ -154,29 +154,29 @@ pub fn worst_cases() -> Vec<(&'static str, String)> {
     ]
 }
 
-/// Changes texts at random and keeps those that make the reader say something new.
+/// Mutation fuzzer that keeps texts with a new combination of flaws.
 pub struct Fuzzer {
-    /// The texts that were given, then the ones that were kept, each with the given one it was made of.
+    /// Initial texts, then kept ones, each with the index of its initial text.
     corpus: Vec<(usize, String)>,
     given: usize,
-    sayings: BTreeSet<String>,
+    outcomes: BTreeSet<String>,
     seed: Seed,
     made: u64,
 }
 
 impl Fuzzer {
-    /// Starts from texts, at least one.
+    /// Starts from a corpus; `{}` if it is empty.
     pub fn new(corpus: Vec<String>, seed: Seed) -> Self {
         let corpus = if corpus.is_empty() { vec!["{}".into()] } else { corpus };
         let corpus: Vec<(usize, String)> = corpus.into_iter().enumerate().collect();
-        Self { given: corpus.len(), corpus, sayings: BTreeSet::new(), seed, made: 0 }
+        Self { given: corpus.len(), corpus, outcomes: BTreeSet::new(), seed, made: 0 }
     }
 
-    /// The next text, and the index of the given text that it was made of.
+    /// The next text, and the index of the initial text it derives from.
     pub fn text(&mut self) -> (usize, String) {
         let rng = &mut self.seed.fork_index(self.made).rng();
         self.made += 1;
-        // Half of the texts begin with one that was given: the kept ones are mostly broken.
+        // Half of the texts derive directly from initial ones, because kept ones are mostly broken.
         let choices = if rng.random_bool(0.5) { self.given } else { self.corpus.len() };
         let (origin, text) = &self.corpus[rng.random_range(0..choices)];
         let mut bytes = text.clone().into_bytes();
@@ -188,23 +188,23 @@ impl Fuzzer {
         (*origin, String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// Keeps a text whose report is of a new kind.
+    /// Keeps a text whose report has a new combination of verdict and flaws.
     pub fn learn(&mut self, origin: usize, text: &str, report: &AnswerReport) {
         let kinds: BTreeSet<String> =
             report.flaws.iter().map(|flaw| format!("{}{}", flaw.kind.name(), flaw.repaired)).collect();
-        let saying = format!("{:?} {kinds:?}", report.verdict);
-        if self.corpus.len() < MAX_KEPT && self.sayings.insert(saying) {
+        let outcome = format!("{:?} {kinds:?}", report.verdict);
+        if self.corpus.len() < MAX_KEPT && self.outcomes.insert(outcome) {
             self.corpus.push((origin, text.to_owned()));
         }
     }
 
-    /// How many texts it starts from by now.
+    /// Size of the corpus.
     pub fn kept(&self) -> usize {
         self.corpus.len()
     }
 }
 
-/// What is wrong with a report itself, whatever the text was; `None` when nothing is.
+/// Inconsistency of a report, regardless of the text; `None` if it is consistent.
 pub fn inconsistency(text: &str, request: &TaskRequest, report: &AnswerReport) -> Option<&'static str> {
     let rejecting = report.flaws.iter().any(|flaw| !flaw.repaired);
     match report.verdict {
@@ -228,7 +228,7 @@ fn mutate(bytes: &mut Vec<u8>, other: &[u8], rng: &mut impl Rng) {
         2 => drop(bytes.splice(at..at, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         3 => drop(bytes.splice(at..end, TOKENS[rng.random_range(0..TOKENS.len())].bytes())),
         4 => {
-            // The same again, some times.
+            // Repeats a part.
             let part = bytes[at..end].repeat(1 << rng.random_range(0..6));
             drop(bytes.splice(at..at, part));
         }
@@ -238,7 +238,7 @@ fn mutate(bytes: &mut Vec<u8>, other: &[u8], rng: &mut impl Rng) {
             drop(bytes.splice(at..end, part.iter().copied()));
         }
         6..=9 => {
-            // One value or object for another.
+            // Replaces a value or object by another.
             let begins = |bytes: &[u8], byte: u8, from: usize| {
                 bytes[from.min(bytes.len())..].iter().position(|&own| own == byte).map(|offset| from + offset)
             };

@@ -1,21 +1,21 @@
-//! A JSON reader that forgives what has one reading only: comments, trailing commas, single quotes, bare keys,
-//! raw line breaks in strings, and Python's literals.
+//! Lenient JSON parser: accepts unambiguous deviations such as comments, trailing commas, single quotes, bare keys, raw
+//! line breaks in strings, and Python's literals.
 
 use serde_json::{Map, Number, Value};
 
-/// Deepest nesting; the format needs five levels.
+/// Maximum nesting depth; the format needs five levels.
 const MAX_DEPTH: usize = 64;
 
-/// An object that was read.
+/// A parsed object.
 pub(super) struct Parsed {
     pub value: Value,
     /// Byte after the closing brace.
     pub end: usize,
-    /// What had to be forgiven, each kind once with its first position.
+    /// Tolerated deviations, each kind once with its first position.
     pub sloppy: Vec<(&'static str, usize)>,
 }
 
-/// Why no object could be read, with the byte where it went wrong.
+/// Reason of a parse failure, with its byte position.
 pub(super) enum Failure {
     Truncated { at: usize },
     Malformed { at: usize, message: String },
@@ -34,7 +34,7 @@ impl Failure {
     }
 }
 
-/// Reads the object that begins at `start`, which must be a `{`; every value read is taken from the budget.
+/// Parses the object that begins at `start`, which must be a `{`; every parsed value is deducted from the budget.
 pub(super) fn parse_object(text: &str, start: usize, budget: &mut usize) -> Result<Parsed, Failure> {
     let mut reader = Reader { text, bytes: text.as_bytes(), at: start, sloppy: Vec::new(), budget };
     let value = reader.object(0)?;
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// After an item: takes the comma, or the closing bracket and says that the list is over.
+    /// Consumes the comma after an item, or the closing bracket; returns true at the end of the list.
     fn item_ends(&mut self, close: u8, expected: &str) -> Result<bool, Failure> {
         self.skip_space()?;
         match self.peek()? {

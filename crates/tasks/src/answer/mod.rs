@@ -1,10 +1,8 @@
-//! Reads a language model's task (a ToSG answer) exactly as it was sent.
+//! Parser and validator of a language model's task (a ToSG answer).
 //!
-//! The steps, each in a module of its own: find the JSON object in the text (`extract`), read it forgivingly
-//! (`json`), give it the shape of the format (`decode`), turn names into offered objects (`resolve`), and check
-//! every rule of the format (`rules`).
-//! Only what has exactly one reading is repaired; everything else is reported, all of it at once, so that the model
-//! can be asked again with the whole list.
+//! The steps: find the JSON object in the text (`extract`), parse it leniently (`json`), decode the format (`decode`),
+//! resolve names to offered objects (`resolve`), and check every rule of the format (`rules`). Only unambiguous flaws
+//! are repaired; all others are reported together, so that the model can be asked again with the complete list.
 //!
 //! ```
 //! use genmanip_core::TaskKind;
@@ -48,42 +46,42 @@ use flaw::Findings;
 pub use flaw::{Flaw, FlawKind, Repair};
 pub use recorded::{RecordedAnswer, RecordedAnswerError};
 
-/// Longest answer that is looked at, bytes; longer ones are refused unread.
+/// Maximum length of an answer, bytes; longer ones are rejected unread.
 pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 
-/// What a model was asked for: the other half of an answer's meaning.
+/// Request that an answer responds to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TaskRequest {
-    /// Name of the resulting task.
+    /// Id of the resulting task.
     pub id: String,
-    /// Kind of task asked for.
+    /// Requested kind of task.
     pub kind: TaskKind,
-    /// Cards of the objects the model could choose from, one per instance: the second card of an asset offers its
-    /// second copy, under the uid `001#2`.
+    /// Cards of the offered objects, one per instance: the second card of an asset offers its second instance, with the
+    /// uid `001#2`.
     pub offered: Vec<ObjectCard>,
-    /// Support surfaces, other than the table, that things may be put on or near.
+    /// Support surfaces, other than the table, that objects may be put on or near.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
-    /// Smallest number of objects in the scene.
+    /// Minimum number of objects in the scene.
     pub min_objects: usize,
-    /// Whether `between` is a position, with the second reference in `obj3` and `obj3_uid`; no part of the published
+    /// Allow the position `between`, with the second reference in `obj3` and `obj3_uid`; not part of the published
     /// exchange format.
     #[serde(default)]
     pub between: bool,
-    /// Where the answer comes from, stored in the task.
+    /// Origin of the answer, stored in the task.
     pub source: String,
 }
 
-/// Judgement of one answer.
+/// Result of checking an answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AnswerReport {
-    /// Whether there is a task, and whether the answer had to be mended for it.
+    /// Outcome of the check.
     pub verdict: Verdict,
-    /// Everything that is wrong with the answer, repaired or not, in the order of the checks.
+    /// All flaws of the answer, repaired or not, in the order of the checks.
     pub flaws: Vec<Flaw>,
-    /// What was changed; one entry per repaired flaw.
+    /// Changes made, one per repaired flaw.
     pub repairs: Vec<Repair>,
-    /// Number of further flaws that are not listed because the list was full.
+    /// Number of further flaws, not listed because the list was full.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub flaws_left_out: usize,
     /// The task, unless the answer was rejected.
@@ -94,16 +92,16 @@ pub struct AnswerReport {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Taken as it is; a code fence or prose around the object is not a flaw.
+    /// Accepted unchanged; a code fence or prose around the object is not a flaw.
     Valid,
-    /// Taken after certain repairs.
+    /// Accepted after unambiguous repairs.
     Repaired,
-    /// Not taken.
+    /// Rejected.
     Rejected,
 }
 
 impl Verdict {
-    /// The name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Valid => "valid",
@@ -113,9 +111,9 @@ impl Verdict {
     }
 }
 
-/// Checks the text a model sent against what it was asked for.
+/// Checks a model's text against the request.
 ///
-/// Never panics and takes time proportional to the text, whatever the text is.
+/// Never panics; takes linear time for any text.
 pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
     let mut findings = Findings::default();
     let task = read_task(raw, request, &mut findings);
@@ -134,26 +132,26 @@ pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
 }
 
 impl TaskRequest {
-    /// What the answer calls the offered objects: uids, numbered from the second copy of an asset on; then the surfaces.
+    /// Ids of the offered objects: uids, numbered from the second instance of an asset on; then those of the surfaces.
     pub fn ids(&self) -> Vec<String> {
         let mut ids = instance_ids(self.offered.iter().map(|card| card.uid.as_str()));
         ids.extend(self.surfaces.iter().map(|surface| surface.id.clone()));
         ids
     }
 
-    /// What people call each of [`TaskRequest::ids`].
+    /// Names of [`TaskRequest::ids`].
     fn names(&self) -> Vec<&str> {
         let objects = self.offered.iter().map(|card| card.name.as_str());
         objects.chain(self.surfaces.iter().map(|surface| surface.name.as_str())).collect()
     }
 
-    /// Whether one of [`TaskRequest::ids`] is a surface.
+    /// True if the id with this index is a surface.
     fn is_surface(&self, index: usize) -> bool {
         index >= self.offered.len()
     }
 }
 
-/// A flaw of the text hides what comes after it; from the resolved answer on, every rule is checked.
+/// A flaw of the text hides later ones; from the resolved answer on, all rules are checked.
 fn read_task(raw: &str, request: &TaskRequest, findings: &mut Findings) -> Option<Task> {
     let value = extract::find_answer(raw, findings)?;
     let answer = decode::decode(&value, request.between, findings)?;

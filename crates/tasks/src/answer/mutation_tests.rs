@@ -1,9 +1,8 @@
-//! Random changes to sound answers are caught or provably harmless.
+//! Random changes to valid answers are detected or provably harmless.
 //!
-//! Harmless means: the task that comes out satisfies every rule when an independent checker looks at it by brute force
-//! (`violations`), and says neither more nor less than the changed text.
-//! Where the changed text can be read literally, the verdict must be exactly that of the checker: what breaks a rule is
-//! refused, what breaks none is accepted.
+//! Harmless means that the resulting task satisfies every rule according to an independent brute-force checker
+//! (`violations`) and has the same meaning as the changed text. If the changed text can be read literally, the verdict
+//! must equal the checker's.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +17,7 @@ use super::*;
 /// A relation between uids.
 type Fact = (String, Relation, String);
 
-/// Everything that one relation says about a pair, from both sides.
+/// All facts implied by one relation of a pair, from both sides.
 fn facts_of((subject, relation, reference): &Fact) -> Vec<Fact> {
     let mut facts = vec![(subject.clone(), *relation, reference.clone())];
     let beside = match relation {
@@ -41,7 +40,7 @@ fn facts_of((subject, relation, reference): &Fact) -> Vec<Fact> {
     facts
 }
 
-/// Whether relations cannot hold together: a pair in two ways, or a way that leads back to where it began.
+/// True if the relations are contradictory: two different ones for a pair, or a cycle.
 fn contradict(relations: &[Fact]) -> bool {
     let uids: Vec<&String> = relations.iter().flat_map(|(one, _, other)| [one, other]).collect();
     let orders = [vec![Relation::Left], vec![Relation::Front], vec![Relation::Top, Relation::On, Relation::In]];
@@ -82,7 +81,7 @@ fn contradict(relations: &[Fact]) -> bool {
     kinds.values().any(|kinds| kinds.is_superset(&[0, 1].into()) || (kinds.contains(&2) && kinds.len() > 1))
 }
 
-/// Every rule that a task breaks, found without any code of the validator.
+/// Rules that a task violates, determined without any code of the validator.
 fn violations(task: &Task, request: &TaskRequest) -> Vec<String> {
     let mut broken = Vec::new();
     let mut rule = |holds: bool, name: &str| {
@@ -157,8 +156,8 @@ fn violations(task: &Task, request: &TaskRequest) -> Vec<String> {
     broken
 }
 
-/// The task that a text says, read literally; `None` when something in it needs interpretation, and whether every
-/// object has an edge and every name is its own.
+/// Task of a text read literally; `None` if interpretation is needed. The flag is true if every object has an edge and
+/// every name matches its uid.
 fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)> {
     let keys = |value: &Value, wanted: &[&str]| {
         value
@@ -173,7 +172,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         (text == text.trim() && !text.is_empty()).then(|| (text != "none").then(|| text.to_owned()))
     };
     let mut names_fit = true;
-    // An object by its uid; the name may be anything but another offered object's.
+    // An object by its uid; the name must not be that of another offered object.
     let mut object = |value: &Value, name: &str, uid: &str| {
         let (name, uid) = (exact(value, name)?, exact(value, uid)??);
         let card = request.offered.iter().find(|card| card.uid == uid)?;
@@ -245,7 +244,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
     (shaped && distinct).then_some((task, placed && names_fit))
 }
 
-/// Ways to change an answer.
+/// Kinds of changes.
 const CHANGES: [&str; 22] = [
     "drop a uid",
     "unknown uid",
@@ -271,7 +270,7 @@ const CHANGES: [&str; 22] = [
     "delete condition",
 ];
 
-/// Changes one thing; the same answer when there is nothing of the kind to change.
+/// Applies a change of the given kind; no effect if nothing of that kind exists.
 fn change(answer: &mut Value, kind: &str, offered: &[ObjectCard], rng: &mut impl Rng) {
     let pick = |list: &Value, rng: &mut dyn Rng| {
         let count = list.as_array().map_or(0, Vec::len);
@@ -287,7 +286,7 @@ fn change(answer: &mut Value, kind: &str, offered: &[ObjectCard], rng: &mut impl
         (pick(&answer["scene_graph"]["edges"], rng), pick(&answer["scene_graph"]["nodes"], rng), goal_at(answer, rng));
     let in_goal = rng.random_bool(0.4);
     let edge_keys = ["obj1", "obj1_uid", "position", "obj2", "obj2_uid"];
-    // One edge or one condition.
+    // An edge or a condition.
     let mut link = Value::Null;
     let link: &mut Value = match (in_goal, edge, condition) {
         (true, _, Some((one, two))) => &mut answer["goal_conditions"][one][two],
@@ -385,14 +384,14 @@ fn change(answer: &mut Value, kind: &str, offered: &[ObjectCard], rng: &mut impl
     }
 }
 
-/// What a text offers to be kept: conditions, edges with two objects that are not the table, and different nodes.
+/// Number of conditions in each conjunction of a text.
 fn written(answer: &Value) -> Vec<usize> {
     let count = |list: &Value| list.as_array().map_or(0, Vec::len);
     answer["goal_conditions"].as_array().map(|list| list.iter().map(count).collect()).unwrap_or_default()
 }
 
 #[test]
-fn changes_to_sound_answers_are_caught_or_harmless() {
+fn changes_to_valid_answers_are_detected_or_harmless() {
     let cards = catalogue();
     let sound: Vec<(Value, TaskRequest)> = recorded()
         .iter()
@@ -415,28 +414,28 @@ fn changes_to_sound_answers_are_caught_or_harmless() {
             change(&mut answer, CHANGES[rng.random_range(0..CHANGES.len())], &request.offered, rng);
         }
         let report = check_answer(&answer.to_string(), &request);
-        let told = || format!("{index} {kind}: {answer:#}\n{:#?}", report.flaws);
+        let details = || format!("{index} {kind}: {answer:#}\n{:#?}", report.flaws);
         if further == 0 {
             caught.entry(kind).or_default()[usize::from(report.task.is_none())] += 1;
         }
         if let Some(task) = &report.task {
-            assert_eq!(violations(task, &request), Vec::<String>::new(), "{}", told());
+            assert_eq!(violations(task, &request), Vec::<String>::new(), "{}", details());
             let kept: Vec<usize> = task.goal.alternatives.iter().map(Vec::len).collect();
-            assert_eq!(kept, written(&answer), "a condition was lost: {}", told());
-            assert_eq!(report.verdict == Verdict::Repaired, !report.repairs.is_empty(), "{}", told());
+            assert_eq!(kept, written(&answer), "a condition was lost: {}", details());
+            assert_eq!(report.verdict == Verdict::Repaired, !report.repairs.is_empty(), "{}", details());
         }
         if let Some((task, placed)) = read_literally(&answer, &request) {
             literal += 1;
             let broken = violations(&task, &request);
-            assert_eq!(report.task.is_some(), broken.is_empty() && placed, "{broken:?} {}", told());
-            assert!(report.task.as_ref().is_none_or(|accepted| *accepted == task), "{}", told());
+            assert_eq!(report.task.is_some(), broken.is_empty() && placed, "{broken:?} {}", details());
+            assert!(report.task.as_ref().is_none_or(|accepted| *accepted == task), "{}", details());
         }
     }
     assert!(literal > 1500, "{literal} of the changed answers could be read literally");
     for kind in ["unknown uid", "graph into goal", "delete node"] {
         assert_eq!(caught[kind][0], 0, "{kind}: {caught:?}");
     }
-    // Nothing is refused only because something was changed.
+    // Harmless changes are not rejected.
     for kind in ["extra key", "repeat node"] {
         assert!(caught[kind][0] > 50, "{kind}: {caught:?}");
     }

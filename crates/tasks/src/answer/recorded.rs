@@ -1,4 +1,4 @@
-//! Recorded answers: what was offered, what came back, and what is to be made of it.
+//! Recorded answers: offered objects, response, and expected verdict.
 
 use genmanip_core::asset::uid_of;
 use genmanip_core::{DocumentError, NamedSurface, ObjectCard, TaskKind, json};
@@ -7,36 +7,36 @@ use serde::{Deserialize, Serialize};
 
 use super::TaskRequest;
 
-/// A file with one answer of a language model.
+/// File with one answer of a language model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedAnswer {
-    /// Kind of task that was asked for.
+    /// Requested kind of task.
     pub task_type: TaskKind,
-    /// Uids of the offered objects, one per instance: `001#2` or a second `001` is the second copy of `001`.
+    /// Uids of the offered objects, one per instance: `001#2` or a second `001` is the second instance of `001`.
     pub objects: Vec<String>,
-    /// Support surfaces of the world, other than the table, that were offered to put things on or near.
+    /// Offered support surfaces of the world, other than the table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
-    /// Smallest number of nodes.
+    /// Minimum number of nodes.
     pub num_objects: usize,
-    /// The text as it came.
+    /// The response, verbatim.
     pub response: String,
-    /// For tests: `valid`, or the one flaw in the answer.
+    /// For tests: `valid`, or the only flaw of the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<String>,
-    /// A remark for people.
+    /// Remark for readers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
-/// Why a recorded answer cannot be read or checked.
+/// Reason why a recorded answer cannot be read or checked.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedAnswerError {
-    /// The file is no recorded answer.
+    /// The file is not a recorded answer.
     #[error("expected a recorded answer {{task_type, objects, num_objects, response}}, got: {0}")]
     Invalid(#[from] serde_json::Error),
-    /// The file is no JSON.
+    /// The file is not JSON.
     #[error(transparent)]
     NotJson(#[from] DocumentError),
     /// An offered uid is not in the catalogue.
@@ -50,27 +50,27 @@ pub enum RecordedAnswerError {
 }
 
 impl RecordedAnswerError {
-    /// What most likely is wrong with a text that is no JSON.
+    /// Likely cause of a JSON syntax error.
     pub fn hint(&self) -> Option<&'static str> {
         if let Self::NotJson(DocumentError::NotJson { hint, .. }) = self { Some(hint) } else { None }
     }
 }
 
 impl RecordedAnswer {
-    /// Reads the text of a file.
+    /// Parses the text of a file.
     ///
     /// # Errors
     /// [`RecordedAnswerError::Invalid`] with line and column.
     pub fn from_json(text: &str) -> Result<Self, RecordedAnswerError> {
-        // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
+        // Parsed twice: only the second parser reports positions, and only the first detects duplicate keys.
         json::parse(text)?;
         Ok(serde_json::from_str(text)?)
     }
 
-    /// The request the answer belongs to, with cards from a catalogue.
+    /// The request of the answer, with cards from a catalogue.
     ///
     /// # Errors
-    /// [`RecordedAnswerError::UnknownOffer`] when an offered uid has no card.
+    /// [`RecordedAnswerError::UnknownOffer`] if an offered uid has no card.
     pub fn request(&self, id: &str, catalogue: &[ObjectCard]) -> Result<TaskRequest, RecordedAnswerError> {
         let card = |uid: &String| {
             catalogue

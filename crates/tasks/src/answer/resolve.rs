@@ -1,4 +1,4 @@
-//! Turns names, uids, positions and states into what they stand for.
+//! Resolution of names, uids, positions and states.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -11,34 +11,34 @@ use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
 use super::flaw::{Findings, FlawKind};
 use super::words::{is_table, relation_words, reworded, same_name, shortened};
 
-/// A resolved answer; objects are indices into the offered cards. Parts that could not be resolved are left out,
-/// each with its flaw, so that the rules can still look at the rest.
+/// A resolved answer; objects are indices into the offered ids. Unresolvable parts are omitted, each with its flaw, so
+/// that the rules can check the rest.
 pub(super) struct Draft {
     pub instruction: String,
     pub description: String,
     pub alternatives: Vec<Vec<Condition>>,
     pub edges: Vec<Edge>,
     pub nodes: Vec<Node>,
-    /// Number of conditions per alternative as written, also of those left out.
+    /// Number of conditions per alternative as written, including omitted ones.
     pub written_conditions: Vec<usize>,
-    /// Number of nodes as written, also of those left out.
+    /// Number of nodes as written, including omitted ones.
     pub written_nodes: usize,
-    /// Whether an edge was left out because of an object nobody offered.
+    /// True if an edge was omitted because of an unknown object.
     pub lost_edges: bool,
-    /// Objects of edges that were dropped because they name the table: those edges did say where the object stands.
+    /// Objects of edges to the table, which were dropped but did give the object a place.
     pub on_table: Vec<usize>,
 }
 
-/// A condition that tests exactly one thing.
+/// A condition with exactly one test.
 pub(super) struct Condition {
     pub subject: usize,
     pub test: Test,
-    /// State given beside a relation; harmless when it is the initial one.
+    /// State given beside a relation; allowed if it is the initial one.
     pub beside: Option<String>,
     pub path: String,
 }
 
-/// What a condition tests.
+/// Test of a condition.
 #[derive(Clone, PartialEq)]
 pub(super) enum Test {
     /// Relation, reference and, for `between`, the second reference.
@@ -64,10 +64,10 @@ pub(super) struct Node {
 }
 
 impl Draft {
-    /// Ids of the offered objects in the task: where only one copy of an asset is in the scene, its uid.
+    /// Ids of the offered objects in the task: the plain uid if only one instance of the asset is in the scene.
     fn ids(&self, request: &TaskRequest) -> Vec<String> {
         let uid = |index: usize| request.offered.get(index).map(|card| &card.uid);
-        // A surface has no copies, and no node.
+        // A surface has no instances and no node.
         let alone = |index: usize| {
             !request.is_surface(index) && self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1
         };
@@ -75,7 +75,7 @@ impl Draft {
         ids.map(|(index, id)| if alone(index) { uid_of(&id).to_owned() } else { id }).collect()
     }
 
-    /// The surfaces that goal and graph name, in the order of the request.
+    /// Surfaces named by goal and graph, in the order of the request.
     fn surfaces(&self, request: &TaskRequest) -> Vec<NamedSurface> {
         let goal = self.alternatives.iter().flatten().filter_map(|condition| match condition.test {
             Test::Relation(_, reference, _) => Some(reference),
@@ -89,7 +89,7 @@ impl Draft {
             .collect()
     }
 
-    /// The task; `None` when something essential could not be resolved.
+    /// The task; `None` if an essential part could not be resolved.
     pub fn to_task(&self, request: &TaskRequest) -> Option<Task> {
         let ids = self.ids(request);
         let id = |index: usize| ids.get(index).cloned();
@@ -180,19 +180,19 @@ pub(super) fn resolve(answer: RawAnswer, request: &TaskRequest, findings: &mut F
     draft
 }
 
-/// What a written object stands for.
+/// Meaning of an object reference.
 enum Named {
     Object(usize),
     Table,
     Absent,
-    /// Something wrong that is already noted.
+    /// Invalid; the flaw is already recorded.
     Unreadable,
 }
 
-/// Something is wrong and already noted.
+/// Invalid; the flaw is already recorded.
 struct Noted;
 
-/// What a written edge stands for.
+/// Meaning of an edge.
 enum EdgeReading {
     Edge(Edge),
     OnTable(Vec<usize>),
@@ -202,11 +202,11 @@ enum EdgeReading {
 
 struct Resolver<'a> {
     request: &'a TaskRequest,
-    /// What the answer calls each object and surface that was offered.
+    /// Ids of the offered objects and surfaces.
     ids: Vec<String>,
-    /// What people call them.
+    /// Names of the offered objects and surfaces.
     names: Vec<&'a str>,
-    /// Flaws of objects already noted, so that one wrong uid is one flaw however often it is used.
+    /// Flaws already recorded, so that a wrong uid is one flaw however often it occurs.
     seen: BTreeSet<(FlawKind, String)>,
     findings: &'a mut Findings,
 }
@@ -301,7 +301,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// The second reference of `between`; nothing for any other relation.
+    /// The second reference of `between`; `None` for other relations.
     fn second(&mut self, relation: Relation, raw: Option<&RawObject>, path: &str) -> Result<Option<usize>, Noted> {
         if relation != Relation::Between {
             return Ok(None);
@@ -318,7 +318,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// Surfaces do not move, and things are on or near them only: `top` of one is `on` it, since nothing is in it.
+    /// Surfaces do not move, and objects can only be on or near them; `top` of one means `on`, since they have no
+    /// inside.
     fn check_surfaces(
         &mut self,
         subject: usize,
@@ -369,7 +370,7 @@ impl Resolver<'_> {
             }
             Named::Unreadable => return None,
         };
-        // A wrong state is noted; the node still stands for its object.
+        // An invalid state is recorded; the node still represents its object.
         let state =
             raw.state.as_ref().map(|state| self.state(object, state, &raw.path).unwrap_or_else(|| state.clone()));
         Some(Node { object, state, path: raw.path.clone() })
@@ -402,7 +403,7 @@ impl Resolver<'_> {
         self.check_name(raw, index)
     }
 
-    /// An object without a uid: certain only if exactly one offered object has this very name.
+    /// Resolves an object without a uid; unambiguous only if exactly one offered object has this name.
     fn object_by_name(&mut self, raw: &RawObject) -> Named {
         let Some(name) = raw.name.as_deref() else {
             return Named::Absent;
@@ -429,7 +430,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Names may be shortened or reworded, but not be exactly another object's.
+    /// Names may be shortened or reworded, but must not be exactly that of another object.
     fn check_name(&mut self, raw: &RawObject, index: usize) -> Named {
         let Some(name) = raw.name.as_deref().filter(|name| !same_name(self.names[index], name)) else {
             return Named::Object(index);
@@ -445,7 +446,7 @@ impl Resolver<'_> {
         Named::Unreadable
     }
 
-    /// An offered uid written in another case, without its leading zeros, or with O for 0; only if it is the only one.
+    /// Resolves a uid in another case, without leading zeros, or with O for 0; only if unambiguous.
     fn respelt_uid(&self, uid: &str) -> Option<usize> {
         let canonical = |text: &str| {
             let text: String = text.trim().to_ascii_lowercase();

@@ -21,8 +21,8 @@ pub(super) fn recorded() -> Vec<(String, RecordedAnswer)> {
         .collect()
 }
 
-/// A sound answer over mug 001, plate 008, apple 027, tumbler 004 and cabinet 057.
-fn sound() -> Value {
+/// A valid answer with mug 001, plate 008, apple 027, tumbler 004 and cabinet 057.
+fn valid_answer() -> Value {
     json!({
         "instruction": "Put the red apple on the plate.",
         "goal_conditions": [[condition("027", "none", "top", "008")]],
@@ -61,7 +61,7 @@ fn request(kind: TaskKind) -> TaskRequest {
     }
 }
 
-/// Flaws as `kind` when they reject and `~kind` when they are repaired.
+/// Flaws as `kind` if rejecting, `~kind` if repaired.
 fn flaws(report: &AnswerReport) -> Vec<String> {
     let mark = |flaw: &Flaw| if flaw.repaired { "~" } else { "" };
     let mut names: Vec<String> =
@@ -77,13 +77,13 @@ fn check_text(raw: &str, kind: TaskKind, expected: &[&str]) -> AnswerReport {
     report
 }
 
-/// Changes a sound answer and compares the flaws.
+/// Changes a valid answer and compares the flaws.
 fn check(change: impl FnOnce(&mut Value), expected: &[&str]) -> AnswerReport {
     check_kind(TaskKind::PickAndPlace, change, expected)
 }
 
 fn check_kind(kind: TaskKind, change: impl FnOnce(&mut Value), expected: &[&str]) -> AnswerReport {
-    let mut answer = sound();
+    let mut answer = valid_answer();
     change(&mut answer);
     check_text(&answer.to_string(), kind, expected)
 }
@@ -112,11 +112,11 @@ fn recorded_answers_get_the_expected_verdicts() {
         }
         assert_eq!(report.task.is_some(), report.verdict != Verdict::Rejected, "{name}");
     }
-    assert_eq!(counts, [20, 2, 8], "accepted at once, repaired, refused");
+    assert_eq!(counts, [20, 2, 8], "valid, repaired, rejected");
 }
 
 #[test]
-fn every_prefix_of_every_recorded_answer_is_refused() {
+fn every_prefix_of_every_recorded_answer_is_rejected() {
     let cards = catalogue();
     for (name, recorded) in recorded().iter().filter(|(_, recorded)| recorded.expect.as_deref() == Some("valid")) {
         let text = &recorded.response;
@@ -131,8 +131,8 @@ fn every_prefix_of_every_recorded_answer_is_refused() {
 }
 
 #[test]
-fn text_around_and_forgivable_syntax() {
-    let plain = sound().to_string();
+fn surrounding_text_and_lenient_syntax() {
+    let plain = valid_answer().to_string();
     let valid = |raw: String| check_text(&raw, TaskKind::PickAndPlace, &[]);
     valid(plain.clone());
     valid(format!("Sure {{smile}}!\n```json\n{plain}\n```\nAnything else?"));
@@ -218,10 +218,10 @@ fn the_initial_graph() {
     let add_edge = |edge: Value| move |answer: &mut Value| push(&mut answer["scene_graph"]["edges"], edge);
     let add_node = |node: Value| move |answer: &mut Value| push(&mut answer["scene_graph"]["nodes"], node);
     let replace_edge = |edge: Value| move |answer: &mut Value| answer["scene_graph"]["edges"][2] = edge;
-    // The object keeps another edge: drop. It does not: its place is unknown.
+    // Drop the edge if the object has another one; otherwise its place is unknown.
     check(add_edge(edge("004", "left", "none")), &["~missing_edge_object"]);
     check(replace_edge(edge("004", "left", "none")), &["~missing_edge_object", "isolated_object"]);
-    // "On the table" is a place, also when it was the only thing said about an object.
+    // "On the table" is a place, even if it is the only information about an object.
     check(add_edge(edge("004", "top", "table")), &["~edge_on_table"]);
     let report = check(replace_edge(edge("004", "top", "table")), &["~edge_on_table"]);
     assert_eq!(report.task.unwrap().scene_graph.edges.len(), 2);
@@ -266,7 +266,7 @@ fn the_goal() {
     check(goal(opposite), &["contradictory_goal"]);
     check(goal(json!([[relation("027", "top", "002")]])), &["missing_node"]);
     check(goal(json!([[relation("027", "left", "027")]])), &["self_relation"]);
-    // A contradictory graph hides what it seems to imply, but not what is wrong with the goal itself.
+    // A contradictory graph hides its implications, but not flaws of the goal itself.
     let both = |answer: &mut Value| {
         answer["goal_conditions"] = json!([[relation("027", "left", "001")], [relation("008", "left", "004")]]);
         push(&mut answer["scene_graph"]["edges"], edge("001", "left", "027"));
@@ -300,9 +300,9 @@ fn states_and_kinds() {
     check_kind(articulated, cabinet("closed", beside("top_open")), &["mixed_condition", "not_graspable"]);
 }
 
-/// How long they take is measured by `genmanip-lab answers`.
+/// `genmanip-lab answers` measures their speed.
 #[test]
-fn worst_cases_are_refused() {
+fn worst_cases_are_rejected() {
     for (name, text) in hostile::worst_cases() {
         assert!(text.len() <= MAX_ANSWER_BYTES + 1, "{name}: {}", text.len());
         let request = request(TaskKind::Spatial);
@@ -343,7 +343,7 @@ proptest! {
         check_answer(&text, &request(TaskKind::Spatial));
     }
 
-    /// A mutated answer is refused, or yields a task that passes every rule when it is checked again.
+    /// A mutated answer is rejected, or gives a task that satisfies every rule.
     #[test]
     fn mutations_are_caught_or_harmless(
         which in 0..30usize,
@@ -373,7 +373,7 @@ proptest! {
     }
 }
 
-/// `between` is an option: off, it is no word of the format; on, it takes a third object.
+/// `between` is an option: if off, it is not a position of the format; if on, it takes a third object.
 #[test]
 fn between_is_an_option_of_the_request() {
     let goal = |third: Value| {
@@ -383,7 +383,7 @@ fn between_is_an_option_of_the_request() {
         condition
     };
     let check = |condition: Value, between: bool| {
-        let mut answer = sound();
+        let mut answer = valid_answer();
         answer["goal_conditions"] = json!([[condition]]);
         let request = TaskRequest { between, ..request(TaskKind::PickAndPlace) };
         check_answer(&answer.to_string(), &request)
@@ -398,9 +398,9 @@ fn between_is_an_option_of_the_request() {
     assert_eq!(flaws(&check(goal("099".into()), true)), ["unknown_uid"]);
 }
 
-/// A second apple is offered as `027#2`; the sentence leaves open which of the two is meant.
+/// A second apple is offered as `027#2`; the instruction does not specify which of the two is meant.
 #[test]
-fn copies_are_offered_and_named_by_their_number() {
+fn instances_are_offered_and_identified_by_number() {
     let offered = || {
         let mut request = request(TaskKind::PickAndPlace);
         request.offered.push(request.offered[3].clone());
@@ -408,7 +408,7 @@ fn copies_are_offered_and_named_by_their_number() {
     };
     assert_eq!(offered().ids(), ["001", "002", "008", "027", "004", "057", "006", "027#2"]);
     let answer = |subject: &str, edges: [Value; 3], nodes: &[&str]| {
-        let mut answer = sound();
+        let mut answer = valid_answer();
         answer["goal_conditions"] = json!([[condition(subject, "none", "top", "008")]]);
         answer["scene_graph"]["edges"] = json!(edges);
         answer["scene_graph"]["nodes"] = nodes.iter().map(|uid| node(uid, "none")).collect();
@@ -436,11 +436,11 @@ fn copies_are_offered_and_named_by_their_number() {
 }
 
 #[test]
-fn things_may_be_on_or_near_a_surface_that_stays() {
+fn objects_may_be_on_or_near_a_fixed_surface() {
     let surface = genmanip_core::NamedSurface { id: "side_table".into(), name: "side table".into() };
     let request = TaskRequest { surfaces: vec![surface.clone()], ..request(TaskKind::PickAndPlace) };
     let check = |change: &dyn Fn(&mut Value), expected: &[&str]| {
-        let mut answer = sound();
+        let mut answer = valid_answer();
         change(&mut answer);
         let report = check_answer(&answer.to_string(), &request);
         assert_eq!(flaws(&report), expected, "{:#?}", report.flaws);
@@ -450,7 +450,7 @@ fn things_may_be_on_or_near_a_surface_that_stays() {
     let task = check(&goal(condition("027", "none", "top", "side_table")), &[]).unwrap();
     assert_eq!((task.surfaces.as_slice(), task.scene_graph.nodes.len()), ([surface].as_slice(), 4));
     assert_eq!(task.name_of("side_table"), "side table");
-    assert!(check(&|_| (), &[]).unwrap().surfaces.is_empty(), "a surface that nothing names is none of the task's");
+    assert!(check(&|_| (), &[]).unwrap().surfaces.is_empty(), "surfaces not named by the task are omitted");
     check(&goal(condition("027", "none", "near", "side_table")), &[]);
     check(&|answer| push(&mut answer["scene_graph"]["edges"], edge("004", "on", "side_table")), &[]);
     check(&|answer| push(&mut answer["scene_graph"]["nodes"], node("side_table", "none")), &["~edge_on_table"]);

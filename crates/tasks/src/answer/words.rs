@@ -1,4 +1,4 @@
-//! The words of the format and their other spellings.
+//! Relation names and their alternative spellings.
 
 use genmanip_core::Relation;
 
@@ -6,7 +6,7 @@ pub(super) fn relation_words() -> String {
     format!("one of {:?}", Relation::OF_PAIRS.map(Relation::name))
 }
 
-/// Longer wordings with one reading; every prompt states that front is the far side.
+/// Unambiguous longer wordings; every prompt states that front is the far side.
 pub(super) fn reworded(plain: &str) -> Option<Relation> {
     Some(match plain {
         "in front" | "in front of" | "front of" => Relation::Front,
@@ -29,7 +29,7 @@ pub(super) fn same_name(one: &str, other: &str) -> bool {
     one.trim().eq_ignore_ascii_case(other.trim())
 }
 
-/// The beginning of a text, for messages.
+/// Beginning of a text, for messages.
 pub(super) fn shortened(text: &str) -> String {
     if text.chars().count() <= 60 { text.to_owned() } else { text.chars().take(57).chain("...".chars()).collect() }
 }

@@ -1,20 +1,20 @@
-//! Keeps relations near their quotas: what is rarest so far, measured by its quota, is chosen next.
+//! Keeps relations near their quotas: the relation furthest below its quota, relative to it, is chosen next.
 
 use genmanip_core::{Relation, Task};
 use rand::{Rng, RngExt};
 
 use super::settings::DesignSettings;
 
-/// Relations counted so far over edges and goal conditions.
+/// Relations counted so far, over edges and goal conditions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Balance {
     counts: [usize; Relation::ALL.len()],
-    /// Whether the quotas decide nothing.
+    /// If set, relations are chosen at random without regard to the quotas.
     ignored: bool,
 }
 
 impl Balance {
-    /// Counts every edge of the graph and every condition of the goal, in all alternatives.
+    /// Counts all edges of the graph and all conditions of all alternatives of the goal.
     pub fn count(&mut self, task: &Task) {
         for relation in relations_of(task) {
             self.add(relation);
@@ -27,7 +27,7 @@ impl Balance {
         }
     }
 
-    /// The same counts, but chance alone chooses.
+    /// Same counts, with a random choice from now on.
     pub fn ignored(self) -> Self {
         Self { ignored: true, ..self }
     }
@@ -40,7 +40,7 @@ impl Balance {
         self.counts.iter().sum()
     }
 
-    /// The relation that lacks most, as a share of its quota; a little chance keeps single designs from being alike.
+    /// The relation furthest below its quota, relative to it; random noise keeps single designs from being alike.
     pub fn choose(&self, among: &[Relation], settings: &DesignSettings, rng: &mut impl Rng) -> Option<Relation> {
         let mut best: Option<(f64, Relation)> = None;
         for &relation in among {
@@ -53,13 +53,13 @@ impl Balance {
         best.map(|(_, relation)| relation)
     }
 
-    /// How many more of it there should be by now.
+    /// Number of further occurrences of the relation that its quota calls for by now.
     pub fn lack(&self, relation: Relation, settings: &DesignSettings) -> f64 {
         settings.relation_quotas.of(relation) * self.total() as f64 - self.of(relation) as f64
     }
 }
 
-/// Every relation of a task that quotas count: of edges, and of conditions in all alternatives of the goal.
+/// The relations of a task that count towards the quotas: of edges, and of conditions in all alternatives of the goal.
 pub(super) fn relations_of(task: &Task) -> impl Iterator<Item = Relation> {
     let edges = task.scene_graph.edges.iter().map(|edge| edge.relation);
     let goal = task.goal.alternatives.iter().flatten().filter_map(|atom| match atom {

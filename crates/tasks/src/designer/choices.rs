@@ -1,4 +1,4 @@
-//! Which cards come into question for what, worked out once for all designs of a task.
+//! Lists of suitable cards by purpose, computed once for all designs of a task.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -8,24 +8,24 @@ use genmanip_core::{ObjectCard, Relation};
 
 use super::things::{is_movable, things};
 
-/// What cards are sought for.
+/// Purpose of a list of cards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Purpose {
-    /// Anything that there are words for.
+    /// Any card with an entry in `things.json`.
     Any,
-    /// To be moved, where a place for it exists in this relation of support.
+    /// Objects to move; with a relation, only those that some card can hold in it.
     Mover(Option<Relation>),
-    /// To carry anything in this relation of support.
+    /// Objects that hold something in this support relation.
     Carrier(Relation),
-    /// To carry a card, which is told by its address.
+    /// Objects that can hold the given card, identified by its address.
     Host(*const ObjectCard, Relation),
-    /// To be carried by one.
+    /// Objects that the given card can hold.
     Item(*const ObjectCard, Relation),
-    /// To stand about, from some groups of things, told by their address and number.
+    /// Fillers from these general categories; the list is identified by its address and length.
     Filler(*const &'static str, usize),
 }
 
-/// The cards, and lists of them by purpose.
+/// The cards, and the lists computed so far.
 pub(super) struct Choices<'a> {
     cards: &'a [ObjectCard],
     lists: RefCell<BTreeMap<Purpose, Rc<[usize]>>>,
@@ -36,12 +36,12 @@ impl<'a> Choices<'a> {
         Self { cards, lists: RefCell::default() }
     }
 
-    /// Cards that the designer has words for.
+    /// Cards with an entry in `things.json`.
     pub fn any(&self) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Any, &|_| true)
     }
 
-    /// Cards that can be moved, and in this relation of support be put in or on another.
+    /// Cards that can be moved; with a support relation, only those that another card can hold in it.
     pub fn movers(&self, relation: Option<Relation>) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         let hosts: Vec<&ObjectCard> = relation.into_iter().flat_map(|relation| self.carriers(relation)).collect();
         self.list(Purpose::Mover(relation), &|card| {
@@ -50,31 +50,31 @@ impl<'a> Choices<'a> {
         })
     }
 
-    /// Cards that carry things in a relation of support.
+    /// Cards that can hold something in this support relation.
     pub fn carriers(&self, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Carrier(relation), &|card| {
             things().host(card).is_some_and(|host| host.relations.contains(&relation))
         })
     }
 
-    /// Cards that may carry an item.
+    /// Cards that can hold `item`.
     pub fn hosts(&self, item: &ObjectCard, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Host(item, relation), &|host| things().may_carry(host, item, relation))
     }
 
-    /// Cards that a host may carry.
+    /// Cards that `host` can hold.
     pub fn items(&self, host: &ObjectCard, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Item(host, relation), &|item| things().may_carry(host, item, relation))
     }
 
-    /// Rigid cards of these groups of things; of all where none is named.
+    /// Rigid cards of these general categories, or of all if the list is empty.
     pub fn fillers(&self, groups: &'static [&'static str]) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
         self.list(Purpose::Filler(groups.as_ptr(), groups.len()), &|card| {
             !card.is_articulated && (groups.is_empty() || groups.contains(&card.general_category.as_str()))
         })
     }
 
-    /// In the order of the cards.
+    /// The list for a purpose, in the order of the cards.
     fn list(
         &self,
         purpose: Purpose,

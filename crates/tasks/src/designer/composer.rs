@@ -1,4 +1,4 @@
-//! The building blocks of scenes: destinations with room, things to move, look-alikes, and everything else on the table.
+//! Building blocks of scenes: destinations with free room, objects to move, distractors that look alike, and fillers.
 
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
@@ -12,16 +12,17 @@ use super::settings::DesignSettings;
 use super::sketch::{Condition, DIRECTIONS, Link, Sketch};
 use super::things::{is_movable, things};
 
-/// Tries to find room for one object before it is given up.
+/// Attempts to find room for one object before the design is rejected.
 const PLACE_DRAWS: usize = 12;
 
-/// Longest side of what is put between two others, metres; they must stay close enough to both.
-const BETWEEN_M: f64 = 0.066;
+/// Longest side of an object that goes between two others, metres. A longer one would push the two references too far
+/// apart.
+const MAX_SIZE_BETWEEN_M: f64 = 0.066;
 
-/// Share of fillers that come from the same part of the house.
-const THEMED: f64 = 0.85;
+/// Probability that a filler is chosen from the categories of the scene's theme.
+const THEME_PROBABILITY: f64 = 0.85;
 
-/// Where something is to go.
+/// Goal position of a moved object: a relation to one reference, or to two for `between`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub relation: Relation,
@@ -30,22 +31,22 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The goal that an object is there.
+    /// The goal condition "`subject` is at this place".
     pub fn of(self, subject: usize) -> Condition {
         let Self { relation, reference, second } = self;
         Condition::Relation(Link { subject, relation, reference, second })
     }
 }
 
-/// A scene under construction, with everything that decides how it grows.
+/// A scene under construction, with the settings, random numbers and quotas that decide what is added next.
 pub(super) struct Composer<'a> {
     pub choices: &'a Choices<'a>,
     pub settings: &'a DesignSettings,
     pub rng: ChaCha8Rng,
-    /// What was counted in earlier tasks and in this one so far.
+    /// Relations counted in the previous tasks and in this one so far.
     pub balance: Balance,
     pub sketch: Sketch<'a>,
-    /// Groups of things that this scene is mostly made of.
+    /// General categories that most fillers of this scene come from; empty until an object to move is chosen.
     pub theme: &'static [&'static str],
 }
 
@@ -53,12 +54,12 @@ const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
 const DESK: &[&str] = &["office and toys", "office", "toys", "tools", "containers", "household", "bathroom"];
 
 impl<'a> Composer<'a> {
-    /// A random card that is not in the scene yet and that the designer has words for.
+    /// A random card that suits, is not in the scene yet, and has an entry in `things.json`.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         self.pick_of(self.choices.any(), suits)
     }
 
-    /// One of those that come into question and are not in the scene yet.
+    /// A random card of `among` that suits and is not in the scene yet.
     pub fn pick_of(
         &mut self,
         among: impl Iterator<Item = &'a ObjectCard>,
@@ -69,12 +70,12 @@ impl<'a> Composer<'a> {
         options.choose(&mut self.rng).copied()
     }
 
-    /// A thing to carry; it decides what else is on the table.
+    /// An object to move. It also sets the theme of the scene.
     pub fn pick_mover(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         self.pick_mover_for(None, suits)
     }
 
-    /// The same, with a place for it in this relation of support.
+    /// Like [`Self::pick_mover`], restricted to objects that some card can hold in the support relation `support`.
     pub fn pick_mover_for(
         &mut self,
         support: Option<Relation>,
@@ -85,7 +86,7 @@ impl<'a> Composer<'a> {
         Some(card)
     }
 
-    /// Something that may carry an item.
+    /// A card that can hold `item` in the given support relation.
     pub fn pick_host(
         &mut self,
         item: &ObjectCard,
@@ -95,18 +96,19 @@ impl<'a> Composer<'a> {
         self.pick_of(self.choices.hosts(item, relation), suits)
     }
 
-    /// Something rigid to stand about, mostly from the same part of the house.
+    /// A rigid object that only fills the table, mostly from the scene's theme.
     pub fn pick_filler(&mut self) -> Option<&'a ObjectCard> {
-        let theme = if chance(THEMED, &mut self.rng) { self.theme } else { &[] };
+        let theme = if chance(THEME_PROBABILITY, &mut self.rng) { self.theme } else { &[] };
         self.pick_of(self.choices.fillers(theme), |_| true)
     }
 
-    /// Adds an object somewhere on the table, beside another one.
+    /// Adds an object next to a random object of the scene.
     pub fn add(&mut self, card: &'a ObjectCard) -> Option<usize> {
         self.add_with(card, None)
     }
 
-    /// Adds what is to be moved: nothing will stand on it, and it is not beside the place that it is brought near to.
+    /// Adds an object to move. Nothing will be put on it, and for the goal `near` it does not start next to the
+    /// reference.
     pub fn add_to_move(&mut self, card: &'a ObjectCard, place: Place, style: Style) -> Option<usize> {
         let object = match place.relation == Relation::Near && style != Style::Place {
             true => self.add_away_from(card, place.reference, style)?,
@@ -154,7 +156,7 @@ impl<'a> Composer<'a> {
         None
     }
 
-    /// Adds an object beside a given one.
+    /// Adds an object in a direction relation to the given one.
     pub fn add_beside(&mut self, card: &'a ObjectCard, relation: Relation, anchor: usize) -> Option<usize> {
         if self.sketch.contains(card) {
             return None;
@@ -164,7 +166,7 @@ impl<'a> Composer<'a> {
         Some(object)
     }
 
-    /// A place for an object, with room there; the relation is the one that is wanted.
+    /// A goal position in the given relation with enough free room for `item`; adds the references that it needs.
     pub fn destination(&mut self, item: &ObjectCard, relation: Relation, style: Style) -> Option<Place> {
         if relation.is_support() {
             let host = self.pick_host(item, relation, |card| style != Style::Looks || has_looks(card))?;
@@ -180,7 +182,7 @@ impl<'a> Composer<'a> {
         let mut place = Place { relation, reference, second: None };
         if relation == Relation::Between {
             let aside = if chance(0.6, &mut self.rng) { Relation::Left } else { Relation::Front };
-            if item.size_m.x.max(item.size_m.y) > BETWEEN_M {
+            if item.size_m.x.max(item.size_m.y) > MAX_SIZE_BETWEEN_M {
                 return None;
             }
             let twin = anchor.category.clone();
@@ -200,14 +202,14 @@ impl<'a> Composer<'a> {
         Some(place)
     }
 
-    /// Keeps room free beside an object.
+    /// Reserves free room for `item` beside `anchor`.
     pub fn keep_free(&mut self, item: &ObjectCard, relation: Relation, anchor: usize) -> Option<()> {
         (0..PLACE_DRAWS)
             .any(|_| self.sketch.keep_free(item, relation, anchor, self.settings, &mut self.rng))
             .then_some(())
     }
 
-    /// Adds an object together with what makes this style of reference worth while.
+    /// Adds an object, and with it the distractors that make a reference of this style necessary.
     pub fn add_styled(&mut self, card: &'a ObjectCard, style: Style) -> Option<usize> {
         match style {
             Style::Plain => self.add(card),
@@ -220,7 +222,7 @@ impl<'a> Composer<'a> {
         }
     }
 
-    /// Adds an object in a place that tells it from another of its kind.
+    /// Adds an object and another one of its kind, so placed that the position tells them apart.
     fn add_placed(&mut self, card: &'a ObjectCard) -> Option<usize> {
         match self.rng.random_range(0..10) {
             0..3 => self.add_between(card),
@@ -230,7 +232,7 @@ impl<'a> Composer<'a> {
                 self.sketch.closed.push(host);
                 let relation = self.support_relation(host)?;
                 let object = self.put(card, relation, host)?;
-                let twin = self.pick(|other| shares_word(other, card))?;
+                let twin = self.pick(|other| shares_noun(other, card))?;
                 self.add(twin)?;
                 Some(object)
             }
@@ -244,20 +246,20 @@ impl<'a> Composer<'a> {
         self.balance.choose(relations, self.settings, &mut self.rng)
     }
 
-    /// Puts something in or on an object.
+    /// Puts an object in or on another one of the scene.
     pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
         let object = self.sketch.put(card, relation, host)?;
         self.balance.add(relation);
         Some(object)
     }
 
-    /// `card` on one side of an anchor, another of its kind on the other side.
+    /// Adds `card` on one side of an anchor and another object of its kind on another side.
     fn add_opposite(&mut self, card: &'a ObjectCard) -> Option<usize> {
-        let anchor = self.pick_filler().filter(|anchor| !shares_word(anchor, card) && anchor.uid != card.uid)?;
+        let anchor = self.pick_filler().filter(|anchor| !shares_noun(anchor, card) && anchor.uid != card.uid)?;
         let anchor = self.add(anchor)?;
         let side = *DIRECTIONS.choose(&mut self.rng)?;
         let object = self.add_beside(card, side, anchor)?;
-        let twin = self.pick(|other| shares_word(other, card))?;
+        let twin = self.pick(|other| shares_noun(other, card))?;
         let mut sides: Vec<Relation> = DIRECTIONS.into_iter().filter(|other| *other != side).collect();
         while !sides.is_empty() {
             let other = sides.swap_remove(self.rng.random_range(0..sides.len()));
@@ -268,24 +270,24 @@ impl<'a> Composer<'a> {
         None
     }
 
-    /// `card` between two others, another of its kind beyond one of them.
+    /// Adds `card` between two others and, if there is one, another object of its kind beyond one of them.
     fn add_between(&mut self, card: &'a ObjectCard) -> Option<usize> {
-        let first = self.pick_filler().filter(|first| !shares_word(first, card) && first.uid != card.uid)?;
+        let first = self.pick_filler().filter(|first| !shares_noun(first, card) && first.uid != card.uid)?;
         let category = first.category.clone();
         let like = self.pick(|other| other.category == category && other.uid != first.uid);
         let last = match like.filter(|_| self.rng.random()) {
             Some(like) => like,
-            None => self.pick_filler().filter(|last| !shares_word(last, card) && last.uid != card.uid)?,
+            None => self.pick_filler().filter(|last| !shares_noun(last, card) && last.uid != card.uid)?,
         };
         let side = *DIRECTIONS.choose(&mut self.rng)?;
         let (_, object, last) = self.add_triple(first, card, last, side)?;
-        if let Some(twin) = self.pick(|other| shares_word(other, card)) {
+        if let Some(twin) = self.pick(|other| shares_noun(other, card)) {
             self.add_beside(twin, side, last)?;
         }
         Some(object)
     }
 
-    /// Three in a row with the middle one said to be between the others.
+    /// Adds three objects in a row and states that the middle one is between the others.
     fn add_triple(
         &mut self,
         first: &'a ObjectCard,
@@ -303,7 +305,7 @@ impl<'a> Composer<'a> {
         Some((first, middle, last))
     }
 
-    /// `card` in a row of its kind.
+    /// Adds `card` at a random position in a row of three objects of its kind.
     fn add_to_row(&mut self, card: &'a ObjectCard) -> Option<usize> {
         let side = *DIRECTIONS.choose(&mut self.rng)?;
         let position = self.rng.random_range(0..3);
@@ -313,7 +315,7 @@ impl<'a> Composer<'a> {
             let member = if index == position {
                 card
             } else {
-                self.pick(|other| shares_word(other, card) && other.uid != card.uid)?
+                self.pick(|other| shares_noun(other, card) && other.uid != card.uid)?
             };
             let added = match before {
                 None => self.add(member)?,
@@ -327,7 +329,7 @@ impl<'a> Composer<'a> {
         object
     }
 
-    /// Adds objects until there are this many, with the relations that are rarest so far.
+    /// Adds objects until the scene has `count` of them, preferring the relations furthest below their quotas.
     pub fn fill(&mut self, count: usize) {
         use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
         if self.settings.copies > 0.0 && chance(self.settings.copies, &mut self.rng) {
@@ -349,7 +351,7 @@ impl<'a> Composer<'a> {
         }
     }
 
-    /// Adds a second copy of something rigid that stands on the table.
+    /// Adds a second instance of a rigid object that stands on the table.
     fn add_copy(&mut self) -> Option<usize> {
         let suits =
             |&object: &usize| !self.sketch.cards[object].is_articulated && self.sketch.carrier(object).is_none();
@@ -381,7 +383,7 @@ impl<'a> Composer<'a> {
         Some(last)
     }
 
-    /// States that an object is between two others; `None` when their heights differ too much for that.
+    /// States that an object is between two others; `None` if their heights differ too much.
     fn say_between(&mut self, middle: usize, first: usize, last: usize) -> Option<()> {
         self.sketch.is_straight(first, self.sketch.cards[middle], last).then_some(())?;
         self.sketch.edges.push(Link {
@@ -416,13 +418,13 @@ impl<'a> Composer<'a> {
         self.put(item, relation, host)
     }
 
-    /// Whether something else in the scene could be taken for an object at a glance.
+    /// True if another object of the scene looks like this one.
     pub fn has_look_alike(&self, object: usize) -> bool {
         let cards = &self.sketch.cards;
         (0..cards.len()).any(|other| other != object && looks_like(cards[other], cards[object]))
     }
 
-    /// How many objects the scene should have.
+    /// A random number of objects for the scene, within the settings.
     pub fn object_count(&mut self) -> usize {
         let [fewest, most] = self.settings.objects;
         let spread = (most - fewest) as f64 + 1.0;
@@ -431,15 +433,15 @@ impl<'a> Composer<'a> {
     }
 }
 
-/// Whether some word for the second also means the first.
-pub(super) fn shares_word(one: &ObjectCard, other: &ObjectCard) -> bool {
+/// True if one of the words for `other` also applies to `one`.
+pub(super) fn shares_noun(one: &ObjectCard, other: &ObjectCard) -> bool {
     one.category == other.category
         || things().groups_of(other).any(|(_, group)| group.members.contains(&one.category))
         || things().kind(other).is_some_and(|kind| kind.alike.contains(&one.category))
 }
 
-/// Whether one could be taken for the other at a glance: of a kind, or of one class and colour.
+/// True if the two are of one kind, or of one class and colour.
 fn looks_like(one: &ObjectCard, other: &ObjectCard) -> bool {
     let class = |card: &ObjectCard| things().kind(card).map(|kind| kind.class.clone());
-    shares_word(one, other) || (class(one) == class(other) && one.colors.first() == other.colors.first())
+    shares_noun(one, other) || (class(one) == class(other) && one.colors.first() == other.colors.first())
 }

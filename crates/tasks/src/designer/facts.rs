@@ -1,13 +1,13 @@
-//! What the graph of a scene says about pairs, and what it rules out.
+//! Spatial facts that the graph of a scene implies or excludes.
 //!
-//! Left and front are strict orders of bounds, so they carry over from pair to pair; and what is apart along one axis
-//! stands in no relation that needs an overlap along it.
+//! Left and front are strict orders of bounds and therefore transitive. Two objects that are apart along one axis
+//! cannot be in a relation that requires an overlap along it.
 
 use genmanip_core::Relation;
 
 use super::sketch::Sketch;
 
-/// What is known about a relation.
+/// Truth of a relation, as far as the graph determines it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
     Yes,
@@ -15,11 +15,11 @@ pub(super) enum Known {
     Open,
 }
 
-/// Strict orders of the objects of a scene.
+/// The two strict orders of a scene's objects, transitively closed.
 pub(super) struct Facts {
-    /// `farther[a][b]`: all of a is farther from the robot than all of b.
+    /// `farther[a][b]`: all of `a` is farther from the robot than all of `b`.
     farther: Vec<Vec<bool>>,
-    /// `lefter[a][b]`: all of a is more to the robot's left than all of b.
+    /// `lefter[a][b]`: all of `a` is further to the robot's left than all of `b`.
     lefter: Vec<Vec<bool>>,
 }
 
@@ -43,17 +43,17 @@ impl Facts {
         Self { farther, lefter }
     }
 
-    /// Whether one is wholly farther from the robot than the other.
+    /// True if all of `a` is known to be farther from the robot than all of `b`.
     pub fn is_farther(&self, a: usize, b: usize) -> bool {
         self.farther[a][b]
     }
 
-    /// Whether one is wholly more to the robot's left than the other.
+    /// True if all of `a` is known to be further to the robot's left than all of `b`.
     pub fn is_lefter(&self, a: usize, b: usize) -> bool {
         self.lefter[a][b]
     }
 
-    /// Whether `subject relation reference` holds in every layout of the scene.
+    /// The truth of `subject relation reference` in every layout of the scene.
     pub fn known(&self, scene: &Sketch, subject: usize, relation: Relation, reference: usize) -> Known {
         let carried = |a: usize, b: usize| scene.carrier(a) == Some(b);
         if relation.is_support() {
@@ -83,7 +83,7 @@ impl Facts {
     }
 }
 
-/// What is beyond something is beyond all that it is beyond.
+/// Transitive closure.
 fn close(order: &mut [Vec<bool>]) {
     for via in 0..order.len() {
         let beyond = order[via].clone();

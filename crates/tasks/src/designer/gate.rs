@@ -1,4 +1,4 @@
-//! The last gate: a design is judged as an answer of a language model would be, and its sentence is read back.
+//! Final check of a design: it is validated like an answer of a language model, and its sentence is read back.
 
 use super::RULES;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use super::sketch::Sketch;
 use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references::{self, Mismatch};
 
-/// The task, or why it was rejected.
+/// The finished task, or the reason why the design was rejected.
 pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
     let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
     let task = Task {
@@ -62,7 +62,7 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
     Ok(task)
 }
 
-/// A task in the exchange format, as a language model would answer.
+/// The task in the exchange format, as a language model would return it.
 pub fn as_answer(task: &Task) -> Value {
     let name = |uid: &str| task.card(uid).map_or("none", |card| card.name.as_str()).to_owned();
     let relation = |subject: &str, relation: &str, reference: &str, second: Option<&String>| {

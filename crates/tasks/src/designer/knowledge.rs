@@ -1,4 +1,4 @@
-//! What everyday needs ask for, and how states are changed: tables in `data/designer`.
+//! Tables in `data/designer`: everyday needs and the objects that meet them, and how states of objects are changed.
 
 use std::sync::LazyLock;
 
@@ -11,54 +11,54 @@ static NEEDS: LazyLock<Vec<Need>> = LazyLock::new(|| super::data(include_str!(".
 static HANDLING: LazyLock<Vec<Handling>> =
     LazyLock::new(|| super::data(include_str!("../../data/designer/handling.json")));
 
-/// A need of people, told before a request that leaves open what it is about.
+/// An everyday need, stated before a request that is ambiguous without it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Need {
     /// The need in whole sentences.
     pub says: Vec<String>,
-    /// What follows from it.
+    /// The part of the request that it decides.
     pub decides: Decides,
-    /// Sorts of things that meet it, as [`is_of`] reads them.
+    /// Sorts of objects that meet it, in the syntax of [`is_of`].
     pub serves: Vec<String>,
-    /// Sorts that meet it in a way, so that there must be none on the table.
+    /// Sorts that meet it partly. A scene must not contain any, as the answer would be ambiguous.
     pub rivals: Vec<String>,
-    /// Classes or sorts of things that may be moved, where the need decides the place.
+    /// Classes or sorts of objects that may be moved, for needs that decide the destination.
     #[serde(default)]
     pub movers: Vec<String>,
-    /// How the thing may go to its place.
+    /// Relations in which the object may be brought to its destination.
     pub relations: Vec<Relation>,
 }
 
-/// What a need decides.
+/// The part of the request that a need decides.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Decides {
-    /// What is moved; the request says where to.
+    /// The moved object; the request names the destination.
     Object,
-    /// Where it goes; the request says what.
+    /// The destination; the request names the object.
     Place,
 }
 
 impl Need {
-    /// Whether a thing meets the need.
+    /// True if the object meets the need.
     pub fn is_met_by(&self, card: &ObjectCard) -> bool {
         self.serves.iter().any(|sort| is_of(sort, card))
     }
 
-    /// Whether a thing makes the choice doubtful.
+    /// True if the object meets the need only partly, which would make the request ambiguous.
     pub fn is_doubtful(&self, card: &ObjectCard) -> bool {
         self.is_met_by(card) || self.rivals.iter().any(|sort| is_of(sort, card))
     }
 
-    /// Whether a thing may be what is moved.
+    /// True if the object may be the one that is moved.
     pub fn may_move(&self, card: &ObjectCard) -> bool {
         let class = things().kind(card).map(|kind| &kind.class);
         self.movers.iter().any(|mover| Some(mover) == class || is_of(mover, card))
     }
 }
 
-/// Whether a thing is of a sort: a category, or `category:word` with a word of its name.
+/// True if the object is of a sort: a category, or `category:word` with a word of its name.
 pub(super) fn is_of(sort: &str, card: &ObjectCard) -> bool {
     match sort.split_once(':') {
         Some((category, word)) => category == card.category && is_named(card, word),
@@ -66,19 +66,19 @@ pub(super) fn is_of(sort: &str, card: &ObjectCard) -> bool {
     }
 }
 
-/// How a state of a kind of thing is brought about.
+/// A change of state of one category of objects, with its phrases.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Handling {
-    /// Category of the thing.
+    /// Category of the object.
     pub category: String,
-    /// States it may be in before.
+    /// Initial states.
     pub from: Vec<String>,
-    /// State it is in afterwards.
+    /// Final state.
     pub to: String,
-    /// The request without capital and full stop; `{y}` is the thing.
+    /// The request in lower case without a full stop; `{y}` stands for the object.
     pub say: Vec<String>,
-    /// Reasons, as main clauses.
+    /// Reasons for the request, as main clauses.
     pub why: Vec<String>,
 }
 

@@ -1,16 +1,16 @@
-//! Composes tasks of all six kinds by rules: no model, no network.
+//! Composes tasks of all six kinds by rules, without a language model or network access.
 //!
-//! A task grows from its goal outwards: a destination with room for what is to come (`composer`), the thing to
-//! move, look-alikes that make a reference worth while, and more objects with the relations that are rarest so far.
-//! The graph is read off a sketch on the table, so it can be laid out.
-//! Then the finished scene is looked at to find words that single out each object, and the sentence is filled in.
+//! `composer` builds a scene from its goal: a destination with free room, the object to move, distractors that make a
+//! reference necessary, and fillers in the relations furthest below their quotas. The graph is read from a sketch of
+//! the table (`sketch`), so a layout exists. `naming` then finds expressions that refer to exactly one object each, and
+//! `phrasing` fills in the sentence.
 //!
-//! Words are data: `data/designer/things.json` says what kinds of things are called and what may lie in what, `knowledge.json` what everyday needs ask for, `handling.json` how states are changed and
-//! `phrases.json` holds the sentences.
+//! All vocabulary is data in `data/designer`: names of objects and what can be put in or on what (`things.json`),
+//! everyday needs (`knowledge.json`), changes of state (`handling.json`) and sentence templates (`phrases.json`).
 //!
-//! The last gate is not the designer's own: every task is written in the exchange format and read by
-//! [`crate::answer`] as if a language model had sent it, and [`crate::references`] must read the sentence back to
-//! exactly the goal. What fails is counted and drawn again.
+//! Each task passes an independent check (`gate`): it is written in the exchange format and validated by
+//! [`crate::answer`] like the answer of a language model, and [`crate::references`] must read exactly the goal back
+//! from its sentence. Rejected designs are counted by reason and drawn again.
 
 mod balance;
 mod choices;
@@ -46,38 +46,38 @@ pub use series::{Missing, Series};
 pub const RULES: &str = "rules";
 pub use settings::{DesignSettings, RelationQuotas};
 
-/// Why there is no task.
+/// Reason why no task was composed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DesignError {
-    /// Every draw was rejected.
+    /// All designs were rejected.
     #[error("no {kind} task in {draws} designs: {}", counted(.rejections))]
     Exhausted {
-        /// Kind that was asked for.
+        /// Requested kind.
         kind: &'static str,
-        /// Designs tried.
+        /// Number of designs tried.
         draws: usize,
-        /// Reasons and how often each was met.
+        /// Number of rejections by reason.
         rejections: BTreeMap<String, usize>,
     },
-    /// Nothing was asked for.
+    /// No kinds were requested.
     #[error("no kind of task was asked for")]
     NoKinds,
 }
 
-/// Tasks and what it took to make them.
+/// Tasks, and the rejections on the way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch {
-    /// The tasks in order; the kinds take turns.
+    /// The tasks in order; the kinds alternate.
     pub tasks: Vec<Task>,
-    /// Reasons for which designs were drawn again, and how often.
+    /// Number of rejected designs by reason.
     pub rejections: BTreeMap<String, usize>,
 }
 
 /// Composes one task from these objects.
 ///
 /// # Errors
-/// [`DesignError::Exhausted`] when the bounded number of designs was rejected, for example because the cards offer
-/// nothing that can be moved.
+/// [`DesignError::Exhausted`] if [`DesignSettings::max_draws`] designs were rejected, for example because no object can
+/// be moved.
 pub fn design(
     kind: TaskKind,
     cards: &[ObjectCard],
@@ -89,10 +89,10 @@ pub fn design(
     draw(kind, cards, seed, settings, &Balance::default(), &id, &HashSet::new(), &mut rejections)
 }
 
-/// Composes many tasks whose instructions all differ: the first of a [`Series`].
+/// Composes many tasks with distinct instructions: the first `count` tasks of a [`Series`].
 ///
 /// # Errors
-/// [`DesignError`] of the first task that could not be made.
+/// The [`DesignError`] of the first task that could not be composed.
 pub fn design_many(
     kinds: &[TaskKind],
     count: usize,
@@ -105,7 +105,7 @@ pub fn design_many(
     Ok(Batch { tasks, rejections: series.rejections().clone() })
 }
 
-/// Draws designs until one passes the gate and says something new.
+/// Draws designs until one passes the gate with an instruction that was not used before.
 #[allow(clippy::too_many_arguments)] // one task's share of a batch's state
 fn draw(
     kind: TaskKind,
@@ -121,7 +121,7 @@ fn draw(
     let mut made = None;
     let choices = Choices::of(cards);
     for draw in 0..settings.max_draws {
-        // The relation that lacks most may be the one that nothing can be composed with.
+        // The second half of the draws ignores the quotas: the relation furthest below its quota may be impossible.
         let keeps_quotas = draw < settings.max_draws / 2;
         let balance = balance.clone();
         let mut composer = Composer {
@@ -159,7 +159,7 @@ fn counted(rejections: &BTreeMap<String, usize>) -> String {
     sorted.iter().map(|(reason, count)| format!("{reason} ({count}×)")).collect::<Vec<_>>().join(", ")
 }
 
-/// A table that was compiled in; whether it can be read is a test's business.
+/// Parses an embedded table. A test reads all of them, so this cannot fail in a release.
 #[allow(clippy::expect_used)]
 fn data<T: serde::de::DeserializeOwned>(text: &str) -> T {
     serde_json::from_str(text).expect("the designer's tables are valid; a test reads them all")

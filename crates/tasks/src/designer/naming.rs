@@ -1,6 +1,6 @@
-//! Expressions for objects: by name, by looks, or by place, each meant to single out one object of its scene.
+//! Referring expressions by name, appearance or position, each meant to refer to one object of its scene only.
 //!
-//! What is proposed here is checked afterwards by [`crate::references`], which shares no words with it.
+//! [`crate::references`] checks the proposals afterwards with a vocabulary of its own.
 
 use genmanip_core::{AssetRef, ObjectCard, Relation};
 use rand::seq::IndexedRandom;
@@ -11,21 +11,21 @@ use super::phrasing::phrases;
 use super::sketch::{DIRECTIONS, Sketch};
 use super::things::{Group, things};
 
-/// How much larger one object must be than another to be called the larger one, by volume.
-const LARGER: f64 = 1.7;
+/// Ratio of volumes from which the larger of two objects is called the larger one.
+const LARGER_VOLUME_RATIO: f64 = 1.7;
 
-/// How an object is referred to.
+/// Style of a referring expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Style {
-    /// By its name, or by what it is.
+    /// By its name or category.
     Plain,
-    /// By where it is.
+    /// By its position.
     Place,
-    /// By what it looks like.
+    /// By its appearance.
     Looks,
 }
 
-/// Whether an object can be told by its looks.
+/// True if descriptions of the object's appearance are known.
 pub(super) fn has_looks(card: &ObjectCard) -> bool {
     !card.annotations.looks.is_empty()
 }
@@ -36,7 +36,7 @@ pub(super) struct Namer<'s, 'a> {
     facts: Facts,
 }
 
-/// A word and the objects of the scene it may mean.
+/// A noun, and the objects of the scene that it may refer to.
 struct Word<'a> {
     one: &'a str,
     several: Option<&'a str>,
@@ -48,7 +48,7 @@ impl<'s, 'a> Namer<'s, 'a> {
         Self { scene, facts: Facts::new(scene) }
     }
 
-    /// An expression with its article; `None` when there is none that singles the object out.
+    /// An expression with its article; `None` if none refers to this object only.
     pub fn name(&self, object: usize, style: Style, rng: &mut impl Rng) -> Option<String> {
         let options = match style {
             Style::Plain => self.plain(object),
@@ -77,7 +77,7 @@ impl<'s, 'a> Namer<'s, 'a> {
         if alike.is_empty() {
             options.extend(words.map(|words| words.noun.clone()));
         }
-        // Names of generated things are long, or hold what nobody says.
+        // Names of generated objects are too long or technical for a sentence; colour and noun are used instead.
         if let (AssetRef::Generated { .. }, Some(words), Some(color)) = (&card.asset, words, card.colors.first())
             && !alike.iter().any(|&other| self.scene.cards[other].colors.contains(color))
         {
@@ -86,7 +86,8 @@ impl<'s, 'a> Namer<'s, 'a> {
         options
     }
 
-    /// Other objects that the object's noun could mean, without copies: which of them is meant is left open.
+    /// Other objects to which the noun also applies. Copies of the object do not count: which copy is meant may stay
+    /// open.
     fn alike(&self, object: usize) -> Vec<usize> {
         let is_other = |other: &usize| self.scene.cards[*other].uid != self.scene.cards[object].uid;
         self.meant_by_noun(object).into_iter().filter(is_other).collect()
@@ -114,17 +115,17 @@ impl<'s, 'a> Namer<'s, 'a> {
             && kin.iter().all(|&one| things().words(self.scene.cards[one]) == Some(words))
         {
             let other = if kin[0] == object { kin[1] } else { kin[0] };
-            if volume(object) > LARGER * volume(other) {
+            if volume(object) > LARGER_VOLUME_RATIO * volume(other) {
                 options.extend([format!("larger of the two {}", words.plural), format!("bigger {}", words.noun)]);
             }
-            if LARGER * volume(object) < volume(other) {
+            if LARGER_VOLUME_RATIO * volume(object) < volume(other) {
                 options.extend([format!("smaller of the two {}", words.plural), format!("smaller {}", words.noun)]);
             }
         }
         options
     }
 
-    /// Words for the object that mean others as well, so that its place is what singles it out.
+    /// Words that also apply to other objects, so that only the position makes the reference unique.
     fn words(&self, object: usize) -> Vec<Word<'a>> {
         let card = self.scene.cards[object];
         let mut words = Vec::new();
@@ -211,7 +212,7 @@ impl<'s, 'a> Namer<'s, 'a> {
         }
     }
 
-    /// Whether an object is beyond both of two others, so that it cannot be between them.
+    /// True if the object is certainly beyond both of the others on one axis, so that it cannot be between them.
     fn is_outside(&self, object: usize, ends: [usize; 2]) -> bool {
         let beyond = |order: &dyn Fn(usize, usize) -> bool| {
             ends.iter().all(|&end| order(object, end)) || ends.iter().all(|&end| order(end, object))
@@ -246,7 +247,7 @@ impl<'s, 'a> Namer<'s, 'a> {
     }
 }
 
-/// A coin that shows heads with this probability.
+/// True with probability `share`.
 pub(super) fn chance(share: f64, rng: &mut impl Rng) -> bool {
     rng.random::<f64>() < share
 }

@@ -1,4 +1,4 @@
-//! Sentences: templates from `data/designer/phrases.json`, filled in.
+//! Sentence templates from `data/designer/phrases.json`.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -12,23 +12,24 @@ use super::things::things;
 
 static PHRASES: LazyLock<Phrases> = LazyLock::new(|| super::data(include_str!("../../data/designer/phrases.json")));
 
-/// Every template; `{x}` is what is moved, `{to}` and `{at}` a place as a direction and as a location.
+/// All templates. `{x}` is the moved object, `{to}` a place as a direction (`into the bowl`), `{at}` as a location (`in
+/// the bowl`).
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Phrases {
     /// One object to one place.
     pub r#move: Vec<String>,
-    /// The same when the object takes a whole clause to describe.
+    /// Same, for an object that is described by a whole clause.
     pub move_described: Vec<String>,
     /// One object to one of two places.
     pub alternatives: Vec<String>,
-    /// The same when the object takes a whole clause to describe.
+    /// Same, for an object that is described by a whole clause.
     pub alternatives_described: Vec<String>,
-    /// What is moved where a need decides it.
+    /// For needs that decide the moved object.
     pub needed: Vec<String>,
-    /// Where it goes where a need decides that: into something, and anywhere else.
+    /// For needs that decide the destination, if the object goes into it.
     pub needed_hollow: Vec<String>,
-    /// As above.
+    /// For needs that decide the destination, in all other relations.
     pub needed_place: Vec<String>,
     /// Several steps.
     pub steps: Steps,
@@ -38,7 +39,7 @@ pub(super) struct Phrases {
     hollow_top: BTreeMap<String, Vec<String>>,
 }
 
-/// Beginnings of relative clauses, for things that lie and things that stand.
+/// Beginnings of relative clauses: for flat objects that lie and for upright ones that stand.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Which {
@@ -55,7 +56,7 @@ pub(super) struct Steps {
     pub four: Vec<String>,
     pub opening: Vec<String>,
     pub step: Vec<String>,
-    /// Later steps of four: their verb is the first one's.
+    /// Later steps of tasks with four steps, without a verb of their own.
     pub step_without_verb: Vec<String>,
     pub step_or: Vec<String>,
     pub pair: Vec<String>,
@@ -68,7 +69,7 @@ pub(super) fn phrases() -> &'static Phrases {
 }
 
 impl Phrases {
-    /// A place as where something is: `in the bowl`.
+    /// A place as a location: `in the bowl`.
     pub fn place(
         &self,
         relation: Relation,
@@ -80,7 +81,7 @@ impl Phrases {
         self.fill_place(&self.at, "at", relation, reference, first, second, rng)
     }
 
-    /// A place as where something goes: `into the bowl`.
+    /// A place as a direction: `into the bowl`.
     pub fn direction(
         &self,
         relation: Relation,
@@ -92,7 +93,7 @@ impl Phrases {
         self.fill_place(&self.to, "to", relation, reference, first, second, rng)
     }
 
-    /// `that stands` for what is as tall as it is wide, `that lies` for what is not.
+    /// `that stands` for objects at least as tall as wide, `that lies` for others.
     pub fn which(&self, card: &ObjectCard, rng: &mut impl Rng) -> &str {
         let is_tall = card.size_m.z > 0.75 * card.size_m.x.max(card.size_m.y);
         choose(if is_tall { &self.which.tall } else { &self.which.flat }, rng)
@@ -116,12 +117,12 @@ impl Phrases {
     }
 }
 
-/// One of some templates.
+/// A random template.
 pub(super) fn choose<'t>(templates: &'t [String], rng: &mut impl Rng) -> &'t str {
     templates.choose(rng).map_or("", String::as_str)
 }
 
-/// Replaces `{key}` by its value; `{Key}` by the value with a capital.
+/// Replaces `{key}` by its value and `{Key}` by the capitalised value.
 pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let mut text = template.to_owned();
     for (key, value) in values {
@@ -131,7 +132,7 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     text
 }
 
-/// With a capital first letter.
+/// The text with a capital first letter.
 pub(super) fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())

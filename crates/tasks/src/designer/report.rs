@@ -1,4 +1,4 @@
-//! Measures a batch of designs: validity, variety, quotas, references.
+//! Measures a batch of designs: validity, variety, quotas and uniqueness of references.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,54 +11,54 @@ use super::{DesignError, DesignSettings, as_answer, design_many};
 use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references;
 
-/// What a batch of designs is like.
+/// Statistics of a batch of designs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DesignReport {
     /// Seed of the batch.
     pub seed: Seed,
-    /// Tasks made.
+    /// Number of tasks composed.
     pub tasks: usize,
-    /// Tasks that the validator accepts without repairs.
+    /// Number of tasks that the validator accepts without repairs.
     pub valid: usize,
-    /// Different instructions.
+    /// Number of distinct instructions.
     pub distinct_instructions: usize,
-    /// Their share.
+    /// Share of distinct instructions.
     pub distinct_share: f64,
-    /// Tasks of each kind, and how many there should be.
+    /// Tasks of each kind, and the number its quota calls for.
     pub kinds: BTreeMap<String, Occurrence>,
-    /// Edges and goal conditions with each relation, and how many there should be.
+    /// Edges and goal conditions with each relation, and the number its quota calls for.
     pub relations: BTreeMap<String, Occurrence>,
-    /// Largest difference from a quota, as a share of it.
+    /// Largest deviation from a quota, relative to the quota.
     pub worst_quota_deviation: f64,
-    /// Objects of goals that the instructions refer to.
+    /// Number of goal objects to which the instructions refer.
     pub references: usize,
-    /// Those that the independent reading finds, each uniquely and in its role.
+    /// Number of those that the independent reader resolves uniquely and in the right role.
     pub references_unique: usize,
-    /// Words of the longest instruction.
+    /// Words in the longest instruction.
     pub words_max: usize,
-    /// Processor time of designing, seconds.
+    /// Processor time of the design, seconds.
     pub cpu_s: f64,
-    /// Reasons for which designs were drawn again.
+    /// Number of rejected designs by reason.
     pub rejections: BTreeMap<String, usize>,
-    /// What is wrong with finished tasks.
+    /// Defects found in finished tasks.
     pub flaws: Vec<String>,
 }
 
-/// How often something occurs.
+/// Number of occurrences.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Occurrence {
-    /// How often it does.
+    /// Actual number.
     pub count: usize,
-    /// How often it should.
+    /// Number that the quota calls for.
     pub quota: f64,
 }
 
-/// Designs a batch and judges every task afresh: the design's own gate is not believed.
+/// Designs a batch and checks every task again, independently of the designer's own gate.
 ///
-/// `clock` gives seconds of processor time.
+/// `clock` returns processor time in seconds.
 ///
 /// # Errors
-/// [`DesignError`] when a task cannot be made.
+/// [`DesignError`] if a task cannot be composed.
 pub fn measure(
     cards: &[ObjectCard],
     count: usize,

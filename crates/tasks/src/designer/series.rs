@@ -1,4 +1,4 @@
-//! Task after task from one seed: the kinds take turns, and a kind that has run out is told instead of ending the rest.
+//! An endless series of tasks from one seed. The kinds alternate; if one kind becomes impossible, the others continue.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -7,26 +7,26 @@ use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 use super::balance::Balance;
 use super::{DesignError, DesignSettings, draw};
 
-/// Tasks of a kind in a row that could not be composed, after which the kind is not tried again; chosen: each has cost
-/// [`DesignSettings::max_draws`] designs, and one of them may be bad luck.
-const SPENT_AFTER: usize = 3;
+/// Consecutive failures after which a kind is not tried again. Each failure has cost [`DesignSettings::max_draws`]
+/// designs; more than one attempt guards against bad luck. The value is a choice, not a measurement.
+const MAX_CONSECUTIVE_FAILURES: usize = 3;
 
-/// Tasks in their order, without end; the instructions all differ.
+/// An endless series of tasks with distinct instructions.
 ///
-/// Task `k` is of kind `k` in turn and has the stream `seed.fork_index(k)`. Relations follow the quotas of the settings,
-/// so it also depends on those before it, and on nothing else: the first tasks of a longer series are those of a shorter.
+/// The kinds alternate, and task `k` draws from the stream `seed.fork_index(k)`. Because of the quotas it also depends
+/// on the tasks before it, and on nothing else: a longer series begins with the tasks of a shorter one.
 pub struct Series<'a> {
     kinds: &'a [TaskKind],
     cards: &'a [ObjectCard],
     seed: Seed,
     settings: &'a DesignSettings,
-    /// Whether another kind takes the place of one that has run out.
+    /// If set, another kind takes the place of one that is exhausted.
     fill: bool,
     next: usize,
     balance: Balance,
-    /// Instructions so far.
+    /// Instructions used so far.
     said: HashSet<String>,
-    /// Failures in a row of each kind, and the last of them.
+    /// Consecutive failures of each kind, and the last error.
     failed: BTreeMap<TaskKind, (usize, DesignError)>,
     rejections: BTreeMap<String, usize>,
 }
@@ -34,19 +34,19 @@ pub struct Series<'a> {
 /// A task of the series that could not be composed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missing {
-    /// The id that it would have had.
+    /// The id that the task would have had.
     pub id: String,
     /// Its kind.
     pub kind: TaskKind,
-    /// Why there is none.
+    /// Reason for the failure.
     pub why: DesignError,
 }
 
 impl<'a> Series<'a> {
-    /// A series about these objects; with `fill`, another kind takes the place of one that has run out.
+    /// A series from these objects. With `fill`, another kind takes the place of one that is exhausted.
     ///
     /// # Errors
-    /// [`DesignError::NoKinds`].
+    /// [`DesignError::NoKinds`] if `kinds` is empty.
     pub fn new(
         kinds: &'a [TaskKind],
         cards: &'a [ObjectCard],
@@ -71,15 +71,15 @@ impl<'a> Series<'a> {
         })
     }
 
-    /// Reasons for which designs were drawn again so far, and how often.
+    /// Number of rejected designs so far, by reason.
     pub fn rejections(&self) -> &BTreeMap<String, usize> {
         &self.rejections
     }
 
-    /// The next task, or what is missing in its place.
+    /// Composes the next task.
     ///
     /// # Errors
-    /// [`Missing`] when its kind has run out, and with `fill` every other kind too.
+    /// [`Missing`] if its kind is exhausted; with `fill`, if all kinds are.
     pub fn compose(&mut self) -> Result<Task, Missing> {
         let index = self.next;
         self.next += 1;
@@ -102,7 +102,7 @@ impl<'a> Series<'a> {
 
     fn of_kind(&mut self, kind: TaskKind, index: usize) -> Result<Task, Missing> {
         let id = self.id(kind, index);
-        if let Some((SPENT_AFTER, why)) = self.failed.get(&kind) {
+        if let Some((MAX_CONSECUTIVE_FAILURES, why)) = self.failed.get(&kind) {
             return Err(Missing { id, kind, why: why.clone() });
         }
         let stream = self.seed.fork_index(index as u64);

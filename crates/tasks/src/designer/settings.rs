@@ -1,33 +1,33 @@
-//! Every default of the designer on one screen.
+//! Settings of the designer and all their defaults.
 
 use genmanip_core::Relation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How tasks are composed and how often each kind and relation should occur.
+/// Composition of tasks, and quotas for kinds and relations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DesignSettings {
-    /// Fewest and most objects in a scene.
+    /// Smallest and largest number of objects in a scene.
     pub objects: [usize; 2],
-    /// Designs tried per task before it is given up.
+    /// Designs tried per task before the task fails.
     pub max_draws: usize,
     /// Share of each relation among all edges and goal conditions of a batch.
     pub relation_quotas: RelationQuotas,
-    /// How many occurrences of a relation chance may outweigh.
+    /// Amplitude of the random noise in the choice of relations, in occurrences of a relation.
     pub chance: f64,
-    /// Share of tasks whose goal has alternatives, where the kind allows them.
+    /// Share of tasks whose goal has alternatives, for the kinds that allow it.
     pub disjunctions: f64,
-    /// Share of scenes with a second copy of something.
+    /// Share of scenes with a second instance of one object.
     #[serde(default)]
     pub copies: f64,
-    /// Fewest and most steps of a long-horizon task, 2 to 4.
+    /// Smallest and largest number of steps of a long-horizon task, within 2 to 4.
     #[serde(default = "two_to_four")]
     pub steps: [usize; 2],
-    /// Relation of the goal, where it is to be this one and the kind allows it; otherwise the quotas decide.
+    /// Relation of all goals, for the kinds that allow it; by default the quotas decide.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goal_relation: Option<Relation>,
-    /// Size along x and y of the area that a scene is sketched in, metres.
+    /// Size along x and y of the area in which a scene is sketched, metres.
     pub area_m: [f64; 2],
     /// Smallest gap between the outlines of neighbours in the sketch, metres.
     pub gap_m: f64,
@@ -54,32 +54,32 @@ impl Default for DesignSettings {
     }
 }
 
-/// A share per relation; their sum is 1.
+/// One share per relation; their sum is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RelationQuotas {
-    /// Farther from the robot.
+    /// Share of `front`: farther from the robot.
     pub front: f64,
-    /// Nearer to the robot.
+    /// Share of `back`: nearer to the robot.
     pub back: f64,
-    /// To the robot's left.
+    /// Share of `left`: to the robot's left.
     pub left: f64,
-    /// To the robot's right.
+    /// Share of `right`: to the robot's right.
     pub right: f64,
-    /// Close in the plane.
+    /// Share of `near`: close in the plane.
     pub near: f64,
-    /// Resting on or lying in.
+    /// Share of `top`: resting on or lying in.
     pub top: f64,
-    /// Resting on.
+    /// Share of `on`: resting on.
     pub on: f64,
-    /// Lying in.
+    /// Share of `in`: lying in.
     pub r#in: f64,
-    /// Between two others.
+    /// Share of `between`: between two others.
     pub between: f64,
 }
 
 impl RelationQuotas {
-    /// Share of a relation. A new relation does not compile until it has a share here.
+    /// Share of a relation. The exhaustive match requires a share for every new relation.
     pub fn of(&self, relation: Relation) -> f64 {
         match relation {
             Relation::Front => self.front,
@@ -97,8 +97,8 @@ impl RelationQuotas {
 
 impl Default for RelationQuotas {
     fn default() -> Self {
-        // Chosen: directions most, since most edges of a table are neighbours; `on` and `between` least, since few
-        // objects can be stood on or between others.
+        // Shares are a choice: the directions have the largest, since most edges connect neighbours on the table; `on`
+        // and `between` the smallest, since few objects fit on or between others.
         Self {
             front: 0.14,
             back: 0.14,
@@ -122,7 +122,7 @@ mod tests {
         let quotas = RelationQuotas::default();
         let sum: f64 = Relation::ALL.iter().map(|&relation| quotas.of(relation)).sum();
         assert!((sum - 1.0).abs() < 1e-12, "{sum}");
-        // The names are those of the relations, and no relation is missing from `ALL`.
+        // The field names are those of the relations, and no relation is missing from `ALL`.
         let table = serde_json::to_value(quotas).unwrap();
         let names: Vec<&str> = Relation::ALL.map(Relation::name).to_vec();
         assert!(names.iter().all(|name| table[name].as_f64() > Some(0.0)), "{table}");

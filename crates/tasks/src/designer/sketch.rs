@@ -1,7 +1,7 @@
-//! A scene in the making: a rough sketch on the table, from which the edges of the graph are read.
+//! A rough two-dimensional sketch of a scene, from which the edges of the graph are read.
 //!
-//! Every object gets a place in the sketch with its neighbours at arm's length, so a graph that is read off it can be
-//! laid out: what is sketched is one such layout, with squares around everything that may be turned.
+//! Every object gets a position at some distance from its neighbours. The sketch is itself a layout that satisfies the
+//! graph; an object that may be turned is represented by a square that contains it in every orientation.
 
 use genmanip_core::asset::instance_ids;
 use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph};
@@ -15,20 +15,21 @@ use super::things::things;
 /// The four directions.
 pub(super) const DIRECTIONS: [Relation; 4] = [Relation::Front, Relation::Back, Relation::Left, Relation::Right];
 
-/// Free space in front of a door or a drawer, metres.
+/// Free space in front of a door or drawer, metres.
 const SWING_M: f64 = 0.16;
 
-/// Largest bend at something between two others, degrees; relations allow 45 and layouts do not stand exactly in line.
-const BEND_DEG: f64 = 30.0;
+/// Largest bend at an object between two others, degrees. The relation allows 45; the margin is for layouts, which
+/// deviate from the sketch.
+const MAX_BEND_DEG: f64 = 30.0;
 
-/// A condition on objects by their index.
+/// A goal condition with objects by index.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Condition {
     Relation(Link),
     State(usize, String),
 }
 
-/// A relation between objects by their index.
+/// A relation with objects by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Link {
     pub subject: usize,
@@ -43,7 +44,7 @@ struct Rect {
     high: DVec2,
 }
 
-/// Objects, their relations and where they would roughly stand.
+/// Objects, their relations and their approximate positions.
 #[derive(Clone, Debug)]
 pub(super) struct Sketch<'a> {
     pub cards: Vec<&'a ObjectCard>,
@@ -51,9 +52,9 @@ pub(super) struct Sketch<'a> {
     pub edges: Vec<Link>,
     carriers: Vec<Option<usize>>,
     places: Vec<Rect>,
-    /// Room that the goal needs.
+    /// Areas reserved for goal positions.
     kept_free: Vec<Rect>,
-    /// Objects that nothing else is put on or in, and nothing is said about beyond what is there.
+    /// Objects that nothing else is put on or in, and about which no further relations are stated.
     pub closed: Vec<usize>,
 }
 
@@ -78,7 +79,7 @@ impl<'a> Sketch<'a> {
         self.carriers[object]
     }
 
-    /// What lies in or on an object.
+    /// Cards of the objects in or on `host`.
     pub fn carried(&self, host: usize) -> Vec<&'a ObjectCard> {
         (0..self.len()).filter(|&other| self.carriers[other] == Some(host)).map(|other| self.cards[other]).collect()
     }
@@ -87,12 +88,12 @@ impl<'a> Sketch<'a> {
         self.cards.iter().any(|known| known.uid == card.uid)
     }
 
-    /// Adds the first object, in the middle of nothing.
+    /// Adds the first object, in the middle of the area.
     pub fn start(&mut self, card: &'a ObjectCard) -> usize {
         self.push(card, around(DVec2::ZERO, half(card), card), None)
     }
 
-    /// Adds an object beside another; `None` when there is no room.
+    /// Adds an object beside another; `None` if there is no room.
     pub fn beside(
         &mut self,
         card: &'a ObjectCard,
@@ -105,7 +106,7 @@ impl<'a> Sketch<'a> {
         Some(self.push(card, place, None))
     }
 
-    /// Keeps the room free that a goal needs beside an object; false when there is none.
+    /// Reserves the room that a goal needs beside an object; false if there is none.
     pub fn keep_free(
         &mut self,
         card: &ObjectCard,
@@ -119,7 +120,7 @@ impl<'a> Sketch<'a> {
         place.is_some()
     }
 
-    /// Adds an object beside the room that was kept free last: on the far side of it as seen from the anchor.
+    /// Adds an object on the far side, seen from the anchor, of the room reserved last.
     pub fn beyond(&mut self, card: &'a ObjectCard, relation: Relation, settings: &DesignSettings) -> Option<usize> {
         let free = *self.kept_free.last()?;
         let (half, middle) = (half(card), (free.low + free.high) * 0.5);
@@ -128,12 +129,12 @@ impl<'a> Sketch<'a> {
         self.is_free(&place, settings).then(|| self.push(card, place, None))
     }
 
-    /// Whether two objects and something halfway between them are as good as in line, their heights included.
+    /// True if two objects and one halfway between them are nearly in line, also in height.
     pub fn is_straight(&self, first: usize, middle: &ObjectCard, last: usize) -> bool {
         let center = |object: usize| (self.places[object].low + self.places[object].high) * 0.5;
         let halfway = 0.5 * center(first).distance(center(last));
         let rise = |object: usize| (0.5 * (middle.size_m.z - self.cards[object].size_m.z)).atan2(halfway);
-        (rise(first) + rise(last)).abs() < BEND_DEG.to_radians()
+        (rise(first) + rise(last)).abs() < MAX_BEND_DEG.to_radians()
     }
 
     /// Puts an object in or on another.
@@ -149,7 +150,7 @@ impl<'a> Sketch<'a> {
         Some(object)
     }
 
-    /// States a relation, from whichever side is rarer.
+    /// States a relation or its inverse, whichever is further below its quota.
     pub fn relate(
         &mut self,
         subject: usize,
@@ -223,7 +224,7 @@ impl<'a> Sketch<'a> {
             && !taken.any(|other| (place.low - gap).cmplt(other.high).all() && other.low.cmplt(place.high + gap).all())
     }
 
-    /// What the graph calls the objects.
+    /// Ids of the objects in the graph.
     fn ids(&self) -> Vec<String> {
         instance_ids(self.cards.iter().map(|card| card.uid.as_str()))
     }
@@ -278,7 +279,8 @@ fn direction(relation: Relation) -> DVec2 {
     }
 }
 
-/// Half of the square that an object needs however it is turned; articulated objects face the robot.
+/// Half the side of the square that contains the object in every orientation. Articulated objects face the robot and
+/// are not turned.
 fn half(card: &ObjectCard) -> DVec2 {
     let size = card.size_m.truncate();
     if card.is_articulated { size * 0.5 } else { DVec2::splat(size.max_element() * 0.5) }
@@ -288,8 +290,8 @@ fn swings(card: &ObjectCard) -> bool {
     card.is_articulated && card.is_container && card.size_m.z > 0.15
 }
 
-/// Whether something on the robot's side of a thing with joints would keep the hand from them: what is taller, or may stand
-/// open itself, as a chest whose lid is up before another one.
+/// True if an object on the robot's side of an articulated one would block access to it: because it is taller, or
+/// because it may itself be open, like a chest with its lid up.
 fn stands_before(nearer: &ObjectCard, farther: &ObjectCard) -> bool {
     farther.is_articulated && (nearer.is_articulated || nearer.size_m.z > farther.size_m.z)
 }

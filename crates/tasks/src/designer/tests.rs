@@ -1,4 +1,4 @@
-//! What every design must be, whatever the seed.
+//! Properties of every design, for any seed.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn report(seed: u64, count: usize) -> DesignReport {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
-    /// Valid, understood, short, and all kinds and relations near their quotas.
+    /// Tasks are valid, understood and short, and all kinds and relations are near their quotas.
     #[test]
     fn any_seed_gives_good_tasks(seed in 0u64..1 << 40) {
         let report = report(seed, 120);
@@ -36,7 +36,7 @@ proptest! {
         prop_assert!(report.worst_quota_deviation < 0.1, "{:?}", report.relations);
     }
 
-    /// A single design is as good, and objects that move can be carried.
+    /// Single designs are as good, and objects to move can be grasped and carried.
     #[test]
     fn any_single_task_can_be_done(seed in 0u64..1 << 40, kind in 0usize..6) {
         let task = design(TaskKind::ALL[kind], cards(), Seed::new(seed), &DesignSettings::default()).unwrap();
@@ -62,7 +62,7 @@ fn same_seed_same_tasks() {
     assert_ne!(long.tasks[0].instruction, batch(5, 1).tasks[0].instruction);
 }
 
-/// Spatial tasks need their places: every one refers to something through something else.
+/// Tasks of the spatial kinds need their positions: every one refers to an object through another one.
 #[test]
 fn kinds_are_what_they_are_called() {
     let batch = design_many(&TaskKind::ALL, 360, cards(), Seed::new(6), &DesignSettings::default()).unwrap();
@@ -91,7 +91,7 @@ fn kinds_are_what_they_are_called() {
     }
 }
 
-/// The tables name what exists: a wrong word would silently never be used.
+/// All words in the tables exist in the catalogue. A misspelt one would silently never be used.
 #[test]
 fn tables_and_catalogue_agree() {
     let all = Catalogue::full().cards();
@@ -116,7 +116,7 @@ fn tables_and_catalogue_agree() {
     }
 }
 
-/// No command says by itself what is meant: the need before it does, and another need says something else.
+/// A request alone is ambiguous, the need before it makes it unique, and another need gives it another meaning.
 #[test]
 fn needs_decide() {
     assert!(needs().len() >= 100, "{} needs", needs().len());
@@ -146,7 +146,7 @@ fn needs_decide() {
     assert!(used.len() > 100, "only {} needs are used", used.len());
 }
 
-/// The listener knows for every sentence of every need what meets it, among things that do not.
+/// The independent reader resolves every sentence of every need to the object that meets it, among objects that do not.
 #[test]
 fn every_need_is_understood() {
     let all = Catalogue::full().cards();
@@ -166,8 +166,8 @@ fn every_need_is_understood() {
     }
 }
 
-/// What the designer says of things is what the listener takes it for, for nearly all that the catalogue holds; the
-/// rest is drawn again.
+/// The independent reader resolves the designer's words for an object to that object, for nearly the whole catalogue.
+/// Designs with the rest are rejected and drawn again.
 #[test]
 fn everything_has_words() {
     let all = Catalogue::full().cards();
@@ -197,7 +197,7 @@ fn everything_has_words() {
     }
 }
 
-/// Every family of the catalogue occurs in designed tasks.
+/// All families of the catalogue occur in designed tasks.
 #[test]
 fn all_of_the_catalogue_is_used() {
     let all = Catalogue::full().cards();
@@ -209,7 +209,7 @@ fn all_of_the_catalogue_is_used() {
     assert!(unused.is_empty(), "{unused:?}");
 }
 
-/// What goes where: by use, by size and by height.
+/// Objects are put where they belong by use, size and height.
 #[test]
 fn things_go_where_they_belong() {
     let card = |name: &str| cards().iter().find(|card| card.name == name).unwrap();
@@ -233,7 +233,7 @@ fn things_go_where_they_belong() {
     }
 }
 
-/// What lies *in* something has more than half of its surface there.
+/// An object *in* another one has more than half of its surface there.
 #[test]
 fn what_stands_out_of_a_hollow_is_not_put_in_it() {
     let card = |uid: &str| Catalogue::full().cards().iter().find(|card| card.uid == uid).unwrap();
@@ -247,7 +247,7 @@ fn what_stands_out_of_a_hollow_is_not_put_in_it() {
     }
 }
 
-/// What lies below the rim of a hollow that is too narrow for the hand is not asked for.
+/// Tasks do not require taking objects from below the rim of a cavity that is too narrow for the gripper.
 #[test]
 fn things_are_taken_from_where_the_hand_gets_to() {
     let card = |uid: &str| Catalogue::full().cards().iter().find(|card| card.uid == uid).unwrap();
@@ -265,7 +265,7 @@ fn things_are_taken_from_where_the_hand_gets_to() {
     }
 }
 
-/// Nothing tall, and nothing that may stand open, is said to be on the robot's side of something with joints.
+/// No tall object, and none that may be open, is on the robot's side of an articulated object.
 #[test]
 fn the_hand_gets_to_joints() {
     let settings = DesignSettings::default();
@@ -297,10 +297,10 @@ fn too_few_objects_are_an_error_with_its_reasons() {
     assert_eq!(design_many(&[], 3, &few, Seed::new(1), &settings), Err(DesignError::NoKinds));
 }
 
-/// A kind that runs out leaves gaps and does not end the others; a longer series begins like a shorter one.
+/// An exhausted kind leaves gaps without ending the series, and a longer series begins like a shorter one.
 #[test]
 fn a_series_goes_on_without_a_kind_that_ran_out() {
-    // Nothing among these can be opened or shut.
+    // None of these objects can be opened or shut.
     let few: Vec<ObjectCard> = cards().iter().filter(|card| !card.is_articulated).cloned().collect();
     let settings = DesignSettings { max_draws: 200, ..DesignSettings::default() };
     let kinds = [TaskKind::PickAndPlace, TaskKind::Articulated];
@@ -325,7 +325,7 @@ fn a_series_goes_on_without_a_kind_that_ran_out() {
     assert_eq!(said.len(), 12, "no two say the same");
 }
 
-/// With copies in every scene, sentences leave some of them open and single others out, and all of it passes the gate.
+/// With copies in every scene, some sentences leave the choice of the copy open and others do not; all pass the gate.
 #[test]
 fn scenes_with_copies_are_designed() {
     let settings = DesignSettings { copies: 1.0, ..DesignSettings::default() };
@@ -350,7 +350,7 @@ fn scenes_with_copies_are_designed() {
     }
 }
 
-/// Four steps fit into a sentence where later ones go without their verb.
+/// Tasks of four steps are composed; their later steps omit the verb.
 #[test]
 fn four_steps_are_composed_where_they_are_asked_for() {
     let settings = DesignSettings { steps: [4; 2], max_draws: 40_000, ..DesignSettings::default() };

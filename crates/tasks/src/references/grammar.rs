@@ -1,7 +1,7 @@
-//! The fragment of English in which robots are told what to do: from words to commands.
+//! Grammar of robot instructions: parses a fragment of English into commands.
 //!
-//! Sentences that command nothing are context and are skipped. A place after the verb's object is where that object
-//! goes; a place inside a description follows `that is`.
+//! Clauses without a command are kept as context. A place after the verb's object is the destination of that object; a
+//! place inside a description follows `that is`.
 
 use genmanip_core::Relation;
 
@@ -14,28 +14,28 @@ pub(super) enum Command {
     Put { subjects: Vec<Group>, places: Vec<Place> },
     /// Change the state of an object.
     Change { object: Group, part: Option<Part>, action: Action },
-    /// One of these.
+    /// Exactly one of these.
     Either(Vec<Command>),
 }
 
-/// A noun group.
+/// A noun phrase.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Group {
     /// Its words without the article.
     pub words: Vec<String>,
-    /// Where its object is, from a relative clause.
+    /// Location of the object, from a relative clause.
     pub at: Option<Box<Place>>,
 }
 
-/// A preposition with one noun group or two.
+/// A preposition with one noun phrase or two.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
-    /// Relations that the words allow.
+    /// Relations that the preposition can mean.
     pub relations: &'static [Relation],
     pub objects: Vec<Group>,
 }
 
-/// A part of something with joints.
+/// Part of an articulated object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Upper,
@@ -44,7 +44,7 @@ pub(super) enum Part {
     Other,
 }
 
-/// What is done to it.
+/// Change of state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Open,
@@ -81,7 +81,7 @@ const PLACES: [(&str, &[Relation]); 18] = [
     ("on", &[On, Top]),
 ];
 
-/// Words that a noun group begins with.
+/// First words of noun phrases.
 const DETERMINERS: [&str; 11] =
     ["the", "a", "an", "some", "my", "what", "whatever", "something", "both", "another", "one"];
 const TAKE: [&str; 5] = ["pick up", "take", "grab", "find", "fetch"];
@@ -126,48 +126,48 @@ const JOINERS: [&str; 18] = [
     "help me",
 ];
 
-/// What was heard.
+/// A parsed instruction.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Heard {
-    /// What is to be done.
+pub(super) struct Parsed {
+    /// Requests in the order of the sentence.
     pub commands: Vec<Command>,
-    /// Everything that commands nothing, in small letters.
+    /// All clauses without a command, in lower case.
     pub context: String,
 }
 
-/// Reads an instruction; `None` when some command in it is not understood, or there is none.
-pub(super) fn read(instruction: &str) -> Option<Heard> {
+/// Parses an instruction; `None` if it has no command or a command is outside the grammar.
+pub(super) fn read(instruction: &str) -> Option<Parsed> {
     let text = instruction.to_lowercase();
-    let mut heard = Heard::default();
+    let mut parsed = Parsed::default();
     for sentence in text.split(['.', '?', '!']) {
         let (sentence, reason) = sentence.split_once(", because ").unwrap_or((sentence, ""));
         let (before, after) = sentence.split_once(':').unwrap_or(("", sentence));
-        heard.context += &format!(" {before} {reason}");
+        parsed.context += &format!(" {before} {reason}");
         let mut reader = Reader::new(after);
         reader.skip_joiners();
         let tower = before.trim().ends_with("tower");
         if reader.is_done() || !(reader.begins_command() || tower) {
-            heard.context += &format!(" {after}");
+            parsed.context += &format!(" {after}");
             continue;
         }
         if let Some(command) = reader.desire() {
             reader.skip_joiners();
             if reader.is_done() {
-                heard.commands.push(command);
+                parsed.commands.push(command);
                 continue;
             }
             return None;
         }
         if reader.at("i want").is_some() {
-            heard.context += &format!(" {after}");
+            parsed.context += &format!(" {after}");
             continue;
         }
         while !reader.is_done() {
-            heard.commands.push(reader.command()?);
+            parsed.commands.push(reader.command()?);
             reader.skip_joiners();
         }
     }
-    (!heard.commands.is_empty()).then_some(heard)
+    (!parsed.commands.is_empty()).then_some(parsed)
 }
 
 struct Reader {
@@ -189,7 +189,7 @@ impl Reader {
         self.words.get(index).map_or("", String::as_str)
     }
 
-    /// The number of words of a phrase, if it comes next.
+    /// Number of words of `phrase` if it comes next.
     fn at(&self, phrase: &str) -> Option<usize> {
         self.at_index(self.next, phrase)
     }
@@ -227,7 +227,7 @@ impl Reader {
             || ["either", "i want"].iter().any(begins)
     }
 
-    /// `I want … to be somewhere`.
+    /// Parses `I want … to be somewhere`.
     fn desire(&mut self) -> Option<Command> {
         let start = self.next;
         let command = self.take("i want").then(|| {
@@ -269,7 +269,7 @@ impl Reader {
         self.change()
     }
 
-    /// With its verb, or without one after another command.
+    /// Parses a request with its verb, or without one after another request.
     fn put(&mut self) -> Option<Command> {
         let verb = self.take_any(&PUT);
         if verb.is_none() && STATE.iter().any(|verb| self.at(verb).is_some()) {
@@ -307,14 +307,15 @@ impl Reader {
         Some(Place { relations, objects })
     }
 
-    /// The preposition at an index; followed by nothing it is none.
+    /// The preposition at an index, unless it ends the clause.
     fn preposition(&self, index: usize) -> Option<(&'static [Relation], usize)> {
         let (relations, length) = PLACES
             .iter()
             .find_map(|(phrase, relations)| self.at_index(index, phrase).map(|length| (*relations, length)))?;
         let follows = self.word(index + length);
         let ends = follows.is_empty() || [",", ";", "and", "or", "its"].contains(&follows);
-        // `lettered in red`, `with a cross on top`: what stands somewhere does so in or on the, a or my thing.
+        // A location continues with a determiner: `on the`, `in a`. Descriptions such as `lettered in red` or `with a
+        // cross on top` do not.
         let bare = ["in", "on"].contains(&self.word(index)) && length == 1 && !DETERMINERS.contains(&follows);
         (!ends && !bare).then_some((relations, length))
     }
@@ -348,7 +349,7 @@ impl Reader {
         (!words.is_empty()).then_some(Group { words, at })
     }
 
-    /// Whether `and` goes on with what things look like, `with black wheels and red roof`, not with another thing.
+    /// True if `and` continues a description (`with black wheels and red roof`) instead of naming another object.
     fn continues(&self, words: &[String]) -> bool {
         let follows = self.word(self.next + 1);
         let is_command = [&TAKE[..], &PUT, &STATE, &JOINERS].iter().any(|list| list.contains(&follows));
@@ -356,7 +357,7 @@ impl Reader {
         looks && !is_command && !DETERMINERS.contains(&follows) && !["it", "both"].contains(&follows)
     }
 
-    /// A particle at the end of a clause, as in `turn the faucet on`.
+    /// True before a particle that ends a clause, as in `turn the faucet on`.
     fn at_particle(&self) -> bool {
         PARTICLES.iter().any(|particle| {
             self.at(particle).is_some_and(|length| {

@@ -1,4 +1,4 @@
-//! What words mean to a listener, `data/references/lexicon.json`; the designer never reads it.
+//! Vocabulary of the independent reader, from `data/references/lexicon.json`. The designer does not use it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
@@ -11,46 +11,46 @@ static LEXICON: LazyLock<Lexicon> = LazyLock::new(|| {
     serde_json::from_str(include_str!("../../data/references/lexicon.json")).expect("valid; a test reads it")
 });
 
-/// How much smaller something is than the largest of its kind to be called small, by volume.
+/// An object is `small` if its volume is below this share of the largest of its kind.
 const SMALL: f64 = 0.6;
 
 /// Words without a meaning of their own inside a description.
 const EMPTY: [&str; 15] =
     ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one", "in", "on"];
 
-/// Words after the noun that begin what is said of its looks.
+/// Words that begin a description of the appearance after the noun.
 const TRAITS: [&str; 7] = ["with", "without", "lettered", "marked", "full", "in", "on"];
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Lexicon {
-    /// Nouns and the sorts that they may mean, as [`is_of`] reads them.
+    /// Nouns and the sorts that they may mean, in the syntax of [`is_of`].
     heads: BTreeMap<String, Vec<String>>,
-    /// Nouns that may mean anything.
+    /// Nouns that may mean any object.
     everything: Vec<String>,
     /// Irregular plurals.
     plurals: BTreeMap<String, String>,
     colors: BTreeSet<String>,
     small: Vec<String>,
     large: Vec<String>,
-    /// Adjectives and the words of a card's text that bear them out; `*` is always borne out.
+    /// Adjectives and the words of a card's text that confirm them; `*` always holds.
     synonyms: BTreeMap<String, Vec<String>>,
-    /// Phrases that leave it to what was said before which thing is meant.
+    /// Noun phrases whose meaning depends on the context, such as a need stated before.
     vague: Vec<String>,
-    /// What things help with: beginnings of phrases by which a listener knows.
+    /// Sorts of objects and the beginnings of phrases for needs that they meet.
     helps: BTreeMap<String, Vec<String>>,
 }
 
-/// An instance as a listener knows it.
+/// An object of the scene with its card.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thing<'c> {
-    /// What the graph calls it.
+    /// Its id in the graph.
     pub id: &'c str,
-    /// What is known of it.
+    /// Its card.
     pub card: &'c ObjectCard,
 }
 
-/// Whether a word is a colour.
+/// True if the word names a colour.
 pub(super) fn is_color(word: &str) -> bool {
     LEXICON.colors.contains(word)
 }
@@ -60,7 +60,7 @@ pub(super) fn lexicon() -> &'static Lexicon {
 }
 
 impl Lexicon {
-    /// Objects that a noun group without relative clause may mean; `None` when its words are not understood.
+    /// Objects that a noun phrase without relative clause may mean; `None` if its noun is unknown.
     pub fn denote<'c>(&self, words: &[&str], context: &str, things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         if self.vague.contains(&words.join(" ")) {
             return Some(self.by_need(context, things));
@@ -73,7 +73,7 @@ impl Lexicon {
         let head = self.singular(head);
         let mut meant = self.by_head(&head, things)?;
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
-        // Colours of parts are told in the description, colours of things in the card.
+        // Colours of parts are listed in the description, colours of the object in the card's own field.
         meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
         let split: Vec<&str> = adjectives.iter().flat_map(|word| self.parts(word, things)).collect();
         let (colors, others): (Vec<&str>, Vec<&str>) = split.into_iter().partition(|word| self.colors.contains(*word));
@@ -96,7 +96,8 @@ impl Lexicon {
                 let meant: Vec<Thing> =
                     things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
                 let exact: Vec<Thing> = meant.iter().filter(named).copied().collect();
-                // A word that is the last word of somebody's name and names a book by its sort means that one.
+                // `novel`, `cookbook` and `dictionary` mean objects whose name ends in that word, although the category
+                // is `book`.
                 let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
                 if is_sort && head != "paperback" {
                     return Some(exact);
@@ -113,7 +114,7 @@ impl Lexicon {
         }
     }
 
-    /// The things that help with what was said; any of them when nothing was said that one knows a remedy for.
+    /// Objects that meet the need stated in the context; all objects if the context states no known need.
     fn by_need<'c>(&self, context: &str, things: &[Thing<'c>]) -> Vec<Thing<'c>> {
         let is_word = |c: char| c.is_alphanumeric() || c == '\'' || c == '-';
         let words: Vec<&str> = context.split(|c| !is_word(c)).filter(|word| !word.is_empty()).collect();
@@ -148,7 +149,7 @@ impl Lexicon {
         }
     }
 
-    /// Whether the text of a card says what a word says.
+    /// True if the text of the card contains the word or a synonym of it.
     fn is_borne_out(&self, word: &str, card: &ObjectCard) -> bool {
         let known = self.synonyms.get(word).map_or(&[][..], Vec::as_slice);
         if known.iter().any(|word| word == "*") {
@@ -163,7 +164,7 @@ impl Lexicon {
         stated(word) || known.iter().any(|word| stated(word))
     }
 
-    /// `dark-red` is one colour to those who have things of that colour, and otherwise two words.
+    /// `dark-red` is one word if an object of the scene has that colour, and otherwise two.
     fn parts<'w>(&self, word: &'w str, things: &[Thing]) -> Vec<&'w str> {
         let is_color =
             self.colors.contains(word) && things.iter().any(|thing| thing.card.colors.iter().any(|c| c == word));
@@ -173,7 +174,7 @@ impl Lexicon {
         }
     }
 
-    /// The noun of a group, without what is said about it; vague groups stay whole.
+    /// The noun of a phrase without its descriptions; phrases that depend on the context stay complete.
     pub fn bare<'w>(&self, words: &[&'w str]) -> Vec<&'w str> {
         if self.vague.contains(&words.join(" ")) {
             return words.to_vec();
@@ -182,7 +183,7 @@ impl Lexicon {
         words[..said].last().copied().into_iter().collect()
     }
 
-    /// A plural's singular, any other word as it is.
+    /// The singular of a plural; any other word unchanged.
     pub fn singular(&self, word: &str) -> String {
         if let Some(one) = self.plurals.get(word) {
             return one.clone();
@@ -192,7 +193,7 @@ impl Lexicon {
     }
 }
 
-/// Whether a thing is of a sort: a category, `category:word` with a word of its name, or `category:!word` without it.
+/// True if the object is of a sort: a category, `category:word` with a word of its name, or `category:!word` without.
 fn is_of(sort: &str, card: &ObjectCard) -> bool {
     let Some((category, word)) = sort.split_once(':') else { return sort == card.category };
     let name = card.name.to_lowercase();
@@ -200,7 +201,7 @@ fn is_of(sort: &str, card: &ObjectCard) -> bool {
     category == card.category && word.strip_prefix('!').map_or_else(|| named(word), |other| !named(other))
 }
 
-/// The things whose main colour it is; where there are none, those that have some of it.
+/// Objects with this main colour, or else with this as one of their colours.
 fn with_color<'c>(color: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
     let main: Vec<Thing> =
         meant.iter().copied().filter(|thing| thing.card.colors.first().is_some_and(|first| first == color)).collect();

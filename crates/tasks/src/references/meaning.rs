@@ -1,4 +1,4 @@
-//! What phrases mean in a scene, and what commands ask for.
+//! Resolves the phrases and commands of a parsed instruction in a scene.
 
 use std::sync::Arc;
 
@@ -9,39 +9,39 @@ use super::lexicon::{Thing, lexicon};
 use super::space::{Axis, Certainty, Space};
 use super::{Mismatch, ReadAtom};
 
-/// Somebody who knows a scene and hears a sentence about it.
-pub(super) struct Listener<'c> {
+/// Resolves the phrases of one instruction in one scene.
+pub(super) struct Interpreter<'c> {
     things: Vec<Thing<'c>>,
     graph: &'c SceneGraph,
     space: Space<'c>,
-    /// What was said beside the commands.
+    /// Clauses of the instruction without a command.
     context: &'c str,
     phrases: Vec<(String, Vec<String>)>,
-    /// Copies of which a phrase means any.
+    /// Groups of copies, each of which a phrase leaves open.
     choices: Vec<Vec<String>>,
 }
 
-/// Noun phrases, each with the ids of what it means.
+/// Noun phrases, each with the ids of the objects it means.
 pub type Phrases = Vec<(String, Vec<String>)>;
 
-/// What a phrase may mean: first what it certainly means, then what it means in some layouts.
+/// Possible referents of a phrase: the first `certain` ones in every layout, the others in some layouts.
 struct Candidates<'c> {
     things: Vec<Thing<'c>>,
     certain: usize,
 }
 
-impl<'c> Listener<'c> {
+impl<'c> Interpreter<'c> {
     pub fn new(cards: &'c [Arc<ObjectCard>], graph: &'c SceneGraph, context: &'c str) -> Self {
         let things = graph.nodes.iter().zip(cards).map(|(node, card)| Thing { id: &node.id, card }).collect();
         Self { things, graph, space: Space::new(graph), context, phrases: Vec::new(), choices: Vec::new() }
     }
 
-    /// Noun phrases heard so far with what they mean, and the copies of which they mean any.
+    /// Noun phrases resolved so far, and the groups of copies that they leave open.
     pub fn into_phrases(self) -> (Phrases, Vec<Vec<String>>) {
         (self.phrases, self.choices)
     }
 
-    /// All commands together, as alternatives of conditions.
+    /// The conjunction of all commands, as alternatives of conditions.
     pub fn goal(&mut self, commands: &[Command]) -> Result<Vec<Vec<ReadAtom>>, Mismatch> {
         let mut goal = vec![Vec::new()];
         for command in commands {
@@ -56,7 +56,7 @@ impl<'c> Listener<'c> {
         Ok(goal)
     }
 
-    /// The ways to do what one command asks for.
+    /// Alternative sets of conditions that fulfil one command.
     fn options(&mut self, command: &Command) -> Result<Vec<Vec<ReadAtom>>, Mismatch> {
         match command {
             Command::Either(commands) => {
@@ -91,7 +91,7 @@ impl<'c> Listener<'c> {
         }
     }
 
-    /// What a place is described by; `each` finds what a phrase for one object means.
+    /// References of a place; `each` resolves the phrase for one object.
     fn references(
         &mut self,
         place: &Place,
@@ -111,7 +111,7 @@ impl<'c> Listener<'c> {
         }
     }
 
-    /// The one object that a phrase means.
+    /// The only object that a phrase can mean.
     fn one(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
         let Candidates { things, .. } = self.candidates(group)?;
         self.note(group, &things);
@@ -121,7 +121,7 @@ impl<'c> Listener<'c> {
         }
     }
 
-    /// The object that a phrase means, or the first of the copies of which it means any.
+    /// The object that a phrase means, or the first of several copies that it leaves open.
     fn any(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
         let Candidates { things, certain } = self.candidates(group)?;
         self.note(group, &things);
@@ -141,7 +141,7 @@ impl<'c> Listener<'c> {
         self.phrases.push((text(group), meant.iter().map(|thing| thing.id.to_owned()).collect()));
     }
 
-    /// Everything that a phrase may mean.
+    /// All possible referents of a phrase.
     fn candidates(&mut self, group: &Group) -> Result<Candidates<'c>, Mismatch> {
         let all = |things: Vec<Thing<'c>>| Candidates { certain: things.len(), things };
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
@@ -195,12 +195,12 @@ impl<'c> Listener<'c> {
         lexicon().denote(words, self.context, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
     }
 
-    /// `larger of the two`, `middle one of the three`.
+    /// Resolves `larger of the two`, `middle one of the three` and the like.
     fn chosen(&self, word: &str, among: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
         let volume = |thing: &Thing| thing.card.size_m.element_product();
         let extreme = |sign: f64| {
             let best = among.iter().map(|thing| sign * volume(thing)).fold(f64::NEG_INFINITY, f64::max);
-            // Sizes that a person would not tell apart decide nothing.
+            // Sizes within 20 % of each other count as equal.
             among.iter().copied().filter(|thing| sign * volume(thing) > best - 0.2 * best.abs()).collect()
         };
         match word {
@@ -221,7 +221,8 @@ impl<'c> Listener<'c> {
         }
     }
 
-    /// The ones that are certainly farther than all others in the direction that the words give, if they give one.
+    /// The objects that are certainly the farthest in the direction of the words; `None` if the words name no
+    /// direction.
     fn extreme(&self, words: &[&str], among: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         let (axis, outward) = match words {
             // The camera faces the robot.
@@ -249,7 +250,7 @@ impl<'c> Listener<'c> {
     }
 }
 
-/// The state that follows from an action, if the object has such a state and is not in it.
+/// The state after an action; `None` if the object has no such state or is already in it.
 fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&str>) -> Option<String> {
     let drawers = card.states.iter().any(|state| state == "top_open");
     let now = now?;

@@ -1,8 +1,8 @@
-//! Reads an instruction back: what each of its phrases can mean in a scene, and what it asks for.
+//! Reads an instruction back: the referents of its phrases in a scene, and the goal that it states.
 //!
-//! This is the listener to the designer's speaker. It knows the sentence, the cards and the graph, has a lexicon
-//! and a grammar of its own and concludes for itself what is where; with the designer it shares no table and no code.
-//! A phrase that fits several objects, or might fit another one in some layout of the graph, is ambiguous.
+//! The reader verifies what the designer writes and shares neither tables nor code with it. It uses the sentence, the
+//! cards, the graph, and a grammar and lexicon of its own. A phrase is ambiguous if it fits several objects, or could
+//! fit another one in some layout of the graph.
 //!
 //! ```
 //! use genmanip_core::Task;
@@ -26,29 +26,29 @@ use std::sync::Arc;
 
 use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
-use grammar::Heard;
-use meaning::Listener;
+use grammar::Parsed;
+use meaning::Interpreter;
 pub use necessity::{Clue, clues_at_places, is_needless};
 
-/// What an instruction asks for.
+/// Meaning of an instruction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// Noun phrases and the ids they mean, in the order of the sentence.
+    /// Noun phrases and the ids of their referents, in the order of the sentence.
     pub phrases: Vec<(String, Vec<String>)>,
-    /// Ids of identical copies of which a phrase means any; in the goal the first stands for them.
+    /// Groups of ids of identical copies, each of which a phrase leaves open; the goal names the first of each group.
     pub choices: Vec<Vec<String>>,
     /// Alternatives of conditions.
     pub goal: Vec<Vec<ReadAtom>>,
 }
 
-/// A condition as a sentence states it.
+/// A condition as stated by a sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReadAtom {
-    /// An object is somewhere.
+    /// An object is in a relation to others.
     Place {
         /// Id of the object.
         subject: String,
-        /// Relations that the words allow; any of them is what was said.
+        /// Relations that the preposition can mean.
         relations: Vec<Relation>,
         /// Ids of one reference, or of two for `between`.
         references: Vec<String>,
@@ -62,22 +62,22 @@ pub enum ReadAtom {
     },
 }
 
-/// Why an instruction does not say what a task means.
+/// Reason why an instruction does not state the goal of its task.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mismatch {
-    /// The sentence is outside of the grammar or of the lexicon.
+    /// The sentence is outside the grammar or the lexicon.
     #[error("not understood: `{phrase}`")]
     Unreadable {
-        /// The part that was not understood.
+        /// The part that was not parsed.
         phrase: String,
     },
-    /// Nothing in the scene fits a phrase.
+    /// A phrase fits no object of the scene.
     #[error("nothing is `{phrase}`")]
     Nothing {
         /// The phrase.
         phrase: String,
     },
-    /// Several things fit a phrase.
+    /// A phrase fits several objects.
     #[error("`{phrase}` may be any of {ids:?}")]
     Ambiguous {
         /// The phrase.
@@ -85,10 +85,10 @@ pub enum Mismatch {
         /// Ids that fit.
         ids: Vec<String>,
     },
-    /// Everything is understood, but it is not the task's goal.
+    /// The sentence states another goal than the task's.
     #[error("asks for {read}, meant is {meant}")]
     OtherGoal {
-        /// What was read.
+        /// The goal that the sentence states.
         read: String,
         /// The task's goal.
         meant: String,
@@ -96,7 +96,7 @@ pub enum Mismatch {
 }
 
 impl Mismatch {
-    /// The reason without its particulars, for counting.
+    /// The kind of mismatch without particulars, for counting.
     pub fn reason(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } => "not understood",
@@ -107,29 +107,30 @@ impl Mismatch {
     }
 }
 
-/// Reads an instruction in a scene; the cards are those of the graph's nodes, in their order.
+/// Reads an instruction in a scene. `cards` are those of the graph's nodes, in the same order.
 ///
-/// Identical copies that a phrase does not tell apart are no ambiguity: it means any of them.
+/// A phrase that fits several identical copies is not ambiguous: it leaves open which of them is meant.
 ///
 /// # Errors
-/// [`Mismatch`] when it is not understood, or a phrase has no referent or several.
+/// [`Mismatch`] if the instruction is outside the grammar, or a phrase has no referent or several.
 pub fn read(instruction: &str, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
     let unreadable = || Mismatch::Unreadable { phrase: instruction.to_owned() };
     understand(&grammar::read(instruction).ok_or_else(unreadable)?, cards, graph)
 }
 
-/// What commands that were heard mean in a scene.
-fn understand(heard: &Heard, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
-    let mut listener = Listener::new(cards, graph, &heard.context);
-    let goal = listener.goal(&heard.commands)?;
-    let (phrases, choices) = listener.into_phrases();
+/// Resolves a parsed instruction in a scene.
+fn understand(parsed: &Parsed, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
+    let mut interpreter = Interpreter::new(cards, graph, &parsed.context);
+    let goal = interpreter.goal(&parsed.commands)?;
+    let (phrases, choices) = interpreter.into_phrases();
     Ok(Reading { phrases, choices, goal })
 }
 
-/// Groups of copies that stand for each other in a task's goal: those that the instruction leaves open.
+/// Groups of identical copies that are interchangeable in a task's goal, because the instruction does not distinguish
+/// them.
 ///
-/// What the sentence singles out by a relation, or any other way, is in no group, and so is everything when the
-/// sentence is not understood: then the ids of the goal count.
+/// A copy that the sentence singles out by a relation or otherwise is in no group. If the sentence cannot be read,
+/// there are no groups and the ids of the goal count.
 pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
     let nodes = &task.scene_graph.nodes;
     let is_copied = |index: usize| nodes[..index].iter().any(|other| other.asset == nodes[index].asset);
@@ -139,7 +140,7 @@ pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
     read(&task.instruction, &task.objects, &task.scene_graph).map_or_else(|_| Vec::new(), |reading| open(&reading))
 }
 
-/// The choices of a reading that nothing else in the sentence contradicts.
+/// The groups of copies of a reading that no other phrase of the sentence distinguishes.
 fn open(reading: &Reading) -> Vec<Vec<String>> {
     let mut groups: Vec<Vec<String>> = Vec::new();
     for choice in &reading.choices {
@@ -155,7 +156,7 @@ fn open(reading: &Reading) -> Vec<Vec<String>> {
     groups.iter().filter(stays).cloned().collect()
 }
 
-/// Ids of the objects that an instruction for this task has to refer to.
+/// Ids of the objects to which an instruction for this task has to refer.
 pub fn intended(task: &Task) -> Vec<String> {
     let mut ids = BTreeSet::new();
     for atom in task.goal.alternatives.iter().flatten() {
@@ -164,7 +165,7 @@ pub fn intended(task: &Task) -> Vec<String> {
     ids.into_iter().collect()
 }
 
-/// How many of the intended objects the instruction refers to, each by a phrase that means this object alone.
+/// Number of these objects to which the instruction refers uniquely.
 pub fn resolved(task: &Task) -> usize {
     let intended = intended(task);
     match read(&task.instruction, &task.objects, &task.scene_graph) {
@@ -172,14 +173,14 @@ pub fn resolved(task: &Task) -> usize {
         Ok(_) if check(task).is_ok() => intended.len(),
         Ok(reading) => {
             let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
-            // Found, but in another role: somebody is mistaken for somebody else.
+            // All phrases resolve, but to another goal; only objects that the task means are counted.
             let found = intended.iter().filter(|id| meant.contains(id)).count();
             found.min(intended.len().saturating_sub(1))
         }
     }
 }
 
-/// Checks that the instruction, read in the task's scene, asks for exactly the task's goal.
+/// Checks that the instruction, read in the task's scene, states exactly the task's goal.
 ///
 /// # Errors
 /// The first [`Mismatch`].
@@ -187,16 +188,16 @@ pub fn check(task: &Task) -> Result<(), Mismatch> {
     check_said(task, &task.instruction)
 }
 
-/// Checks that a sentence, read in the task's scene, asks for exactly the task's goal, as its instruction has to.
+/// Checks that any sentence, read in the task's scene, states exactly the task's goal.
 ///
 /// # Errors
 /// The first [`Mismatch`].
 pub fn check_said(task: &Task, instruction: &str) -> Result<(), Mismatch> {
-    is_goal_of(task, &read(instruction, &task.objects, &task.scene_graph)?)
+    check_goal(task, &read(instruction, &task.objects, &task.scene_graph)?)
 }
 
-/// Whether what was read is exactly the task's goal.
-fn is_goal_of(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
+/// Checks that a reading is exactly the task's goal.
+fn check_goal(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
     let groups = open(reading);
     let meant = &task.goal.alternatives;
     let same = |read: &Vec<ReadAtom>, meant: &Vec<Atom>| {
@@ -209,7 +210,7 @@ fn is_goal_of(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
     Err(Mismatch::OtherGoal { read: format!("{:?}", reading.goal), meant: format!("{meant:?}") })
 }
 
-/// Whether a condition that was read is the one that is meant, whichever copies of a group they name.
+/// True if the condition that was read is the intended one, up to exchange of copies within a group.
 fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>]) -> bool {
     let any = |id: &'_ String| -> String {
         let group = groups.iter().find(|group| group.contains(id));

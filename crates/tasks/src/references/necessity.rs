@@ -1,27 +1,27 @@
-//! Whether a sentence needs what makes it hard: read again with that left out, does it still say the same?
+//! Finds tasks whose distinctive clue is redundant: read without it, the instruction still states the same goal.
 
 use genmanip_core::{Task, TaskKind};
 
-use super::grammar::{self, Command, Group, Heard, Place};
+use super::grammar::{self, Command, Group, Parsed, Place};
 use super::lexicon::lexicon;
-use super::{Mismatch, is_goal_of, understand};
+use super::{Mismatch, check_goal, understand};
 
-/// What tells a listener which thing is meant.
+/// A kind of information that identifies an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clue {
-    /// What is said beside the request: somebody is thirsty.
+    /// A need stated before the request: somebody is thirsty.
     Need,
-    /// Where a thing is: the cup *that is on the tray*, the bowl *farthest from the robot*.
+    /// A location: the cup *that is on the tray*, the bowl *farthest from the robot*.
     Place,
-    /// What a thing looks like: the *blue* cup *with the square handle*.
+    /// An appearance: the *blue* cup *with the square handle*.
     Trait,
 }
 
-/// Words by which a superlative of places begins.
+/// First words of spatial superlatives.
 const FARTHEST: [&str; 3] = ["farthest", "nearest", "closest"];
 
 impl Clue {
-    /// The clue that tasks of a kind are about; tasks of the other kinds ask for skill, not for understanding.
+    /// The clue that tasks of this kind test; `None` for kinds that test manipulation skill instead.
     pub fn of(kind: TaskKind) -> Option<Self> {
         match kind {
             TaskKind::CommonSense => Some(Self::Need),
@@ -31,13 +31,13 @@ impl Clue {
         }
     }
 
-    /// What was heard, without this clue.
-    fn left_out(self, mut heard: Heard) -> Heard {
+    /// The parsed instruction without this clue.
+    fn without(self, mut parsed: Parsed) -> Parsed {
         if self == Self::Need {
-            heard.context.clear();
+            parsed.context.clear();
         }
-        heard.commands.iter_mut().for_each(|command| each_group(command, &mut |group| self.strip(group)));
-        heard
+        parsed.commands.iter_mut().for_each(|command| each_group(command, &mut |group| self.strip(group)));
+        parsed
     }
 
     fn strip(self, group: &mut Group) {
@@ -60,7 +60,7 @@ impl Clue {
     }
 }
 
-/// Whether a task's instruction means its goal also without a clue, so that nobody has to understand it.
+/// True if the task's instruction states its goal even without the clue, so that the task does not test it.
 ///
 /// ```
 /// use genmanip_core::Task;
@@ -70,28 +70,28 @@ impl Clue {
 /// # }
 /// ```
 pub fn is_needless(task: &Task, clue: Clue) -> bool {
-    let Some(heard) = grammar::read(&task.instruction) else { return false };
-    let reading = understand(&clue.left_out(heard), &task.objects, &task.scene_graph);
-    reading.and_then(|reading| is_goal_of(task, &reading)).is_ok()
+    let Some(parsed) = grammar::read(&task.instruction) else { return false };
+    let reading = understand(&clue.without(parsed), &task.objects, &task.scene_graph);
+    reading.and_then(|reading| check_goal(task, &reading)).is_ok()
 }
 
-/// How many things an instruction tells by where they are.
+/// Number of objects that an instruction identifies by their location.
 ///
 /// # Errors
-/// [`Mismatch::Unreadable`].
+/// [`Mismatch::Unreadable`] if the instruction is outside the grammar.
 pub fn clues_at_places(task: &Task) -> Result<usize, Mismatch> {
     let unreadable = || Mismatch::Unreadable { phrase: task.instruction.clone() };
-    let mut heard = grammar::read(&task.instruction).ok_or_else(unreadable)?;
+    let mut parsed = grammar::read(&task.instruction).ok_or_else(unreadable)?;
     let mut count = 0;
     let mut note = |group: &mut Group| {
         let is_farthest = group.words.iter().any(|word| FARTHEST.contains(&word.as_str()));
         count += usize::from(group.at.is_some() || is_farthest);
     };
-    heard.commands.iter_mut().for_each(|command| each_group(command, &mut note));
+    parsed.commands.iter_mut().for_each(|command| each_group(command, &mut note));
     Ok(count)
 }
 
-/// Visits every noun group of a command, those inside of others too.
+/// Visits every noun phrase of a command, including nested ones.
 fn each_group(command: &mut Command, visit: &mut impl FnMut(&mut Group)) {
     fn group(one: &mut Group, visit: &mut impl FnMut(&mut Group)) {
         if let Some(at) = &mut one.at {

@@ -1,15 +1,15 @@
-//! What the graph of a scene lets a listener conclude about where things are.
+//! Relations that follow from the graph of a scene, in all or in some of its layouts.
 
 use genmanip_core::{Relation, SceneGraph};
 
-/// How sure a listener can be of a relation.
+/// Certainty of a relation, given the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Certainty {
-    /// The graph says so.
+    /// True in every layout.
     Certain,
-    /// It may be so in one layout and not in another.
+    /// True in some layouts, as far as the graph tells.
     Possible,
-    /// The graph rules it out.
+    /// True in no layout.
     Impossible,
 }
 
@@ -22,7 +22,7 @@ pub(super) enum Axis {
     Width,
 }
 
-/// A reader of one graph.
+/// Derives relations from one graph.
 pub(super) struct Space<'g> {
     graph: &'g SceneGraph,
 }
@@ -32,7 +32,7 @@ impl<'g> Space<'g> {
         Self { graph }
     }
 
-    /// Whether all of `one` is beyond all of `other` along the axis: a chain of edges says so.
+    /// True if a chain of edges orders all of `one` beyond all of `other` along the axis.
     pub fn is_beyond(&self, one: &str, axis: Axis, other: &str) -> bool {
         let mut reached = vec![other];
         let mut next = 0;
@@ -61,13 +61,13 @@ impl<'g> Space<'g> {
         self.is_beyond(one, axis, other) || self.is_beyond(other, axis, one)
     }
 
-    /// What an object rests on or lies in.
+    /// The object on or in which `uid` is, and how.
     pub fn support(&self, uid: &str) -> Option<(&'g str, Relation)> {
         let edge = self.graph.edges.iter().find(|edge| edge.subject == uid && edge.relation.is_support())?;
         Some((&edge.reference, edge.relation))
     }
 
-    /// Whether `subject` stands to `reference` as the words for these relations say.
+    /// Certainty that `subject` is in one of the relations `said` to `reference`.
     pub fn stands(&self, subject: &str, said: &[Relation], reference: &str) -> Certainty {
         let support = self.support(subject).filter(|(carrier, _)| *carrier == reference);
         if said.iter().any(|relation| relation.is_support()) {
@@ -112,7 +112,7 @@ impl<'g> Space<'g> {
         if impossible { Certainty::Impossible } else { Certainty::Possible }
     }
 
-    /// Whether `subject` is between two others.
+    /// Certainty that `subject` is between two others.
     pub fn is_between(&self, subject: &str, one: &str, other: &str) -> Certainty {
         let stated = self.graph.edges.iter().any(|edge| {
             let ends = (edge.reference.as_str(), edge.second_reference.as_deref().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! The reader reads what is said, and nothing else: wrong and ambiguous sentences are found.
+//! The reader resolves correct sentences and rejects wrong and ambiguous ones.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ fn card(uid: &str) -> Arc<ObjectCard> {
     Arc::new(Catalogue::builtin().card(uid).unwrap().clone())
 }
 
-/// `001 left 002`, `030 between 001 002`, `057=closed`.
+/// Parses a scene from statements such as `001 left 002`, `030 between 001 002`, `057=closed`.
 fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
     let mut graph = SceneGraph::default();
     let mut cards: Vec<Arc<ObjectCard>> = Vec::new();
@@ -40,8 +40,8 @@ fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
     (cards, graph)
 }
 
-/// What is heard: the goal as `subject relation references`, or the reason why not.
-fn heard(instruction: &str, facts: &[&str]) -> String {
+/// The goal that is read, as `subject relation references`, or the mismatch.
+fn read_goal(instruction: &str, facts: &[&str]) -> String {
     let (cards, graph) = scene(facts);
     match read(instruction, &cards, &graph) {
         Err(mismatch) => mismatch.to_string(),
@@ -114,18 +114,18 @@ fn sentences_mean_what_a_person_would_understand() {
         ("My throat is sore.", &middle, "not understood: `My throat is sore.`"),
     ];
     for (instruction, facts, expected) in cases {
-        assert_eq!(heard(instruction, facts), expected, "{instruction}");
+        assert_eq!(read_goal(instruction, facts), expected, "{instruction}");
     }
 }
 
-/// A place that may fit another object in some layout does not single anything out.
+/// A location that fits another object in some layout is ambiguous.
 #[test]
 fn what_the_graph_leaves_open_is_ambiguous() {
     let put = "Take the mug that is on the far side of the teapot and put it on the plate.";
     let open = ["001 front 010", "002 left 008", "008 left 010"];
-    assert_eq!(heard(put, &open), "001 on/top 008", "the blue mug is left of the teapot, by way of the plate");
+    assert_eq!(read_goal(put, &open), "001 on/top 008", "the blue mug is left of the teapot, by way of the plate");
     let open = ["001 front 010", "002 near 008", "008 left 010"];
-    assert!(heard(put, &open).contains("may be any of"), "the blue mug may be anywhere around the plate");
+    assert!(read_goal(put, &open).contains("may be any of"), "the blue mug may be anywhere around the plate");
 }
 
 fn tasks(seed: u64, count: usize) -> Vec<Task> {
@@ -138,7 +138,7 @@ fn swapped(text: &str, one: &str, other: &str) -> String {
     text.replace(one, "\u{0}").replace(other, one).replace('\u{0}', other)
 }
 
-/// Every designed task is understood; spoilt in one way, it is not, or it is understood as another one.
+/// Every designed task reads back to its goal; corrupted in one way, it is rejected or reads back to another goal.
 #[test]
 fn spoilt_tasks_are_found() {
     let mut applied = [0; 7];
@@ -153,13 +153,13 @@ fn spoilt_tasks_are_found() {
         };
         said(0, swapped(&task.instruction, "robot's left", "robot's right"));
         said(1, swapped(&task.instruction, "the far side of", "the robot's side of"));
-        // Where only the speaker doubts whether another thing is of the kind, the words decide nothing.
+        // Where the other object only possibly belongs to the kind, the phrase may be redundant for the reader.
         let bare = task.instruction.replacen(" farthest to the robot's left", "", 1);
         if check(&Task { instruction: bare, ..task.clone() }).is_err() {
             said(2, swapped(&task.instruction, "farthest to the robot's left", "farthest to the robot's right"));
         }
         said(3, swapped(&task.instruction, "urn on", "urn off"));
-        // A twin of whatever moves, in the same relations to everything.
+        // Adds a copy of the moved object with the same relations to everything.
         let atom = task.goal.alternatives[0].iter().find(|atom| matches!(atom, Atom::Relation { .. }));
         if let Some(atom) = atom {
             let mut twin = task.clone();
@@ -178,7 +178,7 @@ fn spoilt_tasks_are_found() {
             twin.objects.push(Arc::new(card));
             spoilt.push((4, twin));
         }
-        // Another goal than what is said.
+        // Changes the goal instead of the sentence.
         let mut other = task.clone();
         match &mut other.goal.alternatives[0][0] {
             Atom::Relation { relation, .. } => {
@@ -193,7 +193,7 @@ fn spoilt_tasks_are_found() {
             spoilt.push((6, fewer));
         }
         for (index, spoilt) in spoilt {
-            // A sentence that offers both sides says the same with the sides exchanged.
+            // A sentence with both sides as alternatives means the same if the sides are exchanged.
             let offers_both = index < 2 && task.goal.alternatives.len() > 1;
             if !offers_both {
                 applied[index] += 1;
@@ -204,7 +204,7 @@ fn spoilt_tasks_are_found() {
     assert!(applied.iter().all(|count| *count > 0), "{applied:?}");
 }
 
-/// Copies that nothing tells apart are any of them; a relation, also to another thing, singles one out.
+/// A phrase that fits several identical copies leaves the choice open; a relation singles one out.
 #[test]
 fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
     let mugs = ["001 left 008", "001#2 right 008", "027 front 008"];
@@ -217,7 +217,7 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
     ] {
         let (objects, scene_graph) = scene(&mugs);
         let reading = read(instruction, &objects, &scene_graph);
-        assert_eq!(heard(instruction, &mugs), goal, "{instruction}: {reading:?}");
+        assert_eq!(read_goal(instruction, &mugs), goal, "{instruction}: {reading:?}");
         let words: Vec<&str> = goal.split(' ').collect();
         let atom = Atom::Relation {
             subject: words[0].into(),
@@ -239,14 +239,14 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
         let found: Vec<String> = interchangeable(&task).iter().map(|group| group.join("/")).collect();
         assert_eq!(found.join(" "), groups, "{instruction}");
         assert_eq!(check(&task), Ok(()), "{instruction}");
-        // The other copy is as good where nothing tells them apart, and wrong where something does.
+        // Copies may be exchanged in the goal only where nothing distinguishes them.
         let swap = std::collections::BTreeMap::from([("001", "001#2"), ("001#2", "001")]);
         task.goal.alternatives[0][0] = task.goal.alternatives[0][0].renamed(&swap);
         assert_eq!(check(&task).is_ok(), !groups.is_empty(), "{instruction}");
     }
 }
 
-/// Saying another colour refers to something else, or to nothing.
+/// An exchanged colour refers to another object or to none.
 #[test]
 fn another_colour_is_noticed() {
     let mut changed = 0;
@@ -274,7 +274,7 @@ fn a_mismatch_is_one_sentence() {
     assert_eq!(mismatch.reason(), "an ambiguous phrase");
 }
 
-/// What a sentence could leave out without meaning something else.
+/// Redundant clues are found.
 #[test]
 fn clues_that_nobody_needs_are_found() {
     let two_mugs = ["001 left 008", "002 right 008", "027 front 008"];
@@ -324,7 +324,7 @@ fn most_designed_tasks_need_what_their_kind_is_about() {
         }
     }
     assert_eq!(counts.len(), 3);
-    // The designer tries that itself for needs.
+    // The designer itself rejects tasks with a redundant need.
     assert_eq!(counts[&TaskKind::CommonSense].0, 0, "{counts:?}");
     assert!(counts.values().all(|(needless, all)| 2 * needless < *all), "{counts:?}");
 }

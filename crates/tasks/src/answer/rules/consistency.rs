@@ -1,8 +1,8 @@
-//! Which relations cannot hold together.
+//! Contradictions between relations.
 //!
-//! Left, front and support are strict orders, so a cycle of one of them cannot hold; a pair seen from both sides is
-//! a cycle of two. And a pair stands in one way to each other: left/right needs overlap along x only, front/back
-//! along y only, and a carried object is neither beside nor near its carrier.
+//! Left, front and support are strict orders, so cycles are contradictory; contradictory statements about a pair are
+//! cycles of length two. The kinds of relations of a pair exclude each other: left/right requires overlap along x only,
+//! front/back along y only, and a supported object is neither beside nor near its support.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -17,7 +17,7 @@ pub(super) struct Link {
     pub reference: usize,
 }
 
-/// The three orders; `right` and `back` are read the other way round.
+/// The strict orders, and near; `right` and `back` are inverted.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Order {
     Left,
@@ -37,7 +37,7 @@ impl Order {
     }
 }
 
-/// One sentence per contradiction; empty when all relations can hold together.
+/// Descriptions of all contradictions; empty if the relations are consistent.
 pub(super) fn contradictions(links: &[Link], name: impl Fn(usize) -> String) -> Vec<String> {
     let mut found = mixed_pairs(links, &name);
     for order in [Order::Left, Order::Front, Order::Support] {
@@ -49,7 +49,7 @@ pub(super) fn contradictions(links: &[Link], name: impl Fn(usize) -> String) -> 
     found
 }
 
-/// The smaller object first: `(order, above, below)`.
+/// `(order, smaller, larger)`.
 fn ordered(link: &Link) -> Option<(Order, usize, usize)> {
     let (subject, reference) = (link.subject, link.reference);
     Some(match link.relation {
@@ -63,7 +63,7 @@ fn ordered(link: &Link) -> Option<(Order, usize, usize)> {
     })
 }
 
-/// Pairs that are said to stand to each other in two ways that exclude each other.
+/// Pairs with mutually exclusive relations.
 fn mixed_pairs(links: &[Link], name: &impl Fn(usize) -> String) -> Vec<String> {
     let mut orders: BTreeMap<(usize, usize), BTreeSet<Order>> = BTreeMap::new();
     for (order, one, other) in links.iter().filter_map(ordered) {
@@ -91,7 +91,7 @@ fn mixed_pairs(links: &[Link], name: &impl Fn(usize) -> String) -> Vec<String> {
         .collect()
 }
 
-/// One shortest cycle per knot of objects that all lie on cycles of an order.
+/// One shortest cycle per strongly connected component of an order.
 fn cycles(links: &[Link], order: Order) -> Vec<Vec<usize>> {
     let mut next: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
     for (_, one, other) in links.iter().filter_map(ordered).filter(|(kind, ..)| *kind == order) {

@@ -1,4 +1,4 @@
-//! Rules of the goal.
+//! Rules for the goal.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ use crate::answer::TaskRequest;
 use crate::answer::flaw::{Findings, FlawKind};
 use crate::answer::resolve::{Condition, Draft, Test};
 
-/// Checks every condition by itself and every conjunction for consistency.
+/// Checks every condition on its own, and every conjunction for consistency.
 pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     check_not_empty(draft, findings);
     let mut missing = BTreeSet::new();
@@ -29,7 +29,7 @@ pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Finding
                 );
             }
         }
-        let moves = matches!(condition.test, Test::Relation(..)) && holds(condition, draft).is_none();
+        let moves = matches!(condition.test, Test::Relation(..)) && holds_initially(condition, draft).is_none();
         if moves && !request.offered[condition.subject].can_grasp && fixed.insert(condition.subject) {
             let message =
                 format!("expected an object that the hand can carry, got {}", object_name(request, condition.subject));
@@ -42,13 +42,14 @@ pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Finding
     }
 }
 
-/// No alternative may hold in the initial graph, also not seen from the other object.
+/// No alternative may hold in the initial graph, also by inverse relations.
 pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
         if conjunction.is_empty() || conjunction.len() < draft.written_conditions[index] {
             continue;
         }
-        let Some(views) = conjunction.iter().map(|condition| holds(condition, draft)).collect::<Option<Vec<_>>>()
+        let Some(views) =
+            conjunction.iter().map(|condition| holds_initially(condition, draft)).collect::<Option<Vec<_>>>()
         else {
             continue;
         };
@@ -64,18 +65,18 @@ pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
     }
 }
 
-/// How an initial edge tells that a condition holds.
+/// Direction of the initial edge that implies a condition.
 #[derive(Clone, Copy, PartialEq)]
 enum View {
     Direct,
     Inverted,
 }
 
-/// Subject, relation, reference and second reference, whatever objects are named by.
+/// Subject, relation, reference and second reference, with generic object ids.
 type Fact<T> = (T, Relation, T, Option<T>);
 
-/// Whether the initial graph says that a condition holds.
-fn holds(condition: &Condition, draft: &Draft) -> Option<View> {
+/// Initial edge by which a condition already holds, if any.
+fn holds_initially(condition: &Condition, draft: &Draft) -> Option<View> {
     match &condition.test {
         Test::State(state) => {
             let node = draft.nodes.iter().find(|node| node.object == condition.subject)?;
@@ -83,13 +84,13 @@ fn holds(condition: &Condition, draft: &Draft) -> Option<View> {
         }
         Test::Relation(relation, reference, second) => {
             let edges = draft.edges.iter().map(|edge| (edge.subject, edge.relation, edge.reference, edge.second));
-            said(edges, (condition.subject, *relation, *reference, *second))
+            implied_by(edges, (condition.subject, *relation, *reference, *second))
         }
     }
 }
 
-/// Whether the initial graph of a task says that a condition holds.
-pub(super) fn is_said(graph: &SceneGraph, atom: &Atom) -> bool {
+/// True if the initial graph of a task implies a condition.
+pub(super) fn is_implied(graph: &SceneGraph, atom: &Atom) -> bool {
     match atom {
         Atom::State { object, state } => {
             graph.nodes.iter().any(|node| node.id == *object && node.state.as_ref() == Some(state))
@@ -98,13 +99,13 @@ pub(super) fn is_said(graph: &SceneGraph, atom: &Atom) -> bool {
             let edges = graph.edges.iter();
             let edges =
                 edges.map(|edge| (&edge.subject, edge.relation, &edge.reference, edge.second_reference.as_ref()));
-            said(edges, (subject, *relation, reference, second_reference.as_ref())).is_some()
+            implied_by(edges, (subject, *relation, reference, second_reference.as_ref())).is_some()
         }
     }
 }
 
-/// How initial edges tell that a relation holds.
-fn said<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, condition: Fact<T>) -> Option<View> {
+/// Initial edge by which a relation already holds, if any.
+fn implied_by<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, condition: Fact<T>) -> Option<View> {
     let (subject, relation, reference, second) = condition;
     if relation == Relation::Between {
         let ends = |one: T, other: Option<T>| BTreeSet::from([Some(one), other]);
@@ -116,11 +117,11 @@ fn said<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, conditi
     if edges.clone().any(|edge| (edge.0, edge.2) == (subject, reference) && implies(edge.1, relation)) {
         return Some(View::Direct);
     }
-    let seen_back = |edge: Fact<T>| edge.1.inverse().is_some_and(|inverse| implies(inverse, relation));
-    edges.any(|edge| (edge.2, edge.0) == (subject, reference) && seen_back(edge)).then_some(View::Inverted)
+    let inverse_implies = |edge: Fact<T>| edge.1.inverse().is_some_and(|inverse| implies(inverse, relation));
+    edges.any(|edge| (edge.2, edge.0) == (subject, reference) && inverse_implies(edge)).then_some(View::Inverted)
 }
 
-/// Whether an edge makes a condition true: neighbours in any direction are near, and `top` accepts on and in.
+/// True if an edge implies a condition: neighbours in any direction are near, and `top` includes on and in.
 fn implies(edge: Relation, condition: Relation) -> bool {
     let neighbour = matches!(edge, Relation::Front | Relation::Back | Relation::Left | Relation::Right);
     edge == condition || (condition == Relation::Near && neighbour) || (condition == Relation::Top && edge.is_support())

@@ -1,4 +1,4 @@
-//! Rules of the initial graph.
+//! Rules for the initial graph.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::answer::TaskRequest;
 use crate::answer::flaw::{Findings, FlawKind};
 use crate::answer::resolve::Draft;
 
-/// Checks nodes and edges one by one and drops repeated nodes.
+/// Checks nodes and edges, and drops repeated nodes.
 pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
     drop_repeated_nodes(&mut draft, request, findings);
     let name = |index: usize| object_name(request, index);
@@ -32,7 +32,7 @@ pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Find
     draft
 }
 
-/// Notes the edges that cannot hold together; true when there are none.
+/// Reports contradictory edges; true if there are none.
 pub(super) fn check_consistency(draft: &Draft, request: &TaskRequest, findings: &mut Findings) -> bool {
     let links: Vec<Link> = draft
         .edges
@@ -48,7 +48,7 @@ pub(super) fn check_consistency(draft: &Draft, request: &TaskRequest, findings: 
     found.is_empty()
 }
 
-/// `007 (Porcelain Plate)`.
+/// Id and name of an object, `007 (Porcelain Plate)`.
 pub(super) fn object_name(request: &TaskRequest, index: usize) -> String {
     let name = request.names().get(index).copied();
     name.map_or_else(String::new, |name| format!("{} ({name})", request.ids()[index]))
@@ -88,7 +88,7 @@ fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Fin
     }
 }
 
-/// An object whose only edge said that it stands on the table has been placed; one without any edge has not.
+/// An object whose only edge said that it is on the table has a place; one without any edge does not.
 fn check_edges_of_nodes(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     if draft.lost_edges {
         return;

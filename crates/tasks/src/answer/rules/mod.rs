@@ -1,4 +1,4 @@
-//! Every rule of the format, on a resolved answer.
+//! Rules of the format, checked on a resolved answer.
 
 mod consistency;
 mod goal;
@@ -10,24 +10,24 @@ use super::TaskRequest;
 use super::flaw::{Findings, FlawKind};
 use super::resolve::{Draft, Test};
 
-/// Longest instruction, words counted by white space.
+/// Maximum length of an instruction, white-space separated words.
 const MAX_WORDS: usize = 30;
 
-/// Notes every violation and returns the draft with its repairs made.
+/// Reports all violations and returns the repaired draft.
 pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
     check_instruction(&draft, findings);
     let draft = graph::check(draft, request, findings);
     let graph_is_consistent = graph::check_consistency(&draft, request, findings);
     goal::check(&draft, request, findings);
     if graph_is_consistent {
-        // What a contradictory graph implies means nothing.
+        // The implications of a contradictory graph are meaningless.
         goal::check_not_satisfied(&draft, findings);
     }
     check_kind(&draft, request.kind, findings);
     draft
 }
 
-/// No copy may stand where the goal wants it, whichever copy the goal is said with.
+/// No instance may initially satisfy the goal, also with interchangeable instances exchanged.
 pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
     if let Err(error) = task.check_interchangeable() {
         let hint = "say which copies are meant, or use fewer of them";
@@ -37,7 +37,7 @@ pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
     let goal = task.judged_goal();
     let others = goal.alternatives.iter().skip(task.goal.alternatives.len());
     for atoms in others {
-        if !atoms.is_empty() && atoms.iter().all(|atom| goal::is_said(&task.scene_graph, atom)) {
+        if !atoms.is_empty() && atoms.iter().all(|atom| goal::is_implied(&task.scene_graph, atom)) {
             let words: Vec<String> = atoms.iter().map(ToString::to_string).collect();
             let message = format!("another copy is where the goal wants one: {}", words.join(", "));
             let hint = "the goal must be false for every copy before the robot moves";
@@ -57,7 +57,7 @@ fn check_instruction(draft: &Draft, findings: &mut Findings) {
     }
 }
 
-/// Articulated tasks change a state; all others but long ones are pick-and-place only.
+/// Articulated tasks change a state; all others except long ones have relations only.
 fn check_kind(draft: &Draft, kind: TaskKind, findings: &mut Findings) {
     for (index, conjunction) in draft.alternatives.iter().enumerate() {
         if conjunction.len() < draft.written_conditions[index] || conjunction.is_empty() {

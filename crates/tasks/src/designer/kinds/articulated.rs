@@ -1,4 +1,4 @@
-//! The state of something with joints is changed, sometimes together with something else.
+//! Tasks that change the state of an articulated object, possibly together with another goal.
 
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
@@ -11,15 +11,15 @@ use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{capitalised, choose, fill, phrases};
 use crate::designer::sketch::Condition;
 
-/// What is asked for beside the state.
+/// A second goal beside the change of state.
 enum Extra {
     Nothing,
-    /// Another state, of another object, in its place or in addition.
+    /// A change of state of another object with this handling; `true` if it is an alternative to the first one.
     Other(usize, &'static Handling, bool),
     Move(usize, super::Place),
 }
 
-/// One, two or either of two states; or a state and something to move.
+/// One state change, two of them (both or either), or a state change and an object to move.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let style = *[Style::Plain, Style::Plain, Style::Looks, Style::Place].choose(&mut composer.rng)?;
     let (object, change) = add_changed(composer, style)?;
@@ -76,7 +76,7 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     }
 }
 
-/// Adds something with joints in a state from which it can be changed.
+/// Adds an articulated object in an initial state from which it can be changed.
 fn add_changed(composer: &mut Composer, style: Style) -> Option<(usize, &'static Handling)> {
     let can = |card: &ObjectCard| handling().iter().any(|handling| handling.category == card.category);
     let has_twin = |card: &ObjectCard| card.category.ends_with("cabinet");

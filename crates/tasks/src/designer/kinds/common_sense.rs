@@ -1,6 +1,7 @@
-//! A need from everyday life that decides what is moved or where it goes; the request alone leaves it open.
+//! Tasks in which an everyday need decides which object is moved or where it goes; without the need, the request is
+//! ambiguous.
 //!
-//! Something for another need is on the table as well, so that the same request with that need asks for something else.
+//! The table also holds an object for a different need, so that the same request after that need has a different goal.
 
 use genmanip_core::{ObjectCard, Relation};
 use rand::seq::IndexedRandom;
@@ -12,16 +13,16 @@ use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::things::{is_movable, things};
 
-/// Share of things that are only wanted near by: people mostly do not care on which side.
-const AT_HAND: f64 = 0.8;
+/// Probability that the goal is `near`: in everyday requests the side rarely matters.
+const NEAR_PROBABILITY: f64 = 0.8;
 
-/// Other needs tried before the scene is given up.
+/// Other needs tried before the design is rejected.
 const OTHER_NEEDS: usize = 60;
 
-/// A scene with exactly one thing that meets the need, and exactly one that meets another.
+/// A scene with exactly one object that meets the need and exactly one that meets another need.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let need = needs().choose(&mut composer.rng)?;
-    let is_near = need.relations.contains(&Relation::Near) && toss(composer, AT_HAND);
+    let is_near = need.relations.contains(&Relation::Near) && toss(composer, NEAR_PROBABILITY);
     let relation = if is_near { Relation::Near } else { wanted_relation(composer, &need.relations)? };
     let (subject, place, meets, other) = match need.decides {
         Decides::Object => what(composer, need, relation)?,
@@ -58,10 +59,10 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     Some(Draft { without_need: Some([request, instead]), ..draft })
 }
 
-/// What is moved, where to, what meets the two needs, and the other need.
+/// The moved object, its goal position, the objects that meet the two needs, and the other need.
 type Scene = (usize, Place, [usize; 2], &'static Need);
 
-/// The need decides what is moved; any other thing on the table says where to.
+/// The need decides the moved object; the destination is any other object on the table.
 fn what(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
     let item = composer.pick_mover(|card| need.is_met_by(card))?;
     let (other, instead) = other_need(composer, need, |composer, other| {
@@ -77,7 +78,7 @@ fn what(composer: &mut Composer, need: &'static Need, relation: Relation) -> Opt
     Some((subject, place, [subject, instead], other))
 }
 
-/// The need decides where something goes.
+/// The need decides the destination.
 fn whereto(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
     let item = composer.pick_mover(|card| need.may_move(card) && !need.is_doubtful(card))?;
     let fits = |need: &Need, card: &ObjectCard| {
@@ -102,7 +103,7 @@ fn whereto(composer: &mut Composer, need: &'static Need, relation: Relation) -> 
     Some((subject, place, [reference, instead], other))
 }
 
-/// Another need that decides the same, and a thing for it.
+/// Another need that decides the same part of the request, and a card that meets it.
 fn other_need<'a>(
     composer: &mut Composer<'a>,
     need: &'static Need,

@@ -1,4 +1,4 @@
-//! Two to four steps, some with a choice.
+//! Tasks of two to four steps, some with alternatives.
 
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
@@ -10,27 +10,27 @@ use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::sketch::Condition;
 use crate::designer::things::things;
 
-/// Supports only; what several things share.
+/// Support relations, which several objects can have to one reference.
 const SUPPORTS: [Relation; 3] = [Relation::Top, Relation::On, Relation::In];
 
-/// Share of sentences that begin with the first step.
-const PLAIN_OPENINGS: f64 = 0.6;
+/// Probability that a sentence begins with its first step rather than with an opening phrase.
+const PLAIN_OPENING_PROBABILITY: f64 = 0.6;
 
-/// Share of later steps that go where an earlier one went, and tries for each thing, where more than two steps are asked
-/// for.
-const SHARED: f64 = 0.5;
+/// For tasks of more than two steps: probability that a later step goes to the place of an earlier one, and attempts
+/// per object.
+const SHARED_PLACE_PROBABILITY: f64 = 0.5;
 const TRIES: usize = 4;
 
-/// One step: what goes where, or where else.
+/// One step: a moved object, its goal position and possibly an alternative position.
 struct Step {
     subject: usize,
     place: Place,
     other: Option<Place>,
 }
 
-/// Steps in a row, two things to one place, or a tower.
+/// A sequence of steps, two objects to one place, or a tower of blocks.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
-    // Pairs and towers nearly always work out, steps often do not and are drawn again. Both have two steps.
+    // Pairs and towers rarely fail, sequences often do and are drawn again. Pairs and towers always have two steps.
     let is_two = composer.settings.steps[0] <= 2;
     match composer.rng.random_range(0..120) {
         _ if !is_two => compose_steps(composer),
@@ -50,7 +50,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
         let item = mover_for(composer, relation, |card| items.iter().all(|(other, ..)| other.uid != card.uid))?;
         let place = match shared_place(composer, &items, item) {
             Some(place) => place,
-            None => tried(composer, |composer| composer.destination(item, relation, Style::Plain))?,
+            None => with_retries(composer, |composer| composer.destination(item, relation, Style::Plain))?,
         };
         composer.balance.add(place.relation);
         let other = match may_choose && count < 4 {
@@ -62,7 +62,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     }
     let mut steps = Vec::new();
     for (item, place, other) in items {
-        let subject = tried(composer, |composer| composer.add_to_move(item, place, Style::Plain))?;
+        let subject = with_retries(composer, |composer| composer.add_to_move(item, place, Style::Plain))?;
         steps.push(Step { subject, place, other });
     }
     let objects = composer.object_count();
@@ -71,7 +71,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     let mut said = Vec::new();
     for step in &steps {
         let style = match steps.len() {
-            // Four steps leave no words for looks.
+            // Descriptions by appearance would make sentences of four steps too long.
             4 => Style::Plain,
             _ => [Style::Plain, Style::Plain, Style::Looks][composer.rng.random_range(0..3)],
         };
@@ -98,19 +98,23 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     draft(composer, sentence, alternatives(&steps))
 }
 
-/// What is tried once for two steps, and a few times where many steps need room on one table.
-fn tried<'a, T>(composer: &mut Composer<'a>, mut attempt: impl FnMut(&mut Composer<'a>) -> Option<T>) -> Option<T> {
+/// One attempt for tasks of two steps; several for longer ones, where room on the table is scarce.
+fn with_retries<'a, T>(
+    composer: &mut Composer<'a>,
+    mut attempt: impl FnMut(&mut Composer<'a>) -> Option<T>,
+) -> Option<T> {
     let times = if has_many(composer) { TRIES } else { 1 };
     (0..times).find_map(|_| attempt(composer))
 }
 
-/// Where an earlier step goes, with room for one more thing: many steps would need as many places otherwise.
+/// The place of an earlier step, if it has room for one more object. Without sharing, many steps would need as many
+/// places.
 fn shared_place(
     composer: &mut Composer,
     items: &[(&ObjectCard, Place, Option<Place>)],
     item: &ObjectCard,
 ) -> Option<Place> {
-    if !has_many(composer) || !toss(composer, SHARED) {
+    if !has_many(composer) || !toss(composer, SHARED_PLACE_PROBABILITY) {
         return None;
     }
     items.iter().map(|(_, place, _)| *place).find(|place| {
@@ -127,10 +131,10 @@ fn has_many(composer: &Composer) -> bool {
     composer.settings.steps[0] > 2
 }
 
-/// `Tidy up: put …`; what follows a colon begins small.
+/// Prepends an opening such as `Tidy up:`. The sentence then starts in lower case.
 fn opened(composer: &mut Composer, sentence: String) -> String {
     let opening = choose(&phrases().steps.opening, &mut composer.rng);
-    if toss(composer, PLAIN_OPENINGS) {
+    if toss(composer, PLAIN_OPENING_PROBABILITY) {
         return sentence;
     }
     let mut letters = sentence.chars();
@@ -138,7 +142,7 @@ fn opened(composer: &mut Composer, sentence: String) -> String {
     format!("{opening}{small}")
 }
 
-/// Every way to choose, each a conjunction of all steps.
+/// All combinations of alternatives, each as a conjunction over all steps.
 fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
     let mut goal = vec![Vec::new()];
     for step in steps {
@@ -154,7 +158,7 @@ fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
     goal
 }
 
-/// Two things to one place, or to one of two places.
+/// Two objects to one place, or to one of two places.
 fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     let relation = wanted_relation(composer, &SUPPORTS)?;
     let first = mover_for(composer, relation, |_| true)?;
@@ -202,7 +206,7 @@ fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     draft(composer, sentence, goal)
 }
 
-/// A small tower of blocks; the lowest is not moved.
+/// A small tower of blocks; the lowest block is not moved.
 fn compose_tower(composer: &mut Composer) -> Option<Draft> {
     let is_block = |card: &ObjectCard| things().kind(card).is_some_and(|kind| kind.class == "block");
     let lies_level = |upper: &ObjectCard, lower: &ObjectCard| upper.size_m.x <= lower.size_m.x + 0.001;

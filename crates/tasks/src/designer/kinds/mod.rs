@@ -1,4 +1,4 @@
-//! One module per kind of task: which scene it needs and what is said about it.
+//! One module per kind of task: the scene that it needs and its sentence.
 
 mod articulated;
 mod common_sense;
@@ -12,17 +12,18 @@ use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
 use super::sketch::{Condition, Sketch};
 
-/// A finished design; its scene is the composer's.
+/// A complete design; its scene is the composer's sketch.
 pub(super) struct Draft {
     pub instruction: String,
     pub description: String,
-    /// Alternatives of the goal.
+    /// Alternatives of the goal, each a conjunction.
     pub goal: Vec<Vec<Condition>>,
-    /// Sentences that must not ask for the goal: the request without its need, and with another need.
+    /// For needs: sentences that must not be read as this goal, namely the request without its need and with another
+    /// need.
     pub without_need: Option<[String; 2]>,
 }
 
-/// Composes a task in an empty composer; `None` when the draws do not work out.
+/// Composes a task, starting from an empty scene; `None` if this attempt fails.
 pub(super) fn compose(kind: TaskKind, composer: &mut Composer) -> Option<Draft> {
     match kind {
         TaskKind::PickAndPlace => single::compose(composer, &[(Style::Plain, Style::Plain)]),
@@ -37,7 +38,7 @@ pub(super) fn compose(kind: TaskKind, composer: &mut Composer) -> Option<Draft> 
     }
 }
 
-/// Finishes a design whose scene is complete.
+/// Completes a design whose scene is finished.
 fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
     if composer.sketch.len() < composer.settings.objects[0] {
         return None;
@@ -47,7 +48,7 @@ fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>
     Some(Draft { instruction: capitalised(&instruction), description, goal, without_need: None })
 }
 
-/// Articulated objects that the task says nothing about are in any of their states.
+/// Gives every articulated object that the task does not mention a random initial state.
 fn initial_states(composer: &mut Composer) {
     use rand::seq::IndexedRandom;
     for object in 0..composer.sketch.len() {
@@ -58,7 +59,7 @@ fn initial_states(composer: &mut Composer) {
     }
 }
 
-/// The scene in words: one short sentence per relation.
+/// Description of the scene: one short sentence per relation.
 fn describe(scene: &Sketch) -> String {
     let name = |object: usize| scene.cards[object].name.as_str();
     let sentences: Vec<String> = scene
@@ -82,7 +83,7 @@ fn describe(scene: &Sketch) -> String {
     sentences.join(" ")
 }
 
-/// A relation for a goal: the one that is asked for, or the rarest so far among those that something exists for.
+/// The relation of a goal: the one in the settings, otherwise the one furthest below its quota that some card allows.
 fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relation> {
     if let Some(asked) = composer.settings.goal_relation.filter(|asked| among.contains(asked)) {
         return Some(asked);
@@ -90,7 +91,7 @@ fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relati
     composer.balance.choose(among, composer.settings, &mut composer.rng)
 }
 
-/// Something to carry that the relation is possible for.
+/// An object to move for which this relation is possible.
 fn mover_for<'a>(
     composer: &mut Composer<'a>,
     relation: Relation,
@@ -99,7 +100,7 @@ fn mover_for<'a>(
     composer.pick_mover_for(relation.is_support().then_some(relation), suits)
 }
 
-/// Another place for the same object: the other side of the same reference, or another thing to put it in or on.
+/// An alternative place for the same object: another side of the same reference, or another object to put it in or on.
 fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style: Style) -> Option<Place> {
     if place.relation.is_support() {
         let relation = wanted_relation(composer, &[Relation::In, Relation::On, Relation::Top])?;
@@ -110,7 +111,7 @@ fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style
     Some(Place { relation: other, ..place })
 }
 
-/// A place in words: as where something goes, and as where it then is.
+/// Text of a place, as a direction (`into the bowl`) and as a location (`in the bowl`).
 fn say_place(composer: &mut Composer, place: Place, style: Style) -> Option<(String, String)> {
     let scene = &composer.sketch;
     let namer = Namer::new(scene);
@@ -122,7 +123,7 @@ fn say_place(composer: &mut Composer, place: Place, style: Style) -> Option<(Str
         }
         None => String::new(),
     };
-    // `between X and the Y that is …`: what takes a clause comes last.
+    // The reference with a relative clause comes last: `between X and the Y that is …`.
     let (first, second) = if style == Style::Place && !second.is_empty() { (second, first) } else { (first, second) };
     let to = phrases().direction(place.relation, card, &first, &second, &mut composer.rng);
     let at = phrases().place(place.relation, card, &first, &second, &mut composer.rng);

@@ -1,4 +1,4 @@
-//! One object to one place: by name, by place or by looks.
+//! Tasks that move one object to one place, referred to by name, position or appearance.
 
 use rand::seq::IndexedRandom;
 
@@ -7,14 +7,14 @@ use crate::designer::composer::Composer;
 use crate::designer::naming::{Namer, Style, has_looks};
 use crate::designer::phrasing::{choose, fill, phrases};
 
-/// One of these styles for what is moved and for where it goes.
+/// Composes a task with one of the given pairs of styles: for the moved object and for its destination.
 pub(super) fn compose(composer: &mut Composer, styles: &[(Style, Style)]) -> Option<Draft> {
     let &(moved, placed) = styles.choose(&mut composer.rng)?;
     let relation = wanted_relation(composer, any_relation())?;
     let item = mover_for(composer, relation, |card| moved != Style::Looks || has_looks(card))?;
     let place = composer.destination(item, relation, placed)?;
     composer.balance.add(relation);
-    // A place in so many words and another one after it would read two ways.
+    // After a description by position, an alternative place would make the sentence ambiguous.
     let other = match placed != Style::Place && toss(composer, composer.settings.disjunctions) {
         true => another_place(composer, item, place, placed),
         false => None,
