@@ -63,3 +63,36 @@ fn is_robot_file(text: &str) -> bool {
     let schema = value.as_ref().and_then(|value| value.get("schema")).and_then(Value::as_str);
     schema.is_some_and(|schema| schema.starts_with("genmanip.robot/"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROBOT: &str = r#"{"schema": "genmanip.robot/1", "name": "ur5e_with_a_gripper_of_mine", "on": "ur5e",
+        "gripper": "mine", "mount": {"position": [0, 0, 0.01], "rpy_deg": [0, 0, 0]}}"#;
+
+    #[test]
+    fn robots_of_a_folder_are_known_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir(path("grippers")).unwrap();
+        fs::write(path("mine.json"), ROBOT).unwrap();
+        fs::write(path("notes.json"), r#"{"schema": "of another program"}"#).unwrap();
+        let gripper = robots::find(PartKind::Gripper, "panda_hand").unwrap().replace("panda_hand", "mine");
+
+        let error = open(folder.path()).unwrap_err();
+        let text = format!("{error} {:?}", std::error::Error::source(&error).map(ToString::to_string));
+        assert!(text.contains("mine.json is no robot") && text.contains("no gripper is called"), "{text}");
+
+        fs::write(path("grippers/mine.json"), gripper.replace("\"max_width\": 0.08", "\"max_width\": 80")).unwrap();
+        let error = open(folder.path()).unwrap_err();
+        let text = format!("{error} {:?}", std::error::Error::source(&error).map(ToString::to_string));
+        assert!(text.contains("gripper mine: max_width: expected metres in 0-0.5, got 80"), "{text}");
+
+        fs::write(path("grippers/mine.json"), gripper).unwrap();
+        let names = ["ur5e_with_a_gripper_of_mine"];
+        assert_eq!(open(folder.path()).unwrap(), names);
+        assert_eq!(open(folder.path()).unwrap(), names, "twice is no clash");
+        assert_eq!(robots::named(names[0]).unwrap().gripper.max_width, 0.08);
+    }
+}

@@ -27,6 +27,9 @@ pub struct Arguments {
     /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
     #[arg(long, value_name = "DIR", global = true)]
     pub packs: Option<PathBuf>,
+    /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub robots: Option<PathBuf>,
     /// The measurement
     #[command(subcommand)]
     pub command: LabCommand,
