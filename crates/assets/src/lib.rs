@@ -54,6 +54,6 @@ pub use families::{Families, Family};
 pub use frozen::{FrozenAsset, FrozenLink};
 pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps, cache_grasps, cached_grasps};
 pub use handle::{HANDLE, handle_bounds};
-pub use robot::{panda, panda_2f85, robot_from_json};
+pub use robots::panda;
 pub use source::AssetSource;
 pub use variant::variant;

@@ -1,38 +1,105 @@
-//! Registry of built-in robots.
+//! The registry of robots: from a name to a model.
+//!
+//! Built-in robots are the files of `data/robots`; [`register`] adds those of a user while the program runs.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::{RobotModel, World};
 
-use crate::{AssetError, panda, panda_2f85};
+use crate::AssetError;
+pub use crate::robot::{PartFinder, PartKind, compose};
 
-/// Names of the built-in robots.
-pub const NAMES: [&str; 2] = ["panda", "panda_2f85"];
+/// Kind, name and text of the files under `data/robots`.
+static FILES: &[(PartKind, &str, &str)] = include!(concat!(env!("OUT_DIR"), "/robot_files.rs"));
+
+/// Robots built or registered so far, by name.
+static KNOWN: Mutex<BTreeMap<String, Arc<RobotModel>>> = Mutex::new(BTreeMap::new());
+
+/// Names of the robots: the built-in ones, and those registered.
+pub fn names() -> Vec<String> {
+    let mut names: Vec<String> = built_in(PartKind::Robot).map(str::to_owned).collect();
+    names.extend(KNOWN.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned());
+    names.sort();
+    names.dedup();
+    names
+}
 
 /// A robot by name; the same `Arc` on every call.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`] with near misses.
 pub fn named(name: &str) -> Result<Arc<RobotModel>, AssetError> {
-    match name {
-        "panda" => Ok(panda()),
-        "panda_2f85" => Ok(panda_2f85()),
-        _ => {
+    if let Some(robot) = KNOWN.lock().unwrap_or_else(PoisonError::into_inner).get(name) {
+        return Ok(Arc::clone(robot));
+    }
+    match built_in_text(PartKind::Robot, name) {
+        Some(text) => {
+            let robot = compose(&format!("robot {name}"), text, &find)?;
+            let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+            Ok(Arc::clone(known.entry(name.to_owned()).or_insert_with(|| Arc::new(robot))))
+        }
+        None => {
+            let known = names();
             let wanted = name.to_lowercase();
-            let is_near = |known: &&&str| {
+            let is_near = |known: &&String| {
                 let same = known.chars().zip(wanted.chars()).filter(|(a, b)| a == b).count();
-                wanted.contains(**known) || known.contains(&wanted) || 2 * same > known.len()
+                wanted.contains(known.as_str()) || known.contains(&wanted) || 2 * same > known.len()
             };
-            Err(AssetError::UnknownRobot {
-                got: name.to_owned(),
-                near: NAMES.iter().filter(is_near).map(|known| (*known).to_owned()).collect(),
-                known: NAMES.map(str::to_owned).to_vec(),
-            })
+            let near = known.iter().filter(is_near).cloned().collect();
+            Err(AssetError::UnknownRobot { got: name.to_owned(), near, known })
         }
     }
 }
 
-/// The robot of a world with the world's home position, after checking that it is the one the world was made for.
+/// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
+///
+/// # Panics
+/// Never in a tested build: the data files are compiled in.
+pub fn panda() -> Arc<RobotModel> {
+    named("panda").expect("built-in data files are tested")
+}
+
+/// Makes a robot known by its name for as long as the program runs.
+///
+/// # Errors
+/// [`AssetError::Data`] when another robot has its name.
+pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetError> {
+    match named(&robot.name) {
+        Err(AssetError::UnknownRobot { .. }) => {
+            let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+            Ok(Arc::clone(known.entry(robot.name.clone()).or_insert_with(|| Arc::new(robot))))
+        }
+        Err(error) => Err(error),
+        Ok(other) if other.physics_hash() == robot.physics_hash() => Ok(other),
+        Ok(other) => {
+            let message = format!("name: expected a name of its own, got {:?}, which is another robot", other.name);
+            Err(AssetError::Data { file: file.to_owned(), message })
+        }
+    }
+}
+
+/// Text of a built-in arm or gripper.
+///
+/// # Errors
+/// [`AssetError::Data`] with the names there are.
+pub fn find(kind: PartKind, name: &str) -> Result<String, AssetError> {
+    built_in_text(kind, name).map(str::to_owned).ok_or_else(|| {
+        let known: Vec<&str> = built_in(kind).collect();
+        let message = format!("no {} is called {name:?}; there are {}", kind.word(), known.join(", "));
+        AssetError::Data { file: format!("{} {name}", kind.word()), message }
+    })
+}
+
+fn built_in(kind: PartKind) -> impl Iterator<Item = &'static str> {
+    FILES.iter().filter(move |file| file.0 == kind).map(|file| file.1)
+}
+
+fn built_in_text(kind: PartKind, name: &str) -> Option<&'static str> {
+    FILES.iter().find(|file| file.0 == kind && file.1 == name).map(|file| file.2)
+}
+
+/// The robot of a world, starting where the world says, provided that it is the one the world was made for.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`], or [`AssetError::RobotMismatch`] with the field that differs.

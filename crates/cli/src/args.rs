@@ -47,6 +47,9 @@ pub struct Arguments {
     /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
     #[arg(long, value_name = "DIR", global = true)]
     pub packs: Option<PathBuf>,
+    /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub robots: Option<PathBuf>,
     /// What to do
     #[command(subcommand)]
     pub command: Command,
@@ -261,7 +264,7 @@ pub struct BakeArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Robot whose hand tries them: panda or panda_2f85
+    /// Robot whose gripper tries them: panda, panda_2f85, ur5e_2f85 or one of --robots
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
 }
@@ -369,7 +372,7 @@ pub struct LayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda or panda_2f85
+    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed

@@ -6,7 +6,7 @@ mod launch;
 
 use std::process::ExitCode;
 
-use genmanip_terminal::{ExitStatus, Failed, Printer, packs_folder};
+use genmanip_terminal::{ExitStatus, Failed, Printer, packs_folder, robots_folder};
 
 use args::{Arguments, Command, GraspsCommand, TaskCommand};
 
@@ -16,6 +16,9 @@ fn main() -> ExitCode {
         Err(code) => return code,
     };
     genmanip_terminal::run(arguments.json, arguments.quiet, |printer| {
+        if let Some(folder) = robots_folder(arguments.robots.as_ref()) {
+            genmanip_workspace::robots::open(&folder)?;
+        }
         open_packs(&arguments)?;
         run(&arguments, printer)
     })

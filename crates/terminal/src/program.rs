@@ -41,6 +41,12 @@ pub fn packs_folder(named: Option<&PathBuf>) -> PathBuf {
     named.unwrap_or_else(|| "packs".into())
 }
 
+/// The folder of the user's robots: as named, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it exists.
+pub fn robots_folder(named: Option<&PathBuf>) -> Option<PathBuf> {
+    let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_ROBOTS").map(Into::into));
+    named.or_else(|| Some(PathBuf::from("robots")).filter(|folder| folder.is_dir()))
+}
+
 /// Help, the version, or what is wrong with the command line.
 fn report(error: &clap::Error) -> ExitCode {
     use std::io::{ErrorKind, Write};

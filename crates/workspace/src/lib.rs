@@ -5,6 +5,7 @@
 //! - [`task_files`], [`task_faults`], [`Tasks`]: tasks from files, everything wrong with them, and lists of any length.
 //! - [`designed_tasks`], [`task_checks`]: tasks of the rule-based designer into a folder, and all faults of task files.
 //! - [`scenarios`], [`worlds`]: scenarios, worlds, robots and planners by file or name.
+//! - [`robots`]: robot files of the user, registered by name.
 //! - [`Ledger`](ledger::Ledger): finished items, one JSON line each, so that a killed call continues.
 //! - [`shard`]: the part of a run that one of several machines does.
 //! - [`disk_space`]: free disk space, and an estimate of what a run needs.
@@ -18,6 +19,7 @@ pub mod documents;
 mod error;
 pub mod ledger;
 mod progress;
+pub mod robots;
 pub mod scenarios;
 pub mod shard;
 pub mod task_checks;

@@ -7,6 +7,7 @@ mod grasps;
 mod joints;
 mod objects;
 mod robot;
+mod robot_files;
 mod surfaces;
 mod variants;
 mod worlds;

@@ -48,7 +48,7 @@ pub struct CollectArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda or panda_2f85
+    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed

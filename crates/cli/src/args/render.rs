@@ -67,6 +67,9 @@ pub struct RenderArguments {
     /// Light paths per pixel of `--quality reference`
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Worker threads; pictures do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,

@@ -10,7 +10,8 @@ use genmanip_core::sensor::{MAX_SHUTTER_S, SensorPreset};
 #[derive(Debug, Subcommand)]
 pub enum WorldCommand {
     /// Write the built-in world, with comments, to start from
-    #[command(after_help = "Example:\n  genmanip world init --out my_world.toml")]
+    #[command(after_help = "Examples:\n  genmanip world init --out my_world.toml\n  \
+                      genmanip world init --robot ur5e_2f85 --out ur5e.toml")]
     Init(WorldInitArguments),
     /// List everything that is wrong with a world file; exit 1 when anything is
     #[command(after_help = "Example:\n  genmanip world check my_world.toml")]
@@ -26,6 +27,9 @@ pub struct WorldInitArguments {
     /// File to write instead of printing; an existing file is refused
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Robot instead of the Panda: panda, panda_2f85, ur5e_2f85 or one of --robots
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `world check`.

@@ -345,7 +345,7 @@ fn ranges(overview: &Overview) -> Vec<Vec<String>> {
 }
 
 fn read(dataset: &Path) -> Result<Checked, Failed> {
-    let robots: Vec<Arc<RobotModel>> = robots::NAMES.iter().filter_map(|name| robots::named(name).ok()).collect();
+    let robots: Vec<Arc<RobotModel>> = robots::names().iter().filter_map(|name| robots::named(name).ok()).collect();
     check::check(dataset, &robots).map_err(|error| {
         let hint = "give the folder of a LeRobot dataset (with meta/info.json) or of a zarr group";
         let hint = error.hint().filter(|_| !matches!(error, DataError::Io { .. })).unwrap_or_else(|| hint.into());

@@ -13,6 +13,7 @@ use genmanip_terminal::{ExitStatus, Failed};
 pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let holds = |channel: &str| arguments.channels.iter().any(|named| named == channel);
     let options = RenderOptions {
+        robot: arguments.robot.clone(),
         cameras: arguments.cameras.clone(),
         size_px: arguments.size,
         channels: ImageChannels {

@@ -17,7 +17,7 @@ use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(command: &WorldCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
-        WorldCommand::Init(arguments) => init(arguments.out.as_deref(), printer),
+        WorldCommand::Init(arguments) => init(arguments.out.as_deref(), arguments.robot.as_deref(), printer),
         WorldCommand::Check(arguments) => check(&arguments.file, printer),
         WorldCommand::Show(arguments) => show(&arguments.file, arguments.picture.as_deref(), printer),
     }
@@ -51,20 +51,23 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
     Ok(ExitStatus::Done)
 }
 
-fn init(out: Option<&Path>, printer: &Printer) -> Result<ExitStatus, Failed> {
+fn init(out: Option<&Path>, robot: Option<&str>, printer: &Printer) -> Result<ExitStatus, Failed> {
+    // Refuses an unknown robot; the cameras of the text sit where its wrist camera does.
+    let world = worlds::read_world_with(None, robot)?;
+    let text = DEFAULT_TEXT.replace("name = \"panda\"", &format!("name = \"{}\"", world.robot.name));
     match out {
         Some(path) if path.exists() => {
             return Err(Failed::new(format!("{} exists", path.display())).hint("choose another --out file"));
         }
         Some(path) if path.extension().is_some_and(|extension| extension == "json") => {
-            documents::write_file(path, worlds::read_world(None)?.to_json().as_bytes())?;
+            documents::write_file(path, world.to_json().as_bytes())?;
             printer.say(format!("wrote {}", path.display()));
         }
         Some(path) => {
-            documents::write_file(path, DEFAULT_TEXT.as_bytes())?;
+            documents::write_file(path, text.as_bytes())?;
             printer.say(format!("wrote {}", path.display()));
         }
-        None => printer.data(&worlds::read_world(None)?.to_value(), DEFAULT_TEXT),
+        None => printer.data(&world.to_value(), &text),
     }
     Ok(ExitStatus::Done)
 }

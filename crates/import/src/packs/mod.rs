@@ -136,8 +136,8 @@ fn grasps_file(pack: &Path, robot: &str) -> PathBuf {
 
 /// Registers the tried grasps of a pack.
 fn register_grasps(pack: &Path) -> Result<(), RunError> {
-    for robot in genmanip_assets::robots::NAMES {
-        let path = grasps_file(pack, robot);
+    for robot in genmanip_assets::robots::names() {
+        let path = grasps_file(pack, &robot);
         if !files::is_own_file(&path) {
             continue;
         }

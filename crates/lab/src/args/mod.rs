@@ -27,6 +27,9 @@ pub struct Arguments {
     /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
     #[arg(long, value_name = "DIR", global = true)]
     pub packs: Option<PathBuf>,
+    /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub robots: Option<PathBuf>,
     /// The measurement
     #[command(subcommand)]
     pub command: LabCommand,
@@ -420,7 +423,7 @@ pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda or panda_2f85
+    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
@@ -519,7 +522,7 @@ pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda or panda_2f85
+    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Seed of tasks and layouts

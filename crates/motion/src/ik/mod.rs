@@ -230,7 +230,26 @@ impl InverseKinematics {
             if start == 0 { reference.to_vec() } else { self.chain.joints().iter().map(draw).collect() }
         });
         let how = self.descent();
-        starts.filter_map(|start| descend(&self.chain, wanted, &start, &how)).collect()
+        let solutions = starts.filter_map(|start| descend(&self.chain, wanted, &start, &how));
+        solutions.map(|solution| self.unwound(solution, reference)).collect()
+    }
+
+    /// The same posture with each joint that turns by more than a whole circle as near to the reference as its limits
+    /// allow; other joints have one position only.
+    fn unwound(&self, mut config: Vec<f64>, reference: &[f64]) -> Vec<f64> {
+        let turn = std::f64::consts::TAU;
+        let margin = self.settings.limit_margin;
+        for ((q, near), joint) in config.iter_mut().zip(reference).zip(self.chain.joints()) {
+            let (lower, upper) = (joint.lower + margin, joint.upper - margin);
+            if joint.slides || joint.upper - joint.lower <= turn {
+                continue;
+            }
+            let turns = ((near - *q) / turn).round();
+            let moved = *q + turns * turn;
+            // One circle back where the nearest lies beyond a limit.
+            *q = [moved, moved + turn, moved - turn].into_iter().find(|q| (lower..=upper).contains(q)).unwrap_or(*q);
+        }
+        config
     }
 
     /// Turns each angle by whole circles into its limits; `None` when one cannot be.

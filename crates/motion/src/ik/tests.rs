@@ -155,6 +155,32 @@ fn another_arm_is_solved_numerically() {
     }
 }
 
+/// Joints that turn by more than a circle have several positions for one posture: the one next to the reference is
+/// returned.
+#[test]
+fn wide_joints_are_unwound_towards_the_reference() {
+    use std::f64::consts::{PI, TAU};
+    let mut robot = (*test_panda()).clone();
+    robot.links[5].parent_from_link.position.x += 0.02;
+    for joint in robot.links.iter_mut().filter_map(|link| link.joint.as_mut()).take(7) {
+        (joint.lower, joint.upper) = (-TAU, TAU);
+    }
+    let chain = Chain::new(&robot).unwrap();
+    let ik = InverseKinematics::new(chain.clone(), IkSettings::default());
+    assert!(!ik.is_analytic());
+    let mut rng = Seed::new(10).rng();
+    for _ in 0..20 {
+        let wanted = chain.tcp_pose(&random_config(&chain, 0.2, &mut rng));
+        let reference: Vec<f64> = (0..7).map(|_| rng.random_range(-3.0..3.0)).collect();
+        let solutions = ik.solve(&wanted, &reference);
+        assert!(!solutions.is_empty());
+        for solution in solutions {
+            assert!(error(&chain, &solution, &wanted).0 < 1e-9);
+            assert!(largest_difference(&solution, &reference) <= PI + 0.05, "{solution:?} from {reference:?}");
+        }
+    }
+}
+
 #[test]
 fn jacobian_is_the_derivative_of_the_tcp() {
     let (chain, _) = solver();

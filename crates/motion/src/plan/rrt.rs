@@ -1,8 +1,11 @@
 //! RRT-Connect (Kuffner and LaValle, 2000): two trees that grow towards each other.
 
+use std::f64::consts::{PI, TAU};
+
 use rand::{Rng, RngExt};
 
 use super::PlanSettings;
+use crate::chain::ChainJoint;
 use crate::collision::Checker;
 use crate::path::{distance, lerp};
 
@@ -32,13 +35,25 @@ pub(super) fn connect(
     rng: &mut impl Rng,
     iterations: &mut usize,
 ) -> Option<Vec<Vec<f64>>> {
-    let limits: Vec<(f64, f64)> = checker.chain().lower().zip(checker.chain().upper()).collect();
+    let ends = |joint: usize| {
+        let ends = || goals.iter().map(|goal| goal[joint]).chain([start[joint]]);
+        (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max))
+    };
+    // Half a circle beyond the ends a joint has shown every orientation: more only winds it up.
+    let unwound = |(index, joint): (usize, &ChainJoint)| {
+        let (lower, upper) = (joint.lower, joint.upper);
+        if joint.slides || upper - lower <= TAU {
+            return (lower, upper);
+        }
+        let (low, high) = ends(index);
+        (lower.max(low - PI), upper.min(high + PI))
+    };
+    let limits: Vec<(f64, f64)> = checker.chain().joints().iter().enumerate().map(unwound).collect();
     let near: Vec<(f64, f64)> = limits
         .iter()
         .enumerate()
         .map(|(joint, (lower, upper))| {
-            let ends = || goals.iter().map(|goal| goal[joint]).chain([start[joint]]);
-            let (low, high) = (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max));
+            let (low, high) = ends(joint);
             let clamped = |q: f64| q.max(*lower).min(*upper);
             (clamped(low - settings.sample_around), clamped(high + settings.sample_around))
         })

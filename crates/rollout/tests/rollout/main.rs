@@ -14,6 +14,7 @@ mod playing_back;
 mod policies;
 mod red_pixel;
 mod replaying;
+mod robots;
 mod seeing;
 mod stepping;
 mod surfaces;

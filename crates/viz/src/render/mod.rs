@@ -18,7 +18,7 @@ mod overlay;
 mod turntable;
 
 use genmanip_workspace::documents;
-use genmanip_workspace::scenarios;
+use genmanip_workspace::{scenarios, worlds};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -47,6 +47,8 @@ use genmanip_workspace::RunError;
 /// Which pictures are drawn.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
+    /// Name of the robot that scenarios must have been laid out for; any robot without.
+    pub robot: Option<String>,
     /// Names of cameras; all of them when it is empty.
     pub cameras: Vec<String>,
     /// Pixels per row and rows; each camera's own without.
@@ -188,6 +190,7 @@ fn draw(
     threads: usize,
 ) -> Result<Rendered, RunError> {
     let scenario = &stage.scenario;
+    worlds::check_robot(&scenario.world, options.robot.as_deref())?;
     let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
     let folder = out.join(id);
     let look = options.look.as_ref().map(|look| (look.seed.of(id, seed), &look.vary[..]));

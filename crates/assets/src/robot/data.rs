@@ -1,0 +1,260 @@
+//! The robot file formats: `genmanip.arm/1`, `genmanip.gripper/1` and `genmanip.robot/1`.
+//!
+//! Metres, radians, seconds, kilograms, newtons; angles in degrees where the key ends in `_deg`.
+//! docs/guides/your-own-robot.md explains every key.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{JointKind, MassProperties, Pose, Reach, RobotJoint, RobotLink, Seed};
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+
+use crate::parts::{Part, assemble};
+
+/// A serial arm without a gripper: a file of `arms/`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ArmData {
+    pub schema: String,
+    pub name: String,
+    /// Origin of the figures, by topic.
+    pub sources: BTreeMap<String, String>,
+    /// Link that carries the gripper.
+    pub tool_link: String,
+    /// Joint positions at the start of an episode.
+    pub home: Vec<f64>,
+    #[serde(default)]
+    pub reach: Option<Reach>,
+    pub drives: ArmDrives,
+    /// Parents first; the first link is the base.
+    pub links: Vec<LinkData>,
+    /// Pairs of links that cannot meet; neighbours need not be listed.
+    #[serde(default)]
+    pub never_colliding: Vec<[String; 2]>,
+}
+
+/// Drives of an arm.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ArmDrives {
+    /// Position gains, base to tool, N·m/rad.
+    pub kp: Vec<f64>,
+    /// Velocity gains, N·m·s/rad.
+    pub kv: Vec<f64>,
+    /// Rotor inertia at the joint, kg·m².
+    pub armature: f64,
+    /// Viscous joint friction, N·m·s/rad.
+    pub damping: f64,
+    /// Sliding friction of all surfaces but the pads.
+    pub hull_friction: f64,
+}
+
+/// A parallel gripper: a file of `grippers/`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GripperData {
+    pub schema: String,
+    pub name: String,
+    /// Origin of the figures, by topic.
+    pub sources: BTreeMap<String, String>,
+    /// Distance of the tool centre point from the origin of the first link, along +z, m.
+    pub hand_from_tcp_z: f64,
+    /// Names of the finger links; the first opens along +y of the hand, the second along -y.
+    pub fingers: [String; 2],
+    /// Largest opening between the pads, m.
+    pub max_width: f64,
+    /// Largest published grip force, N.
+    pub max_force: f64,
+    /// Pad size: along the closing direction, across, along the finger, m.
+    pub pad_size: DVec3,
+    #[serde(default)]
+    pub wrist_camera: Option<WristCameraData>,
+    pub drives: GripperDrives,
+    /// The hand, which carries the others, then the fingers.
+    pub links: Vec<LinkData>,
+    #[serde(default)]
+    pub never_colliding: Vec<[String; 2]>,
+}
+
+/// Drive of a gripper.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GripperDrives {
+    /// Largest grip force used, sum over both fingers, N.
+    pub force_n: f64,
+    /// Stiffness, N per metre of opening.
+    pub kp: f64,
+    /// Distance beyond closed at which a commanded width of 0 aims, m.
+    pub overclose_m: f64,
+    /// Inertia of the drive at one finger, kg.
+    pub armature: f64,
+    /// Viscous friction of a finger, N·s/m.
+    pub damping: f64,
+    /// Pad friction: sliding (1), turning (m), rolling (m).
+    pub pad_friction: [f64; 3],
+}
+
+/// A gripper on an arm: a file of `robots/`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RobotData {
+    pub schema: String,
+    pub name: String,
+    /// Name of the arm.
+    pub on: String,
+    /// Name of the gripper.
+    pub gripper: String,
+    /// Frame of the hand in the frame of the arm's tool link.
+    pub mount: MountData,
+    /// Replaces the arm's.
+    #[serde(default)]
+    pub home: Option<Vec<f64>>,
+    /// Replaces the arm's.
+    #[serde(default)]
+    pub reach: Option<Reach>,
+    /// Replaces the gripper's.
+    #[serde(default)]
+    pub wrist_camera: Option<WristCameraData>,
+    /// Replaces the arm's gains.
+    #[serde(default)]
+    pub gains: GainsData,
+    /// Tighter limits, by joint.
+    #[serde(default)]
+    pub limits: BTreeMap<String, LimitsData>,
+    /// Pairs of links that cannot meet; `gripper` stands for every link of the gripper.
+    #[serde(default)]
+    pub never_colliding: Vec<[String; 2]>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MountData {
+    pub position: DVec3,
+    /// About fixed x, y, z.
+    pub rpy_deg: [f64; 3],
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GainsData {
+    #[serde(default)]
+    pub kp: Option<Vec<f64>>,
+    #[serde(default)]
+    pub kv: Option<Vec<f64>>,
+}
+
+/// Limits of one joint of a robot; absent ones are the arm's.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LimitsData {
+    #[serde(default)]
+    pub lower: Option<f64>,
+    #[serde(default)]
+    pub upper: Option<f64>,
+    #[serde(default)]
+    pub max_velocity: Option<f64>,
+    #[serde(default)]
+    pub max_acceleration: Option<f64>,
+    #[serde(default)]
+    pub max_jerk: Option<f64>,
+    #[serde(default)]
+    pub max_effort: Option<f64>,
+}
+
+/// A camera beside the hand; the upper edge of its image points towards +x of the hand.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WristCameraData {
+    /// Of the optical frame in the hand's frame.
+    pub position: DVec3,
+    /// From the approach direction towards the pads.
+    pub tilt_deg: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LinkData {
+    pub name: String,
+    /// Name of an earlier link; absent for the first one.
+    #[serde(default)]
+    pub parent: Option<String>,
+    /// Of the link's frame in the parent's frame.
+    #[serde(default)]
+    pub position: DVec3,
+    /// About fixed x, y, z.
+    #[serde(default)]
+    pub rpy_deg: [f64; 3],
+    #[serde(default)]
+    pub joint: Option<JointData>,
+    pub mass_kg: f64,
+    pub center: DVec3,
+    /// xx, yy, zz, xy, xz, yz about the centre.
+    pub inertia: [f64; 6],
+    pub parts: Vec<Part>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct JointData {
+    pub name: String,
+    pub kind: JointKind,
+    pub axis: DVec3,
+    pub lower: f64,
+    pub upper: f64,
+    pub max_velocity: f64,
+    pub max_acceleration: f64,
+    pub max_jerk: f64,
+    pub max_effort: f64,
+}
+
+impl WristCameraData {
+    pub fn pose(&self) -> Pose {
+        let (sin, cos) = self.tilt_deg.to_radians().sin_cos();
+        Pose::from_axes(self.position, DVec3::Y, DVec3::new(-cos, 0.0, -sin), DVec3::new(-sin, 0.0, cos))
+    }
+}
+
+impl MountData {
+    pub fn pose(&self) -> Pose {
+        frame(self.position, self.rpy_deg)
+    }
+}
+
+impl LinkData {
+    /// The link at an index of the robot, which also seeds its textures.
+    pub fn build(&self, index: usize, parent: Option<usize>, parent_from_link: Pose) -> RobotLink {
+        let link = assemble(&self.parts, Seed::new(index as u64));
+        RobotLink {
+            name: self.name.clone(),
+            parent,
+            parent_from_link,
+            joint: self.joint.as_ref().map(JointData::build),
+            visual: link.visual,
+            pieces: link.solids.into_iter().map(|solid| solid.piece).collect(),
+            mass: MassProperties { mass_kg: self.mass_kg, center: self.center, inertia: self.inertia() },
+        }
+    }
+
+    pub fn pose(&self) -> Pose {
+        frame(self.position, self.rpy_deg)
+    }
+
+    pub fn inertia(&self) -> DMat3 {
+        let [xx, yy, zz, xy, xz, yz] = self.inertia;
+        DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
+    }
+}
+
+impl JointData {
+    fn build(&self) -> RobotJoint {
+        let &Self { kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort, .. } = self;
+        let name = self.name.clone();
+        RobotJoint { name, kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort }
+    }
+}
+
+fn frame(position: DVec3, rpy_deg: [f64; 3]) -> Pose {
+    let [roll, pitch, yaw] = rpy_deg.map(f64::to_radians);
+    let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    Pose::new(position, turn)
+}
