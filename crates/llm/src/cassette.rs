@@ -129,10 +129,11 @@ impl<M: ChatModel> CassetteChat<M> {
         let path = path_of(&self.settings.folder, &key);
         let note = self.settings.note.clone();
         let text = Cassette { key, note, request, reply: reply.clone() }.to_json();
-        if self.key.as_ref().is_some_and(|secret| secret.is_in(&text)) {
+        if self.key.as_ref().is_some_and(|secret| secret.occurs_in(&text)) {
             return Err(cassette_error("the exchange contains the API key, so it is not recorded", &path));
         }
-        write_atomically(&path, &text).map_err(|error| cassette_error(&format!("cannot write the cassette: {error}"), &path))
+        write_atomically(&path, &text)
+            .map_err(|error| cassette_error(&format!("cannot write the cassette: {error}"), &path))
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// Error of a request.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
+pub(crate) enum RequestError {
     /// The request does not match the API description.
     Malformed(String),
     /// The request is valid but cannot be processed.

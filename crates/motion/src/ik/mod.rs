@@ -241,7 +241,7 @@ impl InverseKinematics {
         let margin = self.settings.limit_margin;
         for ((q, near), joint) in config.iter_mut().zip(reference).zip(self.chain.joints()) {
             let (lower, upper) = (joint.lower + margin, joint.upper - margin);
-            if joint.slides || joint.upper - joint.lower <= turn {
+            if joint.is_prismatic || joint.upper - joint.lower <= turn {
                 continue;
             }
             let turns = ((near - *q) / turn).round();

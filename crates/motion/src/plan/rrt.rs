@@ -42,7 +42,7 @@ pub(super) fn connect(
     // Half a circle beyond the ends a joint has shown every orientation: more only winds it up.
     let unwound = |(index, joint): (usize, &ChainJoint)| {
         let (lower, upper) = (joint.lower, joint.upper);
-        if joint.slides || upper - lower <= TAU {
+        if joint.is_prismatic || upper - lower <= TAU {
             return (lower, upper);
         }
         let (low, high) = ends(index);
