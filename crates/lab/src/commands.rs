@@ -72,7 +72,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &environment::in_words(&measured));
         }
         LabCommand::Data(arguments) => {
-            // Made-up episodes take turns with the layouts of a few tasks.
+            // Synthetic episodes use the layouts of a few tasks in turn.
             let count = if arguments.synthetic { 24 } else { arguments.episodes };
             let tasks = task_files::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
             let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
@@ -83,7 +83,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 false => data::measure(&tasks, seed, folder, printer),
             };
             if arguments.out.is_none() {
-                // Best effort: what is left is in the system's folder for such things.
+                // Best effort: remains are in the system's temporary folder.
                 let _ = std::fs::remove_dir_all(&temporary);
             }
             let measured = measured?;
@@ -193,7 +193,7 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
     Ok(())
 }
 
-/// The tasks that were named, as often as asked, or designed ones of all kinds.
+/// The given tasks, repeated as requested, or designed ones of all kinds.
 fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Result<(), Failed> {
     let about = match (&arguments.suite, &arguments.ends) {
         (Some(suite), _) => readers::About::Starts(suite),
@@ -284,7 +284,7 @@ fn blame_arguments(arguments: &args::BlameArguments) -> Result<BlameArguments, F
     let is_oracle = matches!(choice.model, ModelChoice::Oracle);
     Ok(BlameArguments {
         kinds: kinds(&arguments.agent)?,
-        // Only the oracle makes mistakes on purpose.
+        // Only the oracle supports injected errors.
         classes: if !is_oracle {
             Vec::new()
         } else if classes.is_empty() {

@@ -1,4 +1,4 @@
-//! What a person reads when something cannot be done, and the exit status a program reads.
+//! Errors as shown to the user, and exit codes.
 
 use std::error::Error;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use genmanip_workspace::RunError;
 
-/// Exit codes are an interface.
+/// Exit codes; they are an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExitStatus {
     /// 0: done.
@@ -27,7 +27,7 @@ impl From<ExitStatus> for ExitCode {
     }
 }
 
-/// One clear message: what could not be done, why, and what helps.
+/// One clear message: the failed action, the cause, and a hint.
 #[derive(Debug)]
 pub struct Failed {
     what: String,
@@ -42,22 +42,22 @@ impl Failed {
         Self { what: what.into(), causes: Vec::new(), hint: None, status: ExitStatus::NotMet }
     }
 
-    /// With the error that caused it and the errors behind that.
+    /// A failure with its chain of causes.
     pub fn because(what: impl Into<String>, error: &dyn Error) -> Self {
         Self { what: what.into(), causes: chain(error), hint: None, status: ExitStatus::NotMet }
     }
 
-    /// A value on the command line that makes no sense, in one sentence.
+    /// An invalid command-line value, in one sentence.
     pub fn misused(what: impl Into<String>) -> Self {
         Self { status: ExitStatus::NotUnderstood, ..Self::new(what) }
     }
 
-    /// How the program ends.
+    /// Exit code.
     pub fn status(&self) -> ExitStatus {
         self.status
     }
 
-    /// With what helps.
+    /// The same failure with a hint.
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
@@ -68,7 +68,7 @@ impl Failed {
 impl From<RunError> for Failed {
     fn from(error: RunError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
-        // These names are known whatever any file holds.
+        // These names are known regardless of any file's contents.
         let typed = ["policy", "policy argument", "kind", "preset"];
         let is_misused = matches!(&error, RunError::UnknownName { what, .. } if typed.contains(what));
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
@@ -76,12 +76,12 @@ impl From<RunError> for Failed {
     }
 }
 
-/// An error and those behind it, each in a line.
+/// An error and its chain of causes, one per line.
 fn chain(error: &dyn Error) -> Vec<String> {
     let mut causes = vec![error.to_string()];
     let mut source = error.source();
     while let Some(error) = source {
-        // Many errors already say what is behind them.
+        // Many errors already include their cause.
         let cause = error.to_string();
         if causes.last().is_none_or(|last| !last.contains(&cause)) {
             causes.push(cause);
@@ -104,11 +104,11 @@ impl fmt::Display for Failed {
     }
 }
 
-/// Longest word of a message, characters: longer than paths are, shorter than what a file may hold for a name.
+/// Maximum word length in a message, characters: longer than paths, shorter than names that a file may contain.
 const LONGEST_WORD: usize = 400;
 
-/// A message that may repeat what a file says: its words cut, and what would steer the terminal or turn the direction of
-/// writing spelled out.
+/// A message that may repeat a file's contents: long words are cut, and control and bidirectional characters are
+/// escaped.
 fn readable(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(4096));
     let mut length = 0;

@@ -1,4 +1,4 @@
-//! One place decides what is printed where: stdout is data, stderr is talk.
+//! The printer: data goes to stdout, the log to stderr.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -11,26 +11,26 @@ use serde::Serialize;
 
 use crate::error::Failed;
 
-/// How often a line tells of progress where stderr is no terminal, as in the log of a job.
+/// Interval of progress lines if stderr is not a terminal, as in the log of a job.
 const LINE_EVERY: Duration = Duration::from_secs(60);
 
-/// Prints results, messages and progress as the user asked.
+/// Printer of results, messages and progress.
 pub struct Printer {
     json: bool,
     quiet: bool,
-    /// The work under way.
+    /// Current progress.
     work: Mutex<Option<Work>>,
-    /// Why data did not arrive.
+    /// Error of writing data.
     lost: Mutex<Option<io::Error>>,
 }
 
 impl Printer {
-    /// `json` turns tables into JSON on stdout; `quiet` drops talk.
+    /// `json` prints tables as JSON on stdout; `quiet` suppresses the log.
     pub fn new(json: bool, quiet: bool) -> Self {
         Self { json, quiet, work: Mutex::new(None), lost: Mutex::new(None) }
     }
 
-    /// Data: the JSON value or the text, to stdout.
+    /// Prints data to stdout, as JSON or text.
     pub fn data(&self, value: &impl Serialize, text: &str) {
         match self.json {
             true => self.print(&serde_json::to_string_pretty(value).unwrap_or_default()),
@@ -38,12 +38,12 @@ impl Printer {
         }
     }
 
-    /// A list that may be long: as JSON its entries are printed as they come, one per line.
+    /// Starts a possibly long list; as JSON its entries are printed one per line as they arrive.
     pub fn list(&self) -> List<'_> {
         List { printer: self, entries: 0 }
     }
 
-    /// A line to stdout.
+    /// Prints a line to stdout.
     fn print(&self, line: &str) {
         let mut stdout = io::stdout().lock();
         if let Err(error) = writeln!(stdout, "{line}").and_then(|()| stdout.flush()) {
@@ -51,10 +51,10 @@ impl Printer {
         }
     }
 
-    /// Whether all data has arrived.
+    /// Checks that all data was written.
     ///
     /// # Errors
-    /// When some was lost, as on a full disk; a closed pipe is the reader's choice.
+    /// If some was lost, as on a full disk; a closed pipe is not an error.
     pub fn finish(&self) -> Result<(), Failed> {
         match self.lost.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
@@ -65,7 +65,7 @@ impl Printer {
         }
     }
 
-    /// Talk: to stderr, unless quiet.
+    /// Prints a log line to stderr, unless quiet.
     pub fn say(&self, text: impl AsRef<str>) {
         let print = || {
             if !self.quiet {
@@ -78,7 +78,7 @@ impl Printer {
         }
     }
 
-    /// An error: always to stderr.
+    /// Prints an error to stderr.
     pub fn error(&self, failed: &Failed) {
         self.end();
         let _ = writeln!(std::io::stderr().lock(), "{failed}");
@@ -89,17 +89,17 @@ impl Printer {
     }
 }
 
-/// Work under way: a bar on a terminal, and what lines in a log say.
+/// Progress of one task: a bar on a terminal, and the text of log lines.
 struct Work {
     what: String,
     bar: ProgressBar,
     began: Instant,
-    /// When the last line was printed.
+    /// Time of the last line.
     told: Instant,
 }
 
 impl Work {
-    /// A line for a log, when one is due: `expert: 210/2910, 2.8/s, 16 minutes left`.
+    /// A log line, if one is due: `expert: 210/2910, 2.8/s, 16 minutes left`.
     fn line(&mut self) -> Option<String> {
         if !self.bar.is_hidden() || self.told.elapsed() < LINE_EVERY {
             return None;
@@ -112,15 +112,15 @@ impl Work {
     }
 }
 
-/// How much is done in a second since the beginning, and how long the rest takes at that rate: the mean, since episodes
-/// that wait for a model end in bursts, between which the latest rate says that they never will.
+/// Mean rate since the beginning, and the remaining time at that rate; the mean, since episodes that wait for a model
+/// end in bursts.
 fn speed(done: u64, total: u64, elapsed: Duration) -> (f64, Option<Duration>) {
     let rate = done as f64 / elapsed.as_secs_f64().max(1e-9);
     let left = (done > 0).then(|| Duration::try_from_secs_f64(total.saturating_sub(done) as f64 / rate).ok());
     (rate, left.flatten())
 }
 
-/// The style of a bar.
+/// Style of a bar.
 fn style() -> Option<ProgressStyle> {
     let speed = |state: &ProgressState| speed(state.pos(), state.len().unwrap_or(0), state.elapsed());
     let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
@@ -143,7 +143,7 @@ pub struct List<'a> {
 }
 
 impl List<'_> {
-    /// The next entry, printed at once as JSON.
+    /// Adds an entry; JSON is printed at once.
     pub fn add(&mut self, entry: &impl Serialize) {
         if self.printer.json {
             let before = if self.entries == 0 { "[" } else { "," };
@@ -162,7 +162,7 @@ impl List<'_> {
     }
 }
 
-/// A bar with rate and time left; a line each minute where stderr is no terminal.
+/// A bar with rate and remaining time; a line each minute if stderr is not a terminal.
 impl Progress for Printer {
     fn begin(&self, what: &str, total: usize) {
         let target = if self.quiet || !std::io::stderr().is_terminal() {
@@ -206,7 +206,7 @@ impl Progress for Printer {
     }
 }
 
-/// Keeps rate and time left up to date between two parts; where the system gives no thread for that, they wait.
+/// Refreshes rate and remaining time between two steps; without a thread for it, they are refreshed by the steps.
 fn keep_ticking(bar: &ProgressBar) {
     if bar.is_hidden() {
         return;

@@ -1,4 +1,4 @@
-//! The frame of a program: parse the command line, run, print, exit.
+//! Common frame of the programs: parse the command line, run, print, exit.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,10 +8,10 @@ use clap::{CommandFactory, FromArgMatches};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
-/// Parses the command line of this process; prints help, the version or what is wrong with it.
+/// Parses the command line of this process; prints help, the version or the error.
 ///
 /// # Errors
-/// The exit code with which the program ends at once.
+/// The exit code with which the program ends immediately.
 pub fn arguments<A: CommandFactory + FromArgMatches>() -> Result<A, ExitCode> {
     let command = taking_negative_numbers(A::command());
     let matches = command.try_get_matches().and_then(|matches| A::from_arg_matches(&matches));
@@ -30,24 +30,24 @@ pub fn run(json: bool, quiet: bool, body: impl FnOnce(&Printer) -> Result<ExitSt
     }
 }
 
-/// An environment variable; `None` where it is empty.
+/// An environment variable; `None` if it is empty.
 pub fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.is_empty())
 }
 
-/// The folder of the packs of imported objects: as named, else `GENMANIP_PACKS`, else `packs` in the current folder.
+/// The folder of imported packs: as given, else `GENMANIP_PACKS`, else `packs` in the current folder.
 pub fn packs_folder(named: Option<&PathBuf>) -> PathBuf {
     let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
     named.unwrap_or_else(|| "packs".into())
 }
 
-/// The folder of the user's robots: as named, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it exists.
+/// The folder of the user's robots: as given, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it exists.
 pub fn robots_folder(named: Option<&PathBuf>) -> Option<PathBuf> {
     let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_ROBOTS").map(Into::into));
     named.or_else(|| Some(PathBuf::from("robots")).filter(|folder| folder.is_dir()))
 }
 
-/// Help, the version, or what is wrong with the command line.
+/// Prints help, the version, or the error of the command line.
 fn report(error: &clap::Error) -> ExitCode {
     use std::io::{ErrorKind, Write};
     let printed = error.print().and_then(|()| std::io::stdout().flush());
@@ -59,7 +59,7 @@ fn report(error: &clap::Error) -> ExitCode {
     }
 }
 
-/// Negative numbers reach the parsers of their options, which say what they expect; they are no options themselves.
+/// Lets option parsers receive negative numbers, so that they report the expected range.
 fn taking_negative_numbers(command: clap::Command) -> clap::Command {
     let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
     let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });

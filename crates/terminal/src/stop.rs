@@ -1,9 +1,9 @@
-//! Ctrl-C: finish what is under way, keep what is finished.
+//! Ctrl-C: finish work in progress and keep finished work.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that the first Ctrl-C raises; the second ends the program at once (nothing half-written is ever read).
+/// A flag set by the first Ctrl-C; the second ends the program immediately (partial files are never read).
 pub fn on_interrupt() -> Arc<AtomicBool> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = Arc::clone(&flag);

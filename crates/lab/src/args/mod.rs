@@ -12,7 +12,7 @@ pub use suites::*;
 mod motion;
 mod suites;
 
-/// Measurements of GenManip on cases that the project has not seen: agreement, validity, success rates, time.
+/// Measurements of GenManip on unseen seeds and files: agreement, validity, success rates, time
 #[derive(Debug, Parser)]
 #[command(name = "genmanip-lab", version, about, max_term_width = 100)]
 #[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
@@ -24,10 +24,10 @@ pub struct Arguments {
     /// No progress, no log; errors only
     #[arg(long, short, global = true)]
     pub quiet: bool,
-    /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
+    /// Folder with packs of imported objects [default: GENMANIP_PACKS, or `packs` in the current folder if it exists]
     #[arg(long, value_name = "DIR", global = true)]
     pub packs: Option<PathBuf>,
-    /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
+    /// Folder with your robot files [default: GENMANIP_ROBOTS, or `robots` in the current folder if it exists]
     #[arg(long, value_name = "DIR", global = true)]
     pub robots: Option<PathBuf>,
     /// The measurement
@@ -35,48 +35,48 @@ pub struct Arguments {
     pub command: LabCommand,
 }
 
-/// Measurements that take data the project has not seen.
+/// Measurements on unseen seeds and files.
 #[derive(Debug, Subcommand)]
 pub enum LabCommand {
-    /// Compare verdicts: of a profile with recorded ones, or of rendered clouds with posed geometry
+    /// Compare verdicts: of a profile with recorded ones, or on rendered clouds with posed geometry
     #[command(after_help = "Examples:\n  genmanip-lab relations --cases cases.json --profile genmanip-0.9 --json\n  \
                       genmanip-lab relations --rendered --seed 1 --count 500 --json\n\n\
                       The clouds of cases are read from the archive beside the file: cases.npz.\n\
-                      With --rendered, scenes are laid out and drawn, and the clouds that three cameras see are\n\
-                      judged by profile seed, as posed geometry is.")]
+                      With --rendered, scenes are laid out and rendered by three cameras, and their clouds and the\n\
+                      posed geometry are judged by profile seed.")]
     Relations(RelationsArguments),
-    /// Check hostile answers: how long it takes at worst, and whether anything breaks the reader
+    /// Check hostile answers: worst-case time, and robustness against a fuzzer
     #[command(after_help = "Examples:\n  genmanip-lab answers --seed 1 --count 10000 --json\n  \
                       genmanip-lab answers --seed 1 --minutes 10 --json")]
     Answers(AnswersArguments),
-    /// Let the expert (oracle) try tasks, each on fresh layouts until an attempt is verified
+    /// Run the expert (oracle) on tasks, each on fresh layouts until an attempt is verified
     #[command(after_help = "Example:\n  genmanip-lab expert --seed 2000 --count 60 --json\n\n\
-                      One thread; processor time covers layout, planning, physics and checks.")]
+                      One thread; CPU time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
-    /// Let the agent do fresh tasks from RGB-D images, its questions answered by an oracle or a model
+    /// Run the agent on fresh tasks from RGB-D images, its questions answered by an oracle or a model
     #[command(after_help = "Examples:\n  \
                       genmanip-lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
                       genmanip-lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
-                      One thread; processor time covers looking, asking, planning and physics, not the layout.")]
+                      One thread; CPU time covers perception, questions, planning and physics, not the layout.")]
     Agent(AgentArguments),
-    /// Make one mistake per episode, and see whether the failure analysis, which is not told, finds it
+    /// Inject one error per episode, and test if the failure analysis attributes the failure to it
     #[command(after_help = "Examples:\n  \
                       genmanip-lab blame --seed 7 --per-class 30 --json\n  \
                       genmanip-lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
                       Each failed episode is restored to the moment before the blamed answer, only that answer is replaced by the \
-                      oracle's, and the episode runs on: the share that then succeeds is reported. A mistake without an \
-                      answer, such as jammed fingers, cannot be replaced.")]
+                      oracle's, and the episode continues; the share that then succeeds is reported. An error without \
+                      an answer, such as jammed fingers, cannot be replaced.")]
     Blame(BlameArguments),
-    /// Let many agents at once ask one slow model server on this machine, with faults, answered by the oracle
+    /// Run many agents concurrently against one slow, faulty local model server that answers as the oracle
     #[command(
         after_help = "Example:\n  genmanip-lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
-                      Faults are 429, cut connections, answers that are no JSON, and time-outs after 5 s."
+                      Faults are 429, dropped connections, answers that are not JSON, and time-outs after 5 s."
     )]
     Batch(BatchArguments),
-    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
-    /// Plan motion problems, test every returned path again, and time planning, timing and kinematics
+    /// Plan motion problems, check every path again, and time planning, time parameterisation and kinematics
     #[command(after_help = "Examples:\n  genmanip-lab motion --problems problems.json --json\n  \
                       genmanip-lab motion --problems problems.json --robot panda/ --json\n  \
                       genmanip-lab motion --generate hard --seed 7 --count 100 --out problems.json\n\n\
@@ -84,73 +84,73 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
-    /// Make new objects of all families and try them: stability, grasps, containers, states, cost of physics
+    /// Generate objects of all families and test them: stability, grasps, containers, states, cost of physics
     #[command(after_help = "Example:\n  genmanip-lab assets --seed 7 --count 200 --json\n\n\
-                      The families in turn, each with seeds of its own; docs/concepts/assets.md says what is measured.")]
+                      The families in turn, each with its own seeds; docs/concepts/assets.md describes the figures.")]
     Assets(LabAssetsArguments),
-    /// Lay designed tasks out, once each, and audit what comes of it
+    /// Lay designed tasks out, once each, and audit the layouts
     #[command(after_help = "Example:\n  genmanip-lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
-    /// Try grasps from points in physics: lift, shake, hold
+    /// Try grasps from point clouds in physics: lift, shake, hold
     #[command(after_help = "Example:\n  genmanip-lab grasp --seed 2000 --count 100 --view one --json\n\n\
-                      Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
-                      docs/concepts/grasps.md says what is measured.")]
+                      Random objects of three classes (compact, utensils, clutter), COUNT each;\n\
+                      docs/concepts/grasps.md describes the trials.")]
     Grasp(GraspArguments),
-    /// Step through episodes in the environment: what it costs beside the bare simulation, and whether it is exact
+    /// Step through episodes in the environment: cost relative to the bare simulation, and exactness
     #[command(after_help = "Examples:\n  genmanip-lab environment --seed 1 --count 10 --json\n  \
                       genmanip-lab environment --store out/run --json\n\n\
-                      One thread, processor time, bare and environment by turns, median of five.")]
+                      One thread, CPU time, bare simulation and environment in alternation, median of five.")]
     Environment(EnvironmentArguments),
-    /// Collect episodes, export them, and play every kind of action at every rate back: cost, size, success
+    /// Collect episodes, export them, and play back every kind of action at every rate: cost, size, success
     #[command(after_help = "Examples:\n  genmanip-lab data --seed 7 --episodes 60 --json\n  \
                       genmanip-lab data --synthetic --episodes 10000 --json\n\n\
-                      Processor time; playback is open loop, from the rows of exported datasets, through the policy\n\
-                      interface; docs/formats/lerobot-dataset.md says what is measured.")]
+                      CPU time; playback is open loop, from the rows of exported datasets, through the policy\n\
+                      interface; docs/formats/lerobot-dataset.md describes the actions.")]
     Data(LabDataArguments),
-    /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
+    /// Pass mutated files of every kind to the program, each in a process with limits of memory and time
     #[command(
         after_help = "Examples:\n  genmanip-lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
                       genmanip-lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
-                      Run it in the project's folder; Ctrl-C ends it with what was measured until then.\n\
-                      Minutes are processor time of all calls; each may use 1 GiB and 10 s.\n\
-                      What once broke something lies in crates/lab/testdata/hostile and is tried first."
+                      Run it in the project's folder; Ctrl-C ends it with the results so far.\n\
+                      Minutes are CPU time of all calls; each may use 1 GiB and 10 s.\n\
+                      Inputs that once broke something are in crates/lab/testdata/hostile and come first."
     )]
     Hostile(HostileArguments),
-    /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
+    /// Render an episode over a crowded table: cost per image, and exactness of frames that reuse previous ones
     #[command(after_help = "Example:\n  genmanip-lab render --seed 1 --json\n  \
                       genmanip-lab render --seed 1 --flip 10 --out out/flip\n\n\
-                      One thread, processor time, medians over the frames of the episode; the static camera is drawn \
-                      first and draws the shadows, which the wrist camera shares.")]
+                      One thread, CPU time, medians over the frames of the episode; the static camera is rendered \
+                      first and computes the shadows, which the wrist camera shares.")]
     Render(LabRenderArguments),
-    /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
+    /// Fit the weights of the score of grasps from point clouds to trials, and test its calibration on others
     #[command(after_help = "Example:\n  genmanip-lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
-                      The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
+                      The files are written by genmanip-lab grasp --out; docs/concepts/grasps.md names them.")]
     Fit(FitArguments),
-    /// Segment what the data cameras see, from colour and depth, and compare with the renderer's ids
+    /// Segment images of the data cameras from colour and depth, and compare with the renderer's ids
     #[command(after_help = "Examples:\n  genmanip-lab segment --seed 1 --count 60 --json\n  \
                       genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
-    /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
+    /// Copy a run's episodes to any number, and measure the cost of report, opening and resuming
     #[command(after_help = "Example:\n  genmanip-lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
-                      The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
+                      The copies are further attempts at the same tasks, with their own ids; synthetic.json marks \
                       the folder.")]
     Scale(ScaleArguments),
-    /// Repeat evaluations with known success rates, and say how often intervals cover and tests err
+    /// Simulate evaluations with known success rates: coverage of intervals, type I error of tests
     #[command(after_help = "Example:\n  genmanip-lab statistics --seed 1 --repetitions 20000 --json\n\n\
                       Rates from 2 to 98 %, 50 and 200 scenarios of one and of five episodes; differences by scenario,\n\
-                      which take a bootstrap each, are repeated a tenth as often.")]
+                      which need a bootstrap each, are repeated a tenth as often.")]
     Statistics(LabStatisticsArguments),
-    /// Check a frozen suite, and let the expert try its scenarios by streams that they were not chosen by
+    /// Check a frozen suite, and run the expert on its scenarios with fresh random streams
     #[command(after_help = "Example:\n  genmanip-lab suite --suite suites/mine --json")]
     Suite(LabSuiteArguments),
-    /// Draw cards for readers who know nothing but picture and sentence, and compare their answers with what is meant
+    /// Make cards for readers who see only image and sentence, and compare their answers with the intended meaning
     #[command(after_help = "Examples:\n  genmanip-lab readers --suite suites/mine --out out/cards\n  \
                       genmanip-lab readers --suite suites/mine --answers one.json,two.json --json\n  \
                       genmanip-lab readers --ends out/evaluated --count 200 --out out/ends\n\n\
-                      out/cards/questions.json says what is asked and how it is answered. Episodes come from\n\
+                      out/cards/questions.json holds the question and the answer format. Episodes come from\n\
                       `evaluate --keep-episodes --out`. Answers belong to the cards of the same seed.")]
     Readers(LabReadersArguments),
 }
@@ -172,7 +172,7 @@ pub struct ScaleArguments {
     /// Finished run to copy
     #[arg(long, value_name = "DIR")]
     pub run: PathBuf,
-    /// Episodes to copy it to
+    /// Total number of episodes
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub episodes: usize,
     /// Empty folder for the copies: 0.5 MB per episode
@@ -189,16 +189,16 @@ pub struct SegmentArguments {
     /// Scenes, each seen by two cameras
     #[arg(long, default_value_t = 40, value_parser = parse::count)]
     pub count: usize,
-    /// Depth as this camera measures it, instead of the exact one
+    /// Noise model of this camera instead of exact depth
     #[arg(long, value_parser = ["d435"])]
     pub noise: Option<String>,
-    /// Where masks come from; `oracle` is the renderer's truth
+    /// Source of the masks; `oracle` is the renderer's ground truth
     #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
-    /// Fit the weights by which regions are joined to these scenes, instead of measuring
+    /// Fit the weights of region merging to these scenes instead of measuring
     #[arg(long, conflicts_with_all = ["masks", "out"])]
     pub fit: bool,
-    /// Folder for pictures of the worst views: image, truth, masks
+    /// Folder for images of the worst views: input, ground truth, masks
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -206,28 +206,28 @@ pub struct SegmentArguments {
 /// Arguments of `genmanip-lab hostile`.
 #[derive(Debug, Args)]
 pub struct HostileArguments {
-    /// Seed of the changes
+    /// Seed of the mutations
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Processor time of all calls together, minutes
+    /// CPU time of all calls together, minutes
     #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
     pub minutes: f64,
-    /// Change only this kind
+    /// Mutate only this kind
     #[arg(long, value_parser = genmanip_lab::hostile::KINDS)]
     pub kind: Option<String>,
     /// Write all messages to this file
     #[arg(long, value_name = "FILE")]
     pub refusals: Option<PathBuf>,
-    /// Copy what broke something into this folder
+    /// Copy inputs that broke something into this folder
     #[arg(long, value_name = "DIR")]
     pub found: Option<PathBuf>,
-    /// Also measure every reader on files of its largest size
+    /// Also measure every reader on files at its size limit
     #[arg(long)]
     pub readers: bool,
-    /// Also race so many pairs of starts with different seeds for one folder
+    /// Also race N pairs of starts with different seeds for one folder
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
     pub races: usize,
-    /// Also kill so many runs at random moments, continue them and compare the bytes
+    /// Also kill N runs at random moments, continue them and compare the bytes
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
     pub kills: usize,
     /// The project's folder, for its examples
@@ -258,19 +258,19 @@ pub struct BatchArguments {
     /// Seed of tasks, layouts, episodes and faults
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Episodes, the kinds in turn, without those that open and shut things
+    /// Episodes, the kinds in turn, without articulated tasks
     #[arg(long, default_value_t = 64, value_parser = parse::count)]
     pub count: usize,
-    /// Episodes under way at once
+    /// Concurrent episodes
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = parse::count)]
     pub at_once: usize,
     /// Cores that they share [default: all]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// How long the server takes to answer, s
+    /// Response time of the server, s
     #[arg(long, default_value_t = 2.0, value_name = "S", value_parser = parse_minute)]
     pub latency: f64,
-    /// Share of the requests with which something goes wrong, 0 to 1
+    /// Share of requests with a fault, 0 to 1
     #[arg(long, default_value_t = 0.05, value_name = "SHARE", value_parser = parse_share)]
     pub faults: f64,
 }
@@ -295,10 +295,10 @@ pub struct FitArguments {
     /// Trials to fit to
     #[arg(required = true, value_name = "FILE")]
     pub trials: Vec<PathBuf>,
-    /// Keep the weights in use, and so the ranking: fit only their constant
+    /// Keep the current weights and ranking; fit only the constant
     #[arg(long)]
     pub constant: bool,
-    /// Other trials, to see how true the chances are
+    /// Other trials, to test the calibration
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub test: Vec<PathBuf>,
 }
@@ -329,10 +329,10 @@ pub struct LabDataArguments {
     /// Designed tasks, one attempt of the expert each; with --synthetic episodes
     #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub episodes: usize,
-    /// Made-up episodes of 30 rows with pictures of 64x64, to measure what checking and opening a large dataset costs
+    /// Synthetic episodes of 30 rows with images of 64x64, to measure the cost of checking and opening a large dataset
     #[arg(long)]
     pub synthetic: bool,
-    /// Write the made-up episodes also as so many datasets, and merge these
+    /// Also write the synthetic episodes as N datasets, and merge them
     #[arg(long, value_name = "N", value_parser = parse::count, requires = "synthetic")]
     pub shards: Option<usize>,
     /// Keep episodes and dataset in this new folder
@@ -346,16 +346,16 @@ pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Scenes of which the picture is also compared with a traced one (LDR-FLIP)
+    /// Scenes whose image is also compared with a path-traced one (LDR-FLIP)
     #[arg(long, value_name = "SCENES", default_value_t = 0)]
     pub flip: usize,
-    /// Light paths per pixel of the traced pictures
+    /// Light paths per pixel of the traced images
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub paths: u32,
-    /// Folder for both pictures of each scene
+    /// Folder for both images of each scene
     #[arg(long, value_name = "DIR", requires = "flip")]
     pub out: Option<PathBuf>,
-    /// Also draw a table of 150,000 triangles with MuJoCo's and PyBullet's renderers
+    /// Also render a table of 150,000 triangles with MuJoCo's and PyBullet's renderers
     #[arg(long)]
     pub baselines: bool,
     /// Python with the packages mujoco, pybullet and numpy
@@ -383,10 +383,10 @@ pub struct AnswersArguments {
     /// Seed of the fuzzer
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Texts that the fuzzer makes
+    /// Number of mutated texts
     #[arg(long, default_value_t = 10_000, value_parser = parse::count)]
     pub count: usize,
-    /// Fuzz for so many minutes of processor time instead
+    /// CPU time of the fuzzer instead, minutes
     #[arg(long, conflicts_with = "count")]
     pub minutes: Option<f64>,
     /// Recorded answers to check and to start from: a file or a folder
@@ -397,7 +397,7 @@ pub struct AnswersArguments {
 /// Arguments of `genmanip-lab relations`.
 #[derive(Debug, Args)]
 pub struct RelationsArguments {
-    /// Recorded cases; the archive of clouds beside it has the ending .npz
+    /// Recorded cases; their clouds are in the .npz archive beside the file
     #[arg(long, value_name = "FILE", required_unless_present = "rendered")]
     pub cases: Option<PathBuf>,
     /// Judge: genmanip-0.9, suite-0.2.3 or seed
@@ -409,10 +409,10 @@ pub struct RelationsArguments {
     /// Seed of the layouts
     #[arg(long, default_value_t = 0, value_parser = parse::seed, requires = "rendered")]
     pub seed: u64,
-    /// Scenes that are laid out
+    /// Number of scenes
     #[arg(long, default_value_t = 500, requires = "rendered", value_parser = parse::count)]
     pub count: usize,
-    /// Tasks that are laid out in turn: a file or a folder
+    /// Tasks to lay out in turn: a file or a folder
     #[arg(long, value_name = "PATH", default_value = "examples/tasks", requires = "rendered")]
     pub tasks: PathBuf,
 }
@@ -432,7 +432,7 @@ pub struct ExpertArguments {
     /// Tasks of the rule-based designer, the six kinds in turn
     #[arg(long, default_value_t = 60, value_parser = parse::count)]
     pub count: usize,
-    /// Attempts at a task before it counts as not solved
+    /// Attempts at a task before it counts as unsolved
     #[arg(long, default_value_t = 5)]
     pub tries: u64,
     /// Tasks of your own instead of designed ones: files or folders
@@ -443,22 +443,22 @@ pub struct ExpertArguments {
     pub catalog: String,
 }
 
-/// The agent that is measured, and on which kinds of tasks.
+/// The agent and the kinds of tasks.
 #[derive(Debug, Args)]
 pub struct AgentChoiceArguments {
-    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    /// Kinds of tasks; the agent cannot do `articulated` ones
     #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
     pub kinds: Vec<String>,
-    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model, which makes its own mistakes
+    /// Source of the answers: `oracle` (simulator truth), or the settings file of a model
     #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
     pub vlm: String,
-    /// Where masks come from
+    /// Source of the masks
     #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
     /// One cell for the placement, or a path over the grid
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
     pub path: String,
-    /// As published, or with everything that makes it sturdier
+    /// `paper` as published, `full` with all robustness features
     #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
     pub preset: String,
 }
@@ -477,16 +477,16 @@ pub struct AgentArguments {
     pub count: usize,
     #[command(flatten)]
     pub agent: AgentChoiceArguments,
-    /// Ask for the part to hold, too
+    /// Also ask for the part to hold
     #[arg(long)]
     pub ctof: bool,
-    /// Let the oracle answer a share of a stage's asks wrongly, and test the failure analysis by that
+    /// Inject errors into a share of the oracle's answers to one kind of question, and test the failure analysis
     #[arg(long, value_name = "STAGE=SHARE")]
     pub error: Vec<String>,
-    /// Write each episode's transcript and pictures into this folder
+    /// Write each episode's transcript and images into this folder
     #[arg(long, value_name = "FOLDER")]
     pub transcripts: Option<PathBuf>,
-    /// Write a page about what failed: causes by kind, an episode with its pictures per cause, relations meant and resulting
+    /// Write a failure page: causes by kind, one episode with images per cause, intended and actual relations
     #[arg(long, value_name = "FILE")]
     pub page: Option<PathBuf>,
 }
@@ -503,15 +503,15 @@ pub struct BlameArguments {
     /// Failed episodes of each class
     #[arg(long, default_value_t = 30, value_parser = parse::count)]
     pub per_class: usize,
-    /// What the mistakes are to make fail [default: all but `service`]
+    /// Classes of injected errors [default: all but `service`]
     #[arg(long, value_delimiter = ',', value_name = "CLASS")]
     pub classes: Vec<String>,
-    /// Episodes without a mistake on purpose, of which those that fail are taken up again too
+    /// Episodes without injected errors; failed ones are repeated too
     #[arg(long, default_value_t = 60)]
     pub natural: usize,
     #[command(flatten)]
     pub agent: AgentChoiceArguments,
-    /// `open` splits the task and picks each thing once, so that a mistake is seldom made good
+    /// `open` decomposes the task and picks each object once, so that errors are rarely corrected
     #[arg(long = "loop", default_value = "open", value_name = "open|closed", value_parser = ["open", "closed"])]
     pub closed_loop: String,
 }
@@ -548,7 +548,7 @@ pub struct LabAssetsArguments {
     /// Seed of the objects
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Objects to make, the families in turn
+    /// Objects to generate, the families in turn
     #[arg(long, default_value_t = 100, value_parser = parse::count)]
     pub count: usize,
     /// Only this family
@@ -557,10 +557,10 @@ pub struct LabAssetsArguments {
     /// Take the families from the data files of this folder
     #[arg(long, value_name = "DIR")]
     pub families: Option<PathBuf>,
-    /// Try the imported objects of the packs in this folder instead
+    /// Test the imported objects of the packs in this folder instead
     #[arg(long, value_name = "DIR", conflicts_with_all = ["count", "family", "families"])]
     pub imported: Option<PathBuf>,
-    /// Threads; the figures in processor time are of one
+    /// Worker threads; CPU times are those of one
     #[arg(long, value_name = "N")]
     pub workers: Option<usize>,
 }
@@ -568,7 +568,7 @@ pub struct LabAssetsArguments {
 /// Arguments of `genmanip-lab grasp`.
 #[derive(Debug, Args)]
 pub struct GraspArguments {
-    /// Seed of things, views and noise
+    /// Seed of objects, views and noise
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Trials per class
@@ -577,10 +577,10 @@ pub struct GraspArguments {
     /// Cloud of the target: full surface, one noisy view, or three fused ones
     #[arg(long, default_value = "full", value_parser = ["full", "one", "three"])]
     pub view: String,
-    /// Class to try, all without
+    /// Class to try [default: all]
     #[arg(long, value_parser = ["compact", "utensils", "clutter"])]
     pub class: Option<String>,
-    /// Candidate to carry out: the best, or any, for judging the scores
+    /// Candidate to execute: the best, or a random one to test the calibration
     #[arg(long, default_value = "best", value_parser = ["best", "any"])]
     pub pick: String,
     /// File for one line of JSON per trial

@@ -28,13 +28,13 @@ pub struct LabSuiteArguments {
 #[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
 #[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
 pub struct LabReadersArguments {
-    /// Folder or name of a suite: which things are meant at the start of its scenarios
+    /// Folder or name of a suite: readers identify the intended objects in its initial scenes
     #[arg(long, value_name = "NAME|DIR", value_parser = suites::parse_folder)]
     pub suite: Option<PathBuf>,
-    /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
+    /// Folder of evaluations with kept episodes: readers judge if their final scenes fulfil the instruction
     #[arg(long, value_name = "DIR")]
     pub ends: Option<PathBuf>,
-    /// Episodes, half of them successes where there are enough
+    /// Number of episodes, half of them successes if possible
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
     pub count: usize,
     /// Folder for the cards

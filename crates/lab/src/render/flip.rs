@@ -1,30 +1,31 @@
-//! How different two pictures look when one switches between them: LDR-FLIP (Andersson, Nilsson, Akenine-Möller,
-//! Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", 2020), from the paper.
+//! LDR-FLIP, a difference metric for alternating images (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
+//! Fairchild, "FLIP: A Difference Evaluator for Alternating Images", 2020), implemented from the paper.
 //!
-//! Colours are blurred as the eye does at a distance and compared in a colour space where distances are about what is
-//! seen; where edges or points differ, the difference counts more.
+//! Colours are filtered with the contrast sensitivity of the eye and compared in a perceptually uniform colour space;
+//! differences of edges and points increase the result.
 
 use glam::Vec3A;
 
 use genmanip_render::color::linear_from_srgb8;
 
-/// Pixels per degree of the paper's observer: 0.7 m before a screen that shows 3840 pixels on 0.7 m.
+/// Pixels per degree of the paper's observer: 0.7 m from a screen with 3840 pixels on 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 0.7 * 3840.0 / 0.7 * (std::f32::consts::PI / 180.0);
 
-/// Contrast sensitivity of brightness, red-green and blue-yellow as sums of Gaussians (table 1): height and width.
+/// Contrast sensitivity of the achromatic, red-green and blue-yellow channels as sums of Gaussians (table 1): height
+/// and width.
 const SENSITIVITY: [[(f32, f32); 2]; 3] =
     [[(1.0, 0.0047), (0.0, 1e-5)], [(1.0, 0.0053), (0.0, 1e-5)], [(34.1, 0.04), (13.5, 0.025)]];
-/// Exponent of the colour difference, and the difference `SHARE_BEND` of the largest that becomes `VALUE_BEND`.
+/// Exponent of the colour difference; the difference at `SHARE_BEND` of the maximum maps to `VALUE_BEND`.
 const COLOR_EXPONENT: f32 = 0.7;
 const SHARE_BEND: f32 = 0.4;
 const VALUE_BEND: f32 = 0.95;
-/// Width of the features that the eye detects, degrees, and the exponent of their difference.
+/// Width of detected features, degrees, and exponent of the feature difference.
 const FEATURE_DEGREES: f32 = 0.082;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// White of daylight (D65) in linear sRGB's own XYZ.
+/// White point D65 in linear sRGB's XYZ.
 const WHITE: Vec3A = Vec3A::new(0.950_428_5, 1.0, 1.088_900_3);
 
-/// Difference per pixel, 0 to 1, between two 8-bit sRGB pictures with so many pixels per row; `None` when their sizes
+/// Difference per pixel, 0 to 1, between two 8-bit sRGB images with `width` pixels per row; `None` if their sizes
 /// differ or are not whole rows.
 pub fn flip(reference: &[u8], test: &[u8], width: usize, pixels_per_degree: f32) -> Option<Vec<f32>> {
     if reference.len() != test.len() || width == 0 || reference.is_empty() || !reference.len().is_multiple_of(width * 3)
@@ -43,16 +44,16 @@ pub fn flip(reference: &[u8], test: &[u8], width: usize, pixels_per_degree: f32)
     Some(colors.zip(features).map(|(color, feature)| color.powf((1.0 - feature).max(0.0))).collect())
 }
 
-/// The mean of [`flip`] for the paper's observer.
+/// Mean of [`flip`] over all pixels for the paper's observer.
 pub fn mean_flip(reference: &[u8], test: &[u8], width: usize) -> Option<f64> {
     let differences = flip(reference, test, width, PIXELS_PER_DEGREE)?;
     Some(differences.iter().map(|&value| f64::from(value)).sum::<f64>() / differences.len() as f64)
 }
 
-/// A picture in the opponent space YCxCz.
+/// An image in the opponent colour space YCxCz.
 struct Picture {
     width: usize,
-    /// Brightness, red-green, blue-yellow, component by component.
+    /// Achromatic, red-green and blue-yellow planes.
     channels: [Vec<f32>; 3],
 }
 
@@ -67,7 +68,7 @@ impl Picture {
         Self { width, channels }
     }
 
-    /// Blurred by the contrast sensitivity, in L*a*b* after Hunt.
+    /// The image filtered by the contrast sensitivity, in L*a*b* with Hunt's effect.
     fn perceived(&self, pixels_per_degree: f32) -> Vec<Vec3A> {
         let widest = SENSITIVITY.iter().flatten().fold(0.0_f32, |widest, (_, width)| widest.max(*width));
         let deviation = (widest / (2.0 * std::f32::consts::PI.powi(2))).sqrt();
@@ -76,7 +77,7 @@ impl Picture {
             .iter()
             .zip(&self.channels)
             .map(|(gaussians, channel)| {
-                // The sum of Gaussians of two dimensions: each by rows and columns with its own share of the whole.
+                // Each Gaussian of the two-dimensional sum is separable, with its own weight.
                 let mut sum = vec![0.0; channel.len()];
                 let kernels: Vec<_> = gaussians
                     .iter()
@@ -109,7 +110,7 @@ impl Picture {
             .collect()
     }
 
-    /// Strength of edges and of points in the brightness of each pixel.
+    /// Edge and point strength of the achromatic channel per pixel.
     fn features(&self, pixels_per_degree: f32) -> Vec<[f32; 2]> {
         let brightness: Vec<f32> = self.channels[0].iter().map(|value| (value + 16.0) / 116.0).collect();
         let deviation = 0.5 * FEATURE_DEGREES * pixels_per_degree;
@@ -133,7 +134,7 @@ impl Picture {
     }
 }
 
-/// Convolution by rows and then by columns with kernels of odd length; beyond the border lies the last pixel.
+/// Separable convolution with kernels of odd length; the border pixel is repeated.
 fn filtered(values: &[f32], width: usize, across: &[f32], down: &[f32]) -> Vec<f32> {
     let height = values.len() / width;
     let cut = |place: isize, limit: usize| place.clamp(0, limit as isize - 1) as usize;
@@ -160,13 +161,13 @@ fn filtered(values: &[f32], width: usize, across: &[f32], down: &[f32]) -> Vec<f
     out
 }
 
-/// Distance of colours: of brightness, and of hue and saturation (HyAB, Abasi et al., 2020).
+/// HyAB colour distance (Abasi et al., 2020).
 fn distance(a: Vec3A, b: Vec3A) -> f32 {
     let step = a - b;
     step.x.abs() + step.y.hypot(step.z)
 }
 
-/// Differences up to a share of the largest fill most of the scale.
+/// Maps small differences to most of the scale.
 fn redistributed(difference: f32, largest: f32) -> f32 {
     let bend = SHARE_BEND * largest;
     if difference < bend {
@@ -176,7 +177,7 @@ fn redistributed(difference: f32, largest: f32) -> f32 {
     }
 }
 
-/// L*a*b* of a linear colour; dark colours have less colour (Hunt's effect).
+/// L*a*b* of a linear colour, with chroma scaled by lightness (Hunt's effect).
 fn hunt(linear: Vec3A) -> Vec3A {
     const KNEE: f32 = 6.0 / 29.0;
     let curve = |value: f32| {
@@ -214,7 +215,7 @@ mod tests {
         mean_flip(reference, test, 40).expect("whole rows of equal pictures")
     }
 
-    /// What the paper's formulas give for even colours, where neither blur nor features matter.
+    /// The paper's formulas for uniform colours, where neither filter nor features matter.
     #[test]
     fn even_colors_differ_as_the_paper_says() {
         // (reference, test, expected): the largest difference is green to blue; black to white is HyAB 100 of 203.2.

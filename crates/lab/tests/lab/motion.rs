@@ -1,8 +1,8 @@
-//! `genmanip-lab motion`: problems of the user's own, for the built-in robot and for one from a folder.
+//! `genmanip-lab motion`: problems from the user's file, for the built-in robot and for one from a folder.
 
 use crate::lab;
 
-/// Around a post, over a table; then the same way with the goal inside of the post.
+/// A motion around a post over a table; then the same with the goal inside the post.
 const PROBLEMS: &str = r#"{"seed": 3, "problems": [
   {"id": 0, "start": [0.9, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "goal": [-0.9, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "obstacles": [
     {"type": "box", "pos": [0.6, 0.0, -0.02], "size": [0.8, 1.2, 0.04], "yaw": 0.0},
@@ -36,19 +36,19 @@ fn lab_motion_plans_and_tests_again() {
     for key in ["time_scaling_ms", "ik_us"] {
         assert!(measured[key].as_f64().unwrap() > 0.0, "{measured}");
     }
-    // The camera sees the post and the box; inside of the box, which it sees from without, the goal touches nothing seen.
+    // The camera sees post and box; inside the box, seen from outside, the goal touches no visible point.
     let depth = &measured["depth"];
     assert_eq!((&depth["problems"], &depth["touching_cloud"]), (&2.into(), &0.into()), "{measured}");
     let counted = |key: &str| depth[key].as_u64().unwrap();
     assert_eq!(counted("planned") + counted("start_or_goal_in_cloud"), 2, "{measured}");
     assert!(counted("solved") >= 1 && depth["points"].as_f64().unwrap() > 100.0, "{measured}");
     assert!(measured["depth_to_path_ms"]["p95"].as_f64().unwrap() > 0.0, "{measured}");
-    // The post is in the straight way of 1.8 rad.
+    // The post blocks the straight path of 1.8 rad.
     let length = measured["path_length_rad"]["median"].as_f64().unwrap();
     assert!(length > 1.81 && length < 8.0 && measured["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{measured}");
     let paths: serde_json::Value = serde_json::from_slice(&std::fs::read(at("paths.json")).unwrap()).unwrap();
     assert!(paths[0].as_array().unwrap().len() > 90 && paths[1].is_null(), "{paths}");
-    // Only the first of them.
+    // Only the first problem.
     let first = lab(folder.path(), &[&arguments[..], &["--count", "1"]].concat()).json(0);
     assert_eq!((&first["problems"], &first["solved"]), (&1.into(), &1.into()), "{first}");
 
@@ -77,7 +77,7 @@ fn lab_motion_plans_and_tests_again() {
     }
 }
 
-/// Fresh problems read back as they were planned, and their starts and goals touch nothing.
+/// Generated problems read back as they were planned, with collision-free starts and goals.
 #[test]
 fn lab_motion_makes_problems() {
     let folder = tempfile::tempdir().unwrap();
