@@ -164,3 +164,50 @@ impl RgbdImage {
         self
     }
 }
+
+/// Depth in whole millimetres, the unit of 16-bit depth images: rounded; 0 for depths that are not positive or not
+/// finite (nothing measured); 65535 for 65.535 m and beyond.
+#[inline(always)]
+pub fn depth_to_mm(depth_m: f32) -> u16 {
+    /// 2^52: an `f64` above it has no fraction bits, so adding it rounds and leaves the integer in the lowest mantissa
+    /// bits.
+    const SHIFT: f64 = (1_u64 << 52) as f64;
+    // Product and sum are exact wherever the sum could reach the next millimetre, so its integer part equals that of
+    // `f64::round`, without the range checks of a float-to-int conversion.
+    let mm = f64::from(depth_m) * 1000.0 + 0.5;
+    let mm = if mm > 0.0 && depth_m < f32::INFINITY { mm } else { 0.0 };
+    let mm = if mm < 65_535.0 { mm } else { 65_535.0 };
+    let nearest = (mm + SHIFT) - SHIFT;
+    let whole = if nearest > mm { nearest - 1.0 } else { nearest };
+    (whole + SHIFT).to_bits() as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `depth_to_mm` equals `f64::round`, tested around every half millimetre and across all magnitudes.
+    #[test]
+    fn millimetres_are_rounded_and_saturate() {
+        for (depth_m, expected) in [
+            (65.534, 65_534),
+            (65.535, 65_535),
+            (65.6, 65_535),
+            (1e9, 65_535),
+            (-1.0, 0),
+            (f32::NAN, 0),
+            (f32::INFINITY, 0),
+        ] {
+            assert_eq!(depth_to_mm(depth_m), expected, "{depth_m} m");
+        }
+        let halves = (0..=140_000).flat_map(|half| {
+            let bits = (half as f32 / 2000.0).to_bits();
+            (bits.saturating_sub(2)..=bits + 2).map(f32::from_bits)
+        });
+        let scales = (0..=u32::MAX >> 12).map(|bits| f32::from_bits(bits << 12));
+        for depth_m in halves.chain(scales) {
+            let expected = if depth_m.is_finite() { (f64::from(depth_m) * 1000.0).round() as u16 } else { 0 };
+            assert_eq!(depth_to_mm(depth_m), expected, "{depth_m} m");
+        }
+    }
+}

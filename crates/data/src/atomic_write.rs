@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use serde_json::Value;
 
 use crate::DataError;
-use crate::files::{is_own_file, is_own_folder, names, remove, write_new};
+use crate::files::{self, is_own_file, is_own_folder, names, remove, write_new};
 use crate::partial::beside;
 
 /// A folder that becomes visible under its name only when it is complete.
@@ -152,14 +152,16 @@ pub fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
 }
 
 /// The parent folder; `.` for a bare name.
-pub fn parent(path: &Path) -> &Path {
+fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Creates the parent folder of a path.
-pub fn make_parent(path: &Path) -> Result<(), DataError> {
+/// Creates the parent folder of a path, and removes leftovers of killed processes from it.
+pub fn prepare_parent(path: &Path) -> Result<(), DataError> {
     let parent = parent(path);
-    fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))
+    fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
+    files::sweep(parent)?;
+    Ok(())
 }
 
 /// True if two folders contain the same files with the same bytes.

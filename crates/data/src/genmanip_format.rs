@@ -19,10 +19,10 @@ use genmanip_core::{Document, Pose, RobotModel};
 use jpeg_encoder::{ColorType, Encoder};
 use serde_json::json;
 
-use crate::atomic_write::{self, AtomicFolder};
+use crate::atomic_write::AtomicFolder;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
 use crate::frames::pose_to_row;
-use crate::{DataError, EpisodeStore, files, video};
+use crate::{DataError, EpisodeStore, video};
 
 /// JPEG quality, 1 to 100; high because the images have already been compressed once.
 const QUALITY: u8 = 95;
@@ -40,10 +40,7 @@ pub fn export(
     settings: &ExportSettings,
     target: &Path,
 ) -> Result<ExportReport, DataError> {
-    let exporter = Exporter::new(store, selection, robot, settings)?;
-    atomic_write::make_parent(target)?;
-    files::sweep(atomic_write::parent(target))?;
-    let staging = AtomicFolder::new(target)?;
+    let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
     let (mut episodes, mut frames) = (0, 0);
     let left_out = exporter.each(|source, rows| {
         let folder = Folder { staging: &staging, name: &rows.metadata.result.id, rows: rows.frames };

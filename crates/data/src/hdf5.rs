@@ -24,10 +24,9 @@ use hdf5_writer::{
 };
 use serde_json::json;
 
-use crate::atomic_write::{self, AtomicFolder};
 use crate::export::features::{Feature, Values};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
-use crate::{CameraTrack, DataError, EpisodeStore, files, video};
+use crate::{CameraTrack, DataError, EpisodeStore, video};
 
 const DEMO: &str = "data/demo_0";
 /// zlib level; higher ones take several times as long for a few percent.
@@ -46,10 +45,7 @@ pub fn export(
     settings: &ExportSettings,
     target: &Path,
 ) -> Result<ExportReport, DataError> {
-    let exporter = Exporter::new(store, selection, robot, settings)?;
-    atomic_write::make_parent(target)?;
-    files::sweep(atomic_write::parent(target))?;
-    let staging = AtomicFolder::new(target)?;
+    let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
     let about = json!({
         "env_name": "genmanip",
         "env_kwargs": {},

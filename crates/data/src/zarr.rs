@@ -19,10 +19,10 @@ use flate2::write::ZlibEncoder;
 use genmanip_core::RobotModel;
 use serde_json::{Value, json};
 
-use crate::atomic_write::{self, AtomicFolder};
+use crate::atomic_write::AtomicFolder;
 use crate::export::features::Values;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
-use crate::{DataError, EpisodeStore, depth, files, video};
+use crate::{DataError, EpisodeStore, depth, video};
 
 /// Rows per chunk of numeric arrays.
 const ROWS_PER_CHUNK: usize = 1024;
@@ -41,16 +41,8 @@ pub fn export(
     settings: &ExportSettings,
     target: &Path,
 ) -> Result<ExportReport, DataError> {
-    let exporter = Exporter::new(store, selection, robot, settings)?;
-    atomic_write::make_parent(target)?;
-    files::sweep(atomic_write::parent(target))?;
-    let mut writer = Writer {
-        staging: AtomicFolder::new(target)?,
-        arrays: Vec::new(),
-        frames: 0,
-        ends: Vec::new(),
-        entries: Vec::new(),
-    };
+    let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
+    let mut writer = Writer { staging, arrays: Vec::new(), frames: 0, ends: Vec::new(), entries: Vec::new() };
     let left_out = exporter.each(|source, rows| writer.push(source, &rows, settings.depth))?;
     let (frames, episodes) = (writer.frames, writer.ends.len());
     writer.finish(&json!({

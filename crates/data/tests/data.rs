@@ -102,7 +102,7 @@ fn attachments_and_tracks_come_back() {
     let (width, height, depth_mm) = genmanip_data::depth::decode_depth_png(&track.depth_png[2]).unwrap();
     let (_, depth_m) = image(0, 1, 2);
     assert_eq!((width, height), (synthetic::WIDTH, synthetic::HEIGHT));
-    let expected: Vec<u16> = depth_m.into_iter().map(genmanip_data::depth::depth_to_mm).collect();
+    let expected: Vec<u16> = depth_m.into_iter().map(genmanip_core::image::depth_to_mm).collect();
     assert_eq!(depth_mm, expected);
     assert!(store.sweep_partial().unwrap().is_empty());
 }

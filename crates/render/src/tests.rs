@@ -527,7 +527,7 @@ fn pictures_survive_their_files() {
     let rgb: Vec<u8> = (0..8 * 4 * 3).map(|value| (value * 2) as u8).collect();
     assert_eq!(decode(&encode::png_rgb(8, 4, &rgb).unwrap()), rgb);
     let depth = [0.0_f32, 0.0004, 0.0006, 1.2344, 65.535, 65.6, f32::NAN, -1.0];
-    let millimetres = [0_u16, 0, 1, 1234, 65535, 0, 0, 0];
+    let millimetres = [0_u16, 0, 1, 1234, 65535, 65535, 0, 0];
     let bytes: Vec<u8> = millimetres.iter().flat_map(|value| value.to_be_bytes()).collect();
     assert_eq!(decode(&encode::png_depth_mm(8, 1, &depth).unwrap()), bytes);
     assert!(encode::jpeg_rgb(8, 4, &rgb, 95).unwrap().starts_with(&[0xFF, 0xD8]));

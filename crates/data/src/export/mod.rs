@@ -10,11 +10,12 @@ pub mod privileged;
 pub mod rows;
 pub mod steps;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Episode, Interpolation, RobotModel};
 use serde::{Deserialize, Serialize};
 
+use crate::atomic_write::{self, AtomicFolder};
 use crate::masks::MaskTrack;
 use crate::{CameraTrack, DataError, EpisodeStore};
 
@@ -228,6 +229,19 @@ impl<'a> Exporter<'a> {
             return Err(DataError::mismatch("episodes to export", "at least one", 0));
         }
         Ok(Self { store, ids, is_strict: matches!(selection, Selection::Ids(_)), robot, settings })
+    }
+
+    /// As [`Exporter::new`], with a new folder that will be published at `target`, which must not exist.
+    pub fn begin(
+        store: &'a EpisodeStore,
+        selection: &Selection,
+        robot: &'a RobotModel,
+        settings: &'a ExportSettings,
+        target: &Path,
+    ) -> Result<(Self, AtomicFolder), DataError> {
+        let exporter = Self::new(store, selection, robot, settings)?;
+        atomic_write::prepare_parent(target)?;
+        Ok((exporter, AtomicFolder::new(target)?))
     }
 
     /// The contract of the `action` column.

@@ -13,6 +13,7 @@ pub mod episodes;
 mod features;
 pub mod imported;
 pub mod info;
+pub mod metadata_files;
 pub mod origin;
 mod reader;
 pub mod record;
@@ -220,8 +221,7 @@ pub fn begin_sibling(dataset: &Path) -> Result<AtomicFolder, DataError> {
 }
 
 fn place(target: &Path, replaces: bool) -> Result<AtomicFolder, DataError> {
-    atomic_write::make_parent(target)?;
-    files::sweep(atomic_write::parent(target))?;
+    atomic_write::prepare_parent(target)?;
     if replaces { AtomicFolder::replacing(target) } else { AtomicFolder::accepting_identical(target) }
 }
 

@@ -11,15 +11,16 @@
 
 use std::path::Path;
 
-use genmanip_core::{ActionContract, ActionSpace, Document, RobotModel, RotationEncoding};
+use genmanip_core::{ActionContract, ActionSpace, RobotModel, RotationEncoding};
 use serde_json::{Value, json};
 
 use super::dataset_metadata::DatasetMetadata;
 use super::info::FILES_PER_CHUNK;
+use super::metadata_files::MetadataFiles;
 use super::origin::Origin;
 use super::stats::Stats;
-use super::{CONTRACT, LerobotSettings, begin, features, info, record};
-use crate::atomic_write::AtomicFolder;
+use super::{LerobotSettings, begin, features, info, record};
+use crate::atomic_write::{AtomicFolder, write_json};
 use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
 use crate::table::{Purpose, TableWriter};
@@ -146,20 +147,15 @@ impl Writer {
             sentences.iter().enumerate().map(line).collect()
         };
         let (tasks, subtasks) = (listed("task", &self.metadata.tasks), listed("subtask", &self.metadata.subtasks));
-        let write = |name: &str, value: &Value| self.staging.write(name, format!("{value:#}\n").as_bytes());
-        write(info::INFO, &info)?;
-        write("meta/stats.json", &stats)?;
-        write("meta/modality.json", &modality)?;
-        write("norm_stats.json", &norm_stats(&stats))?;
+        write_json(&self.staging, "meta/modality.json", &modality)?;
+        write_json(&self.staging, "norm_stats.json", &norm_stats(&stats))?;
         self.staging.write("meta/tasks.jsonl", tasks.as_bytes())?;
         self.staging.write("meta/subtasks.jsonl", subtasks.as_bytes())?;
         self.staging.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
         self.staging.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
-        origin.write(&self.staging, None)?;
-        if let Some(contract) = contract {
-            self.staging.write(CONTRACT, contract.to_json().as_bytes())?;
-        }
-        self.staging.write("README.md", info::card_with_info(&origin.card(&name, "v2.1"), &info).as_bytes())?;
+        let card = origin.card(&name, "v2.1");
+        let files = MetadataFiles { info: &info, stats: &stats, statistics_note: None, origin, contract, card: &card };
+        files.write(&self.staging)?;
         self.staging.publish()
     }
 }

@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
-use genmanip_core::{ActionContract, Document};
+use genmanip_core::ActionContract;
 
 use super::dataset_metadata::DatasetMetadata;
 use super::episodes::{self, EpisodeColumns, EpisodeEntry, VideoSpan};
 use super::info::{self, FILES_PER_CHUNK};
+use super::metadata_files::MetadataFiles;
 use super::origin::Origin;
 use super::stats::Stats;
-use super::{SUBTASKS, features, record};
-use crate::atomic_write::{AtomicFolder, write_json};
+use super::{features, record};
+use crate::atomic_write::AtomicFolder;
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, VideoFeature};
 use crate::export::metadata::EpisodeMetadata;
@@ -110,17 +111,9 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
             tasks: self.metadata.tasks.len(),
         };
         let info = info::info(&self.robot, &totals, self.metadata.fps, features, has_video);
-        write_json(&self.staging, info::INFO, &info)?;
-        write_json(&self.staging, "meta/stats.json", &self.metadata.stats_collector.finish()?)?;
-        origin.write(&self.staging, None)?;
-        if let Some(contract) = contract {
-            self.staging.write(super::CONTRACT, contract.to_json().as_bytes())?;
-        }
-        self.staging.write("meta/tasks.parquet", &episodes::tasks_table(&self.metadata.tasks)?)?;
-        if !self.metadata.subtasks.is_empty() {
-            self.staging.write(SUBTASKS, &episodes::subtasks_table(&self.metadata.subtasks)?)?;
-        }
-        self.staging.write("README.md", info::card_with_info(card, &info).as_bytes())?;
+        let stats = self.metadata.stats_collector.finish()?;
+        let files = MetadataFiles { info: &info, stats: &stats, statistics_note: None, origin, contract, card };
+        files.write_v30(&self.staging, &self.metadata.tasks, &self.metadata.subtasks)?;
         Ok(Finished(self.staging))
     }
 

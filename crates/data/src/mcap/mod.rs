@@ -28,11 +28,10 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
 use serde_json::{Value, json};
 
-use crate::atomic_write::{self, AtomicFolder};
 use crate::export::features::Values;
 use crate::export::steps::Steps;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
-use crate::{DataError, EpisodeStore, files};
+use crate::{DataError, EpisodeStore};
 use schemas::Cube;
 
 /// Exports the selected episodes to a folder at `target`, which must not exist.
@@ -46,10 +45,7 @@ pub fn export(
     settings: &ExportSettings,
     target: &Path,
 ) -> Result<ExportReport, DataError> {
-    let exporter = Exporter::new(store, selection, robot, settings)?;
-    atomic_write::make_parent(target)?;
-    files::sweep(atomic_write::parent(target))?;
-    let staging = AtomicFolder::new(target)?;
+    let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
     let (mut frames, mut episodes) = (0, Vec::new());
     let contract = exporter.contract();
     let left_out = exporter.each(|source, rows| {

@@ -3,8 +3,8 @@
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionSpace, Pose, RobotModel, RotationEncoding};
 
-use super::book::{Book, EpisodeEntry};
 use super::findings::Findings;
+use super::metadata::{EpisodeEntry, Metadata};
 use genmanip_data::columns::{Column, Rows};
 
 /// Tolerances of the tool pose, m and rad: single-precision errors along the whole arm.
@@ -15,12 +15,18 @@ const NEAR_OPENING_M: f64 = 1e-6;
 /// Tolerance of joint limits, rad: the simulated limits are compliant.
 const BEYOND_RAD: f64 = 0.05;
 
-pub(super) fn check(book: &Book, robot: &RobotModel, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
+pub(super) fn check(
+    metadata: &Metadata,
+    robot: &RobotModel,
+    episode: &EpisodeEntry,
+    rows: &Rows,
+    findings: &mut Findings,
+) {
     let columns = EpisodeColumns { episode, rows };
     if let Some((row, key, expected, found)) = columns.state(robot).or_else(|| columns.tool()) {
         findings.add("state", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
-    if let Some((row, key, expected, found)) = columns.action(book, robot) {
+    if let Some((row, key, expected, found)) = columns.action(metadata, robot) {
         findings.add("action", &episode.data, format!("{}, row {row}, {key}", episode.place()), expected, found);
     }
 }
@@ -87,8 +93,8 @@ impl EpisodeColumns<'_> {
     }
 
     /// Checks the actions, decoded by the contract, against the commanded tool pose.
-    fn action(&self, book: &Book, robot: &RobotModel) -> Option<Deviation> {
-        let (contract, ee) = (book.contract.as_ref()?, self.column("ee.action", 7)?);
+    fn action(&self, metadata: &Metadata, robot: &RobotModel) -> Option<Deviation> {
+        let (contract, ee) = (metadata.contract.as_ref()?, self.column("ee.action", 7)?);
         let (spec, dof) = (contract.action, robot.arm_dof());
         let action = self.column("action", spec.length(dof))?;
         let home = self.episode.home.as_ref().filter(|home| home.len() == dof);

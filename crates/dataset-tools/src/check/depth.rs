@@ -4,20 +4,22 @@ use std::sync::Arc;
 
 use genmanip_core::RobotModel;
 
-use super::book::{self, Book, Version};
 use super::findings::Findings;
+use super::metadata::{self, Metadata, Version};
 use super::{paths, record, v30};
 use genmanip_data::DataError;
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::lerobot::depth_path;
 
-pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Findings) -> Result<(), DataError> {
-    let has_images = book.info.features.iter().any(super::book::Feature::is_image);
-    if book.info.version != Version::V30 || has_images {
+pub(super) fn check(metadata: &Metadata, robots: &[Arc<RobotModel>], findings: &mut Findings) -> Result<(), DataError> {
+    let has_images = metadata.info.features.iter().any(super::metadata::Feature::is_image);
+    if metadata.info.version != Version::V30 || has_images {
         return Ok(());
     }
-    let Some(settings) = record::settings(book).filter(|settings| settings.export.has_sibling()) else { return Ok(()) };
-    let sibling = depth_path(&book.root);
+    let Some(settings) = record::settings(metadata).filter(|settings| settings.export.has_sibling()) else {
+        return Ok(());
+    };
+    let sibling = depth_path(&metadata.root);
     let name = format!("../{}", sibling.file_name().unwrap_or_default().to_string_lossy());
     if !sibling.is_dir() {
         findings.add("depth", &name, "", "the depth data set named in the settings", "nothing");
@@ -32,7 +34,7 @@ pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Find
     }
     // Findings of either data set have been recorded; what remains is to check that both have the same episodes.
     let mut ignored = Findings::default();
-    let info = book::read_info(&sibling, &mut ignored)?;
+    let info = metadata::read_info(&sibling, &mut ignored)?;
     let has_masks = settings.export.columns.contains(&ExtraColumns::Masks);
     let kinds = [("depth", settings.export.depth), ("mask", has_masks)].into_iter().filter(|(_, is_there)| *is_there);
     let keys = kinds.flat_map(|(kind, _)| {
@@ -44,8 +46,8 @@ pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Find
         }
     }
     let depths = v30::read(&sibling, info, &paths::list(&sibling)?, &mut ignored);
-    findings.require("depth", &name, "episodes", &book.episodes.len(), &depths.episodes.len());
-    for (color, depth) in book.episodes.iter().zip(&depths.episodes) {
+    findings.require("depth", &name, "episodes", &metadata.episodes.len(), &depths.episodes.len());
+    for (color, depth) in metadata.episodes.iter().zip(&depths.episodes) {
         let [a, b] = [color, depth].map(|episode| (episode.length, &episode.store_id, &episode.sentence));
         findings.require("depth", &name, &format!("{}, length, store_id, tasks", color.place()), &a, &b);
     }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::Checked;
-use super::book::EpisodeEntry;
 use super::findings::Finding;
+use super::metadata::EpisodeEntry;
 
 /// Properties by which an episode is recognised in other data sets.
 #[derive(Clone, Debug)]

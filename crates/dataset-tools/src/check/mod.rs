@@ -3,17 +3,17 @@
 //! Data sets are untrusted input: missing, oversized or mistyped contents give a [`Finding`], not an error. Data sets
 //! of other programs are checked against the format only, those of this program also against their own metadata.
 
-mod book;
 mod consistency;
+mod contact_sheet;
 mod depth;
 mod findings;
+mod images;
 mod leaks;
+mod metadata;
+mod overview;
 mod paths;
-mod pictures;
 mod record;
 mod rows;
-mod sheet;
-mod show;
 mod totals;
 mod v21;
 mod v30;
@@ -30,12 +30,12 @@ use serde::Serialize;
 use findings::Findings;
 use genmanip_data::DataError;
 
-pub(crate) use book::{Book, EpisodeEntry, Feature, Version};
+pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version};
 
+pub use contact_sheet::{Strip, contact_sheet};
 pub use findings::Finding;
 pub use leaks::{Identity, leaks};
-pub use sheet::{Strip, contact_sheet};
-pub use show::{Bin, Group, Overview, Range};
+pub use overview::{Bin, Group, Overview, Range};
 
 /// Result of the check of a data set.
 #[derive(Debug, Serialize)]
@@ -72,27 +72,27 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, Data
     if listed.contains(".zgroup") {
         return Ok(zarr::check(dataset, &listed, findings));
     }
-    let book = read(dataset, &listed, &mut findings)?;
-    let robot = robots.iter().find(|robot| robot.name == book.info.robot).map(Arc::as_ref);
-    paths::check(&book, &listed, &mut findings);
-    book::check(&book, &mut findings);
-    let (totals, identities) = rows::check(&book, robot, &mut findings);
-    totals::check(&book, &totals, &mut findings);
-    videos::check(&book, &mut findings);
-    pictures::check(&book, &mut findings);
-    record::check(&book, &mut findings);
-    depth::check(&book, robots, &mut findings)?;
-    Ok(finished(dataset, &book, totals.rows(), identities, &totals, findings))
+    let metadata = read(dataset, &listed, &mut findings)?;
+    let robot = robots.iter().find(|robot| robot.name == metadata.info.robot).map(Arc::as_ref);
+    paths::check(&metadata, &listed, &mut findings);
+    metadata::check(&metadata, &mut findings);
+    let (totals, identities) = rows::check(&metadata, robot, &mut findings);
+    totals::check(&metadata, &totals, &mut findings);
+    videos::check(&metadata, &mut findings);
+    images::check(&metadata, &mut findings);
+    record::check(&metadata, &mut findings);
+    depth::check(&metadata, robots, &mut findings)?;
+    Ok(finished(dataset, &metadata, totals.rows(), identities, &totals, findings))
 }
 
 /// Reads the metadata of a LeRobot data set, with findings for invalid parts.
 ///
 /// # Errors
 /// If the folder cannot be listed or is not a LeRobot data set of a known version.
-pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
+pub(crate) fn read_metadata(dataset: &Path) -> Result<(Metadata, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;
-    let book = read(dataset, &listed, &mut findings)?;
+    let metadata = read(dataset, &listed, &mut findings)?;
     // File names come from templates in `info.json` and may point outside the data set.
     let files = |episode: &EpisodeEntry| {
         [episode.data.clone()]
@@ -100,14 +100,14 @@ pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
             .chain(episode.videos.iter().map(|video| video.file.clone()))
             .collect::<Vec<_>>()
     };
-    if let Some(file) = book.episodes.iter().flat_map(files).find(|file| !listed.contains(file)) {
+    if let Some(file) = metadata.episodes.iter().flat_map(files).find(|file| !listed.contains(file)) {
         return Err(DataError::mismatch(format!("{file} in {}", dataset.display()), "a file of the data set", "none"));
     }
-    Ok((book, findings.into_parts().0))
+    Ok((metadata, findings.into_parts().0))
 }
 
-fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> Result<Book, DataError> {
-    let info = book::read_info(dataset, findings)?;
+fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> Result<Metadata, DataError> {
+    let info = metadata::read_info(dataset, findings)?;
     Ok(match info.version {
         Version::V30 => v30::read(dataset, info, listed, findings),
         Version::V21 => v21::read(dataset, info, listed, findings),
@@ -116,7 +116,7 @@ fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> R
 
 fn finished(
     dataset: &Path,
-    book: &Book,
+    metadata: &Metadata,
     frames: usize,
     identities: Vec<Identity>,
     totals: &totals::Totals,
@@ -125,12 +125,12 @@ fn finished(
     let (findings, further) = findings.into_parts();
     Checked {
         dataset: dataset.display().to_string(),
-        format: book.info.version.name(),
-        episodes: book.episodes.len(),
+        format: metadata.info.version.name(),
+        episodes: metadata.episodes.len(),
         frames,
         findings,
         further,
         identities,
-        overview: show::overview(book, totals),
+        overview: overview::overview(metadata, totals),
     }
 }

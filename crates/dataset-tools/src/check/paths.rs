@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::book::{Book, Version};
 use super::findings::Findings;
+use super::metadata::{Metadata, Version};
 use genmanip_data::{DataError, files};
 
 /// Maximum folder depth: `extras/record/EPISODE/GROUP` and one more.
@@ -28,17 +28,17 @@ pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
 }
 
 /// Reports missing and foreign files; `extras` is left to the check of the record.
-pub(super) fn check(book: &Book, listed: &BTreeSet<String>, findings: &mut Findings) {
+pub(super) fn check(metadata: &Metadata, listed: &BTreeSet<String>, findings: &mut Findings) {
     let mut expected: BTreeSet<String> = ["meta/info.json", "meta/stats.json"].map(String::from).into();
-    expected.extend(book.meta_files.iter().cloned());
-    for episode in &book.episodes {
+    expected.extend(metadata.meta_files.iter().cloned());
+    for episode in &metadata.episodes {
         expected.insert(episode.data.clone());
         expected.extend(episode.videos.iter().map(|video| video.file.clone()));
     }
-    if book.is_own {
+    if metadata.is_own {
         let own = ["README.md", "meta/genmanip.json", "meta/lerobot_settings.json"];
         expected.extend(own.map(String::from));
-        if book.info.version == Version::V21 {
+        if metadata.info.version == Version::V21 {
             expected.extend(["norm_stats.json", "meta/modality.json"].map(String::from));
         }
     }
@@ -50,7 +50,7 @@ pub(super) fn check(book: &Book, listed: &BTreeSet<String>, findings: &mut Findi
     let foreign = listed.difference(&expected).filter(|path| {
         let is_known = optional.contains(&path.as_str()) || path.starts_with("extras/");
         // Data sets of other programs may have further files beside their tables.
-        !is_known && (book.is_own || path.starts_with("data/") || path.starts_with("videos/"))
+        !is_known && (metadata.is_own || path.starts_with("data/") || path.starts_with("videos/"))
     });
     for path in foreign {
         findings.add("files", path, "", "no such file, as no episode refers to it", "a file");

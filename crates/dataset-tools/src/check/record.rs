@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use arrow_array::Array;
 use genmanip_core::{Document, limits};
 
-use super::book::{Book, EpisodeEntry};
 use super::findings::Findings;
+use super::metadata::{EpisodeEntry, Metadata};
 use genmanip_data::columns::Column;
 use genmanip_data::export::sampling;
 use genmanip_data::lerobot::{RECORD, SETTINGS};
@@ -17,21 +17,21 @@ use genmanip_data::{DataError, EpisodeStore, LerobotSettings, files};
 const SAMPLED: usize = 20;
 
 /// Export settings of the data set, if it has any.
-pub(super) fn settings(book: &Book) -> Option<LerobotSettings> {
-    let bytes = files::read(&book.root.join(SETTINGS), limits::SETTINGS).ok()?;
+pub(super) fn settings(metadata: &Metadata) -> Option<LerobotSettings> {
+    let bytes = files::read(&metadata.root.join(SETTINGS), limits::SETTINGS).ok()?;
     LerobotSettings::from_bytes(&bytes).ok()
 }
 
-pub(super) fn check(book: &Book, findings: &mut Findings) {
-    let settings = settings(book);
-    if book.is_own && settings.is_none() && book.root.join(SETTINGS).exists() {
+pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
+    let settings = settings(metadata);
+    if metadata.is_own && settings.is_none() && metadata.root.join(SETTINGS).exists() {
         findings.add("info", SETTINGS, "", "valid export settings", "something else");
     }
     if let Some(settings) = &settings {
-        if (f64::from(settings.export.fps) - book.info.fps).abs() > 1e-9 {
-            findings.add("info", SETTINGS, "export.fps", book.info.fps, settings.export.fps);
+        if (f64::from(settings.export.fps) - metadata.info.fps).abs() > 1e-9 {
+            findings.add("info", SETTINGS, "export.fps", metadata.info.fps, settings.export.fps);
         }
-        if let Some(contract) = &book.contract
+        if let Some(contract) = &metadata.contract
             && contract.action != settings.export.action
         {
             findings.add(
@@ -43,29 +43,29 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
             );
         }
     }
-    let has_actions = book.info.features.iter().any(|feature| feature.key == "action");
-    let root = book.root.join(RECORD);
+    let has_actions = metadata.info.features.iter().any(|feature| feature.key == "action");
+    let root = metadata.root.join(RECORD);
     match EpisodeStore::open(&root) {
         Err(error) => {
             if settings.is_some_and(|settings| settings.record) && has_actions {
                 findings.add("record", RECORD, "", "the native record named in the settings", error);
             }
         }
-        Ok(store) => records(book, &store, findings),
+        Ok(store) => records(metadata, &store, findings),
     }
 }
 
-fn records(book: &Book, store: &EpisodeStore, findings: &mut Findings) {
+fn records(metadata: &Metadata, store: &EpisodeStore, findings: &mut Findings) {
     let held: BTreeSet<String> = match store.ids() {
         Ok(ids) => ids.into_iter().collect(),
         Err(error) => return findings.add("record", RECORD, "", "a list of episodes", error),
     };
-    let named: BTreeSet<String> = book.episodes.iter().filter_map(|episode| episode.store_id.clone()).collect();
+    let named: BTreeSet<String> = metadata.episodes.iter().filter_map(|episode| episode.store_id.clone()).collect();
     for id in held.difference(&named) {
         findings.add("record", &format!("{RECORD}/{id}"), "", "no record, as no episode has this store_id", "a record");
     }
-    let stride = book.episodes.len().div_ceil(SAMPLED).max(1);
-    for (number, episode) in book.episodes.iter().enumerate() {
+    let stride = metadata.episodes.len().div_ceil(SAMPLED).max(1);
+    for (number, episode) in metadata.episodes.iter().enumerate() {
         let Some(id) = episode.store_id.as_ref() else { continue };
         let file = format!("{RECORD}/{id}");
         if !held.contains(id) {
@@ -74,7 +74,7 @@ fn records(book: &Book, store: &EpisodeStore, findings: &mut Findings) {
         }
         let compared = store.verify(id).and_then(|()| {
             outcome(episode, store, id, &file, findings)?;
-            if number.is_multiple_of(stride) { states(book, episode, store, id, findings) } else { Ok(()) }
+            if number.is_multiple_of(stride) { states(metadata, episode, store, id, findings) } else { Ok(()) }
         });
         if let Err(error) = compared {
             findings.add("record", &file, episode.place(), "an undamaged record", error);
@@ -111,14 +111,14 @@ fn outcome(
 
 /// Compares `observation.state` with the recorded joint positions and gripper opening.
 fn states(
-    book: &Book,
+    metadata: &Metadata,
     episode: &EpisodeEntry,
     store: &EpisodeStore,
     id: &str,
     findings: &mut Findings,
 ) -> Result<(), DataError> {
     let recorded = store.read(id)?;
-    let (rows, stride) = sampling(recorded.frames.len(), recorded.result.control_rate_hz, book.info.fps as u32)?;
+    let (rows, stride) = sampling(recorded.frames.len(), recorded.result.control_rate_hz, metadata.info.fps as u32)?;
     if i64::try_from(rows).ok() != Some(episode.length) {
         findings.add(
             "record",
@@ -130,7 +130,7 @@ fn states(
         return Ok(());
     }
     let mut frames = recorded.frames.iter().step_by(stride).enumerate();
-    for batch in Table::open(&book.root.join(&episode.data))?.columns(&["index", "observation.state"])? {
+    for batch in Table::open(&metadata.root.join(&episode.data))?.columns(&["index", "observation.state"])? {
         let batch = batch?;
         let columns =
             ["index", "observation.state"].map(|name| batch.column_by_name(name).and_then(|column| Column::of(column)));

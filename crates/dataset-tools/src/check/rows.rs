@@ -6,10 +6,10 @@ use std::hash::{DefaultHasher, Hasher};
 use arrow_array::RecordBatch;
 use genmanip_core::RobotModel;
 
-use super::book::{Book, EpisodeEntry};
 use super::consistency;
 use super::findings::Findings;
 use super::leaks::Identity;
+use super::metadata::{EpisodeEntry, Metadata};
 use super::totals::{self, Totals};
 use super::v30;
 use genmanip_data::columns::{Column, Rows};
@@ -23,20 +23,24 @@ const INDEX_COLUMNS: [&str; 5] = ["timestamp", "frame_index", "episode_index", "
 const TIME_TOLERANCE_S: f64 = 1e-4;
 
 /// Reads all rows; returns their statistics and the identities of the episodes.
-pub(super) fn check(book: &Book, robot: Option<&RobotModel>, findings: &mut Findings) -> (Totals, Vec<Identity>) {
-    let mut totals = Totals::new(book);
+pub(super) fn check(
+    metadata: &Metadata,
+    robot: Option<&RobotModel>,
+    findings: &mut Findings,
+) -> (Totals, Vec<Identity>) {
+    let mut totals = Totals::new(metadata);
     let mut seen: BTreeMap<u64, i64> = BTreeMap::new();
     let mut identities = Vec::new();
     let mut files: BTreeMap<&str, Vec<&EpisodeEntry>> = BTreeMap::new();
-    for episode in &book.episodes {
+    for episode in &metadata.episodes {
         files.entry(episode.data.as_str()).or_default().push(episode);
     }
     for (file, episodes) in &mut files {
         episodes.sort_by_key(|episode| episode.from);
         let mut each = |episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings| {
-            check_episode(book, episode, rows, findings);
+            check_episode(metadata, episode, rows, findings);
             if let Some(robot) = robot {
-                consistency::check(book, robot, episode, rows, findings);
+                consistency::check(metadata, robot, episode, rows, findings);
             }
             totals.add(rows);
             let content = content(rows);
@@ -46,7 +50,7 @@ pub(super) fn check(book: &Book, robot: Option<&RobotModel>, findings: &mut Find
             }
             identities.push(Identity::of(episode, content));
         };
-        if let Err(error) = check_file(book, file, episodes, findings, &mut each)
+        if let Err(error) = check_file(metadata, file, episodes, findings, &mut each)
             && !error.is_missing()
         {
             findings.add("files", file, "", "a readable table", error);
@@ -60,19 +64,19 @@ pub(super) fn check(book: &Book, robot: Option<&RobotModel>, findings: &mut Find
 type Each<'a> = &'a mut dyn FnMut(&EpisodeEntry, &Rows, &mut Findings);
 
 fn check_file(
-    book: &Book,
+    metadata: &Metadata,
     file: &str,
     episodes: &[&EpisodeEntry],
     findings: &mut Findings,
     each: Each,
 ) -> Result<(), genmanip_data::DataError> {
-    let table = Table::open(&book.root.join(file))?;
+    let table = Table::open(&metadata.root.join(file))?;
     let known = table.names();
-    let described = book.info.features.iter().filter(|feature| !feature.is_video());
+    let described = metadata.info.features.iter().filter(|feature| !feature.is_video());
     for feature in described.clone().filter(|feature| !known.contains(&feature.key)) {
         findings.add("features", file, "", format!("column `{}` of info.json", feature.key), "none");
     }
-    for column in known.iter().filter(|column| !book.info.features.iter().any(|feature| feature.key == **column)) {
+    for column in known.iter().filter(|column| !metadata.info.features.iter().any(|feature| feature.key == **column)) {
         findings.add("features", file, format!("column {column}"), "only columns of info.json", "another");
     }
     let wanted: Vec<&str> = described
@@ -88,7 +92,7 @@ fn check_file(
     let mut next = left.next();
     for batch in table.columns(&wanted)? {
         let batch = batch?;
-        append(book, file, &batch, &wanted, &mut pending, findings);
+        append(metadata, file, &batch, &wanted, &mut pending, findings);
         held += batch.num_rows();
         while let Some(episode) = next
             && let Ok(length) = usize::try_from(episode.length)
@@ -115,9 +119,16 @@ fn check_file(
     Ok(())
 }
 
-fn append(book: &Book, file: &str, batch: &RecordBatch, wanted: &[&str], pending: &mut Rows, findings: &mut Findings) {
+fn append(
+    metadata: &Metadata,
+    file: &str,
+    batch: &RecordBatch,
+    wanted: &[&str],
+    pending: &mut Rows,
+    findings: &mut Findings,
+) {
     for key in wanted {
-        let Some(feature) = book.info.features.iter().find(|feature| feature.key == *key) else { continue };
+        let Some(feature) = metadata.info.features.iter().find(|feature| feature.key == *key) else { continue };
         let Some(column) = batch.column_by_name(key) else { continue };
         let Some(column) = Column::of(column) else {
             let expected = format!("{} of shape {:?}, according to info.json", feature.dtype, feature.shape);
@@ -149,15 +160,16 @@ fn split(pending: &mut Rows, length: usize) -> Rows {
 /// Expected value of a column by row; `None` if unknown.
 type Expected<'a> = &'a dyn Fn(usize) -> Option<f64>;
 
-fn check_episode(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
+fn check_episode(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     let file = episode.data.as_str();
-    let task = book.tasks.iter().find(|(_, sentence)| *sentence == episode.sentence).map(|(index, _)| *index as f64);
+    let task =
+        metadata.tasks.iter().find(|(_, sentence)| *sentence == episode.sentence).map(|(index, _)| *index as f64);
     let expected: [(&str, Expected); 5] = [
         ("index", &|row| Some(episode.from as f64 + row as f64)),
         ("frame_index", &|row| Some(row as f64)),
         ("episode_index", &|_| Some(episode.index as f64)),
         ("task_index", &|_| task),
-        ("timestamp", &|row| Some(row as f64 / book.info.fps)),
+        ("timestamp", &|row| Some(row as f64 / metadata.info.fps)),
     ];
     for (key, value) in expected {
         let is_time = key == "timestamp";
@@ -179,11 +191,11 @@ fn check_episode(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mu
         }
     }
     ends(episode, rows, findings);
-    steps(book, episode, rows, findings);
+    steps(metadata, episode, rows, findings);
     for (key, column) in rows.iter().filter(|(_, column)| column.width > 0 && !column.values.is_empty()) {
         let names = ["min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99", "count"];
-        let Some(recorded) = v30::statistics(book, episode, key, &names) else {
-            if book.is_own {
+        let Some(recorded) = v30::statistics(metadata, episode, key, &names) else {
+            if metadata.is_own {
                 let place = format!("{}, stats of {key}", episode.place());
                 findings.add("statistics", &episode.listed_in.0, place, "statistics", "none");
             }
@@ -191,7 +203,7 @@ fn check_episode(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mu
         };
         let stats = Stats::of_vectors(&column.values, column.width);
         let place = |name: &str| format!("{}, {name} of {key}", episode.place());
-        for (name, expected) in stats.named.iter().filter(|(name, _)| book.is_own || !name.starts_with('q')) {
+        for (name, expected) in stats.named.iter().filter(|(name, _)| metadata.is_own || !name.starts_with('q')) {
             let Some(found) = recorded.get(*name) else { continue };
             if !totals::are_equal(expected, found, column) {
                 let [expected, found] = [expected, found].map(|numbers| totals::abbreviated(numbers));
@@ -224,10 +236,10 @@ fn ends(episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
 }
 
 /// Every row must belong to a step listed by its episode.
-fn steps(book: &Book, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
+fn steps(metadata: &Metadata, episode: &EpisodeEntry, rows: &Rows, findings: &mut Findings) {
     let (Some(column), Some(listed)) = (rows.get("subtask_index"), &episode.subtasks) else { return };
     for (row, index) in column.values.iter().enumerate() {
-        let text = book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
+        let text = metadata.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
         if text.is_none_or(|text| !listed.contains(text)) {
             let place = format!("{}, row {row}, subtask_index", episode.place());
             let found = format!("{index}, {}", text.map_or("which does not exist", String::as_str));

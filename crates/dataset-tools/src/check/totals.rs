@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::book::{Book, Statistics};
 use super::findings::Findings;
+use super::metadata::{Metadata, Statistics};
 use super::v30;
 use genmanip_data::columns::{Column, Rows};
 
@@ -36,10 +36,10 @@ pub(super) struct Totals {
 }
 
 impl Totals {
-    pub(super) fn new(book: &Book) -> Self {
+    pub(super) fn new(metadata: &Metadata) -> Self {
         let mut features = BTreeMap::new();
-        for feature in book.info.features.iter().filter(|feature| !feature.is_video() && !feature.is_image()) {
-            let recorded = v30::named(&book.stats[&feature.key]);
+        for feature in metadata.info.features.iter().filter(|feature| !feature.is_video() && !feature.is_image()) {
+            let recorded = v30::named(&metadata.stats[&feature.key]);
             let number = |name: &str, entry: usize| recorded.get(name).and_then(|values| values.get(entry)).copied();
             let entry = |index: usize| Entry {
                 min: f64::INFINITY,
@@ -96,8 +96,8 @@ impl Entry {
 }
 
 /// Compares `stats.json` with the rows.
-pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
-    if book.stats == Value::Null || totals.rows == 0 {
+pub(super) fn check(metadata: &Metadata, totals: &Totals, findings: &mut Findings) {
+    if metadata.stats == Value::Null || totals.rows == 0 {
         return;
     }
     let rows = totals.rows as f64;
@@ -126,7 +126,7 @@ pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
                     findings.add("statistics", STATS, format!("{name} of {key}[{index}]"), expected, found);
                 }
             }
-            if book.is_own {
+            if metadata.is_own {
                 quantiles(entry, totals.rows, &format!("{key}[{index}]"), findings);
             }
         }

@@ -6,8 +6,8 @@ use std::path::Path;
 use genmanip_core::limits;
 use serde_json::Value;
 
-use super::book::{self, Book, EpisodeEntry, EpisodeStats, Info, VideoSpan};
 use super::findings::Findings;
+use super::metadata::{self, EpisodeEntry, EpisodeStats, Info, Metadata, VideoSpan};
 use genmanip_data::lerobot::{RECORD, SETTINGS};
 use genmanip_data::{EpisodeStore, files};
 
@@ -16,9 +16,9 @@ const SUBTASKS: &str = "meta/subtasks.jsonl";
 const EPISODES: &str = "meta/episodes.jsonl";
 const STATISTICS: &str = "meta/episodes_stats.jsonl";
 
-pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings: &mut Findings) -> Book {
-    let stats = book::read_json(root, "meta/stats.json", findings);
-    let contract = book::read_contract(root, findings);
+pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings: &mut Findings) -> Metadata {
+    let stats = metadata::read_json(root, "meta/stats.json", findings);
+    let contract = metadata::read_contract(root, findings);
     let task =
         |line: Value| (line["task_index"].as_i64().unwrap_or(-1), line["task"].as_str().unwrap_or_default().to_owned());
     let tasks = lines(root, TASKS, findings).into_iter().map(task).collect();
@@ -51,7 +51,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     findings.require("statistics", STATISTICS, "lines", &episodes.len(), &statistics.len());
     let own = [TASKS, EPISODES, STATISTICS].into_iter().chain(info.has_steps().then_some(SUBTASKS));
     let meta_files = own.map(str::to_owned).collect();
-    Book {
+    Metadata {
         root: root.into(),
         info,
         tasks,
@@ -73,7 +73,8 @@ fn episode(info: &Info, line: &Value, row: usize, from: i64) -> EpisodeEntry {
     let length = line["length"].as_i64().unwrap_or(-1);
     let chunk = index / info.json["chunks_size"].as_i64().unwrap_or(1000).max(1);
     let numbers = [("episode_chunk", chunk), ("episode_index", index)];
-    let path = |template: &str, key: &str| book::fill(info.json[template].as_str().unwrap_or_default(), &numbers, key);
+    let path =
+        |template: &str, key: &str| metadata::fill(info.json[template].as_str().unwrap_or_default(), &numbers, key);
     let word = |key: &str| line[key].as_str().map(str::to_owned);
     let videos = info.features.iter().filter(|feature| feature.is_video()).map(|feature| VideoSpan {
         key: feature.key.clone(),

@@ -8,8 +8,8 @@ use arrow_array::RecordBatch;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::book::{self, Book, EpisodeEntry, EpisodeStats, Info, Statistics, VideoSpan};
 use super::findings::Findings;
+use super::metadata::{self, EpisodeEntry, EpisodeStats, Info, Metadata, Statistics, VideoSpan};
 use genmanip_data::DataError;
 use genmanip_data::columns::{cell, integer, text, texts};
 use genmanip_data::lerobot::{SETTINGS, SUBTASKS};
@@ -18,9 +18,9 @@ use genmanip_data::table::Table;
 const TASKS: &str = "meta/tasks.parquet";
 const EPISODES: &str = "meta/episodes/";
 
-pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings: &mut Findings) -> Book {
-    let stats = book::read_json(root, "meta/stats.json", findings);
-    let contract = book::read_contract(root, findings);
+pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings: &mut Findings) -> Metadata {
+    let stats = metadata::read_json(root, "meta/stats.json", findings);
+    let contract = metadata::read_contract(root, findings);
     let tables: Vec<String> =
         listed.iter().filter(|path| path.starts_with(EPISODES) && path.ends_with(".parquet")).cloned().collect();
     if tables.is_empty() {
@@ -45,7 +45,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     let subtasks = sentences(root, SUBTASKS, "subtask", findings);
     let own = [TASKS].into_iter().chain(info.has_steps().then_some(SUBTASKS)).map(str::to_owned);
     let meta_files = tables.into_iter().chain(own).collect();
-    Book {
+    Metadata {
         root: root.into(),
         info,
         tasks,
@@ -85,7 +85,7 @@ fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), finding
     let seconds = |name: &str| cell(batch, name, row).and_then(|cell| cell.first().copied()).unwrap_or(f64::NAN);
     let (sentence, sentences) = text(batch, "tasks", row).unwrap_or_default();
     let path = |template: &str, chunk: i64, file: i64, key: &str| {
-        book::fill(
+        metadata::fill(
             info.json[template].as_str().unwrap_or_default(),
             &[("chunk_index", chunk), ("file_index", file)],
             key,
@@ -162,8 +162,8 @@ struct RobotSummary {
 }
 
 /// Recorded statistics of a feature in an episode, if any.
-pub(super) fn statistics(book: &Book, episode: &EpisodeEntry, key: &str, names: &[&str]) -> Option<Statistics> {
-    match &book.episode_stats {
+pub(super) fn statistics(metadata: &Metadata, episode: &EpisodeEntry, key: &str, names: &[&str]) -> Option<Statistics> {
+    match &metadata.episode_stats {
         EpisodeStats::Lines(lines) => {
             let line = lines.get(usize::try_from(episode.index).ok()?)?;
             Some(named(&line["stats"][key]))
@@ -172,7 +172,7 @@ pub(super) fn statistics(book: &Book, episode: &EpisodeEntry, key: &str, names: 
             let (name, row) = &episode.listed_in;
             let mut kept = kept.borrow_mut();
             if kept.as_ref().is_none_or(|(kept, _)| kept != name) {
-                let batch = whole(&book.root.join(name), |column| column.starts_with("stats/")).ok()?;
+                let batch = whole(&metadata.root.join(name), |column| column.starts_with("stats/")).ok()?;
                 *kept = Some((name.clone(), batch));
             }
             let (_, batch) = kept.as_ref()?;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::book::{Book, EpisodeEntry, Feature, VideoSpan};
 use super::findings::Findings;
+use super::metadata::{EpisodeEntry, Feature, Metadata, VideoSpan};
 use super::v30;
 use genmanip_data::mp4::Video;
 use genmanip_data::{DataError, EncodedVideo, video};
@@ -13,10 +13,10 @@ const MEAN_COLOR: f64 = 0.02;
 /// Tolerance of timestamps, s.
 const TIME_S: f64 = 1e-4;
 
-pub(super) fn check(book: &Book, findings: &mut Findings) {
-    for feature in book.info.features.iter().filter(|feature| feature.is_video()) {
+pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
+    for feature in metadata.info.features.iter().filter(|feature| feature.is_video()) {
         let mut files: BTreeMap<&str, Vec<(&EpisodeEntry, &VideoSpan)>> = BTreeMap::new();
-        for episode in &book.episodes {
+        for episode in &metadata.episodes {
             let own = episode.videos.iter().filter(|span| span.key == feature.key);
             for span in own {
                 files.entry(span.file.as_str()).or_default().push((episode, span));
@@ -24,9 +24,9 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
         }
         for (file, mut episodes) in files {
             episodes.sort_by_key(|(episode, _)| episode.from);
-            let path = book.root.join(file);
+            let path = metadata.root.join(file);
             match Video::open(&path) {
-                Ok(video) => check_file(book, feature, file, &episodes, video, findings),
+                Ok(video) => check_file(metadata, feature, file, &episodes, video, findings),
                 Err(error) if error.is_missing() => {}
                 Err(error) => findings.add("video", file, "", "a readable video", error),
             }
@@ -35,7 +35,7 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
 }
 
 fn check_file(
-    book: &Book,
+    metadata: &Metadata,
     feature: &Feature,
     file: &str,
     episodes: &[(&EpisodeEntry, &VideoSpan)],
@@ -57,10 +57,10 @@ fn check_file(
     if i64::try_from(held).ok() != Some(count) {
         findings.add("video", file, "", format!("{count} frames, the number of rows"), held);
     }
-    let ticks = f64::from(video.timescale) / book.info.fps;
+    let ticks = f64::from(video.timescale) / metadata.info.fps;
     if let Some(frame) = video.durations.iter().position(|duration| (f64::from(*duration) - ticks).abs() > 1.0) {
         let found = format!("{} of {} s", video.durations[frame], video.timescale);
-        let expected = format!("{ticks} of {} s, for {} Hz", video.timescale, book.info.fps);
+        let expected = format!("{ticks} of {} s, for {} Hz", video.timescale, metadata.info.fps);
         findings.add("video", file, format!("duration of frame {frame}"), expected, found);
     }
     let mut first = 0;
@@ -68,7 +68,7 @@ fn check_file(
         let length = usize::try_from(episode.length).unwrap_or(0);
         let times = [("from_timestamp", span.from_s, first), ("to_timestamp", span.to_s, first + length)];
         for (name, found, frame) in times {
-            let expected = frame as f64 / book.info.fps;
+            let expected = frame as f64 / metadata.info.fps;
             if (found - expected).abs() > TIME_S || found.is_nan() {
                 let place = format!("{}, videos/{}/{name}", episode.place(), feature.key);
                 findings.add("video", &episode.listed_in.0, place, expected, found);
@@ -80,12 +80,12 @@ fn check_file(
         findings.add("video", file, format!("frame {frame}"), "H.264 NAL units", "other bytes");
         return;
     }
-    sample(book, feature, file, episodes, &mut video, findings);
+    sample(metadata, feature, file, episodes, &mut video, findings);
 }
 
 /// Decodes the middle episode and compares its mean colour with its statistics.
 fn sample(
-    book: &Book,
+    metadata: &Metadata,
     feature: &Feature,
     file: &str,
     episodes: &[(&EpisodeEntry, &VideoSpan)],
@@ -103,10 +103,10 @@ fn sample(
     match mean_color(&EncodedVideo { width: video.width, height: video.height, fps: 1, frames }) {
         Err(error) => findings.add("video", file, place, "frames that can be decoded", error),
         Ok(found) => {
-            let recorded = v30::statistics(book, episode, &feature.key, &["mean"]);
+            let recorded = v30::statistics(metadata, episode, &feature.key, &["mean"]);
             let Some(mean) = recorded.and_then(|recorded| recorded.get("mean").cloned()) else { return };
             let is_near = mean.len() == 3 && mean.iter().zip(found).all(|(a, b)| (a - b).abs() <= MEAN_COLOR);
-            if book.is_own && !is_near {
+            if metadata.is_own && !is_near {
                 findings.add(
                     "video",
                     file,

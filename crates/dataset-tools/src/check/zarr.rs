@@ -8,8 +8,8 @@ use genmanip_core::limits;
 use serde_json::Value;
 
 use super::findings::Findings;
-use super::show::Overview;
-use super::{Checked, book};
+use super::overview::Overview;
+use super::{Checked, metadata};
 use genmanip_data::files;
 
 const ATTRIBUTES: &str = ".zattrs";
@@ -23,7 +23,7 @@ struct Array {
 }
 
 pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findings) -> Checked {
-    let about = book::read_json(root, ATTRIBUTES, &mut findings);
+    let about = metadata::read_json(root, ATTRIBUTES, &mut findings);
     let entries = about["episodes"].as_array().map_or(0, Vec::len);
     let names: Vec<&str> = listed.iter().filter_map(|path| path.strip_suffix("/.zarray")).collect();
     let mut expected: BTreeSet<String> =
@@ -33,7 +33,7 @@ pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findin
     for name in &names {
         let file = format!("{name}/.zarray");
         expected.insert(file.clone());
-        let Some(array) = array(&book::read_json(root, &file, &mut findings)) else {
+        let Some(array) = array(&metadata::read_json(root, &file, &mut findings)) else {
             findings.add("info", &file, "", "shape, chunks and dtype of an array", "something else");
             continue;
         };

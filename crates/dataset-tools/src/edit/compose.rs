@@ -11,14 +11,14 @@ use serde_json::Value;
 
 use super::Pick;
 use super::source::{EpisodeEntry, OpenFiles, Source};
-use genmanip_data::atomic_write::{AtomicFolder, write_json};
+use genmanip_data::atomic_write::AtomicFolder;
 use genmanip_data::columns::{Column, cell, text, texts};
-use genmanip_data::lerobot::episodes::{subtasks_table, tasks_table};
 use genmanip_data::lerobot::info::{self, FILES_PER_CHUNK, Totals};
+use genmanip_data::lerobot::metadata_files::MetadataFiles;
 use genmanip_data::lerobot::origin::Origin;
+use genmanip_data::lerobot::{SUBTASKS, record};
 use genmanip_data::lerobot::stats::{Aggregated, Stats, StatsCollector};
 use genmanip_data::lerobot::writer::Finished;
-use genmanip_data::lerobot::{CONTRACT, SUBTASKS, record};
 use genmanip_data::table::{Columns, Purpose, TableWriter};
 use genmanip_data::{DataError, EncodedVideo, video};
 
@@ -279,28 +279,23 @@ impl<'a> Composer<'a> {
         let robot = first.info["robot_type"].as_str().unwrap_or_default();
         let (features, has_video) = (first.info["features"].clone(), first.features(true).next().is_some());
         let info = info::info(robot, &totals, origin.fps(), features, has_video);
-        write_json(&self.staging, info::INFO, &info)?;
         let mut stats: serde_json::Map<String, Value> =
             self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
         if let Value::Object(numbers) = self.stats_collector.finish()? {
             stats.extend(numbers);
         }
-        write_json(&self.staging, "meta/stats.json", &Value::Object(stats))?;
-        origin.write(
-            &self.staging,
-            Some(
+        let files = MetadataFiles {
+            info: &info,
+            stats: &Value::Object(stats),
+            statistics_note: Some(
                 "numbers exact over all frames; colours from those of the episodes as LeRobot does it, quantiles being \
                  means of theirs; none for depth",
             ),
-        )?;
-        if let Some(contract) = &first.contract {
-            self.staging.write(CONTRACT, contract.to_json().as_bytes())?;
-        }
-        self.staging.write("meta/tasks.parquet", &tasks_table(&self.sentences)?)?;
-        if !self.subtasks.is_empty() {
-            self.staging.write(SUBTASKS, &subtasks_table(&self.subtasks)?)?;
-        }
-        self.staging.write("README.md", info::card_with_info(card, &info).as_bytes())?;
+            origin,
+            contract: first.contract.as_ref(),
+            card,
+        };
+        files.write_v30(&self.staging, &self.sentences, &self.subtasks)?;
         Ok((Finished(self.staging), self.frames))
     }
 }

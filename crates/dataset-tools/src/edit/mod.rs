@@ -3,8 +3,8 @@
 //! Nothing is re-encoded: rows are copied with new indices, video frames as they are. All columns, the depth sibling
 //! and the native record in `extras/record` are kept.
 
-mod choose;
 mod compose;
+mod selection;
 mod source;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,7 +21,7 @@ use genmanip_data::lerobot::origin::Origin;
 use genmanip_data::lerobot::{begin, begin_sibling, card, depth_path, writer::Finished};
 use source::Source;
 
-pub use choose::{Condition, numbers};
+pub use selection::{Condition, numbers};
 
 /// Progress callback, called after each copied episode with the total number; episodes of the depth sibling count too.
 pub type Progress<'a> = &'a mut dyn FnMut(usize);

@@ -6,10 +6,10 @@ use std::path::Path;
 use arrow_array::cast::AsArray;
 use arrow_array::{Array, RecordBatch};
 
-use super::facts::{self, ImportedMetadata};
-use super::pictures::{FrameRequest, VideoReader};
+use super::metadata::{self, ImportedMetadata};
+use super::videos::{FrameRequest, VideoReader};
 use super::{ImportSettings, Importer, OnEpisode, SourceInfo};
-use crate::check::{self, Book, EpisodeEntry, Version};
+use crate::check::{self, EpisodeEntry, Metadata, Version};
 use genmanip_data::columns::{Column, Rows};
 use genmanip_data::export::EpisodeRows;
 use genmanip_data::export::features::{Feature, ImageFeature, Values};
@@ -31,9 +31,9 @@ const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// A LeRobot data set.
 pub(super) struct Lerobot {
-    book: Book,
+    metadata: Metadata,
     fps: u32,
-    pictures: VideoReader,
+    videos: VideoReader,
     notes: BTreeSet<String>,
     /// Native record of the episodes, if included.
     record: Option<EpisodeStore>,
@@ -41,55 +41,55 @@ pub(super) struct Lerobot {
 
 impl Lerobot {
     pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
-        let (book, findings) = check::book(root)?;
+        let (metadata, findings) = check::read_metadata(root)?;
         // Statistics are recomputed.
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
             return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
         }
-        if book.episodes.is_empty() {
-            let what = format!("episodes in {}", root.join(book.episodes_file).display());
+        if metadata.episodes.is_empty() {
+            let what = format!("episodes in {}", root.join(metadata.episodes_file).display());
             return Err(DataError::mismatch(what, "at least one", 0));
         }
-        if let Some(listed) = book.episodes.iter().find(|listed| listed.length < 1) {
+        if let Some(listed) = metadata.episodes.iter().find(|listed| listed.length < 1) {
             let what = format!("length of {} in {}", listed.place(), root.join(&listed.listed_in.0).display());
             return Err(DataError::mismatch(what, "at least 1", listed.length));
         }
-        let fps = book.info.fps;
+        let fps = metadata.info.fps;
         if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
             let what = format!("fps of {}", root.join(INFO).display());
             return Err(DataError::mismatch(what, "an integer from 1 to 240", fps));
         }
-        let pictures = VideoReader::new(settings.ffmpeg.clone());
+        let videos = VideoReader::new(settings.ffmpeg.clone());
         let mut notes = BTreeSet::new();
         let record = root.join(RECORD);
         let record = match std::fs::symlink_metadata(&record) {
             Err(_) => None,
-            Ok(_) if book.contract.is_none() => {
+            Ok(_) if metadata.contract.is_none() => {
                 notes.insert("extras/record is left out, since there is no meta/action_contract.json".into());
                 None
             }
             // A damaged record is an error, so that none is lost silently.
             Ok(_) => Some(EpisodeStore::open(record)?),
         };
-        Ok(Self { book, fps: fps as u32, pictures, notes, record })
+        Ok(Self { metadata, fps: fps as u32, videos, notes, record })
     }
 
     /// Fails if the data set needs no import.
     pub(super) fn check_foreign(&self) -> Result<(), DataError> {
-        if !self.book.is_own || self.book.info.version != Version::V30 {
+        if !self.metadata.is_own || self.metadata.info.version != Version::V30 {
             return Ok(());
         }
         let expected = "a data set of another program or version";
         let got = "one of this program, which needs no import";
-        Err(DataError::mismatch(self.book.root.display().to_string(), expected, got))
+        Err(DataError::mismatch(self.metadata.root.display().to_string(), expected, got))
     }
 
     /// Columns to import: numbers, and depth images.
     fn wanted(&mut self, path: &Path, known: &[String]) -> Result<(Vec<String>, Vec<String>), DataError> {
-        let has_steps = !self.book.subtasks.is_empty();
+        let has_steps = !self.metadata.subtasks.is_empty();
         let (mut numbers, mut depths) = (Vec::new(), Vec::new());
-        for feature in &self.book.info.features {
+        for feature in &self.metadata.info.features {
             if !known.contains(&feature.key) {
                 if feature.is_video() {
                     continue;
@@ -102,7 +102,7 @@ impl Lerobot {
                 ));
             }
             let key = &feature.key;
-            let about = &self.book.info.json["features"][key]["info"];
+            let about = &self.metadata.info.json["features"][key]["info"];
             let is_depth = about["is_depth_map"] == true || about["video.is_depth_map"] == true;
             if NUMBERS.contains(&feature.dtype.as_str()) && (key != "subtask_index" || has_steps) {
                 numbers.push(key.clone());
@@ -121,7 +121,7 @@ impl Lerobot {
         rows: &Rows,
         images: Vec<ImageFeature>,
     ) -> Result<EpisodeRows<ImportedMetadata>, DataError> {
-        let place = || format!("{} of {}", listed.place(), self.book.root.join(&listed.data).display());
+        let place = || format!("{} of {}", listed.place(), self.metadata.root.join(&listed.data).display());
         let frames = usize::try_from(listed.length).unwrap_or(0);
         let column = |name: &str| {
             let found = rows.get(name).filter(|column| column.width == 1);
@@ -140,7 +140,7 @@ impl Lerobot {
             self.notes.insert("of several sentences of an episode only the first is kept".into());
         }
         let mut features = Vec::new();
-        for feature in &self.book.info.features {
+        for feature in &self.metadata.info.features {
             let Some(column) = rows.get(&feature.key) else { continue };
             if INDEX_COLUMNS.contains(&feature.key.as_str()) || feature.key == "subtask_index" {
                 continue;
@@ -165,23 +165,23 @@ impl Lerobot {
         };
         let texts = if steps.is_empty() { Vec::new() } else { self.texts(listed) };
         let videos = listed.videos.iter().map(|span| {
-            let feature = self.book.info.features.iter().find(|feature| feature.key == span.key);
+            let feature = self.metadata.info.features.iter().find(|feature| feature.key == span.key);
             let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
             let [height, width, 3] = *shape else {
                 return Err(DataError::mismatch(
-                    format!("shape of {} in {}", span.key, self.book.root.join(INFO).display()),
+                    format!("shape of {} in {}", span.key, self.metadata.root.join(INFO).display()),
                     "[height, width, 3]",
                     format!("{shape:?}"),
                 ));
             };
             let first = (span.from_s * f64::from(self.fps)).round();
             if !(0.0..1e9).contains(&first) {
-                let listed_in = self.book.root.join(&listed.listed_in.0);
+                let listed_in = self.metadata.root.join(&listed.listed_in.0);
                 let what = format!("from_timestamp of {} in {}", listed.place(), listed_in.display());
                 return Err(DataError::mismatch(what, "a time from 0 s on", span.from_s));
             }
-            let path = self.book.root.join(&span.file);
-            self.pictures.take(&FrameRequest {
+            let path = self.metadata.root.join(&span.file);
+            self.videos.take(&FrameRequest {
                 key: &span.key,
                 path,
                 size: [height, width],
@@ -194,7 +194,7 @@ impl Lerobot {
         let succeeded = rows.get("next.success").and_then(|column| column.values.last().copied());
         let index = usize::try_from(listed.index).unwrap_or(0);
         let metadata = ImportedMetadata {
-            store_id: facts::name(listed.store_id.as_deref(), index),
+            store_id: metadata::name(listed.store_id.as_deref(), index),
             instruction: listed.sentence.clone(),
             steps: texts,
             success: listed.success.or_else(|| succeeded.map(|value| value > 0.0)),
@@ -204,7 +204,7 @@ impl Lerobot {
             ..ImportedMetadata::default()
         };
         let mut rows = EpisodeRows { frames, features, images, videos, steps, metadata };
-        rows.metadata.source_sha256 = facts::hash(&rows);
+        rows.metadata.source_sha256 = metadata::hash(&rows);
         Ok(rows)
     }
 
@@ -212,11 +212,14 @@ impl Lerobot {
     fn steps(&self, listed: &EpisodeEntry, column: &Column) -> Result<Vec<usize>, DataError> {
         let texts = self.texts(listed);
         let place = |index: &f64| {
-            let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
+            let text = self.metadata.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
             text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
-                let what =
-                    format!("subtask_index of {} in {}", listed.place(), self.book.root.join(&listed.data).display());
-                let expected = format!("a step of the episode in {}", self.book.subtasks_file);
+                let what = format!(
+                    "subtask_index of {} in {}",
+                    listed.place(),
+                    self.metadata.root.join(&listed.data).display()
+                );
+                let expected = format!("a step of the episode in {}", self.metadata.subtasks_file);
                 DataError::mismatch(what, expected, index)
             })
         };
@@ -227,13 +230,13 @@ impl Lerobot {
     fn texts(&self, listed: &EpisodeEntry) -> Vec<String> {
         match &listed.subtasks {
             Some(texts) if !texts.is_empty() => texts.clone(),
-            _ => self.book.subtasks.iter().map(|(_, text)| text.clone()).collect(),
+            _ => self.metadata.subtasks.iter().map(|(_, text)| text.clone()).collect(),
         }
     }
 
     /// Reads the episodes of one data file.
     fn file(&mut self, file: &str, episodes: &[EpisodeEntry], take: OnEpisode) -> Result<(), DataError> {
-        let path = self.book.root.join(file);
+        let path = self.metadata.root.join(file);
         let table = Table::open(&path)?;
         let (numbers, depths) = self.wanted(&path, &table.names())?;
         let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
@@ -276,17 +279,17 @@ impl Lerobot {
 impl Importer for Lerobot {
     fn info(&self) -> SourceInfo {
         SourceInfo {
-            format: self.book.info.version.name(),
-            robot: self.book.info.robot.clone(),
+            format: self.metadata.info.version.name(),
+            robot: self.metadata.info.robot.clone(),
             fps: self.fps,
-            episodes: self.book.episodes.len(),
+            episodes: self.metadata.episodes.len(),
             record: self.record.clone(),
-            contract: self.book.contract.clone(),
+            contract: self.metadata.contract.clone(),
         }
     }
 
     fn each(&mut self, take: OnEpisode) -> Result<(), DataError> {
-        let episodes = self.book.episodes.clone();
+        let episodes = self.metadata.episodes.clone();
         let mut first = 0;
         while first < episodes.len() {
             let file = &episodes[first].data;
@@ -299,7 +302,7 @@ impl Importer for Lerobot {
 
     fn notes(&self) -> Vec<String> {
         let encoded = "pictures were decoded by another program and encoded anew as H.264";
-        self.notes.iter().cloned().chain(self.pictures.are_encoded.then(|| encoded.to_owned())).collect()
+        self.notes.iter().cloned().chain(self.videos.are_encoded.then(|| encoded.to_owned())).collect()
     }
 }
 

@@ -4,26 +4,26 @@
 //! sentences are kept, H.264 video is copied without re-encoding. Nothing in the source is executed.
 
 mod convert;
-mod facts;
 mod jpeg;
 mod lerobot;
 mod lmdb;
+mod metadata;
 mod original;
 mod pickle;
-mod pictures;
+mod videos;
 
 use std::path::{Path, PathBuf};
 
 use genmanip_core::ActionContract;
 use serde::Serialize;
 
-use facts::ImportedMetadata;
 use genmanip_data::export::{EpisodeRows, ExportReport};
 use genmanip_data::lerobot::info::INFO;
 use genmanip_data::lerobot::origin::Origin;
 use genmanip_data::lerobot::writer::DatasetWriter;
 use genmanip_data::lerobot::{begin, begin_sibling, card, check_free, check_owner, depth_path};
 use genmanip_data::{DataError, EpisodeStore, files};
+use metadata::ImportedMetadata;
 
 pub use convert::to_v21;
 pub use genmanip_data::lerobot::imported::Imported;

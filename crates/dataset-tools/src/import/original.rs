@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::{ENTRIES, Limit};
 
-use super::facts::{self, ImportedMetadata};
 use super::jpeg;
 use super::lmdb::Lmdb;
+use super::metadata::{self, ImportedMetadata};
 use super::pickle::{Pickle, Value};
 use super::{Importer, OnEpisode, SourceInfo};
 use genmanip_data::depth::{decode_depth_png, encode_mm_png};
@@ -114,9 +114,9 @@ impl Original {
         }
         let record = Record { lmdb: Lmdb::open(&folder.join("lmdb/data.mdb"))?, folder, frames };
         let own = word("episode_name").or_else(|| folder.file_name().map(|name| name.to_string_lossy().into_owned()));
-        let mut name = facts::name(own.as_deref(), index);
+        let mut name = metadata::name(own.as_deref(), index);
         if !self.taken.insert(name.clone()) {
-            name = facts::name(None, index);
+            name = metadata::name(None, index);
             self.taken.insert(name.clone());
         }
         let (steps, texts) = record.steps()?;
@@ -125,7 +125,7 @@ impl Original {
             ImportedMetadata { store_id: name, instruction, steps: texts, objects, ..ImportedMetadata::default() };
         let (videos, images) = (record.videos()?, record.depths()?);
         let mut rows = EpisodeRows { frames, features: record.features()?, images, videos, steps, metadata };
-        rows.metadata.source_sha256 = facts::hash(&rows);
+        rows.metadata.source_sha256 = metadata::hash(&rows);
         Ok(Some(rows))
     }
 }

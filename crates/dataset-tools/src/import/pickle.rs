@@ -7,11 +7,11 @@
 //! Values are stored in one arena and refer to each other by index. Shared values stay shared, so that memory is
 //! bounded by the size of the pickle, and cycles are harmless.
 
-mod machine;
 #[cfg(test)]
 mod tests;
+mod unpickler;
 
-use machine::Unpickler;
+use unpickler::Unpickler;
 
 /// Index of a value in the arena.
 type ValueId = usize;
@@ -224,9 +224,9 @@ impl Pickle {
     /// # Errors
     /// Expected and actual contents, and the byte offset.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
-        let mut machine = Unpickler::new(bytes);
-        let root = machine.run().map_err(|why| format!("{why}, byte {}", machine.at))?;
-        Ok(Self { values: machine.values, root })
+        let mut unpickler = Unpickler::new(bytes);
+        let root = unpickler.run().map_err(|why| format!("{why}, byte {}", unpickler.at))?;
+        Ok(Self { values: unpickler.values, root })
     }
 
     pub(super) fn root(&self) -> Value<'_> {

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use genmanip_core::image::depth_to_mm;
 use png::{BitDepth, ColorType, Compression, Filter};
 
 /// Why a picture could not be written.
@@ -36,19 +37,13 @@ pub fn png_rgb(width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, EncodeErr
     png(width, height, ColorType::Rgb, BitDepth::Eight, Filter::Adaptive, rgb)
 }
 
-/// Depth as 16-bit PNG in millimetres, rounded; 0 where nothing is seen or beyond 65.5 m.
+/// Depth as 16-bit PNG in millimetres: 0 where nothing was hit, 65535 from 65.535 m on.
 ///
 /// # Errors
 /// A buffer of the wrong size.
 pub fn png_depth_mm(width: u32, height: u32, depth_m: &[f32]) -> Result<Vec<u8>, EncodeError> {
-    let millimetres: Vec<u16> = depth_m.iter().map(|&depth| depth_mm(depth)).collect();
+    let millimetres: Vec<u16> = depth_m.iter().map(|&depth| depth_to_mm(depth)).collect();
     png_u16(width, height, &millimetres)
-}
-
-/// A depth in whole millimetres; 0 when it is nothing, not finite or beyond 65.5 m.
-pub fn depth_mm(depth_m: f32) -> u16 {
-    let rounded = (depth_m * 1000.0).round();
-    if rounded > 0.0 && rounded <= f32::from(u16::MAX) { rounded as u16 } else { 0 }
 }
 
 /// Sixteen-bit values, e.g. instance ids, as grey PNG.

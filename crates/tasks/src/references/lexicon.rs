@@ -43,7 +43,7 @@ pub(super) struct Lexicon {
 
 /// An object of the scene with its card.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Thing<'c> {
+pub(super) struct SceneObject<'c> {
     /// Its id in the graph.
     pub id: &'c str,
     /// Its card.
@@ -61,7 +61,12 @@ pub(super) fn lexicon() -> &'static Lexicon {
 
 impl Lexicon {
     /// Objects that a noun phrase without relative clause may mean; `None` if its noun is unknown.
-    pub fn denote<'c>(&self, words: &[&str], context: &str, things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
+    pub fn denote<'c>(
+        &self,
+        words: &[&str],
+        context: &str,
+        things: &[SceneObject<'c>],
+    ) -> Option<Vec<SceneObject<'c>>> {
         if self.vague.contains(&words.join(" ")) {
             return Some(self.by_need(context, things));
         }
@@ -86,16 +91,16 @@ impl Lexicon {
         Some(meant)
     }
 
-    fn by_head<'c>(&self, head: &str, things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
+    fn by_head<'c>(&self, head: &str, things: &[SceneObject<'c>]) -> Option<Vec<SceneObject<'c>>> {
         if self.everything.iter().any(|word| word == head) {
             return Some(things.to_vec());
         }
-        let named = |thing: &&Thing| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
+        let named = |thing: &&SceneObject| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
         match self.heads.get(head) {
             Some(sorts) => {
-                let meant: Vec<Thing> =
+                let meant: Vec<SceneObject> =
                     things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
-                let exact: Vec<Thing> = meant.iter().filter(named).copied().collect();
+                let exact: Vec<SceneObject> = meant.iter().filter(named).copied().collect();
                 // `novel`, `cookbook` and `dictionary` mean objects whose name ends in that word, although the category
                 // is `book`.
                 let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
@@ -108,25 +113,25 @@ impl Lexicon {
                 Some(meant)
             }
             None => {
-                let exact: Vec<Thing> = things.iter().filter(named).copied().collect();
+                let exact: Vec<SceneObject> = things.iter().filter(named).copied().collect();
                 (!exact.is_empty()).then_some(exact)
             }
         }
     }
 
     /// Objects that meet the need stated in the context; all objects if the context states no known need.
-    fn by_need<'c>(&self, context: &str, things: &[Thing<'c>]) -> Vec<Thing<'c>> {
+    fn by_need<'c>(&self, context: &str, things: &[SceneObject<'c>]) -> Vec<SceneObject<'c>> {
         let is_word = |c: char| c.is_alphanumeric() || c == '\'' || c == '-';
         let words: Vec<&str> = context.split(|c| !is_word(c)).filter(|word| !word.is_empty()).collect();
         let said = format!(" {} ", words.join(" "));
         let known = |phrase: &String| said.contains(&format!(" {phrase}"));
         let remedies: Vec<&String> =
             self.helps.iter().filter(|(_, phrases)| phrases.iter().any(known)).map(|(sort, _)| sort).collect();
-        let fits = |thing: &&Thing| remedies.is_empty() || remedies.iter().any(|sort| is_of(sort, thing.card));
+        let fits = |thing: &&SceneObject| remedies.is_empty() || remedies.iter().any(|sort| is_of(sort, thing.card));
         things.iter().filter(fits).copied().collect()
     }
 
-    fn restrict<'c>(&self, word: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
+    fn restrict<'c>(&self, word: &str, meant: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
         let volume = |card: &ObjectCard| card.size_m.element_product();
         let largest = meant.iter().map(|thing| volume(thing.card)).fold(0.0, f64::max);
         let smallest = meant.iter().map(|thing| volume(thing.card)).fold(f64::INFINITY, f64::min);
@@ -165,7 +170,7 @@ impl Lexicon {
     }
 
     /// `dark-red` is one word if an object of the scene has that colour, and otherwise two.
-    fn parts<'w>(&self, word: &'w str, things: &[Thing]) -> Vec<&'w str> {
+    fn parts<'w>(&self, word: &'w str, things: &[SceneObject]) -> Vec<&'w str> {
         let is_color =
             self.colors.contains(word) && things.iter().any(|thing| thing.card.colors.iter().any(|c| c == word));
         match is_color || self.synonyms.contains_key(word) {
@@ -202,8 +207,8 @@ fn is_of(sort: &str, card: &ObjectCard) -> bool {
 }
 
 /// Objects with this main colour, or else with this as one of their colours.
-fn with_color<'c>(color: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
-    let main: Vec<Thing> =
+fn with_color<'c>(color: &str, meant: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
+    let main: Vec<SceneObject> =
         meant.iter().copied().filter(|thing| thing.card.colors.first().is_some_and(|first| first == color)).collect();
     if main.is_empty() {
         meant.into_iter().filter(|thing| thing.card.colors.iter().any(|c| c == color)).collect()

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use genmanip_core::{ObjectCard, Relation, SceneGraph};
 
 use super::grammar::{Action, Command, Group, Part, Place};
-use super::lexicon::{Thing, lexicon};
+use super::lexicon::{SceneObject, lexicon};
 use super::space::{Axis, Certainty, Space};
 use super::{Mismatch, ReadAtom};
 
 /// Resolves the phrases of one instruction in one scene.
 pub(super) struct Interpreter<'c> {
-    things: Vec<Thing<'c>>,
+    things: Vec<SceneObject<'c>>,
     graph: &'c SceneGraph,
     space: Space<'c>,
     /// Clauses of the instruction without a command.
@@ -26,13 +26,13 @@ pub type Phrases = Vec<(String, Vec<String>)>;
 
 /// Possible referents of a phrase: the first `certain` ones in every layout, the others in some layouts.
 struct Candidates<'c> {
-    things: Vec<Thing<'c>>,
+    things: Vec<SceneObject<'c>>,
     certain: usize,
 }
 
 impl<'c> Interpreter<'c> {
     pub fn new(cards: &'c [Arc<ObjectCard>], graph: &'c SceneGraph, context: &'c str) -> Self {
-        let things = graph.nodes.iter().zip(cards).map(|(node, card)| Thing { id: &node.id, card }).collect();
+        let things = graph.nodes.iter().zip(cards).map(|(node, card)| SceneObject { id: &node.id, card }).collect();
         Self { things, graph, space: Space::new(graph), context, phrases: Vec::new(), choices: Vec::new() }
     }
 
@@ -71,7 +71,7 @@ impl<'c> Interpreter<'c> {
                 let mut options = Vec::new();
                 for place in places {
                     let references = self.references(place, Self::any)?;
-                    let atom = |subject: &Thing| ReadAtom::Place {
+                    let atom = |subject: &SceneObject| ReadAtom::Place {
                         subject: subject.id.to_owned(),
                         relations: place.relations.to_vec(),
                         references: references.iter().map(|thing| thing.id.to_owned()).collect(),
@@ -95,8 +95,8 @@ impl<'c> Interpreter<'c> {
     fn references(
         &mut self,
         place: &Place,
-        each: fn(&mut Self, &Group) -> Result<Thing<'c>, Mismatch>,
-    ) -> Result<Vec<Thing<'c>>, Mismatch> {
+        each: fn(&mut Self, &Group) -> Result<SceneObject<'c>, Mismatch>,
+    ) -> Result<Vec<SceneObject<'c>>, Mismatch> {
         match place.objects.as_slice() {
             [two] if place.relations == [Relation::Between] => {
                 let words: Vec<&str> = two.words.iter().map(String::as_str).collect();
@@ -112,7 +112,7 @@ impl<'c> Interpreter<'c> {
     }
 
     /// The only object that a phrase can mean.
-    fn one(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
+    fn one(&mut self, group: &Group) -> Result<SceneObject<'c>, Mismatch> {
         let Candidates { things, .. } = self.candidates(group)?;
         self.note(group, &things);
         match things.as_slice() {
@@ -122,7 +122,7 @@ impl<'c> Interpreter<'c> {
     }
 
     /// The object that a phrase means, or the first of several copies that it leaves open.
-    fn any(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
+    fn any(&mut self, group: &Group) -> Result<SceneObject<'c>, Mismatch> {
         let Candidates { things, certain } = self.candidates(group)?;
         self.note(group, &things);
         match things.as_slice() {
@@ -137,13 +137,13 @@ impl<'c> Interpreter<'c> {
         }
     }
 
-    fn note(&mut self, group: &Group, meant: &[Thing<'c>]) {
+    fn note(&mut self, group: &Group, meant: &[SceneObject<'c>]) {
         self.phrases.push((text(group), meant.iter().map(|thing| thing.id.to_owned()).collect()));
     }
 
     /// All possible referents of a phrase.
     fn candidates(&mut self, group: &Group) -> Result<Candidates<'c>, Mismatch> {
-        let all = |things: Vec<Thing<'c>>| Candidates { certain: things.len(), things };
+        let all = |things: Vec<SceneObject<'c>>| Candidates { certain: things.len(), things };
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
         let of_several = |key: &str| words.iter().position(|word| *word == key);
         if let Some(index) = of_several("two").or_else(|| of_several("three"))
@@ -191,13 +191,13 @@ impl<'c> Interpreter<'c> {
         Ok(Candidates { things: certain.into_iter().chain(possible).collect(), certain: count })
     }
 
-    fn denote(&self, words: &[&str], group: &Group) -> Result<Vec<Thing<'c>>, Mismatch> {
+    fn denote(&self, words: &[&str], group: &Group) -> Result<Vec<SceneObject<'c>>, Mismatch> {
         lexicon().denote(words, self.context, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
     }
 
     /// Resolves `larger of the two`, `middle one of the three` and the like.
-    fn chosen(&self, word: &str, among: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
-        let volume = |thing: &Thing| thing.card.size_m.element_product();
+    fn chosen(&self, word: &str, among: Vec<SceneObject<'c>>) -> Vec<SceneObject<'c>> {
+        let volume = |thing: &SceneObject| thing.card.size_m.element_product();
         let extreme = |sign: f64| {
             let best = among.iter().map(|thing| sign * volume(thing)).fold(f64::NEG_INFINITY, f64::max);
             // Sizes within 20 % of each other count as equal.
@@ -207,7 +207,7 @@ impl<'c> Interpreter<'c> {
             "larger" | "bigger" => extreme(1.0),
             "smaller" => extreme(-1.0),
             "middle" => {
-                let between = |thing: &&Thing| {
+                let between = |thing: &&SceneObject| {
                     [Axis::Depth, Axis::Width].into_iter().any(|axis| {
                         let beyond = |one: &str, other: &str| self.space.is_beyond(one, axis, other);
                         let others = || among.iter().filter(|other| other.id != thing.id);
@@ -223,7 +223,7 @@ impl<'c> Interpreter<'c> {
 
     /// The objects that are certainly the farthest in the direction of the words; `None` if the words name no
     /// direction.
-    fn extreme(&self, words: &[&str], among: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
+    fn extreme(&self, words: &[&str], among: &[SceneObject<'c>]) -> Option<Vec<SceneObject<'c>>> {
         let (axis, outward) = match words {
             // The camera faces the robot.
             ["farthest", "to", "the", "robot's", "left"] | ["farthest", "to", "the", "camera's", "right"] => {
@@ -240,7 +240,7 @@ impl<'c> Interpreter<'c> {
             }
             _ => return None,
         };
-        let wins = |thing: &&Thing| {
+        let wins = |thing: &&SceneObject| {
             among.iter().filter(|other| other.id != thing.id).all(|other| match outward {
                 true => self.space.is_beyond(thing.id, axis, other.id),
                 false => self.space.is_beyond(other.id, axis, thing.id),
@@ -278,7 +278,7 @@ fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&s
     changes.then(|| state.to_owned())
 }
 
-fn unclear(group: &Group, meant: &[Thing]) -> Mismatch {
+fn unclear(group: &Group, meant: &[SceneObject]) -> Mismatch {
     let phrase = text(group);
     if meant.is_empty() {
         return Mismatch::Nothing { phrase };

@@ -140,15 +140,15 @@ fn swapped(text: &str, one: &str, other: &str) -> String {
 
 /// Every designed task reads back to its goal; corrupted in one way, it is rejected or reads back to another goal.
 #[test]
-fn spoilt_tasks_are_found() {
+fn corrupted_tasks_are_found() {
     let mut applied = [0; 7];
     for task in tasks(17, 360) {
         assert_eq!(check(&task), Ok(()), "{}", task.instruction);
         assert_eq!(resolved(&task), intended(&task).len());
-        let mut spoilt: Vec<(usize, Task)> = Vec::new();
+        let mut corrupted: Vec<(usize, Task)> = Vec::new();
         let mut said = |index: usize, instruction: String| {
             if instruction != task.instruction {
-                spoilt.push((index, Task { instruction, ..task.clone() }));
+                corrupted.push((index, Task { instruction, ..task.clone() }));
             }
         };
         said(0, swapped(&task.instruction, "robot's left", "robot's right"));
@@ -176,7 +176,7 @@ fn spoilt_tasks_are_found() {
             }));
             twin.scene_graph.nodes.push(GraphNode::of(&card));
             twin.objects.push(Arc::new(card));
-            spoilt.push((4, twin));
+            corrupted.push((4, twin));
         }
         // Changes the goal instead of the sentence.
         let mut other = task.clone();
@@ -186,18 +186,23 @@ fn spoilt_tasks_are_found() {
             }
             Atom::State { object, .. } => "999".clone_into(object),
         }
-        spoilt.push((5, other));
+        corrupted.push((5, other));
         if task.goal.alternatives.len() > 1 {
             let mut fewer = task.clone();
             fewer.goal.alternatives.pop();
-            spoilt.push((6, fewer));
+            corrupted.push((6, fewer));
         }
-        for (index, spoilt) in spoilt {
+        for (index, corrupted) in corrupted {
             // A sentence with both sides as alternatives means the same if the sides are exchanged.
             let offers_both = index < 2 && task.goal.alternatives.len() > 1;
             if !offers_both {
                 applied[index] += 1;
-                assert!(check(&spoilt).is_err(), "mutant {index} of {:?}: {}", task.instruction, spoilt.instruction);
+                assert!(
+                    check(&corrupted).is_err(),
+                    "mutant {index} of {:?}: {}",
+                    task.instruction,
+                    corrupted.instruction
+                );
             }
         }
     }

@@ -122,7 +122,7 @@ pub(crate) enum EpisodeStats {
 }
 
 /// All metadata of a data set.
-pub(crate) struct Book {
+pub(crate) struct Metadata {
     pub(crate) root: PathBuf,
     pub(crate) info: Info,
     pub(crate) tasks: Vec<(i64, String)>,
@@ -229,31 +229,31 @@ pub(crate) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> 
 }
 
 /// Checks that totals, tasks, episodes and contract are consistent.
-pub(crate) fn check(book: &Book, findings: &mut Findings) {
+pub(crate) fn check(metadata: &Metadata, findings: &mut Findings) {
     let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
-    let [episodes, frames, tasks] = book.info.totals;
-    findings.require("info", INFO, "total_episodes", &count(book.episodes.len()), &episodes);
-    findings.require("info", INFO, "total_tasks", &count(book.tasks.len()), &tasks);
-    let rows = book.episodes.iter().fold(0_i64, |sum, episode| sum.saturating_add(episode.length));
+    let [episodes, frames, tasks] = metadata.info.totals;
+    findings.require("info", INFO, "total_episodes", &count(metadata.episodes.len()), &episodes);
+    findings.require("info", INFO, "total_tasks", &count(metadata.tasks.len()), &tasks);
+    let rows = metadata.episodes.iter().fold(0_i64, |sum, episode| sum.saturating_add(episode.length));
     findings.require("info", INFO, "total_frames", &rows, &frames);
-    if book.is_own {
-        let split = format!("0:{}", book.episodes.len());
+    if metadata.is_own {
+        let split = format!("0:{}", metadata.episodes.len());
         findings.require(
             "info",
             INFO,
             "splits.train",
             &Some(split.as_str()),
-            &book.info.json["splits"]["train"].as_str(),
+            &metadata.info.json["splits"]["train"].as_str(),
         );
     }
-    tasks_and_sentences(book, findings);
-    for (row, (index, _)) in book.subtasks.iter().enumerate() {
+    tasks_and_sentences(metadata, findings);
+    for (row, (index, _)) in metadata.subtasks.iter().enumerate() {
         let place = format!("row {row}, subtask_index");
-        findings.require("tasks", book.subtasks_file, &place, &i64::try_from(row).unwrap_or(-1), index);
+        findings.require("tasks", metadata.subtasks_file, &place, &i64::try_from(row).unwrap_or(-1), index);
     }
     let mut from = 0;
     let mut ids = BTreeMap::new();
-    for (number, episode) in book.episodes.iter().enumerate() {
+    for (number, episode) in metadata.episodes.iter().enumerate() {
         let (file, place) = (episode.listed_in.0.as_str(), episode.place());
         findings.require(
             "episodes",
@@ -285,71 +285,79 @@ pub(crate) fn check(book: &Book, findings: &mut Findings) {
                 format!("{id}, as episode {first}"),
             );
         }
-        if book.is_own && episode.success == Some(false) && episode.failure.as_deref() == Some("") {
+        if metadata.is_own && episode.success == Some(false) && episode.failure.as_deref() == Some("") {
             findings.add("episodes", file, format!("{place}, failure"), "the cause of the failure", "nothing");
         }
-        if book.is_own && episode.success == Some(true) && episode.failure.as_deref().is_some_and(|why| !why.is_empty())
+        if metadata.is_own
+            && episode.success == Some(true)
+            && episode.failure.as_deref().is_some_and(|why| !why.is_empty())
         {
             let why = episode.failure.clone().unwrap_or_default();
             findings.add("episodes", file, format!("{place}, failure"), "nothing, because it succeeded", why);
         }
     }
-    contract(book, findings);
-    card(book, findings);
+    contract(metadata, findings);
+    card(metadata, findings);
 }
 
-fn tasks_and_sentences(book: &Book, findings: &mut Findings) {
+fn tasks_and_sentences(metadata: &Metadata, findings: &mut Findings) {
     let mut known = BTreeMap::new();
-    for (row, (index, sentence)) in book.tasks.iter().enumerate() {
+    for (row, (index, sentence)) in metadata.tasks.iter().enumerate() {
         let place = format!("row {row}");
         findings.require(
             "tasks",
-            book.tasks_file,
+            metadata.tasks_file,
             &format!("{place}, task_index"),
             &i64::try_from(row).unwrap_or(-1),
             index,
         );
         if sentence.trim().is_empty() {
-            findings.add("tasks", book.tasks_file, place.clone(), "a sentence", format!("{sentence:?}"));
+            findings.add("tasks", metadata.tasks_file, place.clone(), "a sentence", format!("{sentence:?}"));
         }
         if let Some(first) = known.insert(sentence.as_str(), row) {
             findings.add(
                 "tasks",
-                book.tasks_file,
+                metadata.tasks_file,
                 place,
                 "a unique sentence",
                 format!("that of row {first}: {sentence}"),
             );
         }
     }
-    for episode in &book.episodes {
+    for episode in &metadata.episodes {
         if episode.sentences != 1 || !known.contains_key(episode.sentence.as_str()) {
             let found = format!("{} sentences, {:?}", episode.sentences, episode.sentence);
             let place = format!("{}, tasks", episode.place());
-            findings.add("tasks", &episode.listed_in.0, place, format!("one sentence of {}", book.tasks_file), found);
+            findings.add(
+                "tasks",
+                &episode.listed_in.0,
+                place,
+                format!("one sentence of {}", metadata.tasks_file),
+                found,
+            );
         }
     }
-    let used: BTreeSet<&str> = book.episodes.iter().map(|episode| episode.sentence.as_str()).collect();
+    let used: BTreeSet<&str> = metadata.episodes.iter().map(|episode| episode.sentence.as_str()).collect();
     for (sentence, row) in known {
         if !used.contains(sentence) {
-            findings.add("tasks", book.tasks_file, format!("row {row}"), "a sentence used by an episode", sentence);
+            findings.add("tasks", metadata.tasks_file, format!("row {row}"), "a sentence used by an episode", sentence);
         }
     }
 }
 
-fn contract(book: &Book, findings: &mut Findings) {
-    let Some(contract) = &book.contract else {
-        let has_actions = book.info.features.iter().any(|feature| feature.key == "action");
-        if book.is_own && has_actions {
+fn contract(metadata: &Metadata, findings: &mut Findings) {
+    let Some(contract) = &metadata.contract else {
+        let has_actions = metadata.info.features.iter().any(|feature| feature.key == "action");
+        if metadata.is_own && has_actions {
             findings.add("contract", CONTRACT, "", "an action contract", "none that can be read");
         }
         return;
     };
-    if (contract.rate_hz - book.info.fps).abs() > 1e-9 {
-        findings.add("contract", CONTRACT, "rate_hz", book.info.fps, contract.rate_hz);
+    if (contract.rate_hz - metadata.info.fps).abs() > 1e-9 {
+        findings.add("contract", CONTRACT, "rate_hz", metadata.info.fps, contract.rate_hz);
     }
-    findings.require("contract", CONTRACT, "robot", &book.info.robot, &contract.robot);
-    match book.info.features.iter().find(|feature| feature.key == "action") {
+    findings.require("contract", CONTRACT, "robot", &metadata.info.robot, &contract.robot);
+    match metadata.info.features.iter().find(|feature| feature.key == "action") {
         Some(action) => findings.require("contract", CONTRACT, "names", &action.names, &contract.names),
         None => findings.add("contract", CONTRACT, "", "a feature `action` in info.json", "none"),
     }
@@ -357,7 +365,7 @@ fn contract(book: &Book, findings: &mut Findings) {
     if let Err(error) = spec.check() {
         findings.add("contract", CONTRACT, error.what, error.expected, error.got);
     }
-    let state = book.info.features.iter().find(|feature| feature.key == "observation.state");
+    let state = metadata.info.features.iter().find(|feature| feature.key == "observation.state");
     let dof = state.map_or(0, |state| state.width().saturating_sub(1));
     let length = if spec.space.is_joint() { dof + 1 } else { spec.length(dof) };
     if dof > 0 && contract.names.len() != length {
@@ -371,8 +379,9 @@ fn contract(book: &Book, findings: &mut Findings) {
 }
 
 /// Checks the copy of `info.json` in the card.
-fn card(book: &Book, findings: &mut Findings) {
-    let Some(text) = book.is_own.then(|| files::read(&book.root.join("README.md"), limits::SETTINGS).ok()).flatten()
+fn card(metadata: &Metadata, findings: &mut Findings) {
+    let Some(text) =
+        metadata.is_own.then(|| files::read(&metadata.root.join("README.md"), limits::SETTINGS).ok()).flatten()
     else {
         return;
     };
@@ -380,7 +389,7 @@ fn card(book: &Book, findings: &mut Findings) {
     let block = text.split("```json").nth(1).and_then(|rest| rest.split("```").next());
     let copy = block.and_then(|block| serde_json::from_str::<Value>(block).ok());
     match copy {
-        Some(copy) if copy == book.info.json => {}
+        Some(copy) if copy == metadata.info.json => {}
         Some(_) => findings.add("card", "README.md", "Structure", "a copy of meta/info.json", "another info.json"),
         None => findings.add("card", "README.md", "Structure", "a copy of meta/info.json", "no JSON"),
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::book::{Book, EpisodeEntry, VideoSpan};
+use super::metadata::{EpisodeEntry, Metadata, VideoSpan};
 use genmanip_data::mp4::Video;
 use genmanip_data::{DataError, EncodedVideo, genmanip_format, video};
 
@@ -33,32 +33,32 @@ pub struct Strip {
 /// # Errors
 /// If the folder is not a LeRobot data set, or a video cannot be decoded.
 pub fn contact_sheet(dataset: &Path) -> Result<Vec<Strip>, DataError> {
-    let (book, _) = super::book(dataset)?;
-    let Some(key) = book.info.features.iter().find(|feature| feature.is_video()).map(|feature| feature.key.clone())
+    let (metadata, _) = super::read_metadata(dataset)?;
+    let Some(key) = metadata.info.features.iter().find(|feature| feature.is_video()).map(|feature| feature.key.clone())
     else {
         return Ok(Vec::new());
     };
-    let count = book.episodes.len();
+    let count = metadata.episodes.len();
     let shown = count.min(EPISODES);
     let mut strips = Vec::new();
     for place in 0..shown {
-        let episode = &book.episodes[place * count / shown];
+        let episode = &metadata.episodes[place * count / shown];
         let Some(span) = episode.videos.iter().find(|span| span.key == key) else { continue };
         strips.push(Strip {
             episode: episode.index,
             sentence: episode.sentence.clone(),
             success: episode.success,
-            pictures: moments(&book, episode, span)?,
+            pictures: moments(&metadata, episode, span)?,
         });
     }
     Ok(strips)
 }
 
-fn moments(book: &Book, episode: &EpisodeEntry, span: &VideoSpan) -> Result<Vec<Vec<u8>>, DataError> {
-    let path = book.root.join(&span.file);
+fn moments(metadata: &Metadata, episode: &EpisodeEntry, span: &VideoSpan) -> Result<Vec<Vec<u8>>, DataError> {
+    let path = metadata.root.join(&span.file);
     let mut video = Video::open(&path)?;
     // The cast saturates, so that invalid times are safe.
-    let first = (span.from_s * book.info.fps).round() as usize;
+    let first = (span.from_s * metadata.info.fps).round() as usize;
     let length = usize::try_from(episode.length).unwrap_or(0).min(MAX_FRAMES);
     let frames: Option<Vec<Vec<u8>>> =
         (0..length).map(|frame| video.frame(first.checked_add(frame)?, frame == 0)).collect();

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use arrow_array::cast::AsArray;
 use arrow_array::{Array, BinaryArray, RecordBatch};
 
-use super::book::{Book, Feature};
 use super::findings::Findings;
+use super::metadata::{Feature, Metadata};
 use genmanip_data::DataError;
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::table::Table;
@@ -14,14 +14,14 @@ use genmanip_data::table::Table;
 /// One depth image in so many is decoded; checksums are verified for all.
 const DECODED_EVERY: usize = 64;
 
-pub(super) fn check(book: &Book, findings: &mut Findings) {
-    let features: Vec<&Feature> = book.info.features.iter().filter(|feature| feature.is_image()).collect();
+pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {
+    let features: Vec<&Feature> = metadata.info.features.iter().filter(|feature| feature.is_image()).collect();
     if features.is_empty() {
         return;
     }
-    let files: BTreeSet<&str> = book.episodes.iter().map(|episode| episode.data.as_str()).collect();
+    let files: BTreeSet<&str> = metadata.episodes.iter().map(|episode| episode.data.as_str()).collect();
     for file in files {
-        if let Err(error) = check_file(book, &features, file, findings)
+        if let Err(error) = check_file(metadata, &features, file, findings)
             && !error.is_missing()
         {
             findings.add("depth", file, "", "a readable table", error);
@@ -29,8 +29,13 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
     }
 }
 
-fn check_file(book: &Book, features: &[&Feature], file: &str, findings: &mut Findings) -> Result<(), DataError> {
-    let path = book.root.join(file);
+fn check_file(
+    metadata: &Metadata,
+    features: &[&Feature],
+    file: &str,
+    findings: &mut Findings,
+) -> Result<(), DataError> {
+    let path = metadata.root.join(file);
     let known = Table::open(&path)?.names();
     for feature in features.iter().filter(|feature| known.contains(&feature.key)) {
         let mut row = 0;

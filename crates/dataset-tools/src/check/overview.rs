@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::book::{Book, EpisodeEntry};
+use super::metadata::{EpisodeEntry, Metadata};
 use super::totals::Totals;
 
 /// Episodes of one kind of task, or with one instruction if kinds are unknown.
@@ -66,10 +66,10 @@ pub struct Overview {
     pub ranges: Vec<Range>,
 }
 
-pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
+pub(super) fn overview(metadata: &Metadata, totals: &Totals) -> Overview {
     let grouped = |name: &dyn Fn(&'_ EpisodeEntry) -> String| {
         let mut groups: BTreeMap<String, Vec<&EpisodeEntry>> = BTreeMap::new();
-        for episode in &book.episodes {
+        for episode in &metadata.episodes {
             groups.entry(name(episode)).or_default().push(episode);
         }
         groups
@@ -77,7 +77,7 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
     let groups = grouped(&|episode| episode.kind.clone().unwrap_or_else(|| episode.sentence.clone()));
     let tasks = grouped(&|episode| episode.sentence.clone());
     let group = |(kind, episodes): (String, Vec<&EpisodeEntry>)| {
-        let mut seconds: Vec<f64> = episodes.iter().map(|episode| episode.length as f64 / book.info.fps).collect();
+        let mut seconds: Vec<f64> = episodes.iter().map(|episode| episode.length as f64 / metadata.info.fps).collect();
         seconds.sort_by(f64::total_cmp);
         let at = |index: usize| seconds.get(index).copied().unwrap_or_default();
         let mut sentences: Vec<&str> = episodes.iter().map(|episode| episode.sentence.as_str()).collect();
@@ -93,7 +93,7 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
         }
     };
     let shown =
-        book.info.features.iter().filter(|feature| ["observation.state", "action"].contains(&feature.key.as_str()));
+        metadata.info.features.iter().filter(|feature| ["observation.state", "action"].contains(&feature.key.as_str()));
     let ranges = shown.flat_map(|feature| {
         totals.range(&feature.key).into_iter().enumerate().map(|(entry, [min, max])| {
             let entry = feature.names.get(entry).cloned().unwrap_or_else(|| entry.to_string());
@@ -101,10 +101,10 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
         })
     });
     Overview {
-        fps: book.info.fps,
-        robot: book.info.robot.clone(),
-        action: book.contract.as_ref().map(|contract| contract.action.to_string()),
-        videos: book
+        fps: metadata.info.fps,
+        robot: metadata.info.robot.clone(),
+        action: metadata.contract.as_ref().map(|contract| contract.action.to_string()),
+        videos: metadata
             .info
             .features
             .iter()
@@ -113,14 +113,14 @@ pub(super) fn overview(book: &Book, totals: &Totals) -> Overview {
             .collect(),
         groups: groups.into_iter().map(group).collect(),
         tasks: tasks.into_iter().map(group).collect(),
-        lengths: lengths(book),
+        lengths: lengths(metadata),
         ranges: ranges.collect(),
     }
 }
 
 /// Histogram of lengths; the bin width is a multiple of 0.1 s.
-fn lengths(book: &Book) -> Vec<Bin> {
-    let seconds: Vec<f64> = book.episodes.iter().map(|episode| episode.length as f64 / book.info.fps).collect();
+fn lengths(metadata: &Metadata) -> Vec<Bin> {
+    let seconds: Vec<f64> = metadata.episodes.iter().map(|episode| episode.length as f64 / metadata.info.fps).collect();
     let finite = || seconds.iter().copied().filter(|length| length.is_finite());
     let (least, most) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
     if least > most {

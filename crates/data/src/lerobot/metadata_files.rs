@@ -1,0 +1,46 @@
+//! Metadata files of a complete data set: common to both format versions and to data sets composed of others.
+
+use genmanip_core::{ActionContract, Document};
+use serde_json::Value;
+
+use super::episodes::{subtasks_table, tasks_table};
+use super::origin::Origin;
+use super::{CONTRACT, SUBTASKS, info};
+use crate::DataError;
+use crate::atomic_write::{AtomicFolder, write_json};
+
+/// Contents of the metadata files that do not depend on the format version.
+pub struct MetadataFiles<'a> {
+    pub info: &'a Value,
+    /// Contents of `meta/stats.json`.
+    pub stats: &'a Value,
+    /// How the statistics were computed, if not from rows and images.
+    pub statistics_note: Option<&'a str>,
+    pub origin: &'a Origin,
+    pub contract: Option<&'a ActionContract>,
+    /// Data set card.
+    pub card: &'a str,
+}
+
+impl MetadataFiles<'_> {
+    /// Writes the files of both format versions.
+    pub fn write(&self, staging: &AtomicFolder) -> Result<(), DataError> {
+        write_json(staging, info::INFO, self.info)?;
+        write_json(staging, "meta/stats.json", self.stats)?;
+        self.origin.write(staging, self.statistics_note)?;
+        if let Some(contract) = self.contract {
+            staging.write(CONTRACT, contract.to_json().as_bytes())?;
+        }
+        staging.write("README.md", info::card_with_info(self.card, self.info).as_bytes())
+    }
+
+    /// [`Self::write`], and the tables of v3.0.
+    pub fn write_v30(&self, staging: &AtomicFolder, tasks: &[String], subtasks: &[String]) -> Result<(), DataError> {
+        self.write(staging)?;
+        staging.write("meta/tasks.parquet", &tasks_table(tasks)?)?;
+        match subtasks {
+            [] => Ok(()),
+            _ => staging.write(SUBTASKS, &subtasks_table(subtasks)?),
+        }
+    }
+}
