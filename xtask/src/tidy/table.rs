@@ -75,7 +75,7 @@ pub fn check(rows: &BTreeMap<String, Row>, crates: &[Manifest], shared: &BTreeSe
     }
     for manifest in crates {
         let page = format!("crates/{}/Cargo.toml", manifest.name);
-        if manifest.package != format!("genmanip-{}", manifest.name) {
+        if manifest.package != format!("genmanip-{}", manifest.name) && manifest.package != manifest.name {
             report(page.clone(), format!("the package is called {:?}", manifest.package), "call it genmanip-<folder>");
         }
         let Some(row) = rows.get(&manifest.name) else {

@@ -19,7 +19,7 @@ use super::info::FILES_PER_CHUNK;
 use super::metadata_files::MetadataFiles;
 use super::origin::Origin;
 use super::stats::Stats;
-use super::{LerobotSettings, begin, features, info, record};
+use super::{LerobotSettings, begin, features, record};
 use crate::atomic_write::{AtomicFolder, write_json};
 use crate::export::metadata::{EpisodeMetadata, LanguageLabels};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
