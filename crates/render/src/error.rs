@@ -1,9 +1,9 @@
-//! What can be wrong with a request for a picture.
+//! Errors of render jobs.
 
-/// Why nothing was drawn.
+/// Reasons why a job cannot be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// A mesh refers to corners it does not have.
+    /// A mesh with a vertex index out of range.
     #[error("the mesh of part `{part}` of `{body}` names corner {index}, but it has only {corners} corners")]
     BadMesh {
         /// Link or object.
@@ -12,17 +12,17 @@ pub enum RenderError {
         part: String,
         /// Offending index.
         index: u32,
-        /// Number of corners.
+        /// Number of vertices.
         corners: usize,
     },
-    /// More than the ids of the visibility buffer can tell apart.
+    /// More parts or triangles than a visibility id can hold.
     #[error("the scene has {got} {what}, expected at most {limit}")]
     TooLarge {
-        /// What there is too much of.
+        /// Counted item.
         what: &'static str,
-        /// How many.
+        /// Their number.
         got: usize,
-        /// How many are possible.
+        /// Largest possible number.
         limit: usize,
     },
     /// The frame does not belong to these assets.
@@ -41,21 +41,21 @@ pub enum RenderError {
         /// Objects given.
         got: usize,
     },
-    /// A pose or a projection that cannot be drawn.
+    /// A pose or projection that is not finite.
     #[error("{what} is not finite")]
     NotFinite {
-        /// What is wrong.
+        /// The value that is not finite.
         what: String,
     },
-    /// A camera without pixels or with a focal length that is not positive, or too large an image.
+    /// A camera without pixels, with a non-positive focal length, or with too large an image.
     #[error("camera `{camera}`: {problem}")]
     BadCamera {
         /// Name of the camera.
         camera: String,
-        /// What is wrong, with expected and got.
+        /// The problem, with expected and actual values.
         problem: String,
     },
-    /// One buffer per job is needed.
+    /// The number of buffers differs from the number of jobs.
     #[error("got {got} frame buffers for {expected} jobs")]
     BufferCount {
         /// Jobs.

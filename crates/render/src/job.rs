@@ -1,67 +1,63 @@
-//! What to draw, from where, and where the picture goes.
+//! Render jobs and their output buffers.
 
 use genmanip_core::{Camera, ImageChannels, Pose, RgbdImage};
 
-/// Instance id of a pixel that sees nothing.
+/// Instance id of the background.
 pub const NOTHING: u16 = 0;
-/// Instance id of the table and of every further support surface.
+/// Instance id of all support surfaces.
 pub const TABLE: u16 = 1;
 /// Instance id of the robot.
 pub const ROBOT: u16 = 2;
-/// Instance id of object 0; object `i` is `FIRST_OBJECT + i`, in the order given to [`crate::RenderAssets::new`].
+/// Instance id of object 0; object `i` has `FIRST_OBJECT + i`, in the order given to [`crate::RenderAssets::new`].
 pub const FIRST_OBJECT: u16 = genmanip_core::perception::FIRST_OBJECT;
 
-/// Index of the object with an instance id; `None` for background, table and robot.
+/// Object index of an instance id; `None` for background, support surfaces and robot.
 pub fn object_of_instance(instance: u16) -> Option<usize> {
     instance.checked_sub(FIRST_OBJECT).map(usize::from)
 }
 
-/// Where every body is at one moment.
+/// Poses of all bodies at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameState {
-    /// `world_from_link` of every robot link in the order of the robot model,
-    /// then of every link of object 0, of object 1, and so on.
+    /// `world_from_link` of every robot link in the order of the robot model, then of every link of object 0, 1, ….
     pub body_poses: Vec<Pose>,
 }
 
-/// One picture: a frame seen by a camera.
+/// One image: a frame seen by a camera.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewJob<'a> {
-    /// The bodies; jobs of equal frames that follow each other share their shadow map.
+    /// Poses of the bodies; consecutive jobs with equal frames share their shadow map.
     pub frame: &'a FrameState,
-    /// The camera; one mounted on the hand moves with the robot's hand in `frame`.
+    /// The camera; one mounted on the hand moves with it.
     pub camera: &'a Camera,
-    /// What is wanted.
+    /// Requested channels.
     pub channels: Channels,
-    /// Samples per pixel along each axis for the colour, 1-4; 2 gives smooth edges.
-    /// Depth, ids and normals always come from exactly the pixel's centre.
-    pub supersample: u32,
 }
 
 impl<'a> ViewJob<'a> {
-    /// A view with 2×2 samples per pixel.
+    /// A view; colours are anti-aliased from 2×2 samples per pixel, the other channels are those of the pixel centre.
     pub fn new(frame: &'a FrameState, camera: &'a Camera, channels: Channels) -> Self {
-        Self { frame, camera, channels, supersample: 2 }
+        Self { frame, camera, channels }
     }
 }
 
-/// The channels of a picture.
+/// Channels of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Channels {
     /// Colour.
     pub rgb: bool,
     /// Distance along the optical axis.
     pub depth: bool,
-    /// Which object.
+    /// Instance ids.
     pub instance: bool,
-    /// Which way the surface faces.
+    /// Surface normals.
     pub normal: bool,
-    /// Which part, a mesh of one material.
+    /// Part numbers (a part is a mesh of one material).
     pub parts: bool,
 }
 
 impl Channels {
-    /// Everything that pictures are asked for.
+    /// All channels but the part numbers.
     pub const ALL: Self = Self { rgb: true, depth: true, instance: true, normal: true, parts: false };
     /// Colour only.
     pub const RGB: Self = Self { rgb: true, depth: false, instance: false, normal: false, parts: false };
@@ -71,10 +67,9 @@ impl Channels {
     pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false, parts: false };
 }
 
-/// A picture, row by row from the top left; owned by the caller and reused from job to job. A renderer may exchange lists with
-/// its own.
+/// Channels of an image, row by row from the top left; owned by the caller and reused from job to job.
 ///
-/// A channel that was not asked for is empty.
+/// A channel that was not requested is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameBuffers {
     /// Pixels per row.
@@ -83,18 +78,19 @@ pub struct FrameBuffers {
     pub height: u32,
     /// Colour, 8-bit sRGB, three bytes per pixel.
     pub rgb: Vec<u8>,
-    /// Metres along the optical axis at the pixel's centre, 0 where nothing is seen; transparent things count as solid.
+    /// Distance along the optical axis at the pixel's centre [m], 0 for the background; transparent objects count as
+    /// solid.
     pub depth_m: Vec<f32>,
     /// [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i` at the pixel's centre.
     pub instance: Vec<u16>,
-    /// Unit surface normal in the camera's optical frame times 127, towards the camera; zero where nothing is seen.
+    /// Unit normal towards the camera in its optical frame, times 127, at the pixel's centre; zero for the background.
     pub normal: Vec<[i8; 3]>,
-    /// Number of the part at the pixel's centre, counted from 1 in the order of the assets; 0 where nothing is seen.
+    /// Part number at the pixel's centre, from 1 in the order of the assets; 0 for the background.
     pub parts: Vec<u16>,
 }
 
 impl From<ImageChannels> for Channels {
-    /// What must be drawn for what is asked for: points follow from the depth.
+    /// Channels to render for requested image channels: points follow from depth.
     fn from(asked: ImageChannels) -> Self {
         let ImageChannels { rgb, depth, ids, normals, points } = asked;
         Self { rgb, depth: depth || points, instance: ids, normal: normals, parts: false }
@@ -102,7 +98,7 @@ impl From<ImageChannels> for Channels {
 }
 
 impl FrameBuffers {
-    /// The image of a camera at this place, which is what other crates speak.
+    /// The image with the parameters of its camera, as other crates use it.
     pub fn into_image(self, camera: &Camera, world_from_camera: Pose) -> RgbdImage {
         RgbdImage {
             intrinsics: camera.intrinsics,

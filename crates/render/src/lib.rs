@@ -41,7 +41,7 @@ pub mod color {
     pub use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 }
 
-/// Meshes, materials and lights as the path tracer of `genmanip-render-reference` needs them; no stable interface.
+/// Meshes, materials and lights for the path tracer of `genmanip-render-reference`; not a stable interface.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::gbuffer::view::{CameraView, rotation};

@@ -1,4 +1,4 @@
-//! What all pictures of one job share.
+//! Scene data shared by all passes of a job.
 
 use crate::ambient::irradiance_grid::IrradianceGrid;
 use crate::ambient::proxies::AoProxies;
@@ -9,17 +9,17 @@ use crate::scene::variation::RenderVariation;
 use crate::shading::backdrop::Backdrop;
 use crate::shadow::map::ShadowMap;
 
-/// What is drawn and under which light.
+/// Assets, materials, lights and lookup structures of a job.
 pub(crate) struct RenderScene<'a> {
     pub assets: &'a RenderAssets,
-    /// What the parts of the assets are made of under the variation.
+    /// Materials of the parts under the variation.
     pub surfaces: &'a [Material],
     pub variation: &'a RenderVariation,
     pub lighting: &'a Lighting,
     pub backdrop: &'a Backdrop,
     pub shadow: &'a ShadowMap,
-    /// What holds back ambient light and is not told by the picture.
+    /// Ellipsoid proxies for occlusion outside the image.
     pub proxies: &'a AoProxies,
-    /// The ambient light on the table.
+    /// Ambient light on the support surface.
     pub irradiance_grid: &'a IrradianceGrid,
 }

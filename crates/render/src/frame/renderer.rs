@@ -61,7 +61,6 @@ struct CacheKey {
     mount: CameraMount,
     mount_from_camera: Pose,
     intrinsics: Intrinsics,
-    scale: usize,
 }
 
 impl Renderer {
@@ -194,17 +193,7 @@ impl Renderer {
         let irradiance_grid =
             &mut self.irradiance_grids[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
         irradiance_grid.update(&self.proxies, &self.variation, &self.lighting, &camera);
-        let key = CacheKey {
-            mount: job.camera.mount,
-            mount_from_camera: job.camera.mount_from_camera,
-            intrinsics,
-            scale: match job.supersample {
-                0 | 1 => 1,
-                2 => 2,
-                _ => 4,
-            },
-        };
-        let scale = key.scale;
+        let key = CacheKey { mount: job.camera.mount, mount_from_camera: job.camera.mount_from_camera, intrinsics };
         let (key, mut cache) = match self.kept.iter().position(|(known, _)| *known == key) {
             Some(index) => self.kept.remove(index),
             None => (key, FrameCache::default()),
@@ -213,7 +202,7 @@ impl Renderer {
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
         let (proxies, irradiance_grid) = (&self.proxies, &*irradiance_grid);
         let scene = RenderScene { assets, surfaces, variation, lighting, backdrop, shadow, proxies, irradiance_grid };
-        cache.draw(&scene, frame, camera, scale);
+        cache.draw(&scene, frame, camera);
         cache.write(&self.assets, job.channels, out);
         self.shaded_pixels = cache.shaded_pixels;
         self.kept.push((key, cache));

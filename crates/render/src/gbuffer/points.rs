@@ -45,12 +45,6 @@ impl PixelCenters<'_> {
         Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != MIXED)
     }
 
-    /// Whether two tiles, given by their first pixels, show one triangle.
-    pub fn show_one(&self, a: u32, b: u32) -> bool {
-        let only = self.only(a);
-        only.is_some() && only == self.only(b)
-    }
-
     fn first_id(&self, place: u32) -> u32 {
         let [column, row] = unpacked(place).map(|at| at as usize);
         self.ids[row * self.width + column]
@@ -104,14 +98,6 @@ impl Pixels {
         }
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
-    }
-
-    /// Becomes the tile of which this is the first pixel, of which nothing is known but where its rows begin.
-    pub fn begin_tile(&mut self, first: usize, centers: PixelCenters<'_>) {
-        (self.count, self.is_tile) = (CHUNK, true);
-        for step in 0..TILE {
-            self.pixel[step * TILE] = (first + step * centers.width) as u32;
-        }
     }
 
     /// Becomes the tile of which this is the first pixel.

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use crate::raster::{SIDE, VisibilityBuffer};
+use crate::raster::VisibilityBuffer;
 
 /// Pixels per side of the tiles whose changes are tracked.
 pub(crate) const TILE: usize = 8;
@@ -81,11 +81,10 @@ impl LayeredBuffer {
     pub fn redraw<const IDS: bool>(
         &mut self,
         [width, height]: [usize; 2],
-        scale: usize,
         parts: usize,
         mut draw: impl FnMut(usize, &mut VisibilityBuffer),
     ) {
-        clear::<IDS>(&mut self.target, [width, height], scale);
+        clear::<IDS>(&mut self.target, [width, height]);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
@@ -108,7 +107,7 @@ impl LayeredBuffer {
         if is_new {
             self.in_layer.clear();
             self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
-            clear::<IDS>(&mut self.layer, [width, height], scale);
+            clear::<IDS>(&mut self.layer, [width, height]);
             self.is_layered = true;
             for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
                 draw(part, &mut self.layer);
@@ -175,31 +174,29 @@ impl LayeredBuffer {
     }
 }
 
-/// Pixels along the longer side up to which nothing is gained by covers: few tiles show one triangle alone. Measured.
+/// Longer side of images up to which tile covers do not pay off: few tiles show one triangle alone [px]. Measured.
 const SMALL_PX: usize = 128;
 
-/// Clears a target to nothing; one whose tiles are those of covers holds these.
-pub(crate) fn clear<const IDS: bool>(target: &mut VisibilityBuffer, [width, height]: [usize; 2], scale: usize) {
-    if IDS && scale * TILE == SIDE && width.max(height) > SMALL_PX {
+/// Clears a visibility buffer, with ids and 2×2 samples per pixel, or a shadow map with one sample per texel.
+pub(crate) fn clear<const IDS: bool>(target: &mut VisibilityBuffer, [width, height]: [usize; 2]) {
+    if IDS && width.max(height) > SMALL_PX {
         target.reset_covered(width, height);
     } else {
-        target.reset::<IDS>(width, height, scale);
+        target.reset::<IDS>(width, height, if IDS { 2 } else { 1 });
     }
 }
 
-/// The tiles of some, whole rows of them, that are marked or next to one that is; so many stand in a row.
-pub(crate) fn marked_around(marks: &[bool], columns: usize, tiles: Range<usize>) -> Vec<usize> {
-    let mut found = Vec::new();
-    let mut near = vec![false; columns];
-    for first in tiles.step_by(columns.max(1)) {
-        near.fill(false);
-        for marks in marks[first.saturating_sub(columns)..(first + 2 * columns).min(marks.len())].chunks(columns) {
-            near.iter_mut().zip(marks).for_each(|(near, mark)| *near |= mark);
-        }
-        let is_near = |column: &usize| near[column.saturating_sub(1)..(column + 2).min(columns)].contains(&true);
-        found.extend((0..columns).filter(is_near).map(|column| first + column));
-    }
-    found
+/// Marks of a grid of tiles dilated by one tile in all directions.
+pub(crate) fn dilated(marks: &[bool], columns: usize) -> Vec<bool> {
+    let across = |tile: usize| {
+        let column = tile % columns;
+        let row = tile - column;
+        marks[row + column.saturating_sub(1)..row + (column + 2).min(columns)].contains(&true)
+    };
+    let rows: Vec<bool> = (0..marks.len()).map(across).collect();
+    let down =
+        |tile: usize| rows[tile] || tile >= columns && rows[tile - columns] || rows.get(tile + columns) == Some(&true);
+    (0..marks.len()).map(down).collect()
 }
 
 /// How many tiles of any rectangle are marked, in constant time (a summed-area table).

@@ -1,13 +1,13 @@
-//! What the pixels' centres see, and what follows from it for each tile.
+//! Visible surfaces at the pixel centres, and the summary of each tile.
 
-#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+#![allow(clippy::needless_range_loop, reason = "loops over batch columns by index are compiled for wide registers")]
 
 use std::ops::Range;
 
 use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::{COARSE_TEXELS, LightBuffer, SAME_DEPTH, SEVERAL, TileSummary};
+use super::buffer::{LightBuffer, SEVERAL, TileSummary};
 use crate::ambient::ssao::MAX_REACH;
 use crate::gbuffer::points::MIXED;
 use crate::gbuffer::static_layer::TILE;
@@ -17,53 +17,42 @@ use crate::render_scene::RenderScene;
 use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
 
-/// Kinds of surfaces, in bits: with a level top, and fixed ones other than the table.
-const WITH_TOP: u8 = 1;
-const FIXED: u8 = 2;
+/// Surface flags: on a planar receiver; a fixture other than the main support surface.
+const ON_PLANE: u8 = 1;
+const FIXTURE: u8 = 2;
 
 impl LightBuffer {
-    /// Takes over what is seen in the tiles that changed.
-    pub fn see(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
+    /// Reads the visibility buffer in the tiles that changed.
+    pub fn read_surfaces(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
         let RenderScene { assets, shadow, variation, irradiance_grid, .. } = *scene;
-        self.changed.begin(changed);
         let (camera, rays) = (&view.camera, Rays::new(&view.camera));
-        let kind = |surface: u16| {
-            let with_top = if shadow.planar_receivers().of(surface).is_some() { WITH_TOP } else { 0 };
-            with_top | if irradiance_grid.is_fixed(surface) { FIXED } else { 0 }
+        let receivers = shadow.planar_receivers();
+        let flags = |surface: u16| {
+            let on_plane = if receivers.of(surface).is_some() { ON_PLANE } else { 0 };
+            on_plane | if irradiance_grid.is_fixed(surface) { FIXTURE } else { 0 }
         };
-        let kinds: Vec<u8> = (0..=assets.parts.len() as u16).map(kind).collect();
+        let flags: Vec<u8> = (0..=assets.parts.len() as u16).map(flags).collect();
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let TileContents { reversed_z: [low, high], first, differ, differ_all } =
-                self.see_tile(opaque, tile, columns.clone(), rows.clone());
+                self.read_tile(opaque, tile, columns.clone(), rows.clone());
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
-            let mut kind = 0;
-            if surface != SEVERAL {
-                kind = kinds[usize::from(surface)];
-            } else {
-                for row in rows.clone() {
-                    let surfaces = &self.surface[row * self.width..][columns.clone()];
-                    kind = surfaces.iter().fold(kind, |kind, &surface| kind | kinds[usize::from(surface)]);
-                }
+            let mut own_flags = 0;
+            for row in rows.clone() {
+                let surfaces = &self.surface[row * self.width..][columns.clone()];
+                let surfaces = if surface == SEVERAL { surfaces } else { &surfaces[..1] };
+                own_flags = surfaces.iter().fold(own_flags, |all, &surface| all | flags[usize::from(surface)]);
             }
-            // What the pixels at the corners see.
-            let corners = || {
+            let receiver = receivers.of(surface).and_then(|receiver| {
                 let (right, bottom) = (columns.end - 1, rows.end - 1);
-                [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
-                    .map(|(x, y)| rays.point_at(x, y, self.depth[y * self.width + x]))
-            };
-            let top = shadow.planar_receivers().of(surface).and_then(|top| {
-                let corners = corners();
-                let is_whole = corners.iter().all(|place| top.holds(place.z));
-                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
+                let corners =
+                    [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
+                        .map(|(x, y)| rays.point_at(x, y, self.depth[y * self.width + x]));
+                let is_whole = corners.iter().all(|place| receiver.holds(place.z));
+                is_whole.then(|| receiver.blocks_of(corners.iter().map(|place| place.truncate())))
             });
-            // The light on a level top is read from the top.
-            let footprint = if top.is_some() || !shadow.is_on() || high == 0.0 {
+            let footprint = if receiver.is_some() || !shadow.is_on() || high == 0.0 {
                 MapFootprint::default()
-            } else if differ == 0
-                && let Some(normal) = view.normal_of(assets, first)
-            {
-                shadow.footprint_of_plane(corners().into_iter(), normal)
             } else {
                 let depths = [1.0 / low, 1.0 / high];
                 let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
@@ -77,19 +66,30 @@ impl LightBuffer {
                 surface,
                 reach: reach as u16 + 2,
                 footprint,
-                top,
-                has_top: top.is_none() && kind & WITH_TOP != 0,
-                has_fixed: kind & FIXED != 0,
-                is_coarse: high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * camera.focal.x * low,
-                is_planar: surface != SEVERAL && high < (1.0 + SAME_DEPTH) * low,
-                low,
+                receiver,
+                has_receiver: receiver.is_none() && own_flags & ON_PLANE != 0,
+                has_fixture: own_flags & FIXTURE != 0,
             };
         }
-        self.find_alike();
+        self.find_uniform();
+    }
+
+    /// Finds the tiles that show one triangle together with their neighbours.
+    fn find_uniform(&mut self) {
+        let Self { columns, rows, only, .. } = self;
+        let is_uniform = |tile: usize| {
+            let (column, row) = (tile % *columns, tile / *columns);
+            let across = column.saturating_sub(1)..(column + 2).min(*columns);
+            let id = only[tile];
+            id != MIXED
+                && (row.saturating_sub(1)..(row + 2).min(*rows))
+                    .all(|row| only[row * *columns..][across.clone()].iter().all(|&other| other == id))
+        };
+        self.only_around = (0..only.len()).map(is_uniform).collect();
     }
 
     /// Takes over what is seen in a tile.
-    fn see_tile(
+    fn read_tile(
         &mut self,
         opaque: &VisibilityBuffer,
         tile: usize,
@@ -105,17 +105,17 @@ impl LightBuffer {
             surface: &mut self.surface[first..],
         };
         if columns.len() != TILE || rows.len() != TILE {
-            return see_part(opaque, columns, rows, seen);
+            return read_part(opaque, columns, rows, seen);
         }
         let Some(cover) = opaque.cover(tile) else {
             let samples = (&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride);
             return match opaque.scale {
-                1 => see_stored::<1>(samples, seen),
-                2 => see_stored::<2>(samples, seen),
-                _ => see_stored::<4>(samples, seen),
+                1 => read_stored::<1>(samples, seen),
+                2 => read_stored::<2>(samples, seen),
+                _ => read_stored::<4>(samples, seen),
             };
         };
-        let reversed_z = see_cover(cover, columns.start, self.width, &mut self.depth[first..]);
+        let reversed_z = read_cover(cover, columns.start, self.width, &mut self.depth[first..]);
         // What shows the same triangle as before everywhere has its ids.
         if self.only[tile] != cover.id {
             for row in rows {
@@ -174,7 +174,7 @@ struct Seen<'a> {
 /// Writes the depths of a tile, which begins at a column of the picture, that a triangle covers; returns the smallest and
 /// largest reversed_z of what is there.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_cover(cover: &TileCover, column: usize, width: usize, depth: &mut [f32]) -> [f32; 2] {
+fn read_cover(cover: &TileCover, column: usize, width: usize, depth: &mut [f32]) -> [f32; 2] {
     let mut extent = Extent::default();
     for row in 0..TILE {
         let near = cover.line::<TILE, 2>(2 * row, 2 * column);
@@ -188,7 +188,7 @@ fn see_cover(cover: &TileCover, column: usize, width: usize, depth: &mut [f32]) 
 
 /// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn see_stored<const SCALE: usize>((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
+fn read_stored<const SCALE: usize>((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     let first = ids[0];
     let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
     for row in 0..TILE {
@@ -225,7 +225,7 @@ fn see_stored<const SCALE: usize>((ids, reversed_z, stride): (&[u32], &[f32], us
 
 /// Takes over what is seen in a tile that ends where the picture does.
 #[cold]
-fn see_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
+fn read_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
     let scale = opaque.scale;
     let (first, _) = opaque.sample(columns.start * scale, rows.start * scale);
     let (mut extent, mut differ, mut differ_all) = (Extent::default(), 0, 0);

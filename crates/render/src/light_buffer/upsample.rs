@@ -1,24 +1,22 @@
-//! Ambient light at every pixel from estimates at every other row and column.
+//! Bilateral upsampling of ambient occlusion from half to full resolution.
 
-#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+#![allow(clippy::needless_range_loop, reason = "loops over batch columns by index are compiled for wide registers")]
 
 use multiversion::multiversion;
 
+use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill, line_of, put};
 use crate::gbuffer::static_layer::TILE;
 use crate::shadow::pcss::UNKNOWN;
 
-/// Estimates along the side of a tile.
-pub(crate) const HALF: usize = TILE / 2;
-
-/// A tile and the coarse estimates around it, each of them beside the pixels that it is to the left or the right of.
+/// A tile and the AO samples around it, each beside the pixels to its left or right.
 #[derive(Debug)]
 pub(crate) struct UpsampleWindow {
-    pub surface: [[u32; TILE]; TILE],
-    pub depth: [[f32; TILE]; TILE],
-    /// By coarse row: to the left and to the right of each column.
-    pub coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
-    pub coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
-    pub value: [[[f32; TILE]; 2]; HALF + 1],
+    surface: [[u32; TILE]; TILE],
+    depth: [[f32; TILE]; TILE],
+    /// By AO row: samples to the left and to the right of each column.
+    coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
+    coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
+    value: [[[f32; TILE]; 2]; HALF + 1],
 }
 
 impl Default for UpsampleWindow {
@@ -33,30 +31,68 @@ impl Default for UpsampleWindow {
     }
 }
 
-/// [`upsample_tile`] where all belong to the same surface, from the first coarse estimate of the tile on.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(crate) fn upsample_planar_tile(coarse: &[f32], width: usize) -> [[f32; TILE]; TILE] {
-    let mut lines = [[0.0; TILE]; HALF + 1];
-    for (row, line) in lines.iter_mut().enumerate() {
-        let coarse = &coarse[row * width..][..=HALF];
-        for column in 0..HALF {
-            line[2 * column] = coarse[column];
-            line[2 * column + 1] = 0.5 * (coarse[column] + coarse[column + 1]);
+impl LightBuffer {
+    /// Upsamples the AO of some tiles.
+    pub fn upsample(&mut self, tiles: &[usize], window: &mut UpsampleWindow) {
+        for &tile in tiles {
+            let [columns, rows] = self.pixels_of(tile);
+            let [low, high] = self.range_around(tile, &self.ao_range);
+            if low >= high {
+                // One value all around; without any sample, nothing is occluded.
+                fill(&mut self.ambient, self.width, [columns, rows], if low == high { low } else { 1.0 });
+                continue;
+            }
+            self.fill_window(columns.start, rows.start, window);
+            for (row, line) in rows.zip(&upsample_tile(window)) {
+                put(&mut self.ambient[row * self.width..][columns.clone()], line);
+            }
         }
     }
-    let mut out = [[0.0; TILE]; TILE];
-    for row in 0..HALF {
-        out[2 * row] = lines[row];
-        for column in 0..TILE {
-            out[2 * row + 1][column] = 0.5 * (lines[row][column] + lines[row + 1][column]);
+
+    /// Gathers a tile and the AO samples around it.
+    fn fill_window(&self, first_column: usize, first_row: usize, window: &mut UpsampleWindow) {
+        let (x, y) = (first_column / 2, first_row / 2);
+        for row in 0..TILE.min(self.height - first_row) {
+            let fine = (first_row + row) * self.width + first_column;
+            let pixels = fine..fine + TILE.min(self.width - first_column);
+            window.surface[row] = line_of(&self.surface[pixels.clone()], 0).map(u32::from);
+            window.depth[row] = line_of(&self.depth[pixels], 0.0);
+        }
+        for row in 0..=HALF {
+            let y = (y + row).min(self.half_height - 1);
+            let (fine, coarse) = (2 * y * self.width + 2 * x, y * self.half_width + x);
+            let (surfaces, depths) = (&self.surface[fine..], &self.depth[fine..]);
+            let (mut surface, mut depth, mut value) = ([0; HALF + 1], [0.0; HALF + 1], [UNKNOWN; HALF + 1]);
+            if let (Some(surfaces), Some(depths), true) = (
+                surfaces.first_chunk::<{ TILE + 1 }>(),
+                depths.first_chunk::<{ TILE + 1 }>(),
+                x + HALF < self.half_width,
+            ) {
+                surface = std::array::from_fn(|column| u32::from(surfaces[2 * column]));
+                depth = std::array::from_fn(|column| depths[2 * column]);
+                value.copy_from_slice(&self.half_ao[coarse..][..=HALF]);
+            } else {
+                for column in 0..=HALF {
+                    let right = column.min(self.half_width - 1 - x);
+                    surface[column] = u32::from(surfaces[2 * right]);
+                    depth[column] = depths[2 * right];
+                    value[column] = self.half_ao[coarse + right];
+                }
+            }
+            for column in 0..TILE {
+                for (side, x) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
+                    window.coarse_surface[row][side][column] = surface[x];
+                    window.coarse_depth[row][side][column] = depth[x];
+                    window.value[row][side][column] = value[x];
+                }
+            }
         }
     }
-    out
 }
 
-/// At every pixel the mean of the coarse estimates around it that belong to the same surface.
+/// Mean of the four AO samples around each pixel that belong to the same surface at about the same depth.
 #[multiversion(targets("x86_64+avx2+fma"))]
-pub(crate) fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
+fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];
     for row in 0..TILE {
         let taps = [(row / 2, 0), (row / 2, 1), (row / 2 + row % 2, 0), (row / 2 + row % 2, 1)];
@@ -66,8 +102,8 @@ pub(crate) fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
                 let (surface, depth) = (window.surface[row][column], window.depth[row][column]);
                 let value = window.value[coarse][side][column];
                 let is_same = (window.coarse_surface[coarse][side][column] == surface)
-                    & ((window.coarse_depth[coarse][side][column] - depth).abs() < 0.02 * depth);
-                // A thin thing between the coarse pixels takes what is known around it.
+                    & ((window.coarse_depth[coarse][side][column] - depth).abs() < SAME_DEPTH * depth);
+                // Thin objects between samples take the values around them.
                 let weight = if is_same { 1.0 } else { 1e-4 };
                 let weight = if value < 0.0 { 0.0 } else { weight };
                 sums[column] += weight * value;
@@ -79,27 +115,4 @@ pub(crate) fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
         }
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// On one level surface, means need no weights and have the same bits.
-    #[test]
-    fn level_tiles_have_the_means_of_others() {
-        const WIDTH: usize = HALF + 3;
-        let coarse: Vec<f32> = (0..WIDTH * (HALF + 1)).map(|index| (index * 37 % 64) as f32 / 64.0).collect();
-        let mut window =
-            UpsampleWindow { surface: [[1; TILE]; TILE], depth: [[0.5; TILE]; TILE], ..Default::default() };
-        for row in 0..=HALF {
-            for side in 0..2 {
-                window.coarse_surface[row][side] = [1; TILE];
-                window.coarse_depth[row][side] = [0.5; TILE];
-                window.value[row][side] =
-                    std::array::from_fn(|column| coarse[row * WIDTH + column / 2 + side * (column % 2)]);
-            }
-        }
-        assert_eq!(upsample_planar_tile(&coarse, WIDTH), upsample_tile(&window));
-    }
 }

@@ -15,7 +15,7 @@ mod span;
 mod tile_cover;
 mod triangle_setup;
 
-pub(crate) use tile_cover::{SIDE, TileCover, TileDepths};
+pub(crate) use tile_cover::{TileCover, TileDepths};
 use tile_cover::{TileCovers, draw_covered};
 use triangle_setup::{Corners, TriangleSetup};
 

@@ -172,7 +172,7 @@ impl Edges {
             x: column as f32 / around.n as f32,
             y: row as f32 / around.n as f32,
             depth: 1.0 / reversed_z,
-            key: around.light_buffer.shadow_mask[pixel].max(0.0),
+            shadow: around.light_buffer.shadow_mask[pixel].max(0.0),
             ambient: around.light_buffer.ambient[pixel].max(0.0),
         };
         self.unmatched.push(UnmatchedSample { spot, key, edge_pixels, share: weight });

@@ -188,7 +188,7 @@ impl Edges {
                         x: column as f32 / n as f32,
                         y: row as f32 / n as f32,
                         depth: 1.0 / if index == 0 { complement_z(stored) } else { stored },
-                        key: around.light_buffer.shadow_mask[pixel as usize].max(0.0),
+                        shadow: around.light_buffer.shadow_mask[pixel as usize].max(0.0),
                         ambient: 1.0,
                     };
                     Some(LayerSample { spot, coverage })

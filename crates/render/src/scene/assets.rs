@@ -1,4 +1,4 @@
-//! Everything that can be drawn and does not change during a scenario.
+//! Assets of a scenario: parts, meshes, materials and body shapes.
 
 use std::sync::Arc;
 
@@ -12,51 +12,53 @@ use crate::scene::fixtures;
 use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
 
-/// Meshes, materials and textures of a robot, its objects and the table: immutable, shared by all frames of a scenario.
+/// Meshes, materials and textures of a robot, its objects and the fixtures: immutable, shared by all frames of a
+/// scenario.
 #[derive(Debug)]
 pub struct RenderAssets {
     pub(crate) parts: Vec<Part>,
     robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
-    /// By body.
+    /// Shape of each body's opaque parts, by body index.
     shapes: Vec<Option<BodyShape>>,
     pads: Vec<Pad>,
 }
 
-/// A part of a finger that is not of metal.
+/// A non-metallic part of a finger, mirrored by the finger's metal.
 #[derive(Debug)]
 pub(crate) struct Pad {
     pub body: usize,
-    /// Box around it in the body's frame.
+    /// Bounding box in the body's frame.
     pub shape: BodyShape,
-    /// Linear.
+    /// Mean linear colour.
     pub color: Vec3A,
 }
 
-/// One mesh of one material, in the frame of its body.
+/// One mesh with one material, in the frame of its body.
 #[derive(Debug)]
 pub struct Part {
     /// Index into the frame's body poses; `None` is fixed in the world.
     pub body: Option<usize>,
     pub instance: u16,
     pub mesh: Arc<Mesh>,
-    /// Known to be convex: cannot darken itself.
+    /// Known to be convex: has no ambient occlusion by itself.
     pub convex: bool,
     pub casts_shadow: bool,
-    /// Whether something transparent faces outwards, as the outside of a cup does, but not its inside or rim.
+    /// A transparent part whose surface faces away from its centre (the outside of a cup, not its inside or rim).
     pub faces_out: bool,
     pub surface: Material,
 }
 
-/// Bits of a visibility id that name the triangle; the others name the part, plus one.
+/// Low bits of a visibility id: the triangle. The high bits hold the part number plus one.
 pub(crate) const TRIANGLE_BITS: u32 = 20;
 
 impl RenderAssets {
-    /// Collects what a scenario shows; without a world, nothing but robot and objects. Object `i` gets instance id [`FIRST_OBJECT`]` + i`.
+    /// Collects the parts of a scenario; without a world only robot and objects. Object `i` gets instance id
+    /// [`FIRST_OBJECT`]` + i`.
     ///
     /// # Errors
-    /// A mesh with an index beyond its corners, or more parts or triangles than ids can tell apart.
+    /// A mesh with a vertex index out of range, or more parts or triangles than a visibility id can hold.
     pub fn new(
         robot: Arc<RobotModel>,
         objects: &[Arc<ObjectModel>],
@@ -110,7 +112,7 @@ impl RenderAssets {
         Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads }))
     }
 
-    /// Meshes of one material each; see [`crate::internals`].
+    /// Parts in the order of their numbers; see [`crate::internals`].
     #[doc(hidden)]
     pub fn parts(&self) -> &[Part] {
         &self.parts
@@ -121,28 +123,28 @@ impl RenderAssets {
         self.body_count
     }
 
-    /// What the opaque parts of a body are like; `None` without any.
+    /// Shape of a body's opaque parts; `None` without any.
     pub(crate) fn shape_of(&self, body: usize) -> Option<&BodyShape> {
         self.shapes[body].as_ref()
     }
 
-    /// Of the robot's fingers, whose metal mirrors them.
+    /// Pads of the robot's fingers.
     pub(crate) fn pads(&self) -> &[Pad] {
         &self.pads
     }
 
-    /// Number of the robot's bodies, which come first.
+    /// Number of the robot's bodies; they come before those of objects.
     pub(crate) fn robot_bodies(&self) -> usize {
         self.robot.as_ref().map_or(0, |robot| robot.links.len())
     }
 
-    /// Number of triangles of everything together.
+    /// Total number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
-    /// Poses of all bodies from joint positions, the opening width between the pads,
-    /// and `world_from_object` with joint positions for each object.
+    /// Poses of all bodies from joint positions, gripper opening width, and `world_from_object` with joint positions of
+    /// each object.
     ///
     /// # Errors
     /// When the number of objects is not that of the assets.
@@ -167,7 +169,7 @@ impl RenderAssets {
         Ok(FrameState { body_poses })
     }
 
-    /// Poses of all bodies at a recorded frame whose objects are those of the assets, in the same order.
+    /// Poses of all bodies at a recorded frame with the same objects in the same order.
     ///
     /// # Errors
     /// As [`RenderAssets::frame_state`].
@@ -176,14 +178,14 @@ impl RenderAssets {
         self.frame_state(&frame.joint_position, frame.gripper_width, objects)
     }
 
-    /// `world_from_hand` at a frame, to which hand cameras are mounted; the world's origin without a robot.
+    /// `world_from_hand` at a frame, the mount of wrist cameras; the identity without a robot.
     pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
     }
 }
 
-/// Of the opaque parts of each body.
+/// Shapes of the opaque parts, by body.
 fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
     let mut meshes = vec![Vec::new(); bodies];
     for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
@@ -224,7 +226,7 @@ impl Part {
         Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })
     }
 
-    /// Whether only the sides of triangles that face the viewer can be seen, at a level of detail.
+    /// True if back faces of the mesh can be culled.
     pub fn hides_back(&self, mesh: &Mesh) -> bool {
         mesh.closed && !self.is_transparent()
     }

@@ -1,32 +1,34 @@
-//! What a body's opaque parts are like as a whole.
+//! Bounding box and shape class of a body's opaque parts.
 
 use glam::Vec3;
 
 use crate::scene::mesh::Mesh;
 
-/// The box around a body's opaque parts, in its frame, and how they fill it.
+/// Bounding box of a body's opaque parts in its frame, and their shape class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BodyShape {
-    /// Corners, metres.
+    /// Corners [m].
     pub low: Vec3,
     pub high: Vec3,
-    /// Whether its corners reach those of the box.
+    /// True if the mesh nearly fills the corners of its bounding box.
     pub is_box: bool,
-    /// Whether any of it faces its own middle, and whether much of it does, as the inside of a bowl.
+    /// True if some of the surface faces the centre (`has_inside`), or a large share of it, as in a bowl
+    /// (`is_concave`).
     pub has_inside: bool,
     pub is_concave: bool,
 }
 
-/// Sum of the distances of the outermost corner from the middle along the axes, each as a share of half the side, from
-/// which a body is a box: 3 for a box, 2.4 for an upright cylinder, 1.7 for an ellipsoid. Chosen.
+/// Smallest L1 norm of the outermost vertex, in half sides of the bounding box, of a box: 3 for a box, 2.4 for an
+/// upright cylinder, 1.7 for an ellipsoid. Chosen.
 const BOX: f32 = 2.7;
-/// Share of the surface that faces the middle from which a body is cavity: none of a box or a ball, half of a bowl. Chosen.
+/// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl.
+/// Chosen.
 const HOLLOW: f32 = 0.3;
-/// The same for any: more than rounding, less than the dimple of an apple. Chosen.
+/// Same share for `has_inside`: above rounding errors, below the dimple of an apple. Chosen.
 const INSIDE: f32 = 1e-3;
 
 impl BodyShape {
-    /// Of a body of these meshes; `None` without any.
+    /// Shape of a body from its meshes; `None` without vertices.
     pub fn of(meshes: &[&Mesh]) -> Option<Self> {
         let corners = || meshes.iter().flat_map(|mesh| &mesh.positions).copied();
         let (low, high) = corners().map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
@@ -56,7 +58,7 @@ mod tests {
 
     use crate::RenderAssets;
 
-    /// Things of the catalogue by what they are called.
+    /// Catalogue objects by category.
     #[test]
     fn boxes_and_bowls_are_told_by_their_meshes() {
         let catalogue = Catalogue::builtin();

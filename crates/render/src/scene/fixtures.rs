@@ -1,27 +1,27 @@
-//! What stands around the robot: the support surfaces of a world.
+//! Fixtures of a world: support surfaces with their boards and legs.
 
 use genmanip_core::{Material, SupportSurface, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3};
 
 use crate::scene::table_tops::{TOP_SIZE_M, TableTop};
 
-/// Radius of the rounded edges of a slab, metres.
+/// Radius of a slab's rounded edges [m].
 const EDGE_RADIUS_M: f32 = 0.012;
-/// Half the width of a leg, and how far its middle is inside the edges, metres.
+/// Half width of a leg, and distance of its centre from the slab's edges [m].
 const LEG_HALF_M: f32 = 0.03;
 const LEG_INSET_M: f32 = 0.08;
 
-/// Something fixed that is drawn.
+/// A fixed visual part.
 pub(crate) struct Fixture {
-    /// Where it lies in the world is its `link_from_part`.
+    /// Visual part; its `link_from_part` is its pose in the world.
     pub visual: VisualPart,
-    /// Whether it is the table's slab, which takes the top of a variation.
+    /// True for the slab of the first support surface, whose material a [`crate::RenderVariation`] replaces.
     pub is_table: bool,
-    /// Whether it casts shadows; the table does not, since nothing is seen below it.
+    /// False for the first support surface: nothing below it is visible.
     pub casts_shadow: bool,
 }
 
-/// Surfaces to draw, in the world frame.
+/// Visual parts of all support surfaces, in the world frame.
 pub(crate) fn visuals(world: &World) -> Vec<Fixture> {
     let mut fixed = Vec::new();
     for (index, surface) in world.surfaces.iter().enumerate() {
@@ -48,8 +48,8 @@ pub(crate) fn visuals(world: &World) -> Vec<Fixture> {
     fixed
 }
 
-/// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by flat faces.
-/// In the surface's frame; the texture is fixed in the world, as long as the slab is not turned.
+/// Slab with rounded vertical corners and edges, in the surface's frame: rings of the outline closed by flat faces.
+/// Texture coordinates follow the world frame while the slab is not rotated.
 fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;
     let size = surface.size_m.as_vec3();
@@ -74,7 +74,7 @@ fn slab(surface: &SupportSurface) -> TriMesh {
     let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - size.z));
     let mut mesh = TriMesh::default();
     let mut push = |position: Vec3, normal: Vec3| {
-        // The lower side and the edge continue the picture of the top.
+        // The texture continues around the edge.
         let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
         mesh.positions.push(position);
         mesh.normals.push(normal);
@@ -106,8 +106,8 @@ fn slab(surface: &SupportSurface) -> TriMesh {
     mesh
 }
 
-/// Triangles between an outline of four round corners of so many points each. Most of the face is two of them: the others
-/// lie along its border, where a camera over the middle sees no seams.
+/// Triangulation of an outline of four round corners with `corner` vertices each: two large triangles, the others along
+/// the border, so that a camera above the centre sees no seams.
 fn face(corner: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for first in [0, corner, 2 * corner, 3 * corner] {
@@ -118,7 +118,7 @@ fn face(corner: u32) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// Four legs from the slab down to the floor, in the surface's frame.
+/// Four legs from the slab to the floor, in the surface's frame.
 fn legs(surface: &SupportSurface, floor_z_m: f64) -> TriMesh {
     let half_size = surface.size_m.as_vec3() * 0.5;
     let bottom = (floor_z_m - surface.top_center_m.z) as f32;

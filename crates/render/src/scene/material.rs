@@ -6,44 +6,44 @@ use glam::Vec3A;
 
 use crate::scene::texture::{MipTexture, linear_from_srgb};
 
-/// A material ready for shading: linear colour, no optional parameters.
+/// A material ready for shading: linear colours, no optional parameters.
 #[derive(Clone, Debug)]
 pub struct Material {
     pub base: Vec3A,
     pub roughness: f32,
     pub metallic: f32,
     pub opacity: f32,
-    /// Reflectance of a dielectric seen head-on.
+    /// Dielectric reflectance at normal incidence.
     pub reflectance: f32,
     pub texture: Option<Arc<MipTexture>>,
-    /// Whether it is the table's top, which a [`crate::RenderVariation`] makes of something else.
+    /// True for the slab whose material a [`crate::RenderVariation`] replaces.
     pub is_table: bool,
 }
 
 impl Material {
-    /// Share of the light that one side scatters; the others of a transparent thing mirror and let pass. Most sights
-    /// pass two sides, which hold back the material's opacity together: what is clear mostly colours the light, what is
-    /// dense or rough mostly scatters it. Chosen.
+    /// Share of light that one interface scatters diffusely; 1 for an opaque material. Most view rays cross two
+    /// interfaces, whose opacities combine to the material's. Clear glass mostly tints, dense or rough glass mostly
+    /// scatters. Chosen.
     pub fn scatters(&self) -> f32 {
         if self.opacity < 1.0 { self.held() * self.haze() } else { 1.0 }
     }
 
-    /// Colour of the light that passes one side of a transparent thing, of a material that looks like `base`: deeper where
-    /// a shell is met at a slant, since the way through it is longer there.
+    /// Transmission colour of one interface of a transparent material with base colour `base`; darker at grazing angles
+    /// for a shell, whose wall is crossed at a slant.
     pub fn tint(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
         let depth = (2.0 * self.held()).min(1.0);
         let tint = Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3));
         if is_shell { tint.powf(1.0 / cosine.max(0.2)) } else { tint }
     }
 
-    /// Share of the light that passes one side, whatever its colour: neither mirrored nor scattered.
+    /// Share of light that one interface transmits, before tinting: neither reflected (Fresnel) nor scattered.
     #[inline(always)]
     pub fn passing(&self, cosine: f32) -> f32 {
         let mirrored = self.reflectance + (1.0 - self.reflectance) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
         (1.0 - mirrored) * (1.0 - self.scatters())
     }
 
-    /// Linear colour on average over the texture.
+    /// Mean linear colour over the texture.
     pub fn mean_color(&self) -> Vec3A {
         self.base * self.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean())
     }
@@ -53,12 +53,12 @@ impl Material {
         (1.0 + root) / (1.0 - root).max(1e-3)
     }
 
-    /// Share of the light that one side does not let pass as it is, mirrors apart.
+    /// Opacity of one of two interfaces.
     fn held(&self) -> f32 {
         1.0 - (1.0 - self.opacity).sqrt()
     }
 
-    /// Share of that which is scattered.
+    /// Share of the opacity that scatters.
     fn haze(&self) -> f32 {
         (self.opacity * self.opacity).max(2.0 * (self.roughness - 0.1)).clamp(0.0, 1.0)
     }

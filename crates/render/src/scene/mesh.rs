@@ -1,4 +1,4 @@
-//! Meshes ready for drawing, shared by all scenarios of a process.
+//! Meshes with per-triangle shading data and levels of detail, shared within a process.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, Weak};
@@ -9,52 +9,51 @@ use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_
 
 use crate::raster::Planes;
 
-/// How far the surfaces of the coarser copies of a mesh may lie from its own, metres.
+/// Largest surface error of each level of detail [m].
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
-/// The same of the copies that cast shadows in large and in small images: at most half a texel of the shadow map.
+/// Largest surface error of shadow casters in large and in small images [m]: half a texel of the shadow map.
 const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
-/// The same of the former, over the radius of the mesh. Measured: with 1 mm for all, shadows of small things show corners
-/// and the cavity of a bowl shades itself.
+/// Same error as a share of the mesh radius, in large images. Measured: with 1 mm for all meshes, shadows of small
+/// objects show corners and a bowl shadows itself.
 const CASTER_SHARE: f32 = 0.01;
 
-/// How far the unit normals of the former may lie from its own. Chosen: shades that differ by a few levels of 255.
+/// Largest error of the unit normals of a level of detail. Chosen: shades differ by a few levels of 255.
 const NORMAL_ERROR: f32 = 0.1;
 
-/// A mesh in the frame of its body, with what shading wants to know of each triangle.
+/// A mesh in the frame of its body.
 #[derive(Debug)]
 pub struct Mesh {
     pub positions: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
     pub faces: Vec<Face>,
     pub(crate) planes: Planes,
-    /// Coarse direction of each triangle's normal: triangles of different directions are different surfaces to
-    /// anti-aliasing.
+    /// Quantised normal of each triangle; anti-aliasing treats triangles of different codes as different surfaces.
     pub directions: Vec<u8>,
     pub bounds_center: Vec3,
     pub bounds_radius: f32,
-    /// Closed and consistently wound: its back faces can never be seen from outside.
+    /// Watertight and consistently wound: back faces are invisible from outside.
     pub closed: bool,
-    /// Corners' normals and texture coordinates, for the coarser copies.
+    /// Vertex normals and texture coordinates, for the levels of detail.
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     coarser: [OnceLock<Arc<Mesh>>; ERRORS_M.len()],
     casters: [OnceLock<Arc<Mesh>>; CASTER_ERRORS_M.len()],
 }
 
-/// A triangle: what is interpolated over it as linear functions of the place in the body's frame.
+/// Attributes of a triangle as linear functions of the position in the body's frame.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Face {
-    /// Columns of the map from `[x, y, z, 1]` to the normal between the corners' normals, and u.
+    /// Columns of the map from `[x, y, z, 1]` to the interpolated normal and texture coordinate u.
     pub columns: [Vec4; 4],
-    /// v is the scalar product with `[x, y, z, 1]`.
+    /// Texture coordinate v as a dot product with `[x, y, z, 1]`.
     pub v: Vec4,
-    /// Unit normal of the plane, zero for a triangle without area, and square texture units per square metre.
+    /// Unit normal (zero for a degenerate triangle), and texture area per surface area [1/m²].
     pub plane: Vec4,
 }
 
 impl Mesh {
-    /// Area of all triangles, square metres.
+    /// Surface area [m²].
     pub fn area(&self) -> f32 {
         let area = |triangle| {
             let [a, b, c] = self.corners(triangle);
@@ -63,7 +62,7 @@ impl Mesh {
         (0..self.triangles.len()).map(area).sum()
     }
 
-    /// Whether its sides face away from its middle: of a closed mesh, or of the outside of a cavity one.
+    /// True if the surface mostly faces away from its centre: a closed mesh, or the outside of a hollow one.
     pub fn faces_out(&self) -> bool {
         let (mut out, mut all) = (0.0, 0.0);
         for triangle in 0..self.triangles.len() {
@@ -72,11 +71,11 @@ impl Mesh {
             out += area.dot(from_middle);
             all += area.length() * from_middle.length();
         }
-        // A flat rim faces neither way.
+        // A flat rim faces neither inwards nor outwards.
         out > 0.25 * all
     }
 
-    /// The mesh of a part, made once per process while its source lives; indices must be valid and places finite.
+    /// The mesh of a part, cached per process while its source lives; indices must be valid and positions finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);
         type Known = BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>;
@@ -84,7 +83,7 @@ impl Mesh {
         let [x, y, z] = body_from_part.position.to_array();
         let [i, j, k, w] = body_from_part.rotation.to_array();
         let key = (Arc::as_ptr(source) as usize, [x, y, z, i, j, k, w].map(f64::to_bits));
-        // A thread that panicked while it held the lock left a whole map behind.
+        // A poisoned lock still guards a consistent map.
         let known = || KNOWN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((from, made)) = known().get(&key)
             && from.strong_count() > 0
@@ -147,7 +146,7 @@ impl Mesh {
         }
     }
 
-    /// The copy for a level: 0 is the mesh itself, `n` the one within `ERRORS_M[n - 1]` of it.
+    /// Level of detail: 0 is the mesh itself, level `n` is within `ERRORS_M[n - 1]` of it.
     pub fn at_level(&self, level: usize) -> &Self {
         match level.checked_sub(1).and_then(|index| Some((*ERRORS_M.get(index)?, self.coarser.get(index)?))) {
             Some((error_m, copy)) => {
@@ -157,7 +156,7 @@ impl Mesh {
         }
     }
 
-    /// The copy that casts shadows in large or in small images; its normals and texture coordinates mean nothing.
+    /// Simplified shadow caster for large or small images, without valid normals and texture coordinates.
     pub fn caster(&self, is_small: bool) -> &Self {
         let index = usize::from(is_small);
         let share = if is_small { f32::INFINITY } else { CASTER_SHARE };
@@ -166,15 +165,15 @@ impl Mesh {
             .get_or_init(|| Arc::new(self.simplified(error_m, f32::INFINITY, SimplifyOptions::Permissive)))
     }
 
-    /// Edges are collapsed while the surface stays within a distance, and its normals within another (Garland and Heckbert,
-    /// "Surface Simplification Using Quadric Error Metrics", 1997); what was closed stays closed. Corners keep their places,
-    /// normals and texture coordinates, and seams remain unless the options permit otherwise.
+    /// Edge collapse within a surface error and a normal error (Garland and Heckbert, "Surface Simplification Using
+    /// Quadric Error Metrics", 1997). Closed meshes stay closed; vertices keep their attributes, and seams remain
+    /// unless the options allow otherwise.
     fn simplified(&self, error_m: f32, normal_error: f32, options: SimplifyOptions) -> Self {
         let corners: Vec<u32> = self.triangles.iter().flatten().copied().collect();
         let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
         let normals: Vec<f32> = self.normals.iter().flat_map(Vec3::to_array).collect();
         let extent_m = simplify_scale_decoder(&positions);
-        // Distances count over the extent. A mesh without one has nothing to collapse.
+        // Errors are relative to the mesh extent.
         let weight = if extent_m > 0.0 { error_m / extent_m / normal_error } else { 0.0 };
         let mut kept = simplify_with_attributes_and_locks_decoder(
             &corners,
@@ -188,7 +187,7 @@ impl Mesh {
             options | SimplifyOptions::ErrorAbsolute,
             None,
         );
-        // Corners that are left are numbered in their order.
+        // Renumbers the remaining vertices.
         let mut numbers = vec![0; positions.len()];
         kept.iter().for_each(|&corner| numbers[corner as usize] = 1);
         let own: Vec<usize> = (0..positions.len()).filter(|&corner| numbers[corner] > 0).collect();
@@ -200,16 +199,16 @@ impl Mesh {
         Self::of(positions, normals, uvs, triangles, self.closed)
     }
 
-    /// Corners of a triangle in the body's frame.
+    /// Vertices of a triangle in the body's frame.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|index| self.positions[index as usize])
     }
 }
 
 impl Face {
-    /// In double precision: small triangles have large gradients.
+    /// Computed in double precision: small triangles have steep gradients.
     fn new(corners: [Vec3; 3], normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
-        /// A triangle lower than this is taken for a line, metres: beyond single precision at a metre's distance.
+        /// Height below which a triangle counts as degenerate [m]: single precision at one metre.
         const LINE_M: f64 = 1e-6;
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let (ab, ac, bc) = (b - a, c - a, c - b);
@@ -219,7 +218,7 @@ impl Face {
         let is_line = area.length_squared() <= longest * LINE_M * LINE_M;
         let inverse = if is_line { 0.0 } else { area.length_squared().recip() };
         let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
-        // Value at the corners → gradient and constant.
+        // Gradient and constant from the values at the vertices.
         let linear = |values: [f32; 3]| -> (DVec3, f64) {
             let [first, second, third] = values.map(f64::from);
             let gradient = weight1 * (second - first) + weight2 * (third - first);
@@ -239,7 +238,7 @@ impl Face {
     }
 }
 
-/// One of 150 directions: the side of a cube and a field of 5×5 on it, each about 20 degrees wide.
+/// One of 150 direction codes: cube face and one of 5×5 cells on it, each about 20 degrees wide.
 fn direction_code(normal: Vec3) -> u8 {
     let size = normal.abs();
     let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
@@ -257,10 +256,10 @@ fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
     normals.into_iter().map(Vec3::normalize_or_zero).collect()
 }
 
-/// Whether every edge, after joining corners at equal places, is walked as often forwards as backwards,
-/// and the mesh is not inside out.
+/// True if every edge, after welding vertices, is used equally often in both directions, and the signed volume is
+/// positive.
 fn is_closed(mesh: &TriMesh) -> bool {
-    // Corners by their place, and edges, each as one number, which is quickly sorted.
+    // Vertices and edges as integers, for sorting.
     let key = |position: &Vec3| {
         let [x, y, z] = position.to_array().map(|value| u128::from((value + 0.0).to_bits()));
         x << 64 | y << 32 | z
@@ -276,7 +275,7 @@ fn is_closed(mesh: &TriMesh) -> bool {
         }
         joined[*corner as u32 as usize] = place;
     }
-    // The lowest bit tells the direction.
+    // The lowest bit stores the direction.
     let mut edges: Vec<u64> = mesh
         .triangles
         .iter()
@@ -297,8 +296,7 @@ mod tests {
     use super::*;
     use crate::tests::fixture::{ball, block};
 
-    /// Copies of a ball of 5 cm: how far its surface moves, how far normals turn, whether it is still closed, how many
-    /// triangles are left.
+    /// Levels of detail of a ball of radius 5 cm: surface error, normal error, closedness and triangle count.
     #[test]
     fn coarser_copies_stay_close() {
         let radius = 0.05;
@@ -315,7 +313,7 @@ mod tests {
             for triangle in 0..count {
                 let corners = copy.corners(triangle);
                 let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-                // The quadric error is a mean over a triangle's surroundings.
+                // The quadric error is a mean over the neighbourhood of a triangle.
                 assert!(radius - middle.length() < 2.0 * error_m, "{} within {error_m}", middle.length());
                 let [a, b, c] = copy.triangles[triangle].map(|corner| copy.normals[corner as usize]);
                 let turned = ((a + b + c).normalize() - middle.normalize()).length();

@@ -1,4 +1,4 @@
-//! Patterns of two colours that repeat without a seam, computed here, so that no picture of anybody else's is needed.
+//! Procedural, seamlessly tiling textures of two colours, so that no third-party images are needed.
 
 use std::f32::consts::TAU;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::simd::smooth_step;
 
-/// How a table top or a wall looks: two colours, 8-bit sRGB, and what mixes them.
+/// Appearance of a table top or wall: two 8-bit sRGB colours and a pattern.
 pub(crate) struct Patterned {
     pub name: &'static str,
     pub pattern: Pattern,
@@ -18,7 +18,7 @@ pub(crate) struct Patterned {
     metallic: f32,
 }
 
-/// What mixes the colours; numbers are repetitions per texture, so that it repeats without a seam.
+/// Procedural patterns; parameters are repetitions per texture.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern {
     /// Long fibres along y, wide soft bands.
@@ -55,7 +55,7 @@ use Pattern::{
     Boards, Bricks, Brushed, Checks, Concrete, Dots, Flecks, Folds, Grain, Plain, Stripes, Tiles, Veins, Weave,
 };
 
-/// A texture while somebody uses it.
+/// Weak reference to a cached texture.
 pub(crate) type Known = Weak<Texture>;
 
 pub(crate) const fn patterned(
@@ -70,8 +70,7 @@ pub(crate) const fn patterned(
 }
 
 impl Patterned {
-    /// The material; textures of a table of such looks, so many texels wide, are made once for all that use them at the
-    /// same time.
+    /// Material with the pattern as texture (`size`² texels), cached while in use.
     pub fn material<const COUNT: usize>(&self, made: &Mutex<[Known; COUNT]>, index: usize, size: u32) -> Material {
         let mut made = made.lock().unwrap_or_else(PoisonError::into_inner);
         let texture = made[index].upgrade().unwrap_or_else(|| Arc::new(self.texture(size)));
@@ -94,14 +93,14 @@ impl Patterned {
 }
 
 impl Pattern {
-    /// How much of the second colour there is at a place of the texture, about 0-1.
+    /// Mixing weight of the second colour at texture coordinates, about 0-1.
     pub fn mix(self, u: f32, v: f32) -> f32 {
         match self {
             Grain { bands } => grain(u, v, bands),
             Boards { count } => {
                 let across = u * count as f32;
                 let board = across as u32;
-                // Each board is another piece of the same wood; its ends lie somewhere else.
+                // Each board is a different piece of wood, with its ends elsewhere.
                 let own = hash(board.wrapping_mul(7919) + count);
                 let joint = smooth_edge((across.fract() - 0.5).abs(), 0.5 - 0.0035 * count as f32, 0.5);
                 let end = smooth_edge(((v + own).fract() - 0.5).abs(), 0.4985, 0.5);
@@ -179,12 +178,12 @@ fn grain(u: f32, v: f32, bands: f32) -> f32 {
     0.18 + 0.22 * band + 0.34 * fibre + 0.16 * patch
 }
 
-/// 0 below, 1 above, smooth between.
+/// Smooth step from 0 at `below` to 1 at `above`.
 fn smooth_edge(value: f32, below: f32, above: f32) -> f32 {
     smooth_step((value - below) / (above - below))
 }
 
-/// Value noise in 0-1 on a grid of `columns` × `rows` cells that repeats after one unit.
+/// Value noise in 0-1 on a tiling grid of `columns` × `rows` cells.
 fn tiling_noise(u: f32, v: f32, columns: u32, rows: u32) -> f32 {
     let (x, y) = (u * columns as f32, v * rows as f32);
     let (x0, y0) = (x as u32, y as u32);
@@ -196,7 +195,7 @@ fn tiling_noise(u: f32, v: f32, columns: u32, rows: u32) -> f32 {
     upper + (lower - upper) * fy
 }
 
-/// A number in 0-1 that looks like chance.
+/// Integer hash mapped to 0-1.
 fn hash(cell: u32) -> f32 {
     let mut hash = cell.wrapping_mul(0x9E37_79B1);
     hash = (hash ^ (hash >> 15)).wrapping_mul(0x85EB_CA77);

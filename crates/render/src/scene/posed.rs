@@ -1,4 +1,4 @@
-//! The meshes of a frame as other programs want them: where they lie, what they are called, how they look.
+//! Posed meshes of a frame, for other renderers.
 
 use genmanip_core::Pose;
 use glam::Vec3;
@@ -7,27 +7,27 @@ use crate::error::RenderError;
 use crate::job::FrameState;
 use crate::scene::assets::RenderAssets;
 
-/// A mesh of one material at its place.
+/// A posed mesh of one material.
 #[derive(Clone, Copy, Debug)]
 pub struct PosedMesh<'a> {
     /// Instance id of its pixels, as in [`crate::FrameBuffers::instance`].
     pub instance: u16,
-    /// Where its frame lies.
+    /// Pose of the mesh in the world.
     pub world_from_mesh: Pose,
-    /// Corners in the mesh's frame, metres.
+    /// Vertices in the mesh's frame [m].
     pub positions: &'a [Vec3],
-    /// Indices of corners, counter-clockwise seen from outside.
+    /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: &'a [[u32; 3]],
-    /// Linear colour without the texture, 0-1.
+    /// Linear base colour without the texture, 0-1.
     pub base_color_linear: [f32; 3],
-    /// 1 for what hides what is behind it.
+    /// Opacity, 1 for an opaque material.
     pub opacity: f32,
-    /// Whether it casts shadows.
+    /// True if it casts shadows.
     pub casts_shadow: bool,
 }
 
 impl RenderAssets {
-    /// All meshes, in full detail, at a frame.
+    /// All meshes in full detail at a frame.
     ///
     /// # Errors
     /// A frame of other assets.

@@ -1,4 +1,4 @@
-//! Variations drawn by chance: the same seed gives the same picture, whatever else is varied.
+//! Appearance randomisation: variations sampled from a seed, each part from its own stream.
 
 use genmanip_core::glam::{DQuat, DVec3, EulerRot};
 use genmanip_core::{Camera, CameraMount, Look, Pose, Seed, Vary};
@@ -8,28 +8,28 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::variation::{ObjectVariation, RenderVariation};
 use crate::scene::walls::{Room, Wall};
 
-/// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
-/// put up again by viewpoint, and a bracket with some play.
+/// Largest translation [m] and rotation [rad] of a camera per axis, by its mount. Chosen: a tripod repositioned by
+/// hand, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest change of an object's colour channels, of its roughness and of how metallic a metal is, shares; chosen so that pictures beside each other
-/// show it and no colour gets another name.
+/// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen: visible side by
+/// side, but no colour changes its name.
 const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
-/// A variation of what is named, drawn from a seed, as far as can be; the rest is as usual.
+/// A variation of the named parts sampled from a seed; the rest keeps the defaults.
 pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
     varied(&RenderVariation::default(), &Look::new(seed, vary.to_vec()))
 }
 
-/// What a look makes of a variation; what it does not vary stays.
+/// Applies an appearance randomisation to a variation; parts that it does not name stay.
 ///
-/// Light comes from 35 to 80 degrees above the table, from any side, with the colour of lamps between 3000 K and 7500 K.
-/// All ranges are chosen around the usual picture so that everything in it can still be told. Numbers go from the given
-/// to the drawn variation by the strength of the look; a table top and a room are others at any strength.
+/// The key light comes from 35 to 80 degrees above the table, from any side, with a colour temperature of 3000 K to
+/// 7500 K. All ranges are chosen around the default so that everything stays recognisable. Numbers are interpolated
+/// from the given to the sampled value by the strength; table top and room change at any strength.
 pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
     let mut variation = usual.clone();
     let share = look.strength as f32;
     for &part in &look.vary {
-        // A stream for each part: what is varied beside it changes nothing.
+        // Each part has its own stream, so that varying another one changes nothing here.
         let own = look.seed.fork(part.name());
         let rng = &mut own.rng();
         match part {
@@ -39,7 +39,7 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
                 let mixed =
                     |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
                 variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
-                // A room is there or not.
+                // A room cannot be interpolated.
                 variation.room = if share > 0.0 { room(rng) } else { usual.room };
             }
             Vary::Material => {
@@ -57,7 +57,7 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
     variation
 }
 
-/// The camera as it stands in a drawing from that seed; where it was when cameras are not varied.
+/// The camera with a pose perturbed from the seed; unchanged when cameras are not varied.
 #[must_use]
 pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
     let tremble = TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&Vary::Camera));
@@ -65,7 +65,7 @@ pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
     jittered(camera, shift_m, turn_rad, &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng())
 }
 
-/// The camera shifted by up to so much along each of its axes, m, and turned by up to so much about each, rad.
+/// The camera translated and rotated by uniform random amounts up to `shift_m` and `turn_rad` per axis.
 #[must_use]
 pub fn jittered(camera: &Camera, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Camera {
     let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
@@ -88,12 +88,12 @@ fn light(variation: &mut RenderVariation, share: f32, rng: &mut impl Rng) {
     variation.exposure = mix(usual.exposure, between(rng, 0.9, 1.2), share);
 }
 
-/// Exactly the ends at 0 and 1.
+/// Linear interpolation, exact at 0 and 1.
 fn mix(from: f32, to: f32, share: f32) -> f32 {
     (1.0 - share) * from + share * to
 }
 
-/// A wall of a room: any hue, hardly saturated, rarely dark.
+/// Wall colour: any hue, low saturation, rarely dark.
 fn background(rng: &mut impl Rng) -> [u8; 3] {
     let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
     [5.0, 3.0, 1.0].map(|offset: f32| {
@@ -103,7 +103,7 @@ fn background(rng: &mut impl Rng) -> [u8; 3] {
     })
 }
 
-/// A room in three looks of four.
+/// A room with probability 0.75.
 fn room(rng: &mut impl Rng) -> Option<Room> {
     let wall = Wall::all().nth(rng.random_range(0..Wall::all().len()))?;
     let floor = TableTop::all().nth(rng.random_range(0..TableTop::all().len()))?;

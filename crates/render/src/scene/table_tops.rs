@@ -1,4 +1,4 @@
-//! What a table top may be made of: patterns computed here, so that no picture of anybody else's is needed.
+//! Materials of table tops: procedural textures.
 
 use std::sync::Mutex;
 
@@ -8,18 +8,18 @@ use serde::{Deserialize, Serialize};
 use crate::scene::patterns::Pattern::{Boards, Brushed, Checks, Concrete, Flecks, Grain, Plain, Tiles, Veins, Weave};
 use crate::scene::patterns::{Known, Patterned, patterned as top};
 
-/// Metres of table covered by one repetition of a texture.
+/// Size of one texture repetition [m].
 pub(crate) const TOP_SIZE_M: f32 = 1.5;
 /// Texels per side of a texture: 1.5 mm each.
 const SIZE: u32 = 1024;
 
-/// One of the known table tops, by its name in files and on the command line.
+/// A table-top material by its name in files and on the command line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct TableTop(u8);
 
-/// All tops; the first is the usual one. Colours and roughness are chosen to look like what the name says, and none
-/// is so dark or so colourful that what stands on it would be lost.
+/// All materials, the default first. Colours and roughness are chosen to match their names; none is so dark or
+/// saturated that objects on it would be hard to see.
 const TOPS: [Patterned; 32] = [
     top("pale_oak", Grain { bands: 9.0 }, [222, 209, 190], [194, 176, 152], 0.55, 0.0),
     top("oak", Grain { bands: 7.0 }, [205, 170, 125], [160, 122, 78], 0.5, 0.0),
@@ -56,7 +56,7 @@ const TOPS: [Patterned; 32] = [
 ];
 
 impl TableTop {
-    /// All of them, the usual one first.
+    /// All of them, the default first.
     pub fn all() -> impl ExactSizeIterator<Item = Self> {
         (0..TOPS.len() as u8).map(Self)
     }
@@ -70,7 +70,7 @@ impl TableTop {
         &TOPS[usize::from(self.0) % TOPS.len()]
     }
 
-    /// The material of the table's slab; textures are made once for all that use them at the same time.
+    /// The material; its texture is cached while in use.
     pub(crate) fn material(self) -> Material {
         static MADE: Mutex<[Known; TOPS.len()]> = Mutex::new([const { Known::new() }; TOPS.len()]);
         self.top().material(&MADE, usize::from(self.0) % TOPS.len(), SIZE)

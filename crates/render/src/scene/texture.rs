@@ -36,14 +36,6 @@ struct Level {
     first: u32,
 }
 
-/// How many texels a pixel covers about, along one side.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Detail<'a> {
-    /// As many at all points.
-    Even(f32),
-    Each(&'a BatchColumn),
-}
-
 /// Where a chunk of points reads a texture, and what it reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
@@ -121,21 +113,16 @@ impl MipTexture {
         &self,
         count: usize,
         place: [&BatchColumn; 2],
-        detail: Detail<'_>,
+        texels_per_pixel: &BatchColumn,
         tint: [f32; 3],
         samples: &mut Samples,
         out: &mut [BatchColumn; 3],
     ) {
         let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
-        let even = match detail {
-            Detail::Even(texels) => Some(octave(texels)),
-            Detail::Each(texels) => {
-                find_octaves(count, texels, &mut samples.octave);
-                let first = samples.octave[0];
-                let differ = samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first));
-                (differ == 0).then_some(first)
-            }
-        };
+        find_octaves(count, texels_per_pixel, &mut samples.octave);
+        let first = samples.octave[0];
+        let differ = samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first));
+        let even = (differ == 0).then_some(first);
         if let Some(octave) = even {
             let level = pyramid.at(octave);
             find_texels_at(level, count, place, samples);
@@ -190,7 +177,7 @@ fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut [u32
 
 /// The same for one pixel.
 #[inline(always)]
-pub(crate) fn octave(texels_per_pixel: f32) -> u32 {
+fn octave(texels_per_pixel: f32) -> u32 {
     // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
     let texels = if texels_per_pixel > 1.0 { texels_per_pixel } else { 1.0 };
     ((texels * 1.19).to_bits() >> 23) - 127

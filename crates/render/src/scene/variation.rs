@@ -1,4 +1,4 @@
-//! What may differ between two drawings of the same episode: light, exposure, background, table, paint of the objects.
+//! Appearance of a rendering: light, exposure, background, table top and object paint.
 
 use genmanip_core::Seed;
 use glam::Vec3A;
@@ -12,7 +12,7 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::walls::Room;
 
-/// Light and look of a drawing. Colours are sRGB, 0-1.
+/// Light and appearance of a rendering. Colours are sRGB, 0-1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderVariation {
@@ -22,55 +22,55 @@ pub struct RenderVariation {
     pub light_color: [f32; 3],
     /// Brightness of a white surface that faces the key light, before exposure.
     pub light_intensity: f32,
-    /// Angular radius of the key light, radians: how soft its shadows are.
+    /// Angular radius of the key light [rad]: sets the width of penumbrae.
     pub light_angular_radius: f32,
-    /// Colour of the light from above.
+    /// Colour of the sky.
     pub sky_color: [f32; 3],
-    /// Colour of the light reflected from below.
+    /// Colour of the ground reflection.
     pub ground_color: [f32; 3],
     /// Brightness of a white surface that faces the sky only, before exposure.
     pub ambient_intensity: f32,
-    /// Everything is multiplied by this before the tone map.
+    /// Factor applied before tone mapping.
     pub exposure: f32,
-    /// Where nothing is seen; written as it is, neither lit nor tone mapped.
+    /// Background colour, written without lighting or tone mapping.
     pub background: [u8; 3],
-    /// A room that is seen instead of that colour; it has neither depth nor ids.
+    /// Room shown instead of the background colour; it has neither depth nor ids.
     pub room: Option<Room>,
-    /// What the table's top is made of.
+    /// Material of the table top.
     pub table_top: TableTop,
-    /// Multiplied with the table's own texture.
+    /// Tint of the table top's texture.
     pub table_color: [f32; 3],
-    /// Paint of the objects; as it is without.
+    /// Variation of the objects' paint; `None` keeps it.
     pub objects: Option<ObjectVariation>,
-    /// Radius of the ambient occlusion, metres; 0 switches it off.
+    /// Radius of the ambient occlusion [m]; 0 switches it off.
     pub occlusion_radius_m: f32,
     /// Strength of the ambient occlusion, 0-2.
     pub occlusion_strength: f32,
-    /// Pixels per side of the shadow map; 0 switches shadows off.
+    /// Texels per side of the shadow map; 0 switches shadows off.
     pub shadow_resolution: u32,
-    /// Centre of the ball in which things cast shadows, world frame, metres.
+    /// Centre of the ball in which objects cast shadows, world frame [m].
     pub shadow_center: [f32; 3],
-    /// Radius of that ball, metres.
+    /// Radius of that ball [m].
     pub shadow_radius_m: f32,
 }
 
-/// How much the paint of the objects differs from their own, each object and part by its own chance.
+/// Variation of the objects' paint, sampled per object and part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectVariation {
-    /// Of what each object gets.
+    /// Seed of the samples.
     pub seed: Seed,
-    /// Largest change of each colour channel, as a share: what is red stays red when it is small.
+    /// Largest relative change of each colour channel; hues stay recognisable while it is small.
     pub tint: f32,
     /// Largest change of the roughness.
     pub roughness: f32,
-    /// Largest change of how metallic metals are; other things stay what they are.
+    /// Largest change of the metallic parameter of metals; other materials keep theirs.
     #[serde(default)]
     pub metallic: f32,
 }
 
 impl RenderVariation {
-    /// What the parts of the assets are made of.
+    /// Materials of all parts of the assets.
     #[doc(hidden)]
     pub fn surfaces(&self, assets: &RenderAssets) -> Vec<Material> {
         let top = Material { is_table: true, ..Material::new(&self.table_top.material()) };

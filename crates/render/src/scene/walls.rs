@@ -1,4 +1,4 @@
-//! What walls may be made of: computed patterns.
+//! Materials of walls: procedural textures.
 
 use std::sync::Mutex;
 
@@ -11,17 +11,17 @@ use crate::scene::patterns::Pattern::{
 use crate::scene::patterns::{Known, Patterned, patterned as wall};
 use crate::scene::table_tops::TableTop;
 
-/// Metres of wall covered by one repetition of a texture.
+/// Size of one texture repetition [m].
 pub(crate) const WALL_SIZE_M: f32 = 2.4;
 /// Texels per side of a texture: 5 mm each.
 const SIZE: u32 = 512;
 
-/// One of the known walls, by its name in files.
+/// A wall material by its name in files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Wall(u8);
 
-/// All walls. Colours are chosen to look like what the name says.
+/// All wall materials. Colours are chosen to match their names.
 const WALLS: [Patterned; 32] = [
     wall("white_paint", Plain, [232, 231, 228], [224, 223, 220], 0.8, 0.0),
     wall("cream_paint", Plain, [232, 222, 200], [224, 214, 192], 0.8, 0.0),
@@ -72,7 +72,7 @@ impl Wall {
         &WALLS[usize::from(self.0) % WALLS.len()]
     }
 
-    /// The material of walls.
+    /// The material; its texture is cached while in use.
     pub(crate) fn material(self) -> Material {
         static MADE: Mutex<[Known; WALLS.len()]> = Mutex::new([const { Known::new() }; WALLS.len()]);
         self.look().material(&MADE, usize::from(self.0) % WALLS.len(), SIZE)
@@ -94,13 +94,13 @@ impl From<Wall> for String {
     }
 }
 
-/// A room that a variation asks for.
+/// A room around the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Room {
-    /// What all walls are made of.
+    /// Material of all walls.
     pub wall: Wall,
-    /// What the floor is made of: what table tops are, too.
+    /// Material of the floor.
     pub floor: TableTop,
 }
 

@@ -8,12 +8,11 @@
 
 use glam::Vec3A;
 
-use crate::gbuffer::points::{PixelCenters, TRIANGLE};
+use crate::gbuffer::points::TRIANGLE;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, PartView, View};
 use crate::job::ROBOT;
 use crate::light_buffer::LightBuffer;
-use crate::raster::Planes;
 use crate::render_scene::RenderScene;
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
@@ -21,23 +20,19 @@ use crate::scene::texture::{Samples, find_codes, srgb_table};
 use crate::simd::{BatchColumn, CHUNK, REGISTER};
 
 pub(crate) mod backdrop;
-mod coarse_grid;
-mod grid_cell;
 mod near_field;
 mod points;
 mod reflect;
 mod reflectance;
 pub(crate) mod tone_map;
 
-use coarse_grid::CoarseGrid;
 use points::{ShadingPoints, find_footprints, interpolate, interpolate_one, locate};
-use reflect::{PartLight, ShadingTerms, reflect, reflect_flat};
+use reflect::{PartLight, ShadingTerms, reflect};
 
 /// A part as it is shaded: what it is made of, how it stands before a camera, and the light on it.
 #[derive(Debug)]
 pub(crate) struct ShadedPart<'a> {
     faces: &'a [Face],
-    planes: &'a Planes,
     /// In the body's frame, where both sides of triangles can be seen.
     viewpoint: Option<Vec3A>,
     surface: &'a Material,
@@ -45,11 +40,6 @@ pub(crate) struct ShadedPart<'a> {
     camera: &'a CameraView,
     light: PartLight<'a>,
 }
-
-/// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
-/// spans less than 2.3 degrees, less than the width of the sharpest highlight.
-const SMOOTH: f32 = 0.25;
-const NARROW_PX: f32 = 200.0;
 
 /// A place on the image where a surface is shaded.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,7 +51,7 @@ pub(crate) struct ShadingPoint {
     pub y: f32,
     pub depth: f32,
     /// Share of the key light that arrives.
-    pub key: f32,
+    pub shadow: f32,
     /// Share of the ambient light that arrives.
     pub ambient: f32,
 }
@@ -70,7 +60,6 @@ pub(crate) struct ShadingPoint {
 #[derive(Debug)]
 pub(crate) struct Shading {
     points: ShadingPoints,
-    nodes: CoarseGrid,
     samples: Samples,
     reflected: ShadingTerms,
     /// Places of the colours in the table of bytes.
@@ -79,8 +68,8 @@ pub(crate) struct Shading {
 
 impl Default for Shading {
     fn default() -> Self {
-        let (points, nodes, samples, reflected) = Default::default();
-        Self { points, nodes, samples, reflected, codes: [[0; CHUNK]; 3] }
+        let (points, samples, reflected) = Default::default();
+        Self { points, samples, reflected, codes: [[0; CHUNK]; 3] }
     }
 }
 
@@ -93,45 +82,35 @@ impl Shading {
 
     /// Adds a point.
     pub fn push(&mut self, point: ShadingPoint) {
-        let ShadingPoints { pixels, key, ambient, .. } = &mut self.points;
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
         let i = pixels.count;
         (pixels.column[i], pixels.row[i], pixels.depth[i]) = (point.x, point.y, point.depth);
-        (key[i], ambient[i]) = (point.key, point.ambient);
+        (shadow[i], ambient[i]) = (point.shadow, point.ambient);
         pixels.triangle[i] = point.id & TRIANGLE;
         pixels.is_flat &= pixels.triangle[i] == pixels.triangle[0];
         pixels.count += 1;
     }
 
-    /// Takes the centres of listed pixels, which are packed, and the light that arrives there.
-    pub fn list(&mut self, places: &[u32], light_buffer: &LightBuffer) {
-        let ShadingPoints { pixels, key, ambient, .. } = &mut self.points;
+    /// Loads the centres of listed (packed) pixels and their incoming light.
+    pub fn load_pixels(&mut self, places: &[u32], light_buffer: &LightBuffer) {
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
         pixels.list(places, light_buffer.centers());
         for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
-            (key[i], ambient[i]) = (light_buffer.shadow_mask[pixel as usize], light_buffer.ambient[pixel as usize]);
+            (shadow[i], ambient[i]) = (light_buffer.shadow_mask[pixel as usize], light_buffer.ambient[pixel as usize]);
         }
-        limit(key);
+        clamp_unknown(shadow);
     }
 
-    /// The same of a tile, given by its first pixel, which is packed.
-    fn tile(&mut self, place: u32, light_buffer: &LightBuffer) {
-        self.points.pixels.tile(place, light_buffer.centers());
-        self.light(place, light_buffer);
-    }
-
-    /// Takes the light that arrives at the pixels of a tile.
-    fn light(&mut self, place: u32, light_buffer: &LightBuffer) {
-        let ShadingPoints { key, ambient, .. } = &mut self.points;
-        let (tile, first) = light_buffer.tile_at(place);
-        for (lane, field) in [(&mut *key, &light_buffer.shadow_mask), (ambient, &light_buffer.ambient)] {
-            if let Some(value) = field.constant(tile) {
-                *lane = [value; CHUNK];
-                continue;
-            }
-            for (lane, values) in lane.as_chunks_mut::<TILE>().0.iter_mut().zip(light_buffer.lines(field, first)) {
-                *lane = *values;
-            }
+    /// Loads the pixel centres of a tile, given by its first (packed) pixel.
+    pub fn load_tile(&mut self, place: u32, light_buffer: &LightBuffer) {
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
+        pixels.tile(place, light_buffer.centers());
+        let (_, first) = light_buffer.tile_at(place);
+        for (column, values) in [(&mut *shadow, &light_buffer.shadow_mask), (ambient, &light_buffer.ambient)] {
+            let lines = light_buffer.lines(values, first);
+            column.as_chunks_mut::<TILE>().0.iter_mut().zip(lines).for_each(|(out, line)| *out = *line);
         }
-        limit(key);
+        clamp_unknown(shadow);
     }
 
     /// Writes the points, which are the centres of pixels, into an image: linear display colours, unless they are an empty list,
@@ -144,10 +123,8 @@ impl Shading {
         if pixels.is_tile {
             for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
                 let (from, to) = (step * TILE, first as usize);
-                if !colors.is_empty() {
-                    for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
-                        *color = self.color_of(from + x);
-                    }
+                for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
+                    *color = self.color_of(from + x);
                 }
                 let [a, b, c, d, e, f, g, h] = std::array::from_fn(|x| {
                     let [red, green, blue] = [0, 1, 2].map(|channel| u64::from(code(channel, from + x)));
@@ -189,51 +166,6 @@ impl Shading {
         &self.points.base
     }
 
-    /// Lights nodes around the first of some tiles that show a part, given by their first pixels, as far as they may be
-    /// shaded by them; returns how many tiles are ready for [`Shading::shade_tile`]. Several of them show one triangle.
-    pub fn light_nodes(&mut self, tiles: &[u32], part: &ShadedPart<'_>, light_buffer: &LightBuffer) -> usize {
-        if part.is_smooth()
-            && let Some(triangle) = self.triangle_of(tiles[0], light_buffer.centers())
-        {
-            return self.nodes.find(tiles, triangle, part, light_buffer.centers());
-        }
-        self.nodes.forget();
-        tiles.len()
-    }
-
-    /// The one triangle that a tile shows.
-    fn triangle_of(&mut self, place: u32, centers: PixelCenters<'_>) -> Option<u32> {
-        if let Some(id) = centers.only(place) {
-            return Some(id & TRIANGLE);
-        }
-        let pixels = &mut self.points.pixels;
-        pixels.tile(place, centers);
-        pixels.is_flat.then_some(pixels.triangle[0])
-    }
-
-    /// Shades the pixels of one of the tiles that are ready, given by its first one; returns its index.
-    pub fn shade_tile(&mut self, tile: usize, place: u32, part: &ShadedPart<'_>, light_buffer: &LightBuffer) -> usize {
-        let (index, first) = light_buffer.tile_at(place);
-        let Some(around) = self.nodes.around(tile) else {
-            self.tile(place, light_buffer);
-            self.shade(part);
-            return index;
-        };
-        self.light(place, light_buffer);
-        let Self { points, nodes, samples, reflected, .. } = self;
-        points.pixels.begin_tile(first, light_buffer.centers());
-        if part.surface.texture.is_some() {
-            nodes.place_on_texture(
-                &around,
-                light_buffer.lines(&light_buffer.depth, first),
-                [&mut points.u, &mut points.v],
-            );
-        }
-        points.paint(part.surface, Some(nodes.texels(&around)), samples);
-        reflect_flat(points, &nodes.light, &around, part, reflected);
-        index
-    }
-
     /// Shades the points, which show a part.
     pub fn shade(&mut self, part: &ShadedPart<'_>) {
         let Self { points, samples, reflected, .. } = self;
@@ -249,16 +181,16 @@ impl Shading {
         if let Some(texture) = &surface.texture {
             find_footprints::<CHUNK>(points, placed, camera, texture.texels());
         }
-        points.paint(surface, None, samples);
+        points.paint(surface, samples);
         reflect(points, part, reflected);
     }
 }
 
 /// Moves estimates of the key light that are less than nothing.
 #[inline(always)]
-fn limit(key: &mut BatchColumn) {
-    for key in key {
-        *key = if *key > 0.0 { *key } else { 0.0 };
+fn clamp_unknown(shadow: &mut BatchColumn) {
+    for shadow in shadow {
+        *shadow = if *shadow > 0.0 { *shadow } else { 0.0 };
     }
 }
 
@@ -283,13 +215,6 @@ impl<'a> ShadedPart<'a> {
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),
         };
         let viewpoint = (!part.hides_back(mesh)).then_some(placed.viewpoint_in_body);
-        Self { faces: &mesh.faces, planes: &mesh.planes, viewpoint, surface, placed, camera: &view.camera, light }
-    }
-
-    /// Whether light is linear over tiles on a plane of the part.
-    fn is_smooth(&self) -> bool {
-        let Material { metallic, opacity, roughness, .. } = *self.surface;
-        let is_dull = metallic == 0.0 && opacity >= 1.0 && roughness >= SMOOTH;
-        is_dull && self.camera.focal.min_element() >= NARROW_PX
+        Self { faces: &mesh.faces, viewpoint, surface, placed, camera: &view.camera, light }
     }
 }

@@ -9,7 +9,7 @@ use crate::gbuffer::points::Pixels;
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
-use crate::scene::texture::{Detail, Samples};
+use crate::scene::texture::Samples;
 use crate::simd::{BatchColumn, CHUNK, ZERO, dot, turned};
 
 /// ShadingPoints of one part, component by component.
@@ -18,7 +18,7 @@ pub(super) struct ShadingPoints {
     /// Where they are on the image, not always at the centres of pixels, and what is seen there.
     pub pixels: Pixels,
     /// Shares of the key light and of the ambient light that arrive.
-    pub key: BatchColumn,
+    pub shadow: BatchColumn,
     pub ambient: BatchColumn,
     /// In the body's frame.
     pub place: [BatchColumn; 3],
@@ -35,7 +35,7 @@ impl Default for ShadingPoints {
     fn default() -> Self {
         Self {
             pixels: Pixels::default(),
-            key: ZERO,
+            shadow: ZERO,
             ambient: ZERO,
             place: [ZERO; 3],
             normal: [ZERO; 3],
@@ -48,14 +48,12 @@ impl Default for ShadingPoints {
 }
 
 impl ShadingPoints {
-    /// Finds the linear colour of the material at all points; with as many texels per pixel everywhere, or as many as each
-    /// of them has.
-    pub fn paint(&mut self, surface: &Material, even_texels: Option<f32>, samples: &mut Samples) {
-        let tint = surface.base.to_array();
-        match &surface.texture {
+    /// Samples the linear base colour at all points.
+    pub fn paint(&mut self, material: &Material, samples: &mut Samples) {
+        let tint = material.base.to_array();
+        match &material.texture {
             Some(texture) => {
-                let detail = even_texels.map_or(Detail::Each(&self.texels), Detail::Even);
-                texture.sample(self.pixels.count, [&self.u, &self.v], detail, tint, samples, &mut self.base);
+                texture.sample(self.pixels.count, [&self.u, &self.v], &self.texels, tint, samples, &mut self.base);
             }
             None => self.base = tint.map(|tint| [tint; CHUNK]),
         }

@@ -5,7 +5,6 @@
 use multiversion::multiversion;
 
 use super::ShadedPart;
-use super::grid_cell::GridCell;
 use super::points::ShadingPoints;
 use crate::ambient::irradiance_grid::IrradianceGrid;
 use crate::ambient::proxies::{Cavity, ReflectionProxy};
@@ -137,7 +136,7 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
         apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
     }
     find_highlights::<LANES>(surface.roughness, light.lighting, out);
-    apply_shadow::<LANES>(&points.key, light.with_key(), out);
+    apply_shadow::<LANES>(&points.shadow, light.with_key(), out);
     if surface.metallic > 0.0 {
         sum_terms::<LANES>(points, surface, light, out);
     } else {
@@ -146,47 +145,6 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
         sum_terms_dielectric::<LANES>(points, surface.scatters(), light, out);
     }
     tone_map_all::<LANES>(surface.opacity < 1.0, out);
-}
-
-/// What is reflected at the nodes of an opaque dielectric, before the key light is held back.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn reflect_nodes(nodes: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
-    let &ShadedPart { surface, placed, camera, ref light, .. } = part;
-    face_viewer::<REGISTER>(nodes, placed, camera, out);
-    environment_term::<REGISTER>(&light.lighting.sky, &light.glossy, out);
-    if let Some(top) = light.table_top {
-        ground_bounce::<REGISTER>(light, camera.viewpoint.z - top, nodes, placed, out);
-    }
-    cavity_term::<REGISTER>(light.cavity, nodes, out);
-    if let Some(irradiance_grid) = light.irradiance_grid {
-        apply_irradiance_grid(irradiance_grid, nodes.pixels.count, &nodes.place, &mut out.around);
-    }
-    find_highlights::<REGISTER>(surface.roughness, light.lighting, out);
-    mirror::<REGISTER>(surface.reflectance, out);
-}
-
-/// [`reflect`] for a tile multibounce_ao nodes at which [`reflect_nodes`] found the light, which is linear multibounce_ao them.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn reflect_flat(
-    points: &ShadingPoints,
-    nodes: &ShadingTerms,
-    around: &GridCell,
-    part: &ShadedPart<'_>,
-    out: &mut ShadingTerms,
-) {
-    let light = &part.light;
-    for channel in 0..3 {
-        around.bilinear(&nodes.around[channel], &mut out.around[channel]);
-        around.bilinear(&nodes.mirrored[channel], &mut out.mirrored[channel]);
-    }
-    around.bilinear(&nodes.lit, &mut out.lit);
-    if light.cavity.is_some() {
-        around.bilinear(&nodes.cavity, &mut out.cavity);
-    }
-    around.bilinear(&nodes.lobe, &mut out.lobe);
-    apply_shadow::<CHUNK>(&points.key, light.with_key(), out);
-    sum_terms_dielectric::<CHUNK>(points, 1.0, light, out);
-    tone_map_all::<CHUNK>(false, out);
 }
 
 /// Unit normals and directions to the viewer.
@@ -448,7 +406,6 @@ mod tests {
 
     use super::*;
     use crate::ambient::proxies::held_cube as held;
-    use crate::raster::Planes;
     use crate::scene::variation::RenderVariation;
 
     /// Whatever registers the machine has, the bits are those of the plain loop.
@@ -469,7 +426,7 @@ mod tests {
                 let pixels = &mut shading.pixels;
                 (pixels.column[i], pixels.row[i], pixels.depth[i]) =
                     (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
-                (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
+                (shading.shadow[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
                 shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
                 shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
             }
@@ -497,8 +454,7 @@ mod tests {
                 bounce,
             };
             let (surface, placed, camera) = (&surface, &PartView::default(), &camera);
-            let part =
-                ShadedPart { faces: &[], planes: &Planes::default(), viewpoint: None, surface, placed, camera, light };
+            let part = ShadedPart { faces: &[], viewpoint: None, surface, placed, camera, light };
             let [mut wide, mut plain] = [ShadingTerms::default(), ShadingTerms::default()];
             let bits = |lanes: &[BatchColumn; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             shading.pixels.count = CHUNK;

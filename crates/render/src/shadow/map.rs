@@ -51,31 +51,23 @@ struct Caster {
     corners: Vec<Corner>,
 }
 
-/// What a tile of an image covers on the map.
+/// Bounds of an image tile on the shadow map: first and last column and row of map tiles; first after last for nothing.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MapFootprint {
-    /// First and last column and row of the map's tiles; first after last for nothing.
-    tiles: [[i32; 2]; 2],
-    /// Where a shadow that is nearer to the light than the first covers nothing, and one beyond the second covers all.
-    reversed_z: [f32; 2],
-    /// Whether it faces away from the light.
-    is_turned: bool,
-}
+pub(crate) struct MapFootprint([[i32; 2]; 2]);
 
 impl Default for MapFootprint {
     fn default() -> Self {
-        Self { tiles: [[0; 2], [-1; 2]], reversed_z: UNCERTAIN, is_turned: false }
+        Self([[0; 2], [-1; 2]])
     }
 }
 
-const UNCERTAIN: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 /// Tiles of the map beyond its own on which a point depends: the largest radius, rounded up.
 const REACH_TILES: isize = 4;
 
 impl MapFootprint {
     /// The tiles, first and last column and row, on which the shadow anywhere in it depends.
     pub fn reach(&self) -> [[isize; 2]; 2] {
-        let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
+        let [from, to] = self.0.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
             return [from, to];
         }
@@ -96,11 +88,6 @@ impl ShadowMap {
     /// Whether there is a map at all.
     pub fn is_on(&self) -> bool {
         self.light.size > 0
-    }
-
-    /// Size of a texel, metres.
-    pub fn texel_m(&self) -> f32 {
-        self.light.texel_m()
     }
 
     /// Counts the updates so far.
@@ -148,7 +135,7 @@ impl ShadowMap {
             }
         };
         if is_new {
-            self.layers.redraw::<false>([size, size], 1, casters.len(), draw);
+            self.layers.redraw::<false>([size, size], casters.len(), draw);
             self.changed_in.resize(self.layers.changed.len(), 0);
         } else {
             self.layers.follow::<false>(&self.motions, draw);
@@ -176,59 +163,17 @@ impl ShadowMap {
         (self.changed_in.iter().map(move |&changed_in| changed_in > version), self.layers.tile_columns)
     }
 
-    /// What points between some points cover.
+    /// Bounds on the map of points and everything between them.
     pub fn footprint_of(&self, points: impl Iterator<Item = Vec3A>) -> MapFootprint {
-        // The lift along the normal is at most two texels.
-        MapFootprint { tiles: self.box_of(points, 2.0).0, ..MapFootprint::default() }
-    }
-
-    /// The same for points of a plane with a unit normal towards the viewer.
-    pub fn footprint_of_plane(&self, points: impl Iterator<Item = Vec3A>, normal: Vec3A) -> MapFootprint {
-        let slope = self.light.light_from_world * normal;
-        let (lift, [tilt_x, tilt_y]) = self.light.lift_and_tilt(slope.to_array());
-        let (tiles, [low, high]) = self.box_of(points.map(|point| point + normal * lift), 0.01);
-        // Texels beside the point, and the rounding of single precision at metres.
-        let slack = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS + 1e-5;
-        MapFootprint { tiles, reversed_z: [low - slack, high + slack], is_turned: slope.z >= 0.0 }
-    }
-
-    /// Tiles of the map around points and so many texels, and the extremes of the points' reversed_z.
-    fn box_of(&self, points: impl Iterator<Item = Vec3A>, margin: f32) -> ([[i32; 2]; 2], [f32; 2]) {
-        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        /// The bias along the normal is at most two texels.
+        const MARGIN: f32 = 2.0;
+        let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
         for point in points {
-            let Corner { x, y, reversed_z } = self.light.on_map(self.light.light_from_world * point);
-            let place = Vec3A::new(x, y, reversed_z);
-            (low, high) = (low.min(place), high.max(place));
+            let Corner { x, y, .. } = self.light.on_map(self.light.light_from_world * point);
+            (low, high) = ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]);
         }
         let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
-        let tiles = [[tile(low.x - margin), tile(low.y - margin)], [tile(high.x + margin), tile(high.y + margin)]];
-        (tiles, [low.z, high.z])
-    }
-
-    /// Share of the key light that reaches all of a footprint, if it is one and certain; negative where nothing faces it.
-    pub fn certain_share(&self, footprint: &MapFootprint) -> Option<f32> {
-        let [from, to] = footprint.tiles;
-        let tiles = self.layers.tile_columns as i32;
-        if footprint.is_turned {
-            return Some(-1.0);
-        }
-        if from[0] < 0 || from[1] < 0 || to[0] >= tiles || to[1] >= tiles {
-            return None;
-        }
-        let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
-        for row in from[1]..=to[1] {
-            for tile in row * tiles + from[0]..=row * tiles + to[0] {
-                low = low.min(self.lowest[tile as usize]);
-                high = high.max(self.highest[tile as usize]);
-            }
-        }
-        if high <= footprint.reversed_z[0] {
-            Some(1.0)
-        } else if low >= footprint.reversed_z[1] {
-            Some(0.0)
-        } else {
-            None
-        }
+        MapFootprint([low.map(|at| tile(at - MARGIN)), high.map(|at| tile(at + MARGIN))])
     }
 
     /// Share of the key light that reaches points, 0-1, where it is certain; takes up the others as unresolved.

@@ -25,9 +25,6 @@ use super::summed_area::SummedAreaTable;
 const FLAT_M: f32 = 2e-4;
 /// Share of the box around the triangles at the greatest height that a top covers at least. Chosen: legs are no top.
 const LEAST_COVER: f32 = 0.5;
-/// Where the corners of a tile lie less than so many cells apart, light is taken to be linear between them. Chosen: the
-/// softest edges that cells can show are wider.
-const LINEAR_CELLS: f32 = 0.75;
 /// Maps with fewer texels per side have a cell per texel, others per 2 × 2. Chosen: a cell is as large as a pixel of the
 /// default static camera.
 const LARGE_MAP: usize = 512;
@@ -246,23 +243,13 @@ impl PlanarReceiver {
         Reading { pixels, lanes }: &mut Reading,
         share: &mut [f32],
     ) {
-        const LAST: usize = TILE - 1;
         let (sight, width) = (self.sight(camera), centers.width);
-        let mut shares = [[0.0; TILE]; TILE];
         for &place in tiles {
             let [column, row] = unpacked(place).map(|at| at as usize);
-            let first = row * width + column;
-            let (left, right, top, bottom) = (column as f32, (column + LAST) as f32, row as f32, (row + LAST) as f32);
-            let depths = [first, first + LAST, first + LAST * width, first + LAST * width + LAST];
-            let corners =
-                [[left, right, left, right], [top, top, bottom, bottom], depths.map(|pixel| centers.depth[pixel])];
-            if !light_corners(&sight, &corners, &self.share, &mut shares) {
-                pixels.tile(place, centers);
-                self.read(&sight, pixels, lanes);
-                shares.as_flattened_mut().copy_from_slice(&lanes.share);
-            }
-            for (row, line) in shares.iter().enumerate() {
-                share[first + row * width..][..TILE].copy_from_slice(line);
+            pixels.tile(place, centers);
+            self.read(&sight, pixels, lanes);
+            for (step, line) in lanes.share.as_chunks::<TILE>().0.iter().enumerate() {
+                share[(row + step) * width + column..][..TILE].copy_from_slice(line);
             }
         }
         for places in places.chunks(CHUNK) {
@@ -383,44 +370,6 @@ fn find_cells(sight: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
         let (index, [x, y]) = sight.split(sight.cell(pixels.column[i], pixels.row[i], pixels.depth[i]));
         (reading.index[i], reading.x[i], reading.y[i]) = (index, x, y);
     }
-}
-
-/// Column, row and depth of the first and last pixels of the first and last rows of a tile.
-type CornerPixels = [[f32; 4]; 3];
-
-/// Shares at the pixels of a tile from those at its corners, if these lie less than [`LINEAR_CELLS`] apart.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn light_corners(
-    sight: &CellProjection,
-    [columns, rows, depths]: &CornerPixels,
-    share: &[f32],
-    out: &mut [[f32; TILE]; TILE],
-) -> bool {
-    let (mut cells, mut low, mut high) = ([[0.0; 2]; 4], [f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    for i in 0..4 {
-        cells[i] = sight.cell(columns[i], rows[i], depths[i]);
-        for axis in 0..2 {
-            low[axis] = if cells[i][axis] < low[axis] { cells[i][axis] } else { low[axis] };
-            high[axis] = if cells[i][axis] > high[axis] { cells[i][axis] } else { high[axis] };
-        }
-    }
-    if (high[0] - low[0] >= LINEAR_CELLS) | (high[1] - low[1] >= LINEAR_CELLS) {
-        return false;
-    }
-    let width = sight.columns as usize;
-    let [a, b, c, d] = cells.map(|cell| {
-        let (index, [x, y]) = sight.split(cell);
-        let (upper, lower) = (&share[index as usize..][..2], &share[index as usize + width..][..2]);
-        lerp(lerp(upper[0], upper[1], x), lerp(lower[0], lower[1], x), y)
-    });
-    for row in 0..TILE {
-        let down = row as i32 as f32 * (1.0 / (TILE - 1) as f32);
-        let (left, right) = (lerp(a, c, down), lerp(b, d, down));
-        for column in 0..TILE {
-            out[row][column] = lerp(left, right, column as i32 as f32 * (1.0 / (TILE - 1) as f32));
-        }
-    }
-    true
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
