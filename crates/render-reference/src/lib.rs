@@ -57,7 +57,7 @@ pub struct Exposed {
 struct Reference<'a> {
     bvh: Bvh,
     bodies: Vec<Body<'a>>,
-    surfaces: Vec<Material>,
+    materials: Vec<Material>,
     lamps: Lamps<'a>,
     backdrop: Backdrop,
 }
@@ -81,14 +81,14 @@ pub fn trace(
     settings: &ReferenceSettings,
 ) -> Result<Exposed, RenderError> {
     let camera = CameraView::of(assets, job)?;
-    let surfaces = variation.surfaces(assets);
-    let lighting = Lighting::new(variation, &surfaces);
+    let materials = variation.materials(assets);
+    let lighting = Lighting::new(variation, &materials);
     let poses: Vec<Pose> =
         assets.parts().iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
     let reference = Reference {
         bvh: Bvh::new(triangles(assets, &poses)),
         bodies: assets.parts().iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
-        surfaces,
+        materials,
         lamps: Lamps::new(&lighting, variation.light_angular_radius),
         backdrop: Backdrop::new(variation, &lighting),
     };

@@ -60,14 +60,14 @@ impl Reference<'_> {
                 }
                 break;
             };
-            let (body, surface) = (&self.bodies[hit.part], &self.surfaces[hit.part]);
+            let (body, material) = (&self.bodies[hit.part], &self.materials[hit.part]);
             let face = &body.mesh.faces[hit.triangle];
-            let point = body.point(surface, face, origin + direction * hit.distance, direction);
-            let side = surface.scatters();
+            let point = body.point(material, face, origin + direction * hit.distance, direction);
+            let side = material.scatters();
             if side < 1.0 {
                 // Light that was scattered before goes straight on, as the rays to the lamps do.
                 let bends = body.mesh.closed && scattered == 0;
-                let index = surface.index_of_refraction();
+                let index = material.index_of_refraction();
                 let ratio = if point.is_outside || !bends { 1.0 / index } else { index };
                 let cosine = -direction.dot(point.smooth);
                 let Vec2 { x: mirror, y: cover } = samples.two();
@@ -77,7 +77,7 @@ impl Reference<'_> {
                     continue;
                 }
                 if cover >= side {
-                    share *= surface.tint(point.base, cosine, !body.mesh.closed);
+                    share *= material.tint(point.base, cosine, !body.mesh.closed);
                     if bends {
                         let behind = (1.0 - ratio * ratio * (1.0 - cosine * cosine)).max(0.0).sqrt();
                         direction = (direction * ratio + point.smooth * (ratio * cosine - behind)).normalize();
@@ -87,7 +87,7 @@ impl Reference<'_> {
                 }
             }
             is_view = false;
-            let reflection = reflection_of(surface, point.base, side);
+            let reflection = reflection_of(material, point.base, side);
             let least = if scattered > 0 { DULLEST } else { 0.0 };
             let reflection = Reflection { alpha: reflection.alpha.max(least), ..reflection };
             let (right, up) = point.smooth.any_orthonormal_pair();
@@ -143,15 +143,15 @@ impl Reference<'_> {
         let mut share = Vec3A::ONE;
         self.bvh.walk(origin, direction, |triangle, distance| {
             let part = triangle.part as usize;
-            let (body, surface) = (&self.bodies[part], &self.surfaces[part]);
-            let side = surface.scatters();
+            let (body, material) = (&self.bodies[part], &self.materials[part]);
+            let side = material.scatters();
             share = if side < 1.0 && share != Vec3A::ZERO {
                 let face = &body.mesh.faces[triangle.index as usize];
-                let point = body.point(surface, face, origin + direction * distance, direction);
+                let point = body.point(material, face, origin + direction * distance, direction);
                 // Straight on, so both sides are met as from outside.
-                let ratio = 1.0 / surface.index_of_refraction();
+                let ratio = 1.0 / material.index_of_refraction();
                 let cosine = -direction.dot(point.smooth);
-                let tint = surface.tint(point.base, cosine, !body.mesh.closed);
+                let tint = material.tint(point.base, cosine, !body.mesh.closed);
                 share * tint * ((1.0 - side) * (1.0 - dielectric(cosine, ratio)))
             } else {
                 Vec3A::ZERO
@@ -173,7 +173,7 @@ impl Brought {
 }
 
 impl Body<'_> {
-    fn point(&self, surface: &Material, face: &Face, place: Vec3A, direction: Vec3A) -> Point {
+    fn point(&self, material: &Material, face: &Face, place: Vec3A, direction: Vec3A) -> Point {
         let local = self.body_from_world.transform_point3a(place);
         let [a, b, c, d] = face.columns;
         let mixed = a * local.x + b * local.y + c * local.z + d;
@@ -186,8 +186,8 @@ impl Body<'_> {
         // A normal between corners may point away from the viewer at an outline.
         let smooth = if smooth.dot(direction) < -1e-3 { smooth } else { flat };
         let v = face.v.dot(Vec4::from((glam::Vec3::from(local), 1.0)));
-        let base = surface.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.at(Vec2::new(mixed.w, v)));
-        Point { place, flat, smooth, is_outside, base: base * surface.base }
+        let base = material.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.at(Vec2::new(mixed.w, v)));
+        Point { place, flat, smooth, is_outside, base: base * material.base }
     }
 }
 

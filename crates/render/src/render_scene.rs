@@ -13,7 +13,7 @@ use crate::shadow::map::ShadowMap;
 pub(crate) struct RenderScene<'a> {
     pub assets: &'a RenderAssets,
     /// Materials of the parts under the variation.
-    pub surfaces: &'a [Material],
+    pub materials: &'a [Material],
     pub variation: &'a RenderVariation,
     pub lighting: &'a Lighting,
     pub backdrop: &'a Backdrop,

@@ -69,15 +69,17 @@ pub fn portrait_from(
     let bounds = model.world_bounds(pose, joints);
     let radius = bounds.size().length() / 2.0;
     let eye = bounds.center() + direction.normalize() * (radius / PORTRAIT_FILL);
-    let intrinsics = Intrinsics::from_vertical_fov(pixels, pixels, PORTRAIT_FOV);
+    // Rendered at twice the size, for smoother edges.
+    let intrinsics = Intrinsics::from_vertical_fov(2 * pixels, 2 * pixels, PORTRAIT_FOV);
     let camera = Camera::looking_at("portrait", eye, bounds.center(), intrinsics);
     let assets = RenderAssets::without_robot(&[Arc::clone(model)], Some(&default_world())).map_err(broken)?;
     let frame = assets.frame_state(&[], 0.0, [(*pose, joints)]).map_err(broken)?;
     let mut out = [FrameBuffers::default()];
-    let job = ViewJob { supersample: 4, ..ViewJob::new(&frame, &camera, Channels::RGB) };
+    let job = ViewJob::new(&frame, &camera, Channels::RGB);
     Renderer::new(assets, RenderVariation::default()).render(&[job], &mut out).map_err(broken)?;
     let [out] = out;
-    Ok(out.rgb)
+    encode::resize_rgb([2 * pixels; 2], &out.rgb, [pixels; 2])
+        .map_err(|error| RunError::broken(format!("cannot resize the portrait of object {}", model.card.uid), error))
 }
 
 /// Portraits row by row in one picture: JPEG where the path ends so, else PNG.

@@ -1,4 +1,4 @@
-//! Things that light enters from above: what reaches their walls.
+//! Cavity occlusion: ambient and key light on the inner walls of concave bodies.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -9,24 +9,24 @@ use super::proxies::{AoProxies, AoProxy, unoccluded_sky};
 use crate::gbuffer::points::Points;
 use crate::simd::{BatchColumn, dot, smooth_step, whole_registers};
 
-/// Share of the ambient light in their part of the sky that the walls of a cavity hold back. Fitted to traced pictures.
+/// Share of the occluded ambient light that the walls of a cavity absorb. Fitted to path-traced images.
 const WALLS: f32 = 0.7;
-/// Key light that enters a cavity over that which arrives on a surface that faces the lamp. Fitted likewise.
+/// Key light entering a cavity, relative to a surface that faces the light. Fitted likewise.
 const CAVITY_KEY: f32 = 0.65;
-/// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
-/// opening at which nothing enters, and from which all does. Chosen.
+/// Smallest cosine between a body's third axis and the vertical for light to enter from above; and the unoccluded
+/// shares of the sky above its opening at which no light enters and at which all does. Chosen.
 const UPRIGHT: f32 = 0.5;
 const COVERED: f32 = 0.5;
 const HALF_OPEN: f32 = 0.75;
 
-/// The inside of a body that light enters.
+/// A lit cavity of a body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cavity {
-    /// Its middle in the body's frame, metres.
+    /// Its centre in the body's frame [m].
     pub middle: Vec3,
-    /// Share of the sky that is seen from its bottom.
+    /// Share of the sky visible from its bottom.
     pub open: f32,
-    /// Key light that enters, over that which arrives on a surface that faces the lamp.
+    /// Entering key light, relative to a surface that faces the light.
     pub light: f32,
 }
 
@@ -41,8 +41,8 @@ impl AoProxies {
         })
     }
 
-    /// How much of the light from above, from around the lamp, enters a body on the side of its third axis, on which things
-    /// are open.
+    /// Share of the key and sky light from above that enters a body through the side of its third axis, where concave
+    /// bodies are open.
     pub(super) fn entering(&self, own: &AoProxy) -> f32 {
         let axis = Vec3A::from_array(own.axes[2]);
         let (up, half) = (axis.normalize(), axis.length_recip());
@@ -56,22 +56,23 @@ impl AoProxies {
     }
 }
 
-/// The share of the sky that is seen from the middle of the bottom of a round cavity, from the product of its half axes and
-/// the half axis along its height.
+/// Share of the sky visible from the bottom centre of a round cavity, from the product of its half axes and the half
+/// axis along its height.
 #[inline(always)]
 fn open_share(volume: f32, half: f32) -> f32 {
     let section = volume / half;
     section / (section + 4.0 * half * half)
 }
 
-/// How far inside a cavity a point is whose normal has a cosine to the direction of the cavity's middle.
+/// Weight of a surface point as part of a cavity's wall, from the cosine between its normal and the direction to the
+/// cavity's centre.
 #[inline(always)]
 pub(crate) fn facing_middle(cosine: f32) -> f32 {
     smooth_step((cosine - 0.2) * (1.0 / 0.6))
 }
 
-/// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
-/// on that side; no point of a convex body does.
+/// Limits the ambient light at points that face the body's centre to the share that enters an open box; convex bodies
+/// have no such points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn enclose(own: &AoProxy, points: &Points, share: &mut BatchColumn) {
     let (center, axes, volume) = (own.center, own.axes, own.volume);
@@ -101,7 +102,7 @@ mod tests {
     use super::*;
     use crate::simd::CHUNK;
 
-    /// The bottom of a mug is darker than that of a plate; the outside of either is as open as it was.
+    /// The bottom of a mug is darker than that of a plate; outer walls are unaffected.
     #[test]
     fn deep_hollows_are_darker() {
         let bottom = |half: [f32; 3], turned: bool| {

@@ -1,8 +1,7 @@
-//! Ambient light on the table: what bodies keep from it, and what they throw on it in their own colour.
+//! Irradiance grid on the main support surface: ambient occlusion and coloured bounce light of the bodies on it.
 //!
-//! Every body is the ellipsoid of [`crate::proxies`], lit like its surroundings and by the key light on the side that
-//! faces it. The table's top has a grid of points, and a place on it takes what is linear between the four around it: the
-//! light varies slowly, and its sum does not depend on who looks.
+//! Each body is an ellipsoid ([`super::proxies`]), lit by the sky and by the key light on its bright side. Irradiance
+//! is computed at grid points and interpolated bilinearly: it varies slowly and does not depend on the camera.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -19,44 +18,42 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::planar::horizontal_top;
 use crate::simd::within;
 
-/// Between points of the grid, metres, for large and for small images. Chosen: a sixth of the width of a small thing, and
-/// about a pixel.
+/// Grid spacing for large and for small images [m]. Chosen: a sixth of the width of a small object, and about a pixel.
 const STEP_M: [f32; 2] = [0.01, 0.02];
-/// Points of a row that are computed at once, and kept or changed together.
+/// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;
-/// Ambient light that a body takes away, of its part of the sky. Fitted to traced pictures.
+/// Strength of the occlusion by a body. Fitted to path-traced images.
 const STRENGTH: f32 = 1.7;
-/// Share of the ambient light that comes from the side of the lamp, and how far above the lamp's its direction is: a unit
-/// vector and so much upwards. Fitted likewise.
+/// Share of the ambient light from the side of the key light; its direction is that of the key light raised by
+/// `LAMP_UP`. Fitted likewise.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
-/// What a white body throws back of the ambient light on the table, and of the key light on its bright side. Fitted
-/// likewise.
+/// Bounce from a white body: of the ambient light, and of the key light on its bright side. Fitted likewise.
 const AMBIENT_BACK: f32 = 0.616;
 const KEY_BACK: f32 = 1.8;
-/// Of the light on that side: what arrives on a side across to the lamp's direction, what the lamp's direction along the
-/// table adds to it, and how much of it is lost next to the table. Fitted likewise.
+/// Key-light bounce: on a side perpendicular to the light, its change along the light's direction, and its loss next to
+/// the surface. Fitted likewise.
 const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
-/// Height above the table from which a body that is seen by a fixed camera counts less, and over which it comes to nothing,
-/// metres. Chosen: what is carried changes nothing, what stands on the table does.
+/// Height above the surface at which a body starts to count less for a fixed camera, and range over which it fades out
+/// [m]. Chosen: carried objects have no effect, standing ones do.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
-/// How much a body above that counts for the hand's camera: less of it is near the table. Fitted likewise.
+/// Weight of a higher body for a wrist camera. Fitted likewise.
 const HANGING: f32 = 0.75;
-/// Depth of the table beyond which all of it is lit for a camera, metres: larger than any table.
+/// View distance beyond which everything counts as lit [m]: larger than any table.
 const LONGEST_M: f32 = 10.0;
 
-/// The light on the table of a scene.
+/// Ambient light on the main support surface.
 #[derive(Debug, Default)]
 pub(crate) struct IrradianceGrid {
-    /// Height of the table's top, metres.
+    /// Height of the support surface [m].
     top: Option<f32>,
     grid: Option<Grid>,
-    /// Number of the table's surface; 0 without one.
+    /// Surface number of the support surface; 0 without one.
     surface: u16,
-    /// By number of a surface: whether it is another fixed thing.
+    /// By surface number: true for fixtures other than the support surface.
     is_fixed: Vec<bool>,
     bodies: Vec<Body>,
     version: u64,
@@ -65,44 +62,43 @@ pub(crate) struct IrradianceGrid {
 #[derive(Debug)]
 struct Grid {
     height: f32,
-    /// World frame, metres.
+    /// First grid point in the world [m].
     first: Vec2,
     step: f32,
-    /// Points per row, whole runs.
+    /// Points per row, a multiple of [`RUN`].
     columns: usize,
-    /// Column and row of the last point that has one beyond it.
+    /// Largest coordinates that can be interpolated.
     last: Vec2,
-    /// By which the light of the surroundings is multiplied, in three components; row by row.
+    /// Factors of the ambient light (red, green, blue), row by row.
     points: Vec<Vec4>,
-    /// Version in which each run of points changed last.
+    /// Version in which each run of points last changed.
     changed_in: Vec<u64>,
 }
 
-/// An ellipsoid and the light that it throws back.
+/// An ellipsoid and the light that it reflects.
 #[derive(Clone, Debug, PartialEq)]
 struct Body {
     proxy: AoProxy,
-    /// How much it counts, 0-1.
+    /// Weight, 0-1.
     weight: f32,
-    /// Light that it throws back as it comes from everywhere, and from the key light, over the ambient light on the table.
+    /// Reflected sky light and key light, relative to the ambient light on the support surface.
     ambient: [f32; 3],
     key: [f32; 3],
-    /// Where the ambient light on the lamp's side comes from, as of [`AoProxy::stretched`].
+    /// Direction of the ambient light from the key light's side, see [`AoProxy::stretched`].
     lamp: [f32; 3],
 }
 
 impl IrradianceGrid {
-    /// The table among the parts of a scene, for small images or for others; without ambient occlusion its light is left as
-    /// it is.
+    /// Grid of the main support surface, coarser for small images; without ambient occlusion it has no effect.
     pub fn new(assets: &RenderAssets, variation: &RenderVariation, is_small: bool) -> Self {
         let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
-        let table = assets.parts.iter().position(|part| part.surface.is_table && part.body.is_none());
+        let table = assets.parts.iter().position(|part| part.material.is_table && part.body.is_none());
         let table = table.and_then(|table| Some((table, horizontal_top(&assets.parts[table])?)));
         let top = table.map(|(_, (height, ..))| height);
         let Some((table, (height, low, high))) = table.filter(|_| is_on) else {
             return Self { top, ..Self::default() };
         };
-        // Larger tables have fewer points per metre.
+        // Large surfaces have fewer points per metre.
         let step = STEP_M[usize::from(is_small)].max((high - low).max_element() / 256.0);
         let [columns, rows] = ((high - low) / step).to_array().map(|steps| steps.ceil() as usize + 2);
         let columns = columns.next_multiple_of(RUN);
@@ -127,28 +123,28 @@ impl IrradianceGrid {
 }
 
 impl IrradianceGrid {
-    /// Height of the table's top, metres, if there is one.
+    /// Height of the support surface [m], if there is one.
     pub fn top(&self) -> Option<f32> {
         self.top
     }
 
-    /// Number of the table's surface; 0 where its light is left as it is.
+    /// Surface number of the support surface; 0 where the grid has no effect.
     pub fn surface(&self) -> u16 {
         self.surface
     }
 
-    /// Whether a surface is a fixed thing other than the table.
+    /// True for a fixture other than the support surface.
     pub fn is_fixed(&self, surface: u16) -> bool {
         self.is_fixed.get(usize::from(surface)).copied().unwrap_or(false)
     }
 
-    /// Counts the changes of the light.
+    /// Number of changes so far.
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Follows the bodies of a frame; for a fixed camera those that stand on the table, and for the hand's, which does not
-    /// continue a picture, all of them where it looks.
+    /// Updates the grid for the bodies of a frame: for a fixed camera those standing on the surface, for a wrist camera
+    /// all of them, where it looks.
     pub fn update(
         &mut self,
         proxies: &AoProxies,
@@ -180,7 +176,7 @@ impl IrradianceGrid {
         }
         let version = self.version + 1;
         let toward = lighting.to_light.truncate().to_array();
-        // Relative to the default, to which all was fitted.
+        // Relative to the default strength, to which the constants were fitted.
         let strength = STRENGTH * variation.occlusion_strength / RenderVariation::default().occlusion_strength;
         let [runs, rows] = seen.unwrap_or([0..grid.columns / RUN, 0..grid.points.len() / grid.columns]);
         let per_row = grid.columns / RUN;
@@ -197,7 +193,7 @@ impl IrradianceGrid {
         self.bodies = bodies;
     }
 
-    /// By which the light of the surroundings at a place, metres, is multiplied.
+    /// Factor of the ambient light at a position [m].
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32) -> Vec4 {
         let Some(grid) = &self.grid else { return Vec4::ONE };
@@ -214,13 +210,13 @@ impl IrradianceGrid {
         upper + (lower - upper) * y
     }
 
-    /// Whether the light anywhere between pixels that show the table changed after a version.
+    /// True if the irradiance anywhere between four pixels on the support surface changed after a version.
     pub fn changed_between(&self, version: u64, camera: &CameraView, pixels: [Vec2; 4]) -> bool {
         let places = pixels.map(|pixel| self.grid.as_ref().and_then(|grid| grid.seen_at(camera, pixel)));
         places.contains(&None) || self.changed_after(version, places.into_iter().flatten())
     }
 
-    /// Whether the light anywhere between places, metres, changed after a version.
+    /// True if the irradiance anywhere between some positions [m] changed after a version.
     fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
         let Some(grid) = &self.grid else { return false };
         let (low, high) =
@@ -234,21 +230,21 @@ impl IrradianceGrid {
 }
 
 impl Grid {
-    /// Column and row of a place, metres, moved to where there are points beyond it.
+    /// Grid coordinates of a position [m], clamped to where they can be interpolated.
     #[inline(always)]
     fn on_grid(&self, place: Vec2) -> [f32; 2] {
         let at = (place - self.first) / self.step;
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
-    /// The place, metres, that a camera sees at a pixel; `None` towards the horizon.
+    /// Position [m] on the support surface seen at a pixel; `None` towards the horizon.
     fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
         let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
         let distance = (self.height - camera.viewpoint.z) / ray.z;
         (0.0..LONGEST_M).contains(&distance).then(|| (camera.viewpoint + ray * distance).truncate())
     }
 
-    /// Runs and rows of the points that a camera may see; `None` for any, when it sees the horizon.
+    /// Runs and rows of grid points visible to a camera; `None` if it sees the horizon.
     fn seen_by(&self, camera: &CameraView) -> Option<[Range<usize>; 2]> {
         let (width, height) = (camera.width as f32, camera.height as f32);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
@@ -261,7 +257,7 @@ impl Grid {
         Some([runs, top as usize..bottom as usize + 2])
     }
 
-    /// Where a run of points begins, metres, and the way from one to the next along x.
+    /// First position of a run [m] and spacing along x.
     fn place_of(&self, run: usize) -> [f32; 4] {
         let per_row = self.columns / RUN;
         let (column, row) = (run % per_row * RUN, run / per_row);
@@ -269,7 +265,7 @@ impl Grid {
     }
 }
 
-/// By which the light of the surroundings at points of a level plane beside each other is multiplied.
+/// Ambient factors at a run of grid points.
 fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], strength: f32) -> [Vec4; RUN] {
     let (mut share, mut back) = ([1.0; RUN], [[0.0; RUN]; 3]);
     for body in bodies {
@@ -296,12 +292,12 @@ fn add_body(
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         let cover = body.weight * form_factor(&body.proxy, toward, [0.0, 0.0, 1.0]);
-        // How far the light comes from the side on which the point lies: the sides of most things are upright.
+        // Light from the side on which the point lies: the sides of most objects are vertical.
         let flat = 1.0 / toward[0].mul_add(toward[0], toward[1].mul_add(toward[1], 1e-12)).sqrt();
         let across = to_light[0].mul_add(toward[0], to_light[1] * toward[1]);
         let lit = (across * flat).mul_add(-KEY_SIDE, KEY_BESIDE);
         let lit = if lit > 0.0 { lit } else { 0.0 };
-        // Where it touches the table it lies in its own shade.
+        // A touching body shadows itself.
         let lit = lit * cover.mul_add(-KEY_SHADED, 1.0);
         let arriving = share[i] * cover;
         for channel in 0..3 {
@@ -311,7 +307,7 @@ fn add_body(
         let left = cover.mul_add(-strength, 1.0);
         share[i] *= if left > 0.0 { left } else { 0.0 };
     }
-    // Apart, since the compiler makes scalars of a longer loop.
+    // Separate loop: the compiler does not vectorise a longer one.
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         share[i] *= 1.0 - LAMP * body.weight * penumbra(&body.proxy, toward, body.lamp);
@@ -331,7 +327,7 @@ mod tests {
     use crate::job::{Channels, FrameState, ViewJob};
     use crate::tests::fixture;
 
-    /// A red and a white block above a table without anything else.
+    /// A red and a white block above a bare table.
     struct Scene {
         assets: std::sync::Arc<RenderAssets>,
         variation: RenderVariation,
@@ -346,7 +342,7 @@ mod tests {
             let objects = [block([0.9, 0.1, 0.1]), block([0.9; 3])];
             let assets = RenderAssets::without_robot(&objects, Some(&default_world())).unwrap();
             let variation = RenderVariation::default();
-            let surfaces = variation.surfaces(&assets);
+            let surfaces = variation.materials(&assets);
             let (lighting, colors) = (Lighting::new(&variation, &surfaces), colors_of(&assets, &surfaces));
             Self { assets, variation, lighting, colors }
         }
@@ -367,8 +363,8 @@ mod tests {
 
     const FAR: DVec3 = DVec3::new(0.9, -0.4, 0.03);
 
-    /// A red block beside a place makes it redder and darker, less so farther away; what hangs high does so for the hand's
-    /// camera only.
+    /// A red block makes its surroundings redder and darker, less so farther away; a hanging block only for the wrist
+    /// camera.
     #[test]
     fn bodies_darken_and_colour_the_table_around_them() {
         let scene = Scene::new();
@@ -384,7 +380,7 @@ mod tests {
         assert!(at(0.13, CameraMount::Hand).at(0.5, 0.05).y < 0.97);
     }
 
-    /// What changed is told, what did not is not; a followed light is that of one made anew.
+    /// Versions tell changes exactly; an updated grid equals a new one.
     #[test]
     fn following_is_lighting_anew() {
         let scene = Scene::new();
@@ -402,7 +398,7 @@ mod tests {
         assert_eq!(followed.grid.map(|grid| grid.points), anew.grid.map(|grid| grid.points));
     }
 
-    /// Every tile of a picture in which the light changed, up to a pixel beyond it, is told by its corners.
+    /// The corners of a tile report every change of irradiance in it and one pixel beyond.
     #[test]
     fn tiles_are_told_where_the_light_changed() {
         let scene = Scene::new();

@@ -1,7 +1,7 @@
-//! What holds back ambient light and cannot be read from the depth of a picture: the hand behind its own camera, and the
-//! walls of a cavity thing beyond the picture's border.
+//! Ellipsoid AO proxies: occlusion that SSAO misses because it is outside the image, by the gripper above a wrist
+//! camera and by walls of cavities.
 //!
-//! Every body is an ellipsoid, whose share of the sky above a point has a closed form.
+//! Each body is an ellipsoid, whose form factor has a closed form.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -23,71 +23,72 @@ pub(crate) use super::reflection_proxies::ReflectionProxy;
 #[cfg(test)]
 pub(crate) use super::reflection_proxies::held_cube;
 
-/// Half axes of an ellipsoid over those of the box that it stands for. Fitted to traced pictures.
+/// Half axes of the ellipsoid relative to the bounding box. Fitted to path-traced images.
 pub(super) const FULLNESS: f32 = 0.875;
-/// Share of the ambient light in its part of the sky that a body holds back: it throws back some itself. Fitted likewise.
+/// Share of the occluded ambient light that a body absorbs; it reflects the rest. Fitted likewise.
 const STRENGTH: f32 = 0.578;
-/// How far a broad lamp's shadow widens over the distance, its width next to what casts it, both over the half axes, and how
-/// much less dark a wider one is. Fitted likewise.
+/// Penumbra of a broad light: growth with distance, width at the occluder, and weakening with width, in half axes.
+/// Fitted likewise.
 const LAMP_WIDTH: f32 = 0.58;
 const LAMP_EDGE: f32 = 0.1;
 const LAMP_BEYOND: f32 = 0.21;
-/// Share of the lamp's light that a body and the table beside it lose in the middle of others' shadow. Fitted likewise.
+/// Share of the key light that a body and the surface around it lose in full shadow of other bodies. Fitted likewise.
 const SHADED: f32 = 0.55;
-/// Width of the edge of a body's shadow on another as a whole, over the body's radius. Chosen: the other is as large.
+/// Penumbra width of a body's shadow on another body, relative to the first one's radius. Chosen: the other one is as
+/// large.
 const LAMP_BLUR: f32 = 0.3;
-/// Thinnest half axis, metres. Chosen.
+/// Smallest half axis [m]. Chosen.
 const THINNEST_M: f32 = 0.005;
-/// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
+/// Smallest form factor that counts. Chosen: an invisible step.
 const LEAST: f32 = 0.01;
-/// A body counts less over the last part of the square of that distance, one by this. Chosen.
+/// Inverse length of the fade-out, in squared reach. Chosen.
 const FADE: f32 = 4.0;
 
-/// All bodies of a frame.
+/// AO proxies of all bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct AoProxies {
     pub(super) bodies: Vec<AoProxy>,
-    /// Pads of the robot's fingers, for the hand's camera.
+    /// Finger pads, for wrist cameras.
     pub(super) pads: Vec<(usize, ReflectionProxy)>,
-    /// Whether bodies hold back each other's light. Only for the hand's camera: it is near things, is form_factor by the hand,
-    /// and has no picture before to continue, whose every tile would change with the arm.
+    /// True if bodies occlude each other. Only for wrist cameras, which are close to objects, below the gripper, and
+    /// never continue a frame.
     pub(super) count: bool,
 }
 
-/// An ellipsoid.
+/// Ellipsoid AO proxy of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct AoProxy {
-    /// Index into the frame's body poses.
+    /// Body index.
     pub(super) body: usize,
-    /// World frame, metres.
+    /// Centre in the world [m].
     pub(super) center: [f32; 3],
-    /// Unit axes in the world, each over the length of the half axis.
+    /// Unit axes in the world divided by the half axes.
     pub(super) axes: [[f32; 3]; 3],
     /// Product of the half axes.
     pub(super) volume: f32,
-    /// Linear colour on average.
+    /// Mean linear colour.
     pub(super) color: [f32; 3],
-    /// Distance of the centre beyond which it does not count, metres.
+    /// Distance of the centre beyond which it has no effect [m].
     pub(super) reach: f32,
-    /// Its centre in the body's frame, metres.
+    /// Centre in the body's frame [m].
     pub(super) middle: Vec3,
-    /// The unit direction to the lamp where it is the unit sphere.
+    /// Direction to the key light in the space where the ellipsoid is the unit sphere.
     pub(super) to_lamp: [f32; 3],
-    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1, for the hand's own camera.
+    /// Share of the key light on it and the surface around it that other bodies leave, for wrist cameras.
     pub(super) lit: f32,
-    /// How much of the light from above enters on the side of its third axis, 0-1.
+    /// Share of the light from above that enters through the side of its third axis.
     pub(super) entering: f32,
-    /// As of [`BodyShape`].
+    /// See [`BodyShape`].
     pub(super) is_box: bool,
     pub(super) has_inside: bool,
     pub(super) is_concave: bool,
-    /// How far it is in the hand, 0-1, for the hand's own camera.
+    /// Degree to which it is held in the gripper, 0-1, for wrist cameras.
     pub(super) in_gripper: f32,
 }
 
 impl AoProxies {
-    /// Becomes the bodies of a frame that is seen by a camera, with their linear colours, under a lamp in a unit direction;
-    /// transparent ones hold nothing back.
+    /// Places the proxies of a frame, with mean colours by body, for a camera mount and a light direction; transparent
+    /// bodies do not occlude.
     pub fn place(
         &mut self,
         assets: &RenderAssets,
@@ -106,7 +107,7 @@ impl AoProxies {
             let middle = (low + high) * 0.5;
             let (center, axes) = placed(pose, middle, half);
             let volume = half.x * half.y * half.z;
-            // From far away it covers no more than its largest section does.
+            // At a distance a body covers at most its largest cross-section.
             let reach = (volume / half.min_element() / LEAST).sqrt();
             let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
             self.bodies.push(AoProxy {
@@ -134,7 +135,7 @@ impl AoProxies {
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
             let (entering, in_gripper) = (self.entering(own), self.in_gripper(own, assets.robot_bodies()));
-            // The arm and what it holds hang in the light, whatever their parts keep from each other.
+            // Arm and held object hang in the light, whatever shadows their proxies cast on each other.
             let is_arm = own.body < assets.robot_bodies() || in_gripper > 0.0;
             let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
@@ -144,38 +145,37 @@ impl AoProxies {
     }
 
     pub(super) fn of_body(&self, body: usize) -> Option<&AoProxy> {
-        // They are in the order of the bodies.
+        // Proxies are sorted by body.
         let index = self.bodies.binary_search_by_key(&body, |proxy| proxy.body).ok()?;
         Some(&self.bodies[index])
     }
 
-    /// All of them.
+    /// All proxies.
     pub fn bodies(&self) -> &[AoProxy] {
         &self.bodies
     }
 
-    /// How much of the lamp's light reaches a place past all bodies but one, where they count.
+    /// Share of the key light at a position that the other bodies leave.
     pub(super) fn lit(&self, but: usize, place: Vec3A) -> f32 {
         unoccluded_lamp(if self.count { &self.bodies } else { &[] }, but, place.to_array())
     }
 
-    /// How much of the lamp's light reaches a body and the table beside it, 0-1.
+    /// Share of the key light on a body and the surface around it that other bodies leave.
     pub fn lit_of(&self, body: usize) -> f32 {
         self.of_body(body).map_or(1.0, |own| own.lit)
     }
 
-    /// Whether bodies hold back each other's light.
+    /// True if bodies occlude each other.
     pub fn count(&self) -> bool {
         self.count
     }
 
-    /// Whether the light that reaches points at rest may differ from what it was among others.
+    /// True if ambient light at resting points may differ from that of another frame.
     pub fn differ(&self, before: &Self) -> bool {
         (self.count || before.count) && self != before
     }
 
-    /// Lowers shares of the ambient light that reach points of a body to what comes past the others, and out of its own
-    /// cavity.
+    /// Multiplies ambient shares at points of a body by the occlusion by other bodies and by its own cavity.
     pub fn darken(&self, points: &Points, of_body: Option<usize>, share: &mut BatchColumn) {
         if let Some(own) = of_body.and_then(|body| self.of_body(body)) {
             enclose(own, points, share);
@@ -198,40 +198,40 @@ impl AoProxies {
 }
 
 impl AoProxy {
-    /// World frame, metres.
+    /// Centre in the world [m].
     pub fn center(&self) -> Vec3A {
         Vec3A::from_array(self.center)
     }
 
-    /// The unit vector along a direction where the ellipsoid is the unit sphere.
+    /// Unit vector of a direction in the space where the ellipsoid is the unit sphere.
     pub fn stretched(&self, direction: Vec3A) -> Vec3A {
         stretched(self.axes, direction)
     }
 
-    /// Height of its lowest point, metres.
+    /// Height of its lowest point [m].
     pub fn lowest(&self) -> f32 {
         let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
         self.center[2] - self.axes.into_iter().map(|axis| half(axis) * half(axis)).sum::<f32>().sqrt()
     }
 
-    /// Linear colour on average.
+    /// Mean linear colour.
     pub fn color(&self) -> Vec3A {
         Vec3A::from_array(self.color)
     }
 
-    /// How much of the lamp's light reaches it and the table beside it past other bodies, 0-1.
+    /// Share of the key light that other bodies leave.
     pub fn lit(&self) -> f32 {
         self.lit
     }
 
-    /// Whether it counts at a distance, square metres, of its centre.
+    /// True if it has an effect at a squared distance [m²] of its centre.
     pub fn reaches(&self, square: f32) -> bool {
         square < self.reach * self.reach
     }
 }
 
-/// Centre in the world of a body's box or ellipsoid at a pose, from its middle in the body's frame and its half axes, metres;
-/// and its unit axes in the world, each over the length of the half axis.
+/// Centre in the world and unit axes divided by the half axes, of a box or ellipsoid at a pose, from its centre and
+/// half axes in the body's frame [m].
 pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32; 3]; 3]) {
     let turn = rotation(pose);
     let center = turn * Vec3A::from(middle) + pose.position.as_vec3a();
@@ -239,12 +239,12 @@ pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32;
     (center.to_array(), axes)
 }
 
-/// The unit vector along a direction where an ellipsoid of such axes is the unit sphere.
+/// Unit vector of a direction in the space where an ellipsoid with such axes is the unit sphere.
 fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
     Vec3A::from_array(axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
 }
 
-/// Linear colours of bodies on average over the surfaces of their opaque parts.
+/// Area-weighted mean linear colours of the bodies' opaque parts.
 pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec3A> {
     let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
     for (part, surface) in assets.parts.iter().zip(surfaces) {
@@ -258,20 +258,20 @@ pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec
     sums.into_iter().map(|(color, area)| color / area).collect()
 }
 
-/// What ellipsoids let pass to points.
+/// Multiplies the ambient light at points by what an ellipsoid leaves.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn) {
     let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        // Nothing beyond its reach, where whether it is asked depends on the other points.
+        // Fades to no effect at its reach, where skipping it depends on the other points of a batch.
         let near = within(dot(toward, toward).mul_add(-FADE * per_reach, FADE), 0.0, 1.0);
         share[i] *= (form_factor(proxy, toward, normal) * near).mul_add(-STRENGTH, 1.0);
     }
 }
 
-/// What is left of the sky above a point beside all bodies but one, as if each form_factor its share of what the others leave.
+/// Share of the sky above a point that all bodies but one leave, as if they occluded independently.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
     let mut left = 1.0;
@@ -284,13 +284,13 @@ pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], no
     left
 }
 
-/// What is left of the lamp's light at a place past all bodies but one.
+/// Share of the key light at a position that all bodies but one leave.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     let mut left = 1.0;
     for other in bodies {
         let toward = [other.center[0] - x, other.center[1] - y, other.center[2] - z];
-        // Where the ellipsoid is the unit sphere.
+        // In the space where the ellipsoid is the unit sphere.
         let along = other.axes.map(|axis| dot(axis, toward));
         let nearest = dot(along, other.to_lamp);
         if nearest > 0.0 && other.body != but {
@@ -302,8 +302,8 @@ fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     left
 }
 
-/// Share of a broad lamp that an ellipsoid in a direction covers: `lamp` is the lamp's direction where the ellipsoid is the
-/// unit sphere.
+/// Share of a broad light that an ellipsoid covers; `toward` points to its centre, `lamp` to the light in the space
+/// where the ellipsoid is the unit sphere.
 #[inline(always)]
 pub(crate) fn penumbra(proxy: &AoProxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
     let along = proxy.axes.map(|axis| dot(axis, toward));
@@ -311,33 +311,33 @@ pub(crate) fn penumbra(proxy: &AoProxy, toward: [f32; 3], lamp: [f32; 3]) -> f32
     let beside = nearest.mul_add(-nearest, square);
     let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
     let spread = (if nearest > 0.0 { nearest } else { 0.0 }).mul_add(LAMP_WIDTH, LAMP_EDGE);
-    // Far away the lamp is wider than the ellipsoid.
+    // At a distance the light is wider than the ellipsoid.
     let full = 1.0 / (spread * spread).mul_add(LAMP_BEYOND, 1.0);
     smooth_step(((1.0 - beside) / spread).mul_add(0.5, 0.5)) * full * within(nearest + 0.5, 0.0, 1.0)
 }
 
-/// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:
-/// exact for small and distant ones above the horizon, and nearly all of it where one touches the point from above.
+/// Cosine-weighted share of the sky above a point that an ellipsoid covers: exact for small, distant ellipsoids above
+/// the horizon, and nearly 1 for one that touches the point from above.
 #[inline(always)]
 pub(crate) fn form_factor(proxy: &AoProxy, toward: [f32; 3], normal: [f32; 3]) -> f32 {
     let square = dot(toward, toward) + 1e-12;
     let inverse = 1.0 / square.sqrt();
     let cosine = dot(normal, toward) * inverse;
-    // Where the ellipsoid is the unit sphere.
+    // In the space where the ellipsoid is the unit sphere.
     let along = proxy.axes.map(|axis| dot(axis, toward));
     let stretched = dot(along, along);
     let away = stretched.sqrt();
-    // Partly below the horizon: a smooth step between none and all of it.
+    // Partly below the horizon: a smooth step from none to all of it.
     let rise = within((cosine * away).mul_add(0.5, 0.5), 0.0, 1.0);
     let around = away + 1.0;
     let (above, edge) = (cosine * around, rise * rise);
     let facing = if above > edge { above } else { edge };
-    // Area over π of its outline seen from the point, over the square distance to the unit sphere's centre.
+    // Solid angle over π, times the squared distance to the unit sphere's centre.
     let per_radius = away * inverse;
     let section = proxy.volume * per_radius * per_radius * per_radius;
     let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
     let cover = facing * section / ((beyond + section) * around);
-    // Boxes are fuller than ellipsoids, and cavity: inside one nothing is known.
+    // Boxes exceed their ellipsoids and bodies may be concave: no occlusion inside.
     let outside = within(stretched.mul_add(2.0, -1.0), 0.0, 1.0);
     within(cover * outside, 0.0, 0.95)
 }
@@ -367,7 +367,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A point of the plane z = 0 that looks up.
+    /// A point of the plane z = 0 with an upward normal.
     pub(in crate::ambient) fn looking_up(place: [f32; 3]) -> Points {
         let mut points = Points::default();
         points.count = 1;
@@ -377,7 +377,7 @@ pub(super) mod tests {
         points
     }
 
-    /// A lamp overhead behind a ball, before it, beside it and far below it.
+    /// A light overhead with a ball above the point, far above, below and beside it.
     #[test]
     fn balls_veil_a_broad_lamp() {
         let up = [0.0, 0.0, 1.0];
@@ -392,7 +392,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A small lamp overhead behind a ball, half of it, before it and beside it.
+    /// A small light overhead: fully, half and not occluded by a ball.
     #[test]
     fn balls_hold_back_a_small_lamp() {
         for (center, expected) in
@@ -403,7 +403,7 @@ pub(super) mod tests {
         }
     }
 
-    /// What is above, beside and below a point: shares of the sky in closed form.
+    /// Closed forms for ellipsoids above, beside and below a point.
     #[test]
     fn ellipsoids_cover_their_share_of_the_sky() {
         for (center, half, expected, tolerance) in [

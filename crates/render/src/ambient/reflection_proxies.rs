@@ -1,5 +1,5 @@
-//! The thing in the hand, for the hand's own camera: the fingers, which are of metal, mirror it and their pads, and what is
-//! dark around it throws no light on it.
+//! Reflection proxies for wrist cameras: the metal fingers reflect the held object and their pads, and the dark gripper
+//! bounces no light onto it.
 
 use genmanip_core::Pose;
 use glam::Vec3;
@@ -9,43 +9,41 @@ use crate::scene::assets::Pad;
 use crate::scene::body_shape::BodyShape;
 use crate::simd::{dot, within};
 
-/// Shares of the sky above a thing's middle that the robot covers from which it counts as held, and at which it fully does.
-/// Chosen: what lies on the table beside the hand has less than 0.15, what is between the fingers more than 0.4.
+/// Share of the sky above a body's centre covered by the robot from which it counts as held, and at which it fully
+/// does. Chosen: objects beside the gripper have less than 0.15, objects between the fingers more than 0.4.
 const BESIDE: f32 = 0.2;
 const BETWEEN: f32 = 0.4;
-/// Light on a thing in the hand, which lies in its shade, over that without the hand: of the surroundings, and of the lamp.
-/// Fitted to traced pictures.
+/// Ambient and key light on a held object in the gripper's shade, relative to a free one. Fitted to path-traced images.
 const AROUND: f32 = 0.32;
 const KEY: f32 = 0.35;
-/// Width of the edge of a mirror image over the length of the ray: metal of fingers is brushed. Fitted likewise.
+/// Width of a reflected edge relative to the length of the ray: fingers are of brushed metal. Fitted likewise.
 const BLUR: f32 = 0.425;
-/// What is added to the length of a ray, metres, and to the width of the edge of an ellipsoid's image, of its radius. Chosen:
-/// images of what touches the metal are sharp, but smooth.
+/// Added ray length [m], and added edge width of an ellipsoid relative to its radius. Chosen: reflections of touching
+/// objects are sharp, but smooth.
 const NEAR_M: f32 = 0.01;
 const EDGE: f32 = 0.05;
 
-/// A thing close to metal, which mirrors it.
+/// An object close to metal that reflects it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectionProxy {
-    /// World frame, metres.
+    /// Centre in the world [m].
     center: [f32; 3],
-    /// Unit axes in the world, each over half the side of its box.
+    /// Unit axes in the world divided by the half sides of its box.
     axes: [[f32; 3]; 3],
     is_box: bool,
-    /// Linear colour on average.
+    /// Mean linear colour.
     color: [f32; 3],
-    /// How much of it there is, 0-1: as far as it is in the hand.
+    /// Weight, 0-1: degree to which it is held.
     share: f32,
 }
 
 impl AoProxies {
-    /// How much of the light that a thing throws on what is around it comes back, 0-1: less from the hand, which is dark,
-    /// but all from its own inside.
+    /// Share of a body's bounce light that returns to it: less in the dark gripper, all of it inside a cavity.
     pub fn bounce_of(&self, body: usize) -> f32 {
         self.of_body(body).filter(|own| !own.is_concave).map_or(1.0, |own| 1.0 - own.in_gripper)
     }
 
-    /// What metal of a robot's body mirrors although it is near, the farther first: the thing in the hand, and a finger's pad.
+    /// Reflection proxies for the metal of a robot's body, the farther first: the held object and the finger's pad.
     pub fn reflection_proxies_of(&self, body: usize) -> [Option<ReflectionProxy>; 2] {
         [self.held(), self.pads.iter().find(|(own, _)| *own == body).map(|(_, pad)| *pad)]
     }
@@ -65,7 +63,7 @@ impl AoProxies {
         })
     }
 
-    /// How far a thing is in the hand of a robot, whose bodies come first.
+    /// Degree to which a body is held by a robot, whose bodies come first.
     pub(super) fn in_gripper(&self, own: &AoProxy, robot_bodies: usize) -> f32 {
         if !self.count || own.body < robot_bodies {
             return 0.0;
@@ -77,7 +75,7 @@ impl AoProxies {
 }
 
 impl ReflectionProxy {
-    /// The pad of a finger at a pose.
+    /// Proxy of a finger pad at a pose.
     pub(super) fn pad(pad: &Pad, pose: &Pose) -> Self {
         let BodyShape { low, high, .. } = pad.shape;
         let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
@@ -85,7 +83,7 @@ impl ReflectionProxy {
         Self { center, axes, is_box: true, color: pad.color.to_array(), share: 1.0 }
     }
 
-    /// How much of a bundle of rays from a place in a unit direction meets the thing, 0-1, and its unit normal there.
+    /// Share of a ray bundle from a position in a unit direction that hits the proxy, 0-1, and the unit normal there.
     #[inline(always)]
     pub fn meet(&self, place: [f32; 3], direction: [f32; 3]) -> (f32, [f32; 3]) {
         let from = [place[0] - self.center[0], place[1] - self.center[1], place[2] - self.center[2]];
@@ -95,8 +93,8 @@ impl ReflectionProxy {
         (share * self.share, normal)
     }
 
-    /// The light of such a share of the thing where it has a normal; `around` is the light of the surroundings on a white
-    /// surface with that normal, and the lamp has a direction and a light.
+    /// Reflected light of a share of the proxy; `around` is the ambient light on a white surface with that normal,
+    /// followed by the key light's direction and colour.
     #[inline(always)]
     pub fn light(&self, share: f32, normal: [f32; 3], around: [f32; 3], [to_light, key]: [[f32; 3]; 2]) -> [f32; 3] {
         let lit = dot(normal, to_light);
@@ -105,7 +103,7 @@ impl ReflectionProxy {
         [light(0), light(1), light(2)]
     }
 
-    /// How much of a bundle of rays meets the box, 0-1, and the normal of the side where it does.
+    /// Share of a ray bundle that hits the box, and the normal of the side that is hit.
     #[inline(always)]
     fn meet_box(&self, start: [f32; 3], step: [f32; 3]) -> (f32, [f32; 3]) {
         let (mut entry, mut exit, mut normal) = (f32::NEG_INFINITY, f32::INFINITY, [0.0; 3]);
@@ -124,10 +122,10 @@ impl ReflectionProxy {
         (within((exit - entry) / (BLUR * (entry + NEAR_M)), 0.0, 1.0), unit(normal))
     }
 
-    /// The same of the ellipsoid in the box.
+    /// Share of a ray bundle that hits the ellipsoid in the box, and the normal.
     #[inline(always)]
     fn meet_ellipsoid(&self, start: [f32; 3], step: [f32; 3]) -> (f32, [f32; 3]) {
-        // Where the ellipsoid is the unit sphere.
+        // In the space where the ellipsoid is the unit sphere.
         let (along, square) = (dot(start, step), dot(step, step) + 1e-12);
         let beside = (along / square).mul_add(-along, dot(start, start));
         let beside = if beside > 0.0 { beside } else { 0.0 };
@@ -155,7 +153,7 @@ fn unit(vector: [f32; 3]) -> [f32; 3] {
     vector.map(|value| value * inverse)
 }
 
-/// A red cube of 0.2 m around the world's origin, or the ball in it, fully in the hand.
+/// A fully held red cube of 0.2 m at the origin, or the ball in it.
 #[cfg(test)]
 pub(crate) fn held_cube(is_box: bool) -> ReflectionProxy {
     let axes = std::array::from_fn(|row| std::array::from_fn(|axis| if row == axis { 10.0 } else { 0.0 }));
@@ -169,7 +167,7 @@ mod tests {
     use super::*;
     use crate::scene::assets::RenderAssets;
 
-    /// Each finger of the robot has one dark pad, which meets rays from the metal beside it.
+    /// Each finger has one dark pad, hit by rays from the metal beside it.
     #[test]
     fn fingers_mirror_their_pads() {
         let assets = RenderAssets::new(panda(), &[], None).unwrap();
@@ -183,7 +181,7 @@ mod tests {
         }
     }
 
-    /// Rays that meet a cube or the ball in it, pass it, or lead away; the normal where they meet it, and how much is met.
+    /// Rays that hit a cube or its ball, miss it, or point away: share and normal.
     #[test]
     fn rays_meet_what_is_held() {
         let diagonal = [std::f32::consts::FRAC_1_SQRT_2, 0.0, std::f32::consts::FRAC_1_SQRT_2];
@@ -191,16 +189,16 @@ mod tests {
         for (is_box, from, direction, expected, normal) in [
             (true, [-0.3, 0.0, 0.0], right, 1.0, Some(left)),
             (false, [-0.12, 0.0, 0.0], right, 1.0, Some(left)),
-            // Farther away the image is less than the ball.
+            // Farther away the reflection is blurred.
             (false, [-0.3, 0.0, 0.0], right, 0.877, None),
             (true, [-0.3, 0.0, 0.0], left, 0.0, None),
             (false, [-0.3, 0.0, 0.0], left, 0.0, None),
             (true, [-0.3, 0.3, 0.0], right, 0.0, None),
             (false, [-0.15, 0.5, 0.0], right, 0.0, None),
-            // Through an upper corner of the cube, where only the blurred edge of the ball is.
+            // An upper corner of the cube, at the blurred edge of the ball.
             (true, [-0.101, 0.09, 0.09], right, 1.0, Some(left)),
             (false, [-0.101, 0.09, 0.09], right, 0.215, None),
-            // Near the edge of the ball the image is blurred.
+            // The edge of the ball is blurred.
             (false, [-0.3, 0.1, 0.0], right, 0.5, None),
             (true, [-0.2, 0.0, -0.2], diagonal, 1.0, None),
         ] {

@@ -1,5 +1,4 @@
-//! Ambient occlusion of points from the depth around them on the image, after McGuire et al., "Scalable Ambient
-//! Obscurance", 2012.
+//! Screen-space ambient occlusion (SSAO) after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -12,17 +11,18 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::turn_of;
 use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, whole_registers, within};
 
-/// SsaoTaps of the ambient occlusion. Chosen.
+/// Taps per point. Chosen.
 const TAPS: usize = 8;
-/// Sum of the taps' darkening, over its mean, at an occlusion strength of 1. Fitted to traced pictures.
+/// Scale of the occlusion at strength 1. Fitted to path-traced images.
 const DARKNESS: f32 = 1.375;
-/// Height above a table up to which the table is seen, metres. Chosen: what is thinner holds nothing back that is seen.
+/// Height above a support surface below which taps do not occlude [m]. Chosen: thinner objects cast no visible
+/// occlusion.
 const FLAT_M: f32 = 0.004;
-/// Largest radius of the ambient occlusion on the image, pixels.
+/// Largest radius on the image [px].
 pub(crate) const MAX_REACH: f32 = 64.0;
 
-/// Share of the ambient light that reaches points. What is seen on the top of a table, a height in metres, holds nothing
-/// back: it is lit, and part of the surroundings.
+/// Share of the ambient light at points. A support surface at height `ground` [m] does not occlude: its reflection is
+/// part of the ambient light.
 pub(crate) fn occlude(
     points: &Points,
     depth: &[f32],
@@ -50,12 +50,12 @@ pub(crate) fn occlude(
     }
 }
 
-/// SsaoTaps around a chunk of points.
+/// Taps around a batch of points.
 #[derive(Debug)]
 pub(crate) struct SsaoTaps {
     cosine: BatchColumn,
     sine: BatchColumn,
-    /// Whole pixels from the point to each tap.
+    /// Offset of each tap from the point [px].
     dx: [BatchColumn; TAPS],
     dy: [BatchColumn; TAPS],
     index: [[u32; CHUNK]; TAPS],
@@ -80,11 +80,11 @@ impl Default for SsaoTaps {
 }
 
 impl SsaoTaps {
-    /// The turn and the length of the taps of each point go together.
+    /// Random rotation and screen radius of each point's taps.
     fn begin(&mut self, points: &Points, focal: f32, radius: f32) {
         for i in 0..points.count {
             let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
-            // Of every other pixel, so that the pattern of turns repeats every 4×4 estimates.
+            // Points are at every second pixel; rotations repeat every 4×4 points.
             let turn = |lane: &BatchColumn| nearest_integer(lane[i]) as usize / 2 % 4;
             let (sine, cosine) = turn_of(TURN[turn(&points.row)][turn(&points.column)]);
             (self.cosine[i], self.sine[i]) = (cosine * reach, sine * reach);
@@ -92,7 +92,7 @@ impl SsaoTaps {
     }
 }
 
-/// Order of the turns within a block of estimates.
+/// Rotations within a block of 4×4 points.
 const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
@@ -125,7 +125,8 @@ fn add_taps(taps: &mut SsaoTaps, points: &Points, focal: f32, radius: f32, (up, 
         let mut darkening = 0.0;
         for tap in 0..TAPS {
             let depth = taps.depth[tap][i];
-            // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
+            // The tap's view ray is the point's shifted by whole pixels; the background (depth 0) lies outside the
+            // radius.
             let stretch = depth / z - 1.0;
             let step = depth * inverse_focal;
             let beside = |shift: f32, place: f32| stretch.mul_add(place, shift * step);
@@ -140,7 +141,7 @@ fn add_taps(taps: &mut SsaoTaps, points: &Points, focal: f32, radius: f32, (up, 
     }
 }
 
-/// A spiral of taps on the unit disc.
+/// Spiral of taps on the unit disc.
 fn spiral() -> &'static [[f32; 2]; TAPS] {
     static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| {

@@ -6,13 +6,13 @@ use glam::{Vec2, Vec3A};
 
 use crate::ambient::proxies::AoProxies;
 use crate::gbuffer::material_bins::MaterialBins;
-use crate::gbuffer::static_layer::{LayeredBuffer, TILE, dilated};
+use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
 use crate::gbuffer::view::{CameraView, View, surface_of};
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::light_buffer::{Estimator, LightBuffer, UpsampleWindow, Windows};
 use crate::raster::VisibilityBuffer;
 use crate::render_scene::RenderScene;
-use crate::resolve::Edges;
+use crate::resolve::Resolver;
 use crate::scene::assets::RenderAssets;
 use crate::scene::texture::srgb8_from_linear;
 use crate::shading::{ShadedPart, Shading};
@@ -21,6 +21,8 @@ use crate::transparency::visibility::TransparentBuffers;
 
 /// Pixels of a strip of tiles that goes through a pass at a time: its data fit the second-level cache.
 const STRIP_PIXELS: usize = 16_384;
+/// Samples per pixel along each axis.
+const SCALE: usize = 2;
 
 /// The last frame of a camera, with all intermediate buffers.
 #[derive(Debug, Default)]
@@ -41,7 +43,7 @@ pub(crate) struct FrameCache {
     estimator: Box<Estimator>,
     windows: Box<Windows>,
     upsample_window: Box<UpsampleWindow>,
-    edges: Edges,
+    resolver: Resolver,
     shading: Box<Shading>,
     /// Visibility at the pixel centres, transparent parts included.
     centers: VisibilityBuffer,
@@ -79,7 +81,7 @@ impl FrameCache {
         if continues {
             self.opaque.follow::<true>(&view.motions, draw);
         } else {
-            self.opaque.redraw::<true>([width, height], assets.parts.len(), draw);
+            self.opaque.redraw::<true>([width, height], SCALE, assets.parts.len(), draw);
             self.light_buffer.reset(width, height);
             self.colors.resize(width * height, Vec3A::ZERO);
             self.rgb.resize(width * height * 3, 0);
@@ -87,7 +89,7 @@ impl FrameCache {
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
         let transparent_moved = !continues || (0..assets.parts.len()).any(moved);
         if (view.has_transparent || had_transparent) && transparent_moved {
-            self.transparent.draw(assets, view);
+            self.transparent.draw(assets, view, SCALE);
         }
         self.light_buffer.read_surfaces(scene, &self.opaque.target, &self.opaque.changed, view);
         self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grid.surface());
@@ -134,7 +136,7 @@ impl FrameCache {
         let tiles_in_strip = columns * (STRIP_PIXELS / (TILE * TILE) / columns).max(1);
         let strips = count.div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
-        self.edges.begin(scene.assets, &self.view, count);
+        self.resolver.begin(scene.assets, &self.view, count);
         let strip_of = |step: usize, behind: usize| {
             let strip = step.checked_sub(behind).filter(|&strip| strip < strips)?;
             Some(strip * tiles_in_strip..((strip + 1) * tiles_in_strip).min(count))
@@ -155,11 +157,11 @@ impl FrameCache {
             if let Some(strip) = strip_of(step, 3) {
                 let tiles = marked(&self.dirty.resolved, strip);
                 self.restore(&tiles);
-                let transparent = self.view.has_transparent.then_some(&mut self.transparent);
-                self.edges.find(&mut self.opaque.target, transparent, &self.light_buffer, &tiles, &self.colors);
+                let transparent = self.view.has_transparent.then_some(&self.transparent);
+                self.resolver.find(&self.opaque.target, transparent, &self.light_buffer, &tiles, &self.colors);
             }
         }
-        self.edges.finish(scene, &self.view, &self.light_buffer, &self.colors, &mut self.rgb);
+        self.resolver.finish(scene, &self.view, &self.light_buffer, &self.colors, &mut self.rgb);
     }
 
     /// Shades the pixel centres of some tiles.
@@ -206,7 +208,7 @@ impl FrameCache {
     fn restore(&mut self, tiles: &[usize]) {
         for &tile in tiles.iter().filter(|&&tile| !self.dirty.shaded[tile]) {
             let [columns, rows] = self.light_buffer.pixels_of(tile);
-            for place in self.edges.rewritten(tile) {
+            for place in self.resolver.rewritten(tile) {
                 let pixel = (rows.start + place / TILE) * self.view.camera.width + columns.start + place % TILE;
                 self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
             }
@@ -215,9 +217,10 @@ impl FrameCache {
 
     /// Writes the requested channels.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
+        let CameraView { width, height, .. } = self.view.camera;
         out.rgb.clone_from(&self.rgb);
-        if channels.normal || channels.parts || self.view.has_transparent {
-            self.find_centers(assets);
+        if channels.normal || channels.parts {
+            self.find_centers(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
             write_geometry(assets, &self.view, &self.centers, channels, out);
             return;
         }
@@ -225,24 +228,39 @@ impl FrameCache {
         out.parts.clear();
         out.depth_m.clear();
         out.instance.clear();
+        let instances = instances_of(assets);
         if channels.depth {
             out.depth_m.extend_from_slice(&self.light_buffer.depth);
         }
         if channels.instance {
-            let instances = instances_of(assets);
             out.instance.extend(self.light_buffer.surface.iter().map(|&surface| instances[usize::from(surface)]));
+        }
+        if !self.view.has_transparent {
+            return;
+        }
+        let areas = self.transparent.areas.clone();
+        self.find_centers(assets, &areas);
+        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
+            let (pixel, sample) = (row * width + column, row * self.centers.stride + column);
+            if channels.depth {
+                out.depth_m[pixel] = depth_of(&self.centers.reversed_z[sample]);
+            }
+            if channels.instance {
+                out.instance[pixel] = instances[surface_of(self.centers.ids[sample]) as usize];
+            }
         }
     }
 
-    /// Finds the visibility at the pixel centres, transparent parts included.
-    fn find_centers(&mut self, assets: &RenderAssets) {
+    /// Finds the visibility at the pixel centres of some areas, transparent parts included.
+    fn find_centers(&mut self, assets: &RenderAssets, areas: &[Rectangle]) {
         let CameraView { width, height, .. } = self.view.camera;
         let (opaque, centers) = (&self.opaque.target, &mut self.centers);
-        centers.reset::<true>(width, height, 1);
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+        if (centers.width, centers.height) != (width, height) {
+            centers.reset::<true>(width, height, 1);
+        }
+        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
             let sample = row * centers.stride + column;
-            (centers.ids[sample], centers.reversed_z[sample]) =
-                opaque.sample(column * opaque.scale, row * opaque.scale);
+            (centers.ids[sample], centers.reversed_z[sample]) = opaque.sample(column * SCALE, row * SCALE);
         }
         self.view.draw_transparent(assets, [true, true], centers);
     }

@@ -36,7 +36,7 @@ pub struct Renderer {
     assets: Arc<RenderAssets>,
     variation: RenderVariation,
     /// What the parts of the assets are made of under the variation.
-    surfaces: Vec<Material>,
+    materials: Vec<Material>,
     lighting: Lighting,
     backdrop: Backdrop,
     /// Shadows of large and of small images, and the frame that each was drawn for.
@@ -66,15 +66,15 @@ struct CacheKey {
 impl Renderer {
     /// A renderer of these assets under a light.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
-        let surfaces = variation.surfaces(&assets);
-        let lighting = Lighting::new(&variation, &surfaces);
-        let body_colors = colors_of(&assets, &surfaces);
+        let materials = variation.materials(&assets);
+        let lighting = Lighting::new(&variation, &materials);
+        let body_colors = colors_of(&assets, &materials);
         let irradiance_grids = irradiance_grids(&assets, &variation);
         Self {
             assets,
             backdrop: Backdrop::new(&variation, &lighting),
             lighting,
-            surfaces,
+            materials,
             variation,
             shadows: Default::default(),
             proxies: AoProxies::default(),
@@ -98,8 +98,8 @@ impl Renderer {
     }
 
     /// What the parts of the assets are made of in that look.
-    pub(crate) fn surfaces(&self) -> &[Material] {
-        &self.surfaces
+    pub(crate) fn materials(&self) -> &[Material] {
+        &self.materials
     }
 
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
@@ -198,10 +198,10 @@ impl Renderer {
             Some(index) => self.kept.remove(index),
             None => (key, FrameCache::default()),
         };
-        let (assets, surfaces) = (&*self.assets, &*self.surfaces);
+        let (assets, materials) = (&*self.assets, &*self.materials);
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
         let (proxies, irradiance_grid) = (&self.proxies, &*irradiance_grid);
-        let scene = RenderScene { assets, surfaces, variation, lighting, backdrop, shadow, proxies, irradiance_grid };
+        let scene = RenderScene { assets, materials, variation, lighting, backdrop, shadow, proxies, irradiance_grid };
         cache.draw(&scene, frame, camera);
         cache.write(&self.assets, job.channels, out);
         self.shaded_pixels = cache.shaded_pixels;

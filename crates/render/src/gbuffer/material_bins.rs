@@ -1,22 +1,22 @@
-//! Pixels by the part they show.
+//! Pixels binned by part (a mesh of one material), so that each part is processed in batches.
 
 use std::ops::Range;
 
 use crate::gbuffer::points::{PixelCenters, Pixels, packed};
 use crate::simd::CHUNK;
 
-/// Pixels by the part they show, [`packed`].
+/// [`packed`] pixels by part.
 #[derive(Debug, Default)]
 pub(crate) struct MaterialBins {
     parts: Vec<Bin>,
 }
 
-/// Pixels of a part.
+/// Pixels of one part.
 #[derive(Debug, Default)]
 struct Bin {
-    /// First pixels of tiles that show nothing else.
+    /// First pixels of tiles that show only this part.
     tiles: Vec<u32>,
-    /// The others.
+    /// Other pixels.
     pixels: Vec<u32>,
 }
 
@@ -29,14 +29,14 @@ impl MaterialBins {
         }
     }
 
-    /// Adds a pixel that shows a surface; 0 is none.
+    /// Adds a pixel of a surface number; 0 is the background.
     pub fn push(&mut self, surface: u16, place: u32) {
         if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
             bin.pixels.push(place);
         }
     }
 
-    /// Adds the pixels at every so many rows and columns of a tile that shows one surface.
+    /// Adds every `STEP`th row and column of a tile that shows one surface.
     pub fn push_every<const STEP: usize>(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
         let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
         for row in rows.clone().step_by(STEP) {
@@ -49,13 +49,13 @@ impl MaterialBins {
         self.parts[surface as usize - 1].tiles.push(place);
     }
 
-    /// The parts that are seen, the first pixels of tiles that show nothing else, and their other pixels.
+    /// Visible parts with the first pixels of their whole tiles and their other pixels.
     pub fn parts(&self) -> impl Iterator<Item = (usize, &[u32], &[u32])> {
         let is_seen = |(_, tiles, pixels): &(usize, &[u32], &[u32])| !tiles.is_empty() || !pixels.is_empty();
         self.parts.iter().enumerate().map(|(part, bin)| (part, &*bin.tiles, &*bin.pixels)).filter(is_seen)
     }
 
-    /// Calls with each part that is seen and some of its pixels, until all had their turn.
+    /// Calls a function with each visible part and batches of its pixels.
     pub fn for_each(&self, pixels: &mut Pixels, centers: PixelCenters<'_>, mut call: impl FnMut(usize, &Pixels)) {
         for (part, tiles, places) in self.parts() {
             for &place in tiles {

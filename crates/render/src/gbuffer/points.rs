@@ -1,5 +1,4 @@
-//! Pixels of one part as points of its surface, a chunk at a time, one component of all points beside each other:
-//! loops over them are compiled for the widest registers of the machine, and give the same bits on all.
+//! Surface points of one part in batches: positions and normals of pixels in the world and in camera axes.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -10,7 +9,7 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::assets::{Part, TRIANGLE_BITS};
 use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, turned, whole_registers};
 
-/// A pixel as one number: its column in the lower half, its row in the upper.
+/// A pixel as one number: column in the low half, row in the high half.
 #[inline(always)]
 pub(crate) fn packed(column: usize, row: usize) -> u32 {
     column as u32 | (row as u32) << 16
@@ -22,10 +21,10 @@ pub(crate) fn unpacked(place: u32) -> [u32; 2] {
     [place & 0xffff, place >> 16]
 }
 
-/// In place of the one visibility id of a tile's samples.
+/// Stands for several visibility ids in a tile.
 pub(crate) const MIXED: u32 = u32::MAX;
 
-/// What the centres of an image's pixels see of what is opaque.
+/// Visible opaque surfaces at the pixel centres of an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PixelCenters<'a> {
     /// Pixels per row.
@@ -33,13 +32,13 @@ pub(crate) struct PixelCenters<'a> {
     /// Visibility ids.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
-    /// Tiles per row, and the one id of all samples of each, [`MIXED`] for several.
+    /// Tiles per row, and the one visibility id of each tile's samples, or [`MIXED`].
     pub columns: usize,
     pub only: &'a [u32],
 }
 
 impl PixelCenters<'_> {
-    /// The one id of the tile of which this is the first pixel.
+    /// The one visibility id of the tile that begins at a packed pixel.
     pub fn only(&self, place: u32) -> Option<u32> {
         let [column, row] = unpacked(place).map(|at| at as usize);
         Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != MIXED)
@@ -51,19 +50,19 @@ impl PixelCenters<'_> {
     }
 }
 
-/// Pixels whose centres show one part: a whole tile, or listed ones.
+/// A batch of pixels that show one part: a whole tile, or a list.
 #[derive(Clone, Debug)]
 pub(crate) struct Pixels {
     pub count: usize,
-    /// Whether they are a whole tile, row by row.
+    /// True for a whole tile, row by row.
     pub is_tile: bool,
     pub pixel: [u32; CHUNK],
     pub column: BatchColumn,
     pub row: BatchColumn,
     pub depth: BatchColumn,
-    /// Only the first where all are the same.
+    /// Triangle indices; only the first is valid if all are equal.
     pub triangle: [u32; CHUNK],
-    /// Whether all show the same triangle.
+    /// True if all pixels show one triangle.
     pub is_flat: bool,
 }
 
@@ -83,11 +82,11 @@ impl Default for Pixels {
     }
 }
 
-/// The bits of a visibility id that tell the triangle.
+/// Bits of a visibility id that hold the triangle.
 pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
-    /// Becomes [`packed`] pixels.
+    /// Loads a list of [`packed`] pixels.
     pub fn list(&mut self, places: &[u32], centers: PixelCenters<'_>) {
         self.count = places.len().min(CHUNK);
         self.is_tile = false;
@@ -100,7 +99,7 @@ impl Pixels {
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
     }
 
-    /// Becomes the tile of which this is the first pixel.
+    /// Loads the tile that begins at a packed pixel.
     pub fn tile(&mut self, place: u32, centers: PixelCenters<'_>) {
         (self.count, self.is_tile) = (CHUNK, true);
         match centers.only(place) {
@@ -145,18 +144,18 @@ fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Pixel
     pixels.is_flat = differ == 0;
 }
 
-/// Points of one part and the planes they lie in.
+/// A batch of surface points of one part.
 #[derive(Clone, Debug)]
 pub(crate) struct Points {
     pub count: usize,
     pub pixel: [u32; CHUNK],
     pub column: BatchColumn,
     pub row: BatchColumn,
-    /// World frame.
+    /// Positions in the world [m].
     pub place: [BatchColumn; 3],
-    /// Unit normals of the triangles, towards the viewer, world frame.
+    /// Unit normals of the triangles towards the camera, in the world.
     pub normal: [BatchColumn; 3],
-    /// Camera axes.
+    /// The same in camera axes.
     pub place_in_camera: [BatchColumn; 3],
     pub normal_in_camera: [BatchColumn; 3],
     plane: [BatchColumn; 3],
@@ -180,7 +179,7 @@ impl Default for Points {
 }
 
 impl Points {
-    /// Becomes what pixels show of a part.
+    /// Computes positions and normals of pixels of a part.
     pub fn fill(&mut self, pixels: &Pixels, part: &Part, placed: &PartView, camera: &CameraView) {
         let faces = &placed.mesh(part).faces;
         self.count = pixels.count;
@@ -198,7 +197,7 @@ impl Points {
         locate(self, &pixels.depth, placed, camera);
     }
 
-    /// Which of sixteen turns the taps of a point get.
+    /// Index of one of sixteen rotations of a point's sampling pattern.
     #[inline(always)]
     pub fn turn(&self, point: usize) -> u8 {
         let pixel = |lane: &BatchColumn| nearest_integer(lane[point]) as usize;
@@ -232,7 +231,7 @@ fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: 
     }
 }
 
-/// Turns of blocks of 2×2 pixels: neighbours get far-apart ones, and all sixteen come in every 4×4 blocks.
+/// Rotations of blocks of 2×2 pixels: neighbours differ much, and all sixteen occur in 4×4 blocks.
 const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-/// What each pixel of a block adds, modulo 16, so that nearly all turns come in 4×4 pixels too.
+/// Offsets within a block, modulo 16, so that nearly all rotations occur in 4×4 pixels.
 const WITHIN: [[u8; 2]; 2] = [[0, 2], [3, 1]];

@@ -1,15 +1,15 @@
-//! Drawings that follow a scene from frame to frame: what rests is kept, what moves is drawn over it.
+//! Static layer: parts at rest are rasterised once, moving parts are drawn over them, and changed tiles are reported.
 //!
-//! Exact: the order of drawing does not matter to a [`VisibilityBuffer`], so it holds the same bits as one that is drawn anew.
+//! Exact: a [`VisibilityBuffer`] does not depend on the order of drawing, so the result has the bits of a full redraw.
 
 use std::ops::Range;
 
 use crate::raster::VisibilityBuffer;
 
-/// Pixels per side of the tiles whose changes are tracked.
+/// Pixels along the side of a tile.
 pub(crate) const TILE: usize = 8;
 
-/// The places of a tile's pixels in bits, row by row, that are set.
+/// Set bits of a tile's pixels (row by row), as places.
 #[inline(always)]
 pub(crate) fn each_place(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -19,7 +19,7 @@ pub(crate) fn each_place(mut bits: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Pixels, ends excluded.
+/// A rectangle of pixels, ends excluded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Rectangle {
     pub columns: Range<usize>,
@@ -27,7 +27,7 @@ pub(crate) struct Rectangle {
 }
 
 impl Rectangle {
-    /// The pixels whose samples bounds in pixel coordinates may touch, within an image.
+    /// Pixels whose samples may be touched by something within image bounds.
     pub fn around(low: [f32; 2], high: [f32; 2], width: usize, height: usize) -> Self {
         let span = |low: f32, high: f32, limit: usize| {
             let from = (low - 1.0).max(0.0) as usize;
@@ -35,6 +35,12 @@ impl Rectangle {
             from.min(limit)..to.min(limit)
         };
         Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
+    }
+
+    /// Rows and columns of its pixels.
+    pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let columns = self.columns.clone();
+        self.rows.clone().flat_map(move |row| columns.clone().map(move |column| (row, column)))
     }
 
     pub fn is_empty(&self) -> bool {
@@ -46,29 +52,29 @@ impl Rectangle {
         if self.is_empty() { 0..0 } else { self.columns.start / TILE..self.columns.end.div_ceil(TILE) }
     }
 
-    /// Rows of these tiles.
+    /// Rows of the tiles that it touches.
     pub fn tile_rows(&self) -> Range<usize> {
         if self.is_empty() { 0..0 } else { self.rows.start / TILE..self.rows.end.div_ceil(TILE) }
     }
 }
 
-/// What becomes of a part between two frames.
+/// Motion of a part between two frames.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Motion {
     pub moved: bool,
-    /// Where it was drawn, and where it is.
+    /// Bounds in the last frame and in this one.
     pub before: Rectangle,
     pub now: Rectangle,
 }
 
-/// A target and its layer of parts at rest.
+/// A visibility buffer with a layer of its static parts.
 #[derive(Debug, Default)]
 pub(crate) struct LayeredBuffer {
     pub target: VisibilityBuffer,
     layer: VisibilityBuffer,
     in_layer: Vec<bool>,
     is_layered: bool,
-    /// Tiles in which something is drawn over the layer.
+    /// Tiles in which moving parts are visible.
     over: Vec<bool>,
     pub tile_columns: usize,
     pub tile_rows: usize,
@@ -77,14 +83,15 @@ pub(crate) struct LayeredBuffer {
 }
 
 impl LayeredBuffer {
-    /// Draws everything anew, `width` × `height` pixels with `scale`² samples each.
+    /// Draws all parts, `width` × `height` pixels with `scale`² samples each.
     pub fn redraw<const IDS: bool>(
         &mut self,
         [width, height]: [usize; 2],
+        scale: usize,
         parts: usize,
         mut draw: impl FnMut(usize, &mut VisibilityBuffer),
     ) {
-        clear::<IDS>(&mut self.target, [width, height]);
+        self.target.reset::<IDS>(width, height, scale);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
@@ -94,7 +101,7 @@ impl LayeredBuffer {
         }
     }
 
-    /// Draws what moved since the last drawing.
+    /// Redraws the parts that moved.
     pub fn follow<const IDS: bool>(&mut self, motions: &[Motion], mut draw: impl FnMut(usize, &mut VisibilityBuffer)) {
         self.changed.fill(false);
         if !motions.iter().any(|motion| motion.moved) {
@@ -107,14 +114,13 @@ impl LayeredBuffer {
         if is_new {
             self.in_layer.clear();
             self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
-            clear::<IDS>(&mut self.layer, [width, height]);
+            self.layer.reset::<IDS>(width, height, scale);
             self.is_layered = true;
             for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
                 draw(part, &mut self.layer);
             }
             self.over.clear();
             self.over.resize(self.changed.len(), false);
-            self.target.share_covers(&self.layer);
         }
         for motion in motions.iter().filter(|motion| motion.moved) {
             self.mark(&motion.before);
@@ -124,7 +130,7 @@ impl LayeredBuffer {
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
         }
-        // Rectangles are generous: a tile that shows the layer alone as it did before has not changed.
+        // Bounds are generous: a tile that still shows only the static layer has not changed.
         for tile in 0..self.changed.len() {
             if !self.changed[tile] {
                 continue;
@@ -132,14 +138,13 @@ impl LayeredBuffer {
             let (column, row) = (tile % self.tile_columns * TILE, tile / self.tile_columns * TILE);
             let columns = column * scale..(column + TILE).min(width) * scale;
             let rows = row * scale..(row + TILE).min(height) * scale;
-            let differs = || self.target.differs(&self.layer, columns, rows);
-            let is_over = self.target.differs_from_cover(&self.layer, tile).unwrap_or_else(differs);
+            let is_over = self.target.differs(&self.layer, columns, rows);
             self.changed[tile] = is_new || is_over || self.over[tile];
             self.over[tile] = is_over;
         }
     }
 
-    /// Takes the tiles that change from the layer; all of a new one, whose covers the others would not know.
+    /// Copies dirty tiles from the static layer; all of them from a new layer.
     fn restore(&mut self, is_new: bool) {
         let scale = self.target.scale;
         let (width, height) = (self.target.width, self.target.height);
@@ -148,11 +153,10 @@ impl LayeredBuffer {
             let mut column = 0;
             while column < self.tile_columns {
                 let first = column;
-                // A tile with nothing drawn over it still shows the layer.
-                let mut is_copied = |column: usize| {
+                // A tile without moving parts still shows the layer.
+                let is_copied = |column: usize| {
                     let tile = row * self.tile_columns + column;
-                    let is_other = is_new || (self.changed[tile] && self.over[tile]);
-                    is_other && !self.target.take_cover(&self.layer, tile)
+                    is_new || (self.changed[tile] && self.over[tile])
                 };
                 while column < self.tile_columns && is_copied(column) {
                     column += 1;
@@ -174,19 +178,7 @@ impl LayeredBuffer {
     }
 }
 
-/// Longer side of images up to which tile covers do not pay off: few tiles show one triangle alone [px]. Measured.
-const SMALL_PX: usize = 128;
-
-/// Clears a visibility buffer, with ids and 2×2 samples per pixel, or a shadow map with one sample per texel.
-pub(crate) fn clear<const IDS: bool>(target: &mut VisibilityBuffer, [width, height]: [usize; 2]) {
-    if IDS && width.max(height) > SMALL_PX {
-        target.reset_covered(width, height);
-    } else {
-        target.reset::<IDS>(width, height, if IDS { 2 } else { 1 });
-    }
-}
-
-/// Marks of a grid of tiles dilated by one tile in all directions.
+/// Marks of a grid of tiles, dilated by one tile in all directions.
 pub(crate) fn dilated(marks: &[bool], columns: usize) -> Vec<bool> {
     let across = |tile: usize| {
         let column = tile % columns;
@@ -199,7 +191,7 @@ pub(crate) fn dilated(marks: &[bool], columns: usize) -> Vec<bool> {
     (0..marks.len()).map(down).collect()
 }
 
-/// How many tiles of any rectangle are marked, in constant time (a summed-area table).
+/// Summed-area table of marks on a grid of tiles: tests rectangles in constant time.
 #[derive(Debug, Default)]
 pub(crate) struct MarkCount {
     columns: usize,
@@ -208,7 +200,7 @@ pub(crate) struct MarkCount {
 }
 
 impl MarkCount {
-    /// Counts the marks of a grid of tiles.
+    /// Sums the marks of a grid.
     pub fn count(&mut self, marks: impl IntoIterator<Item = bool>, columns: usize, rows: usize) {
         (self.columns, self.rows) = (columns, rows);
         self.sums.clear();
@@ -223,7 +215,7 @@ impl MarkCount {
         }
     }
 
-    /// Whether any tile from column and row `from` to `to`, both included and cut at the grid's border, is marked.
+    /// True if any tile in a range of columns and rows, ends included, is marked; the range may exceed the grid.
     pub fn any(&self, from: [isize; 2], to: [isize; 2]) -> bool {
         let cut = |value: isize, limit: usize| value.clamp(0, limit as isize) as usize;
         let (x0, x1) = (cut(from[0], self.columns), cut(to[0] + 1, self.columns));

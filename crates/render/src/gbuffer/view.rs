@@ -1,4 +1,4 @@
-//! A camera over a frame: what is in view, where its corners fall, and which surface each sample sees.
+//! Camera views: placed parts, projected vertices and rasterisation of parts.
 
 use genmanip_core::{Camera, Pose};
 use glam::{Mat3A, Vec2, Vec3A};
@@ -11,35 +11,40 @@ use crate::raster::{Corner, Sides, Viewpoint, VisibilityBuffer, area_of, draw_me
 use crate::scene::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::scene::mesh::{ERRORS_M, Mesh};
 
-/// Nothing nearer than this is drawn, metres.
+/// Distance of the near plane [m].
 pub(crate) const NEAR_M: f32 = 0.01;
 
-/// A pinhole at a place, single precision, ready for drawing.
+/// A pinhole camera at a pose, in single precision.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraView {
+    /// Pixels per row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Focal lengths [px].
     pub focal: Vec2,
+    /// Principal point [px].
     pub center: Vec2,
+    /// Pose of the camera.
     pub world_from_camera: Pose,
-    /// World coordinates of the optical centre.
+    /// Optical centre in the world [m].
     pub viewpoint: Vec3A,
-    /// World axes of the camera.
+    /// Rotation from camera axes to the world.
     pub turn: Mat3A,
 }
 
-/// All parts seen through a camera; remembers what it saw before.
+/// All parts as seen by a camera; keeps the last frame's placement.
 #[derive(Debug, Default)]
 pub(crate) struct View {
     pub camera: CameraView,
     pub parts: Vec<PartView>,
-    /// What became of each part at the last [`View::place`].
+    /// Motion of each part since the last [`View::place`].
     pub motions: Vec<Motion>,
-    /// Whether anything in view is transparent.
+    /// True if a transparent part is in view.
     pub has_transparent: bool,
 }
 
-/// A part at its place.
+/// A part placed in front of a camera.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
@@ -50,22 +55,22 @@ pub(crate) struct PartView {
     pub world_from_body: Mat3A,
     /// Rotation from camera axes to the body's frame.
     pub body_from_camera: Mat3A,
-    /// The optical centre in the body's frame.
+    /// Optical centre in the body's frame [m].
     pub viewpoint_in_body: Vec3A,
-    /// On the image plane at one sample per pixel; the reversed_z is 1 / depth.
+    /// Projected vertices [px] with reversed z = 1 / depth.
     corners: Vec<Corner>,
-    /// Whether some corner is before the near plane.
+    /// True if it crosses the near plane.
     is_cut: bool,
 }
 
-/// Smallest size of an image, along its longer side, that shows meshes in full detail.
+/// Smallest longer side of images with full mesh detail [px].
 const FULL_DETAIL_PX: usize = 256;
-/// By how much surfaces may move at a level of detail, pixels. Measured: with a third of a pixel, pictures of 64 × 64 and
-/// 128 × 72 differ from those in full detail by 0.7 and 0.5 levels of 255 on average.
+/// Largest surface error of a level of detail on the image [px]. Measured: with a third of a pixel, images of 64×64 and
+/// 128×72 differ from full detail by 0.7 and 0.5 levels of 255 on average.
 const LEVEL_PX: f32 = 0.35;
 
 impl CameraView {
-    /// Checks a job and places its camera.
+    /// Validates a job and places its camera.
     pub fn of(assets: &RenderAssets, job: &ViewJob<'_>) -> Result<Self, RenderError> {
         let (expected, got) = (assets.body_count(), job.frame.body_poses.len());
         if expected != got {
@@ -77,7 +82,7 @@ impl CameraView {
         Self::new(job.camera, &assets.world_from_hand(job.frame))
     }
 
-    /// Checks a camera and places it.
+    /// Validates and places a camera.
     fn new(camera: &Camera, world_from_hand: &Pose) -> Result<Self, RenderError> {
         let k = &camera.intrinsics;
         let bad = |problem: String| RenderError::BadCamera { camera: camera.name.clone(), problem };
@@ -103,7 +108,7 @@ impl CameraView {
         })
     }
 
-    /// Whether any of a ball, in camera axes, may be in view.
+    /// True if a ball, in camera axes, may be in view.
     fn sees(&self, center: Vec3A, radius: f32) -> bool {
         let outside = |slope: f32, offset: f32| (offset - slope * center.z) > radius * (1.0 + slope * slope).sqrt();
         let left = (self.center.x + 0.5) / self.focal.x;
@@ -119,9 +124,9 @@ impl CameraView {
 }
 
 impl View {
-    /// Places all parts of a frame before a camera; says whether it is the camera of the last time.
+    /// Places all parts of a frame; returns true if the camera is that of the last frame.
     ///
-    /// What did not move before a camera that did not move is left as it is.
+    /// Parts at rest keep their placement if the camera does.
     pub fn place(&mut self, assets: &RenderAssets, frame: &FrameState, camera: CameraView) -> bool {
         let follows = self.camera == camera && self.parts.len() == assets.parts.len();
         self.camera = camera;
@@ -141,18 +146,7 @@ impl View {
         follows
     }
 
-    /// Unit normal in the world of the triangle of a visibility id, towards the viewer; `None` for no triangle.
-    pub fn normal_of(&self, assets: &RenderAssets, id: u32) -> Option<Vec3A> {
-        let (part, triangle) = part_and_triangle(id)?;
-        let placed = &self.parts[part];
-        let mesh = placed.mesh(&assets.parts[part]);
-        let plane = Vec3A::from_vec4(mesh.faces[triangle].plane);
-        let corner = Vec3A::from(mesh.positions[mesh.triangles[triangle][0] as usize]);
-        let towards = if plane.dot(corner - placed.viewpoint_in_body) > 0.0 { -plane } else { plane };
-        Some(placed.world_from_body * towards)
-    }
-
-    /// Draws one part over what the target holds.
+    /// Rasterises the given sides of a part.
     pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut VisibilityBuffer) {
         let (part, placed) = (&assets.parts[index], &self.parts[index]);
         if !placed.visible {
@@ -171,7 +165,7 @@ impl View {
         }
     }
 
-    /// Draws one opaque part without the sides that can never be seen.
+    /// Rasterises an opaque part, with back-face culling where possible.
     pub fn draw_opaque(&self, assets: &RenderAssets, index: usize, target: &mut VisibilityBuffer) {
         let part = &assets.parts[index];
         if !part.is_transparent() {
@@ -180,7 +174,7 @@ impl View {
         }
     }
 
-    /// Draws a part, opaque or transparent, with all sides that can be seen.
+    /// Rasterises a part with all visible sides.
     pub fn draw_whole(&self, assets: &RenderAssets, index: usize, target: &mut VisibilityBuffer) {
         match assets.parts[index].is_transparent() {
             true => self.draw(assets, index, [true, true], target),
@@ -188,15 +182,15 @@ impl View {
         }
     }
 
-    /// Draws all transparent parts.
+    /// Rasterises the given sides of all transparent parts.
     pub fn draw_transparent(&self, assets: &RenderAssets, sides: Sides, target: &mut VisibilityBuffer) {
         for index in (0..assets.parts.len()).filter(|&index| assets.parts[index].is_transparent()) {
             self.draw(assets, index, sides, target);
         }
     }
 
-    /// Draws the sides of transparent parts that face away, the farthest of each sample: their reversed_z is
-    /// [`complement_z`] of what is drawn. Parts that reach before the near plane are left out.
+    /// Rasterises the back faces of transparent parts, keeping the farthest: with complemented reversed z
+    /// ([`complement_z`]). Parts that cross the near plane are skipped.
     pub fn draw_far_sides(&self, assets: &RenderAssets, target: &mut VisibilityBuffer) {
         let is_whole = |index: &usize| {
             let placed = &self.parts[*index];
@@ -210,7 +204,7 @@ impl View {
         }
     }
 
-    /// A triangle that crosses the near plane: what lies beyond it, as a fan.
+    /// Clips a triangle at the near plane and rasterises the rest as a fan.
     #[cold]
     fn draw_clipped(
         &self,
@@ -234,7 +228,7 @@ impl View {
                 polygon.push(self.camera.project(from).scaled(scale));
             }
             if (from.z >= NEAR_M) != (to.z >= NEAR_M) {
-                // Always from the visible corner, so that neighbours cut their common edge at the same point.
+                // Always from the visible vertex, so that neighbours clip their common edge at the same point.
                 let (inside, outside) = if from.z >= NEAR_M { (from, to) } else { (to, from) };
                 let cut = inside + (outside - inside) * ((NEAR_M - inside.z) / (outside.z - inside.z));
                 polygon.push(self.camera.project(cut.with_z(NEAR_M)).scaled(scale));
@@ -250,7 +244,7 @@ impl PartView {
         part.mesh.at_level(self.level)
     }
 
-    /// Moves to a pose; returns the pixels that the part may cover.
+    /// Moves the part to a pose; returns bounds on the image.
     fn place(&mut self, part: &Part, pose: Pose, camera_from_world: &Pose, camera: &CameraView) -> Rectangle {
         let camera_from_body = *camera_from_world * pose;
         let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3a());
@@ -277,7 +271,7 @@ impl PartView {
                 high.joined(corner, |a, b| if a > b { a } else { b }),
             )
         });
-        // Behind the viewpoint it is negative.
+        // Negative behind the camera.
         self.is_cut = low.reversed_z < 0.0 || high.reversed_z > 1.0 / NEAR_M;
         if self.is_cut {
             return Rectangle { columns: 0..camera.width, rows: 0..camera.height };
@@ -287,7 +281,7 @@ impl PartView {
 }
 
 impl CameraView {
-    /// The coarsest level of detail whose surfaces move by less than [`LEVEL_PX`] at a distance; 0 in large images.
+    /// Coarsest level of detail with a surface error below [`LEVEL_PX`] at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
         if self.width.max(self.height) >= FULL_DETAIL_PX {
             return 0;
@@ -296,13 +290,13 @@ impl CameraView {
         ERRORS_M.iter().take_while(|&&error| error < LEVEL_PX * pixel_m).count()
     }
 
-    /// The point of the world that is seen at a pixel at a depth.
+    /// World position of a pixel at a depth.
     pub fn point_at(&self, pixel: Vec2, depth: f32) -> Vec3A {
         let flat = (pixel - self.center) / self.focal;
         self.viewpoint + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
     }
 
-    /// Heights in the world of the points that are seen at pixels beside each other at depths.
+    /// World heights of neighbouring pixels at some depths.
     #[inline(always)]
     pub fn heights_at<const N: usize>(&self, [column, row]: [usize; 2], depths: &[f32; N]) -> [f32; N] {
         let [x, y, z] = [self.turn.x_axis.z, self.turn.y_axis.z, self.turn.z_axis.z];
@@ -322,20 +316,20 @@ impl CameraView {
     }
 }
 
-/// Turns the nearest into the farthest, and back.
+/// Reverses the order of reversed z: nearest becomes farthest.
 #[inline(always)]
 pub(crate) fn complement_z(reversed_z: f32) -> f32 {
     1.0 / NEAR_M - reversed_z
 }
 
-/// Draws a mesh that lies beyond the near plane.
+/// Rasterises a mesh beyond the near plane.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut VisibilityBuffer) {
     let viewpoint = Viewpoint::At(placed.viewpoint_in_body.to_array());
     draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, viewpoint, sides, first_id, target);
 }
 
-/// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
+/// Rasterises the triangles beyond the near plane; lists those that cross it.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_beyond(
     mesh: &Mesh,
@@ -357,7 +351,7 @@ fn draw_beyond(
     }
 }
 
-/// Draws the sides that are wanted of triangles around the first of some corners.
+/// Rasterises a triangle fan.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut VisibilityBuffer) {
     for pair in polygon.get(1..).unwrap_or_default().windows(2) {
@@ -365,7 +359,7 @@ fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut VisibilityBu
     }
 }
 
-/// Draws a triangle if its side is wanted.
+/// Rasterises a triangle if its side is requested.
 #[inline(always)]
 fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut VisibilityBuffer) {
     let [a, b, c] = corners;
@@ -376,12 +370,12 @@ fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Visibil
     }
 }
 
-/// Rotation of a pose as a matrix.
+/// Rotation matrix of a pose.
 pub fn rotation(pose: &Pose) -> Mat3A {
     Mat3A::from(glam::DMat3::from_quat(pose.rotation).as_mat3())
 }
 
-/// Refuses poses with numbers that are not finite.
+/// Rejects poses that are not finite.
 fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderError> {
     if pose.position.is_finite() && pose.rotation.is_finite() {
         Ok(())
@@ -390,13 +384,13 @@ fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderErro
     }
 }
 
-/// The part of a visibility id, plus one.
+/// Surface number of a visibility id: part number plus one, 0 for the background.
 #[inline(always)]
 pub(crate) fn surface_of(id: u32) -> u32 {
     id >> TRIANGLE_BITS
 }
 
-/// Part and triangle of a visibility id; `None` where nothing is seen.
+/// Part and triangle of a visibility id; `None` for the background.
 #[inline]
 pub(crate) fn part_and_triangle(id: u32) -> Option<(usize, usize)> {
     let part = (id >> TRIANGLE_BITS).checked_sub(1)?;

@@ -109,11 +109,6 @@ impl LightBuffer {
         PixelCenters { width: self.width, ids: &self.ids, depth: &self.depth, columns: self.columns, only: &self.only }
     }
 
-    /// The one surface that a tile shows, 0 for the background; `None` for several.
-    pub fn surface_of(&self, tile: usize) -> Option<u16> {
-        Some(self.tiles[tile].surface).filter(|&surface| surface != SEVERAL)
-    }
-
     /// True if a tile may show the background.
     pub fn may_be_empty(&self, tile: usize) -> bool {
         matches!(self.tiles[tile].surface, 0 | SEVERAL)
@@ -167,12 +162,6 @@ impl LightBuffer {
     pub fn lines<'a>(&self, values: &'a [f32], first: usize) -> [&'a [f32; TILE]; TILE] {
         let line = |row: usize| values[first + row * self.width..].first_chunk();
         std::array::from_fn(|row| line(row).expect("a whole tile lies within the image"))
-    }
-
-    /// True if a tile lacks a whole neighbour on some side.
-    pub fn is_at_border(&self, tile: usize) -> bool {
-        let [column, row] = self.place_of(tile);
-        column == 0 || row == 0 || (column + 1) * TILE >= self.width || (row + 1) * TILE >= self.height
     }
 
     /// First and last column and row of the tiles within some pixels of a tile.

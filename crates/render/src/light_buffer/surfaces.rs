@@ -12,7 +12,7 @@ use crate::ambient::ssao::MAX_REACH;
 use crate::gbuffer::points::MIXED;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, View};
-use crate::raster::{TileCover, VisibilityBuffer};
+use crate::raster::VisibilityBuffer;
 use crate::render_scene::RenderScene;
 use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
@@ -35,7 +35,7 @@ impl LightBuffer {
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let TileContents { reversed_z: [low, high], first, differ, differ_all } =
-                self.read_tile(opaque, tile, columns.clone(), rows.clone());
+                self.read_tile(opaque, columns.clone(), rows.clone());
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
             let mut own_flags = 0;
             for row in rows.clone() {
@@ -89,13 +89,7 @@ impl LightBuffer {
     }
 
     /// Takes over what is seen in a tile.
-    fn read_tile(
-        &mut self,
-        opaque: &VisibilityBuffer,
-        tile: usize,
-        columns: Range<usize>,
-        rows: Range<usize>,
-    ) -> TileContents {
+    fn read_tile(&mut self, opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>) -> TileContents {
         let first = rows.start * self.width + columns.start;
         let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
         let seen = Seen {
@@ -107,24 +101,7 @@ impl LightBuffer {
         if columns.len() != TILE || rows.len() != TILE {
             return read_part(opaque, columns, rows, seen);
         }
-        let Some(cover) = opaque.cover(tile) else {
-            let samples = (&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride);
-            return match opaque.scale {
-                1 => read_stored::<1>(samples, seen),
-                2 => read_stored::<2>(samples, seen),
-                _ => read_stored::<4>(samples, seen),
-            };
-        };
-        let reversed_z = read_cover(cover, columns.start, self.width, &mut self.depth[first..]);
-        // What shows the same triangle as before everywhere has its ids.
-        if self.only[tile] != cover.id {
-            for row in rows {
-                let pixels = row * self.width + columns.start..row * self.width + columns.end;
-                self.ids[pixels.clone()].fill(cover.id);
-                self.surface[pixels].fill((cover.id >> TRIANGLE_BITS) as u16);
-            }
-        }
-        TileContents { reversed_z, first: cover.id, differ: 0, differ_all: 0 }
+        read_stored((&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride), seen)
     }
 }
 
@@ -171,24 +148,10 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
-/// Writes the depths of a tile, which begins at a column of the picture, that a triangle covers; returns the smallest and
-/// largest reversed_z of what is there.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn read_cover(cover: &TileCover, column: usize, width: usize, depth: &mut [f32]) -> [f32; 2] {
-    let mut extent = Extent::default();
-    for row in 0..TILE {
-        let near = cover.line::<TILE, 2>(2 * row, 2 * column);
-        extent.widen(&near);
-        if let Some(out) = depth[row * width..].first_chunk_mut() {
-            *out = depths_of(&near);
-        }
-    }
-    extent.reversed_z()
-}
-
 /// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn read_stored<const SCALE: usize>((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
+fn read_stored((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
+    const SCALE: usize = 2;
     let first = ids[0];
     let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
     for row in 0..TILE {

@@ -1,34 +1,34 @@
-//! The key light's axes, and how its map of shadows lies in the world.
+//! Key light: its axes, and the placement of its shadow map in the world.
 
 use glam::{Mat3A, Vec3A};
 
 use crate::raster::Corner;
 use crate::scene::variation::RenderVariation;
 
-/// Largest radius of a soft edge, texels.
+/// Largest penumbra radius [texels].
 pub(crate) const MAX_RADIUS: f32 = 30.0;
 
-/// A level plane of the world on the map.
+/// A horizontal plane on the shadow map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plane {
-    /// From x and y in the world, metres, and 1 to a column and to a row.
+    /// Texel column and row as linear functions of world x, y [m] and 1.
     pub x: [f32; 3],
     pub y: [f32; 3],
-    /// Reversed z at the first texel, and what a column and a row add.
+    /// Reversed z of the plane at the first texel, and its change per column and row.
     pub reversed_z: [f32; 3],
 }
 
-/// The light's axes and the scale of the map.
+/// Axes of the light and scale of its shadow map.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLight {
-    /// Texels per side of the map.
+    /// Texels per side.
     pub size: usize,
-    /// Rows: the light's right, down and forward axes in the world.
+    /// Rows: right, down and forward axes of the light in the world.
     pub light_from_world: Mat3A,
     pub center: Vec3A,
     pub radius: f32,
     pub texels_per_m: f32,
-    /// Tangent of its angular radius.
+    /// Tangent of the angular radius.
     pub spread: f32,
 }
 
@@ -49,14 +49,14 @@ impl KeyLight {
         }
     }
 
-    /// How far points of a surface are lifted along its normal, metres, so that the steps of the map do not show, and how
-    /// much nearer to the light the surface is per texel along both axes; from its normal in the light's axes.
+    /// Normal bias [m] that hides the map's texel steps, and change of reversed z per texel along both axes, of a
+    /// surface with a normal in the light's axes.
     #[inline(always)]
     pub fn lift_and_tilt(&self, [slope_x, slope_y, slope_z]: [f32; 3]) -> (f32, [f32; 2]) {
         let texel = 1.0 / self.texels_per_m;
         let longest = 2.0 * texel;
         let facing = if -slope_z > 0.05 { -slope_z } else { 0.05 };
-        // More where the light grazes the surface.
+        // Larger at grazing angles.
         let lift = texel * (0.6 + 1.4 * (1.0 - facing));
         let (tilt_x, tilt_y) = (slope_x / -facing * texel, slope_y / -facing * texel);
         let length = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt();
@@ -73,7 +73,8 @@ impl KeyLight {
         }
     }
 
-    /// A level plane at a height, metres, as the map sees it, lifted only to compare its reversed_z; `None` where it is not lit.
+    /// A horizontal plane at a height [m], with normal bias in its reversed z only; `None` if it faces away from the
+    /// light.
     pub fn plane(&self, height: f32) -> Option<Plane> {
         let slope = self.light_from_world * Vec3A::Z;
         if slope.z > -0.01 {
@@ -95,18 +96,13 @@ impl KeyLight {
         })
     }
 
-    /// Radius of a soft edge per metre between what casts it and what it falls on, texels.
+    /// Penumbra radius per metre between occluder and receiver [texels/m].
     pub fn radius_per_m(&self) -> f32 {
         self.spread * self.texels_per_m
     }
 
-    /// Texels around a point within which it looks for blockers.
+    /// Radius of the blocker search [texels].
     pub fn search_radius(&self) -> f32 {
         (self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS)
-    }
-
-    /// Size of a texel, metres.
-    pub fn texel_m(&self) -> f32 {
-        1.0 / self.texels_per_m
     }
 }

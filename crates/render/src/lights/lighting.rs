@@ -1,4 +1,4 @@
-//! The lights of a scene.
+//! Lights of a scene.
 
 use glam::Vec3A;
 
@@ -7,20 +7,24 @@ use crate::scene::material::Material;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 
-/// All light of a scene.
+/// Key light, sky and exposure.
 #[derive(Debug)]
 pub struct Lighting {
+    /// Environment light.
     pub sky: Sky,
+    /// Unit direction to the key light, world frame.
     pub to_light: Vec3A,
-    /// Brightness of a white diffuse surface that faces the light.
+    /// Radiosity of a white diffuse surface that faces the key light.
     pub key: Vec3A,
-    /// How far a mirror turns from the lamp's centre to its edge, squared radians: half the lamp's angular radius.
+    /// Squared half angular radius of the key light [rad²]: the rotation of a mirror between reflecting its centre and
+    /// its edge.
     pub key_turn_squared: f32,
+    /// Factor applied before tone mapping.
     pub exposure: f32,
 }
 
 impl Lighting {
-    /// The light of a variation on things made of some surfaces: the table among them throws light back.
+    /// Lights of a variation; the main support surface among the materials reflects light upwards.
     pub fn new(variation: &RenderVariation, surfaces: &[Material]) -> Self {
         let table = surfaces.iter().find(|surface| surface.is_table).map(Material::mean_color);
         Self {
@@ -32,7 +36,7 @@ impl Lighting {
         }
     }
 
-    /// Brightness of a white diffuse surface with a unit normal in the ambient light.
+    /// Ambient light on a white diffuse surface with a unit normal.
     pub fn around(&self, normal: Vec3A) -> Vec3A {
         Vec3A::from_array(self.sky.diffuse(normal.to_array()))
     }

@@ -1,7 +1,6 @@
-//! The light that is everywhere: a soft studio of sky, reflecting ground and three large lamps.
+//! Sky light: a studio environment of a gradient, a reflecting ground and three large area lights.
 //!
-//! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms,
-//! which are evaluated where they are needed: arithmetic is cheaper than tables.
+//! Spherical Gaussians, whose blurred versions for rough surfaces have closed forms: arithmetic is cheaper than tables.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -11,57 +10,58 @@ use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 use crate::simd::{dot, lerp, polynomial, smooth_step, within};
 
-/// Brightness of the sky at the horizon and overhead, of the variation's colour: a dark room with a bright ceiling, so
-/// that metals and black things have something to mirror. Chosen.
+/// Brightness of the sky at the horizon and at the zenith, relative to its colour: a dark room with a bright ceiling,
+/// so that metals and black surfaces have something to reflect. Chosen.
 const HORIZON: f32 = 0.4;
 const ZENITH: f32 = 1.1;
 
-/// What things see of a lit table below them, which they shade, in diffuse and in mirrored light. Fitted to traced pictures.
+/// Share of the lit support surface seen by objects above it, which shade it, in diffuse and in specular light. Fitted
+/// to path-traced images.
 const TABLE_SEEN: [f32; 2] = [0.77, 0.85];
-/// What they see of it besides when they touch it, the height at which half of that is left, metres, and how much more sides
-/// see that face the lamp, since a thing shades the table behind itself. Fitted likewise.
+/// Additional share at contact, height at which it halves [m], and its increase on sides facing the key light, since an
+/// object shades the surface behind it. Fitted likewise.
 const TABLE_NEAR: f32 = 0.6;
 const NEAR_M: f32 = 0.055;
 const NEAR_SIDE: f32 = 0.2;
 
-/// Ambient light for diffuse and for glossy surfaces.
+/// Environment light for diffuse and for glossy reflection.
 #[derive(Debug)]
 pub struct Sky {
-    /// Nine coefficients of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
+    /// Spherical harmonics of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
     harmonics: [[f32; 3]; 9],
     studio: Studio,
-    /// From the studio's brightness to the settings'.
+    /// Scale from the studio's brightness to the variation's.
     scale: f32,
-    /// What is seen below the horizon: the table, or the studio's ground, as key light and sky light it.
+    /// Radiance below the horizon: the support surface, or the studio's ground, lit by key light and sky.
     lit_ground: Vec3A,
-    /// Light of the table on what faces it; nothing without one.
+    /// Radiance of the support surface for downward-facing surfaces; zero without one.
     table: [f32; 3],
-    /// Along the table towards the lamp, times [`NEAR_SIDE`].
+    /// Horizontal direction of the key light times [`NEAR_SIDE`].
     lamp_side: [f32; 2],
 }
 
-/// The surroundings blurred as a surface of one roughness reflects them.
+/// Environment prefiltered for one roughness.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Glossy {
     sky: [f32; 3],
     ground: [f32; 3],
     /// Half the inverse width of the horizon.
     sharpness: f32,
-    /// Direction, sharpness, brightness.
+    /// Direction, sharpness and brightness of the area lights.
     lamps: [([f32; 3], f32, f32); 3],
 }
 
 impl Sky {
-    /// The studio of a variation, above a table whose top has a colour or above nothing.
+    /// Environment of a variation, above a support surface of a mean colour or above the bare ground.
     pub fn new(variation: &RenderVariation, table: Option<Vec3A>) -> Self {
         let studio = Studio::new(variation);
         let bare = project(&studio, |_| studio.ground);
-        // The mean over the upper half is what the settings call ambient intensity.
+        // The mean over the upper hemisphere is the variation's ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&bare)).max(1e-6);
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
         let lit_ground = table.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
-        // A table ends: from above it is seen straight below, and towards the horizon the ground of the studio is.
+        // A table is finite: it is seen straight below, and the studio's ground towards the horizon.
         let seen = lit_ground * TABLE_SEEN[0] / scale;
         let below = |direction: Vec3A| studio.ground.lerp(seen, smooth_step(-direction.z));
         let harmonics = table.map_or(bare, |_| project(&studio, below));
@@ -71,7 +71,7 @@ impl Sky {
         Self { harmonics, studio, scale, lit_ground: lit_ground * share, table: near.to_array(), lamp_side }
     }
 
-    /// Brightness of white diffuse surfaces with this normal.
+    /// Ambient light on a white diffuse surface with this normal.
     #[inline(always)]
     pub fn diffuse(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let basis = harmonics_of(x, y, z);
@@ -86,8 +86,7 @@ impl Sky {
         out
     }
 
-    /// Brightness of white diffuse surfaces with this normal, at a height above or below the table, metres, by what they see
-    /// of it besides.
+    /// Additional ambient light from the support surface on a white diffuse surface, at a height above it [m].
     #[inline(always)]
     pub fn near_table(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
         let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, TABLE_NEAR));
@@ -95,17 +94,17 @@ impl Sky {
         self.table.map(|light| light * seen)
     }
 
-    /// Light from a unit direction, not blurred.
+    /// Unfiltered radiance from a unit direction.
     pub fn radiance(&self, direction: Vec3A) -> Vec3A {
         self.studio.radiance(direction, self.studio.ground) * self.scale
     }
 
-    /// Directions and sharpness of the lamps.
+    /// Directions and sharpness of the area lights.
     pub fn lamps(&self) -> [(Vec3A, f32); 3] {
         self.studio.lamps.map(|(axis, sharpness, _)| (axis, sharpness))
     }
 
-    /// The surroundings for surfaces of a roughness.
+    /// Environment prefiltered for a roughness.
     pub(crate) fn glossy(&self, roughness: f32) -> Glossy {
         let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {
             let blurred = sharpness / (1.0 + sharpness * 0.5 * roughness * roughness);
@@ -121,7 +120,7 @@ impl Sky {
 }
 
 impl Glossy {
-    /// Light from a unit direction.
+    /// Radiance from a unit direction.
     #[inline(always)]
     pub fn at(&self, direction: [f32; 3]) -> [f32; 3] {
         let z = direction[2];
@@ -140,11 +139,11 @@ impl Glossy {
     }
 }
 
-/// e to the power of `x` ≤ 0, to 10⁻⁵ of its value, without a call to the mathematics library.
+/// Exponential of `x` ≤ 0 with a relative error of 10⁻⁵, without a library call.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
     let scaled = within(x * std::f32::consts::LOG2_E, -126.0, 0.0);
-    // Adding 1.5 · 2²³ rounds, and leaves the whole number in the lowest bits.
+    // Adding 1.5 · 2²³ rounds and leaves the integer in the low bits.
     let shifted = scaled + 12_582_912.0;
     let whole = shifted - 12_582_912.0;
     let u = (scaled - whole) * std::f32::consts::LN_2;
@@ -156,7 +155,7 @@ fn exp(x: f32) -> f32 {
 struct Studio {
     sky: Vec3A,
     ground: Vec3A,
-    /// Direction, sharpness, brightness.
+    /// Direction, sharpness and brightness.
     lamps: [(Vec3A, f32, f32); 3],
 }
 
@@ -175,7 +174,7 @@ impl Studio {
         }
     }
 
-    /// Light from a direction over some ground.
+    /// Radiance from a direction above a ground colour.
     fn radiance(&self, direction: Vec3A, ground: Vec3A) -> Vec3A {
         let above = smooth_step((direction.z / 0.06 + 1.0) * 0.5);
         let overhead = HORIZON + (ZENITH - HORIZON) * direction.z.max(0.0);
@@ -187,7 +186,7 @@ impl Studio {
     }
 }
 
-/// Over a ground that depends on the direction in which it is seen.
+/// Spherical-harmonics projection above a ground that depends on the direction.
 fn project(studio: &Studio, ground: impl Fn(Vec3A) -> Vec3A) -> [Vec3A; 9] {
     const DIRECTIONS: usize = 2048;
     let mut sums = [Vec3A::ZERO; 9];
@@ -201,12 +200,12 @@ fn project(studio: &Studio, ground: impl Fn(Vec3A) -> Vec3A) -> [Vec3A; 9] {
         }
     }
     let weight = 4.0 * std::f32::consts::PI / DIRECTIONS as f32;
-    // Convolution with the cosine, divided by π.
+    // Convolution with the cosine lobe, divided by π.
     let band = [1.0, 2.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0, 0.25, 0.25, 0.25, 0.25, 0.25];
     std::array::from_fn(|index| sums[index] * weight * band[index])
 }
 
-/// What a white diffuse surface that faces up receives.
+/// Irradiance over π of a horizontal surface.
 fn irradiance_above(harmonics: &[Vec3A; 9]) -> Vec3A {
     harmonics
         .iter()
@@ -229,7 +228,7 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
     ]
 }
 
-/// Brightness of a linear colour.
+/// Relative luminance of a linear colour.
 pub fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
 }
@@ -238,7 +237,7 @@ pub fn luminance(color: Vec3A) -> f32 {
 mod tests {
     use super::*;
 
-    /// The table lights what is close above it: from below, the more the closer, and most where it is not shaded.
+    /// The support surface lights objects close above it from below, more when closer, most on the lit side.
     #[test]
     fn a_table_lights_what_is_close_above_it() {
         let variation = RenderVariation::default();

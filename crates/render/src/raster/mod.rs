@@ -12,60 +12,57 @@
 use crate::simd::within;
 
 mod span;
-mod tile_cover;
 mod triangle_setup;
 
-pub(crate) use tile_cover::{TileCover, TileDepths};
-use tile_cover::{TileCovers, draw_covered};
 use triangle_setup::{Corners, TriangleSetup};
 
-/// A corner on the image plane.
+/// A projected vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
     /// Column; samples are at integers.
     pub x: f32,
-    /// Span; samples are at integers.
+    /// Row; samples are at integers.
     pub y: f32,
-    /// Grows towards the viewer and is linear on the image plane, e.g. 1 / depth; positive.
+    /// Positive, grows towards the viewer and is linear on the image, e.g. 1 / depth.
     pub reversed_z: f32,
 }
 
-/// Spans of a triangle whose ends are found at once. Measured: 8 are as fast in large pictures and slower in small ones.
+/// Spans of a triangle computed at once. Measured: 8 are as fast in large images and slower in small ones.
 const ROWS: usize = 4;
 
 impl Corner {
-    /// With so many samples per pixel: a pixel's centre is its first sample.
+    /// Coordinates in samples; the first sample of a pixel is at its centre.
     #[inline(always)]
     pub fn scaled(self, scale: f32) -> Self {
         Self { x: self.x * scale, y: self.y * scale, ..self }
     }
 
-    /// Component by component.
+    /// Combines two vertices component by component.
     #[inline(always)]
     pub fn joined(&self, other: &Self, join: impl Fn(f32, f32) -> f32) -> Self {
         Self { x: join(self.x, other.x), y: join(self.y, other.y), reversed_z: join(self.reversed_z, other.reversed_z) }
     }
 }
 
-/// Triangles whose visibility is found at once.
+/// Triangles tested at once.
 pub(crate) const BLOCK: usize = 16;
 
-/// Which sides of triangles to draw: those that face the viewer, and those that face away.
+/// Requested sides of triangles: front faces, back faces.
 pub(crate) type Sides = [bool; 2];
 
-/// Planes of a mesh's triangles, component by component: unit normals, zero for a triangle without area, and distances
-/// from the origin; as many as whole blocks.
+/// Planes of a mesh's triangles as structure of arrays, padded to whole blocks: unit normals (zero for degenerate
+/// triangles) and distances from the origin.
 #[derive(Debug, Default)]
 pub(crate) struct Planes {
     normal: [Vec<f32>; 3],
     distance: Vec<f32>,
 }
 
-/// From where a mesh is seen, in its frame.
+/// Position of the viewer in the mesh's frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Viewpoint {
     At([f32; 3]),
-    /// Far away in a direction of unit length.
+    /// At infinity, in a unit direction.
     Towards([f32; 3]),
 }
 
@@ -80,16 +77,11 @@ impl Planes {
         own
     }
 
-    /// Distance of a triangle's plane from the origin along its normal, metres.
-    pub fn distance(&self, triangle: u32) -> f32 {
-        self.distance[triangle as usize]
-    }
-
-    /// Which triangles of a block may show a wanted side, in bits.
+    /// Triangles of a block that may show a requested side, as bits.
     #[inline(always)]
     fn showing(&self, block: usize, viewpoint: Viewpoint, [front, back]: Sides) -> u32 {
-        /// Distance of the viewpoint behind a plane beyond which rounding cannot be the cause, metres: single precision at
-        /// some metres; for a direction, the same in radians.
+        /// Distance [m] of the viewer behind a plane that exceeds rounding errors at some metres (for directions: angle
+        /// [rad]).
         const SURELY: f32 = 1e-5;
         let ([x, y, z], near) = match viewpoint {
             Viewpoint::At(place) => (place, 1.0),
@@ -107,8 +99,8 @@ impl Planes {
     }
 }
 
-/// Draws the triangles of a mesh that show a wanted side. Most are so small that they cover no sample, and half of them
-/// face away: both are found for many at a time.
+/// Rasterises the triangles of a mesh that show a requested side. Most cover no sample and half face away: both are
+/// tested in batches.
 #[inline(always)]
 pub(crate) fn draw_mesh<const IDS: bool>(
     triangles: &[[u32; 3]],
@@ -136,7 +128,7 @@ pub(crate) fn draw_mesh<const IDS: bool>(
     block.draw::<IDS>(sides, target);
 }
 
-/// Triangles to be drawn at once.
+/// Triangles to be rasterised at once.
 #[derive(Default)]
 struct Block {
     count: usize,
@@ -154,11 +146,11 @@ impl Block {
         self.count += 1;
     }
 
-    /// Draws its triangles and becomes empty.
+    /// Rasterises and removes its triangles.
     #[inline(always)]
     fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut VisibilityBuffer) {
         let mut visible = self.visible(sides, target);
-        let setup = self.corners.setup(target.scale as i32 as f32, [target.width, target.height]);
+        let setup = self.corners.setup(target.scale as i32 as f32, target.height);
         while visible != 0 {
             let i = visible.trailing_zeros() as usize & (BLOCK - 1);
             visible &= visible - 1;
@@ -167,7 +159,7 @@ impl Block {
         self.count = 0;
     }
 
-    /// Which triangles show a wanted side and may cover a sample, in bits.
+    /// Triangles that show a requested side and may cover a sample, as bits.
     #[inline(always)]
     fn visible(&self, sides: Sides, target: &VisibilityBuffer) -> u32 {
         let scale = target.scale as i32 as f32;
@@ -190,13 +182,13 @@ impl Block {
     }
 }
 
-/// Twice the area of a triangle on the image plane, negative when it is counter-clockwise seen by the viewer.
+/// Twice the signed area of a triangle on the image, negative for counter-clockwise (front) faces.
 #[inline(always)]
 pub(crate) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
 }
 
-/// Smallest integer that is not below a number moved into `0..=limit`.
+/// Smallest integer not below a value clamped to `0..=limit`.
 #[inline(always)]
 fn ceiling(value: f32, limit: f32) -> f32 {
     const SHIFT: f32 = 8_388_608.0;
@@ -210,31 +202,29 @@ fn ceiling(value: f32, limit: f32) -> f32 {
 pub(crate) struct VisibilityBuffer {
     /// Samples per row.
     pub width: usize,
-    /// Samples from one row to the next.
+    /// Samples between the starts of rows.
     pub stride: usize,
-    /// Spans.
+    /// Rows of samples.
     pub height: usize,
-    /// Samples per pixel along each axis, a power of two; a pixel's centre is its first sample.
+    /// Samples per pixel along each axis, a power of two; the first sample of a pixel is at its centre.
     pub scale: usize,
-    /// 0 where there is nothing.
+    /// Reversed z, 0 for the background.
     pub reversed_z: Vec<f32>,
-    /// 0 where there is nothing; empty for a target without ids.
+    /// Visibility ids, 0 for the background; empty for a shadow map.
     pub ids: Vec<u32>,
-    /// Tiles whose samples are not stored in `reversed_z` and `ids`.
-    covers: TileCovers,
 }
 
 impl VisibilityBuffer {
-    /// The reversed_z and the ids of each row.
+    /// Reversed z and ids of each row.
     pub fn rows(&self) -> impl Iterator<Item = (&[f32], &[u32])> {
         let row = |row: usize| row * self.stride..row * self.stride + self.width;
         (0..self.height).map(move |index| (&self.reversed_z[row(index)], &self.ids[row(index)]))
     }
 
-    /// Clears to nothing at a size in pixels.
+    /// Clears to the background at a size in pixels.
     pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
-        self.resize(width, height, scale);
-        self.covers.clear();
+        (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
+        self.stride = stride_of(self.width);
         let samples = self.stride * self.height;
         self.reversed_z.clear();
         self.reversed_z.resize(samples, 0.0);
@@ -244,12 +234,22 @@ impl VisibilityBuffer {
         }
     }
 
-    fn resize(&mut self, width: usize, height: usize, scale: usize) {
-        (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
-        self.stride = stride_of(self.width);
+    /// Clears a rectangle of samples, ends excluded.
+    pub fn clear_rectangle(&mut self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
+        for row in rows {
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
+            self.reversed_z[range.clone()].fill(0.0);
+            self.ids[range].fill(0);
+        }
     }
 
-    /// Takes a rectangle of samples, ends excluded, from a target of the same size.
+    /// Visibility id and reversed z of a sample.
+    pub fn sample(&self, column: usize, row: usize) -> (u32, f32) {
+        let sample = row * self.stride + column;
+        (self.ids[sample], self.reversed_z[sample])
+    }
+
+    /// Copies a rectangle of samples, ends excluded, from a buffer of the same size.
     pub fn copy_rectangle(&mut self, other: &Self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
         for row in rows {
             let range = row * self.stride + columns.start..row * self.stride + columns.end;
@@ -275,17 +275,13 @@ impl VisibilityBuffer {
     pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
         let mut one = Corners::<1>::default();
         one.put(0, corners.each_ref());
-        self.scan::<IDS, 1>(&one.setup(1.0, [self.width, self.height]), 0, id);
+        self.scan::<IDS, 1>(&one.setup(1.0, self.height), 0, id);
     }
 
     /// Draws one of some triangles.
     #[inline(always)]
     fn scan<const IDS: bool, const N: usize>(&mut self, setup: &TriangleSetup<N>, i: usize, id: u32) {
         let triangle = setup.triangle(i);
-        // Made again for the call, so that the one that is drawn here is held in registers.
-        if IDS && !self.covers.are_clear_of(&triangle) && !draw_covered(&setup.triangle(i), id, self) {
-            return;
-        }
         let (width, stride, scale) = (self.width, self.stride, self.scale as u32);
         let [mut first, _, end] = triangle.rows;
         let (reversed_z, ids) = (&mut self.reversed_z[..], &mut self.ids[..]);
@@ -298,6 +294,24 @@ impl VisibilityBuffer {
             }
             first += ROWS as u32;
         }
+    }
+}
+
+/// Reads a square window of values per sample from a first column and row on; beyond the image those of its border.
+pub(crate) fn read_window<T: Copy, const SIDE: usize>(
+    buffer: &VisibilityBuffer,
+    values: &[T],
+    [column, row]: [isize; 2],
+    out: &mut [[T; SIDE]; SIDE],
+) {
+    let clamp = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
+    for (step, out) in out.iter_mut().enumerate() {
+        let line = &values[clamp(row + step as isize, buffer.height) * buffer.stride..][..buffer.width];
+        let whole = usize::try_from(column).ok().and_then(|column| line.get(column..)?.first_chunk());
+        *out = match whole {
+            Some(whole) => *whole,
+            None => std::array::from_fn(|step| line[clamp(column + step as isize, buffer.width)]),
+        };
     }
 }
 

@@ -1,7 +1,5 @@
 //! Triangles made ready for drawing, many at a time.
 
-use std::ops::Range;
-
 use super::span::{DepthGradient, Span};
 use super::{Corner, area_of, extremes, first_sample};
 
@@ -23,8 +21,6 @@ pub(super) struct TriangleSetup<const N: usize> {
     pub long_is_left: [u32; N],
     /// First row, first row of the lower short side, and the row after the last.
     pub rows: [[u32; N]; 3],
-    /// First column, and the column after the last.
-    pub columns: [[u32; N]; 2],
     /// Reversed z at the origin of the image, in double precision: corners may lie far outside it.
     pub constant: [f64; N],
     pub dx: [f32; N],
@@ -52,7 +48,7 @@ impl<const N: usize> Corners<N> {
 
     /// With so many samples per pixel, on an image of so many columns and rows of samples.
     #[inline(always)]
-    pub fn setup(&self, scale: f32, [width, height]: [usize; 2]) -> TriangleSetup<N> {
+    pub fn setup(&self, scale: f32, height: usize) -> TriangleSetup<N> {
         let (none, no_rows) = ([0.0; N], [0; N]);
         let mut out = TriangleSetup {
             top: [none; 2],
@@ -60,7 +56,6 @@ impl<const N: usize> Corners<N> {
             slopes: [none; 3],
             long_is_left: no_rows,
             rows: [no_rows; 3],
-            columns: [no_rows; 2],
             constant: [0.0; N],
             dx: none,
             dy: none,
@@ -87,10 +82,6 @@ impl<const N: usize> Corners<N> {
             out.rows[0][i] = first;
             out.rows[1][i] = first_sample(b.y, height);
             out.rows[2][i] = if area == 0.0 { first } else { end };
-            // The crossing of a side with a row is rounded.
-            let (left, right) = extremes(a.x, b.x, c.x);
-            (out.columns[0][i], out.columns[1][i]) =
-                (first_sample(left - 1.0, width), first_sample(right + 1.0, width));
             let inverse = 1.0 / area;
             let (ab, ac) = (b.reversed_z - a.reversed_z, c.reversed_z - a.reversed_z);
             (out.low[i], out.high[i]) = extremes(a.reversed_z, b.reversed_z, c.reversed_z);
@@ -122,7 +113,6 @@ pub(super) struct Triangle {
     long_is_left: u32,
     /// As of [`TriangleSetup`].
     pub rows: [u32; 3],
-    pub columns: [u32; 2],
     pub gradient: DepthGradient,
 }
 
@@ -136,7 +126,6 @@ impl<const N: usize> TriangleSetup<N> {
             slopes: self.slopes.each_ref().map(|list| list[i]),
             long_is_left: self.long_is_left[i],
             rows: self.rows.each_ref().map(|list| list[i]),
-            columns: self.columns.each_ref().map(|list| list[i]),
             gradient: DepthGradient {
                 constant: self.constant[i],
                 dx: self.dx[i],
@@ -202,34 +191,5 @@ impl<const ROWS: usize> Spans<ROWS> {
             offset: self.offsets[i],
             value: self.values[i],
         }
-    }
-
-    /// The same between two columns.
-    #[inline(always)]
-    pub fn part(&self, i: usize, at: usize, [left, right]: [u32; 2]) -> Span {
-        let start = self.starts[i].max(left);
-        let end = (self.starts[i] + self.counts[i]).min(right);
-        Span {
-            first: at + start as usize,
-            count: end.saturating_sub(start) as usize,
-            offset: self.offsets[i] + (start - self.starts[i]) as i32 as f32,
-            value: self.values[i],
-        }
-    }
-
-    /// First and last column, the latter excluded, that any of some rows cover, and those that all rows cover.
-    #[inline(always)]
-    pub fn extent(&self, own: &Range<usize>) -> [[u32; 2]; 2] {
-        let (mut outer, mut inner) = ([u32::MAX, 0], [0, u32::MAX]);
-        let own = own.start as u32..own.end as u32;
-        for i in 0..ROWS {
-            let is_own = (i as u32 >= own.start) & ((i as u32) < own.end) & (self.counts[i] > 0);
-            let (start, end) = (self.starts[i], self.starts[i] + self.counts[i]);
-            outer[0] = outer[0].min(if is_own { start } else { u32::MAX });
-            outer[1] = outer[1].max(if is_own { end } else { 0 });
-            inner[0] = inner[0].max(if is_own { start } else { u32::MAX });
-            inner[1] = inner[1].min(if is_own { end } else { 0 });
-        }
-        [outer, inner]
     }
 }

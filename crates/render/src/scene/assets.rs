@@ -40,14 +40,18 @@ pub(crate) struct Pad {
 pub struct Part {
     /// Index into the frame's body poses; `None` is fixed in the world.
     pub body: Option<usize>,
+    /// Instance id of its pixels.
     pub instance: u16,
+    /// Mesh in full detail.
     pub mesh: Arc<Mesh>,
     /// Known to be convex: has no ambient occlusion by itself.
     pub convex: bool,
+    /// True if it casts shadows.
     pub casts_shadow: bool,
     /// A transparent part whose surface faces away from its centre (the outside of a cup, not its inside or rim).
     pub faces_out: bool,
-    pub surface: Material,
+    /// Material without a variation.
+    pub material: Material,
 }
 
 /// Low bits of a visibility id: the triangle. The high bits hold the part number plus one.
@@ -83,8 +87,8 @@ impl RenderAssets {
         let mut parts = Vec::new();
         for fixed in world.map(fixtures::visuals).unwrap_or_default() {
             let part = Part::new(&fixed.visual, "surroundings", None, TABLE)?;
-            let surface = Material { is_table: fixed.is_table, ..part.surface };
-            parts.push(Part { surface, convex: true, casts_shadow: fixed.casts_shadow, ..part });
+            let material = Material { is_table: fixed.is_table, ..part.material };
+            parts.push(Part { material, convex: true, casts_shadow: fixed.casts_shadow, ..part });
         }
         let mut body = 0;
         for link in robot.iter().flat_map(|robot| &robot.links) {
@@ -197,9 +201,9 @@ fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
 }
 
 fn pads(parts: &[Part], robot: &RobotModel) -> Vec<Pad> {
-    let pads = parts.iter().filter(|part| part.surface.metallic == 0.0 && !part.is_transparent()).filter_map(|part| {
+    let pads = parts.iter().filter(|part| part.material.metallic == 0.0 && !part.is_transparent()).filter_map(|part| {
         let body = part.body.filter(|body| robot.gripper.fingers.contains(body))?;
-        Some(Pad { body, shape: BodyShape::of(&[&part.mesh])?, color: part.surface.mean_color() })
+        Some(Pad { body, shape: BodyShape::of(&[&part.mesh])?, color: part.material.mean_color() })
     });
     pads.collect()
 }
@@ -221,9 +225,9 @@ impl Part {
             });
         }
         let mesh = Mesh::shared(&visual.render_mesh, &visual.link_from_part);
-        let surface = Material::new(&visual.material);
-        let faces_out = surface.opacity < 1.0 && mesh.faces_out();
-        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, surface })
+        let material = Material::new(&visual.material);
+        let faces_out = material.opacity < 1.0 && mesh.faces_out();
+        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, faces_out, material })
     }
 
     /// True if back faces of the mesh can be culled.
@@ -231,7 +235,8 @@ impl Part {
         mesh.closed && !self.is_transparent()
     }
 
+    /// True if light passes it.
     pub fn is_transparent(&self) -> bool {
-        self.surface.opacity < 1.0
+        self.material.opacity < 1.0
     }
 }

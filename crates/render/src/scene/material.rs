@@ -9,12 +9,17 @@ use crate::scene::texture::{MipTexture, linear_from_srgb};
 /// A material ready for shading: linear colours, no optional parameters.
 #[derive(Clone, Debug)]
 pub struct Material {
+    /// Linear base colour, multiplied with the texture.
     pub base: Vec3A,
+    /// Perceptual roughness, 0.05-1.
     pub roughness: f32,
+    /// 0 for a dielectric, 1 for a metal.
     pub metallic: f32,
+    /// 1 for an opaque material.
     pub opacity: f32,
     /// Dielectric reflectance at normal incidence.
     pub reflectance: f32,
+    /// Texture of the base colour.
     pub texture: Option<Arc<MipTexture>>,
     /// True for the slab whose material a [`crate::RenderVariation`] replaces.
     pub is_table: bool,
@@ -48,6 +53,7 @@ impl Material {
         self.base * self.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean())
     }
 
+    /// Index of refraction, from the reflectance at normal incidence.
     pub fn index_of_refraction(&self) -> f32 {
         let root = self.reflectance.sqrt();
         (1.0 + root) / (1.0 - root).max(1e-3)
@@ -63,6 +69,7 @@ impl Material {
         (self.opacity * self.opacity).max(2.0 * (self.roughness - 0.1)).clamp(0.0, 1.0)
     }
 
+    /// The material of a visual part.
     pub fn new(material: &genmanip_core::Material) -> Self {
         let ior = material.ior.max(1.0);
         Self {

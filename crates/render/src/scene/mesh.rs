@@ -23,13 +23,18 @@ const NORMAL_ERROR: f32 = 0.1;
 /// A mesh in the frame of its body.
 #[derive(Debug)]
 pub struct Mesh {
+    /// Vertex positions [m].
     pub positions: Vec<Vec3>,
+    /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Attributes of the triangles.
     pub faces: Vec<Face>,
     pub(crate) planes: Planes,
     /// Quantised normal of each triangle; anti-aliasing treats triangles of different codes as different surfaces.
     pub directions: Vec<u8>,
+    /// Centre of the bounding sphere [m].
     pub bounds_center: Vec3,
+    /// Radius of the bounding sphere [m].
     pub bounds_radius: f32,
     /// Watertight and consistently wound: back faces are invisible from outside.
     pub closed: bool,

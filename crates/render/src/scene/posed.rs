@@ -44,8 +44,8 @@ impl RenderAssets {
             world_from_mesh: part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]),
             positions: &part.mesh.positions,
             triangles: &part.mesh.triangles,
-            base_color_linear: part.surface.base.to_array(),
-            opacity: part.surface.opacity,
+            base_color_linear: part.material.base.to_array(),
+            opacity: part.material.opacity,
             casts_shadow: part.casts_shadow,
         }))
     }

@@ -72,11 +72,11 @@ pub struct ObjectVariation {
 impl RenderVariation {
     /// Materials of all parts of the assets.
     #[doc(hidden)]
-    pub fn surfaces(&self, assets: &RenderAssets) -> Vec<Material> {
+    pub fn materials(&self, assets: &RenderAssets) -> Vec<Material> {
         let top = Material { is_table: true, ..Material::new(&self.table_top.material()) };
-        let surface = |part: &crate::scene::assets::Part| match part.surface.is_table {
+        let surface = |part: &crate::scene::assets::Part| match part.material.is_table {
             true => Material { base: top.base * linear_from_srgb(self.table_color), ..top.clone() },
-            false => self.painted(part.instance, &part.surface),
+            false => self.painted(part.instance, &part.material),
         };
         assets.parts.iter().map(surface).collect()
     }

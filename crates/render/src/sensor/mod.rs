@@ -71,7 +71,7 @@ pub fn developed(
     let sensor = camera.sensor.unwrap_or_default();
     let pinhole = pinhole(camera)?.intrinsics;
     if let Some(settings) = sensor.depth.filter(|_| wanted.depth) {
-        let returns: Vec<f32> = renderer.surfaces().iter().map(returned).collect();
+        let returns: Vec<f32> = renderer.materials().iter().map(returned).collect();
         picture.depth_m = depth::measured(&settings, &pinhole, &picture, &returns, seed.fork("depth"));
     }
     if !wanted.depth {

@@ -40,6 +40,7 @@ struct Lit {
 }
 
 impl Backdrop {
+    /// The background of a variation.
     pub fn new(variation: &RenderVariation, lighting: &Lighting) -> Self {
         let room = variation.room.and_then(|room| {
             let shared = |material: Material| material.texture.as_ref().and_then(MipTexture::shared);

@@ -35,7 +35,7 @@ pub(crate) struct ShadedPart<'a> {
     faces: &'a [Face],
     /// In the body's frame, where both sides of triangles can be seen.
     viewpoint: Option<Vec3A>,
-    surface: &'a Material,
+    material: &'a Material,
     placed: &'a PartView,
     camera: &'a CameraView,
     light: PartLight<'a>,
@@ -169,19 +169,19 @@ impl Shading {
     /// Shades the points, which show a part.
     pub fn shade(&mut self, part: &ShadedPart<'_>) {
         let Self { points, samples, reflected, .. } = self;
-        let &ShadedPart { faces, viewpoint, surface, placed, camera, .. } = part;
+        let &ShadedPart { faces, viewpoint, material, placed, camera, .. } = part;
         match points.pixels.count <= REGISTER {
             true => locate::<REGISTER>(points, placed, camera),
             false => locate::<CHUNK>(points, placed, camera),
         }
         match points.pixels.is_flat {
             true => interpolate_one::<CHUNK>(points, &faces[points.pixels.triangle[0] as usize], viewpoint),
-            false => interpolate(points, faces, viewpoint, surface.texture.is_some()),
+            false => interpolate(points, faces, viewpoint, material.texture.is_some()),
         }
-        if let Some(texture) = &surface.texture {
+        if let Some(texture) = &material.texture {
             find_footprints::<CHUNK>(points, placed, camera, texture.texels());
         }
-        points.paint(surface, samples);
+        points.paint(material, samples);
         reflect(points, part, reflected);
     }
 }
@@ -197,17 +197,17 @@ fn clamp_unknown(shadow: &mut BatchColumn) {
 impl<'a> ShadedPart<'a> {
     /// Of a part in a view.
     pub fn new(scene: &'a RenderScene<'_>, view: &'a View, index: usize) -> Self {
-        let (part, surface, placed) = (&scene.assets.parts[index], &scene.surfaces[index], &view.parts[index]);
+        let (part, material, placed) = (&scene.assets.parts[index], &scene.materials[index], &view.parts[index]);
         let mesh = placed.mesh(part);
         let light = PartLight {
             lighting: scene.lighting,
-            glossy: scene.lighting.sky.glossy(surface.roughness),
-            irradiance_grid: surface.is_table.then_some(scene.irradiance_grid),
+            glossy: scene.lighting.sky.glossy(material.roughness),
+            irradiance_grid: material.is_table.then_some(scene.irradiance_grid),
             table_top: part.body.and(scene.irradiance_grid.top()),
             table_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
             cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
             mirrored: match part.body {
-                Some(body) if part.instance == ROBOT && surface.metallic > 0.0 => {
+                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => {
                     scene.proxies.reflection_proxies_of(body)
                 }
                 _ => [None; 2],
@@ -215,6 +215,6 @@ impl<'a> ShadedPart<'a> {
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),
         };
         let viewpoint = (!part.hides_back(mesh)).then_some(placed.viewpoint_in_body);
-        Self { faces: &mesh.faces, viewpoint, surface, placed, camera: &view.camera, light }
+        Self { faces: &mesh.faces, viewpoint, material, placed, camera: &view.camera, light }
     }
 }

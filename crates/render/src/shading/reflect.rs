@@ -123,7 +123,7 @@ pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut S
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
 #[inline(always)]
 fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
-    let &ShadedPart { surface, placed, camera, ref light, .. } = part;
+    let &ShadedPart { material, placed, camera, ref light, .. } = part;
     face_viewer::<LANES>(points, placed, camera, out);
     environment_term::<LANES>(&light.lighting.sky, &light.glossy, out);
     if let Some(top) = light.table_top {
@@ -135,16 +135,16 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     if let Some(irradiance_grid) = light.irradiance_grid {
         apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
     }
-    find_highlights::<LANES>(surface.roughness, light.lighting, out);
+    find_highlights::<LANES>(material.roughness, light.lighting, out);
     apply_shadow::<LANES>(&points.shadow, light.with_key(), out);
-    if surface.metallic > 0.0 {
-        sum_terms::<LANES>(points, surface, light, out);
+    if material.metallic > 0.0 {
+        sum_terms::<LANES>(points, material, light, out);
     } else {
         cavity_term::<LANES>(light.cavity, points, out);
-        mirror::<LANES>(surface.reflectance, out);
-        sum_terms_dielectric::<LANES>(points, surface.scatters(), light, out);
+        mirror::<LANES>(material.reflectance, out);
+        sum_terms_dielectric::<LANES>(points, material.scatters(), light, out);
     }
-    tone_map_all::<LANES>(surface.opacity < 1.0, out);
+    tone_map_all::<LANES>(material.opacity < 1.0, out);
 }
 
 /// Unit normals and directions to the viewer.
@@ -255,14 +255,14 @@ fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut 
 #[inline(always)]
 fn sum_terms<const LANES: usize>(
     points: &ShadingPoints,
-    surface: &Material,
+    material: &Material,
     light: &PartLight<'_>,
     out: &mut ShadingTerms,
 ) {
     let (lighting, bounce) = (light.lighting, light.bounce);
-    let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
+    let (metallic, reflectance, exposure) = (material.metallic, material.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
-    let side = surface.scatters();
+    let side = material.scatters();
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..LANES {
@@ -430,7 +430,7 @@ mod tests {
                 shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
                 shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
             }
-            let surface = Material {
+            let material = Material {
                 base: Vec3A::ONE,
                 roughness: draw(0.05, 1.0),
                 metallic: draw(0.0, 1.0),
@@ -439,7 +439,7 @@ mod tests {
                 texture: None,
                 is_table: false,
             };
-            let glossy = lighting.sky.glossy(surface.roughness);
+            let glossy = lighting.sky.glossy(material.roughness);
             let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]
                 [(draw(0.0, 3.0) as usize).min(2)];
             let (bounce, table_top) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
@@ -453,8 +453,8 @@ mod tests {
                 mirrored,
                 bounce,
             };
-            let (surface, placed, camera) = (&surface, &PartView::default(), &camera);
-            let part = ShadedPart { faces: &[], viewpoint: None, surface, placed, camera, light };
+            let (material, placed, camera) = (&material, &PartView::default(), &camera);
+            let part = ShadedPart { faces: &[], viewpoint: None, material, placed, camera, light };
             let [mut wide, mut plain] = [ShadingTerms::default(), ShadingTerms::default()];
             let bits = |lanes: &[BatchColumn; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             shading.pixels.count = CHUNK;

@@ -1,5 +1,4 @@
-//! Shadows of the key light: a depth map seen from the light, read with contact-hardening soft edges
-//! (Fernando, "Percentage-Closer Soft Shadows", 2005).
+//! Shadow map of the key light, with percentage-closer soft shadows (Fernando, "Percentage-Closer Soft Shadows", 2005).
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -22,31 +21,30 @@ use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, nea
 use crate::shadow::planar::PlanarReceivers;
 use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, whole_registers, within};
 
-/// What the key light sees.
+/// Depth map seen from the key light.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
     layers: LayeredBuffer,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// Smallest reversed_z of each tile and, over its surroundings, whatever a point there may look up.
+    /// By map tile: smallest solid and largest reversed z within reach of a point's taps.
     lowest: Vec<f32>,
-    /// Largest one likewise.
     highest: Vec<f32>,
     own: [Vec<f32>; 2],
-    /// Counts the updates.
+    /// Number of updates.
     version: u64,
-    /// The version in which each tile changed last.
+    /// Version in which each tile last changed.
     changed_in: Vec<u64>,
     light: KeyLight,
     clear: Clear,
-    /// What arrives on level tops.
+    /// Shadow masks of horizontal fixtures.
     planar_receivers: PlanarReceivers,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Caster {
     pose: Pose,
-    /// In its body's frame, unit length.
+    /// Unit direction to the light in the body's frame.
     to_light: [f32; 3],
     corners: Vec<Corner>,
 }
@@ -61,11 +59,11 @@ impl Default for MapFootprint {
     }
 }
 
-/// Tiles of the map beyond its own on which a point depends: the largest radius, rounded up.
+/// Largest penumbra radius in map tiles, rounded up.
 const REACH_TILES: isize = 4;
 
 impl MapFootprint {
-    /// The tiles, first and last column and row, on which the shadow anywhere in it depends.
+    /// First and last column and row of the map tiles on which its shadows depend.
     pub fn reach(&self) -> [[isize; 2]; 2] {
         let [from, to] = self.0.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
@@ -75,7 +73,7 @@ impl MapFootprint {
     }
 }
 
-/// Points that may lie in a soft edge, first those that look for blockers, then those that have found some.
+/// Queues of points that may lie in a penumbra: before the blocker search, and before filtering.
 #[derive(Debug, Default)]
 pub(crate) struct UnresolvedSamples {
     places: MapPoints,
@@ -85,17 +83,17 @@ pub(crate) struct UnresolvedSamples {
 }
 
 impl ShadowMap {
-    /// Whether there is a map at all.
+    /// False without a shadow map.
     pub fn is_on(&self) -> bool {
         self.light.size > 0
     }
 
-    /// Counts the updates so far.
+    /// Number of updates.
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Draws everything that casts a shadow at a frame, `size` texels wide; what rests is kept from the last time.
+    /// Rasterises the shadow casters of a frame, `size` texels wide; casters at rest are kept.
     pub fn update(
         &mut self,
         assets: &RenderAssets,
@@ -128,14 +126,14 @@ impl ShadowMap {
         let draw = |index: usize, target: &mut VisibilityBuffer| {
             let part = &assets.parts[index];
             let mesh = part.mesh.caster(is_coarse);
-            if is_clear(&part.surface) {
+            if is_clear(&part.material) {
                 clear.draw(mesh, &casters[index], &motions[index].now, target);
             } else {
                 draw_caster(mesh, &casters[index], target);
             }
         };
         if is_new {
-            self.layers.redraw::<false>([size, size], casters.len(), draw);
+            self.layers.redraw::<false>([size, size], 1, casters.len(), draw);
             self.changed_in.resize(self.layers.changed.len(), 0);
         } else {
             self.layers.follow::<false>(&self.motions, draw);
@@ -153,12 +151,12 @@ impl ShadowMap {
         }
     }
 
-    /// The level tops and the light that arrives there.
+    /// Shadow masks of horizontal fixtures.
     pub fn planar_receivers(&self) -> &PlanarReceivers {
         &self.planar_receivers
     }
 
-    /// Tiles that changed after a version, row by row, and the number of tiles per row.
+    /// Marks of the map tiles that changed after a version, and tiles per row.
     pub fn changed_after(&self, version: u64) -> (impl Iterator<Item = bool>, usize) {
         (self.changed_in.iter().map(move |&changed_in| changed_in > version), self.layers.tile_columns)
     }
@@ -176,8 +174,7 @@ impl ShadowMap {
         MapFootprint([low.map(|at| tile(at - MARGIN)), high.map(|at| tile(at + MARGIN))])
     }
 
-    /// Share of the key light that reaches points, 0-1, where it is certain; takes up the others as unresolved.
-    /// Points that face away keep what they have.
+    /// Writes the shadow mask of points that are fully lit, fully shadowed or facing away; queues the others.
     pub fn classify(&self, points: &Points, share: &mut [f32], unresolved: &mut UnresolvedSamples) {
         place_points(&self.light, points, &mut unresolved.places);
         let UnresolvedSamples { places, search: queue, filter, taps } = unresolved;
@@ -214,14 +211,14 @@ impl ShadowMap {
         }
     }
 
-    /// Resolves the unresolved that are left.
+    /// Resolves the queued points.
     pub fn resolve(&self, unresolved: &mut UnresolvedSamples, share: &mut [f32]) {
         let UnresolvedSamples { search, filter, taps, .. } = unresolved;
         self.search(search, filter, taps, share);
         self.filter(filter, taps, share);
     }
 
-    /// Looks for what is between points and the light.
+    /// Blocker search.
     fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         let widest = self.light.search_radius();
         search.radius = [widest; CHUNK];
@@ -235,7 +232,7 @@ impl ShadowMap {
             if found == 0.0 {
                 share[pixel] = 1.0;
             } else if found == TAPS as f32 && radius <= widest {
-                // In the middle of a shadow: a smaller radius finds nothing else.
+                // Umbra: a smaller radius would find the same.
                 share[pixel] = 0.0;
             } else if filter.push(search, i, radius) {
                 self.filter(filter, taps, share);
@@ -244,7 +241,7 @@ impl ShadowMap {
         search.count = 0;
     }
 
-    /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
+    /// Percentage-closer filter with the penumbra radius from the blocker search.
     fn filter(&self, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         tap(filter, &self.layers.target, even_pattern(), taps);
         for i in 0..filter.count {
@@ -253,10 +250,10 @@ impl ShadowMap {
         filter.count = 0;
     }
 
-    /// Extremes per tile, then over the surroundings of each tile.
+    /// Updates the range of reversed z within reach of each tile.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
-        // A point looks for blockers within half the light's spread, and filters within the largest radius.
+        // Blockers are searched within half the penumbra radius, and filtered within the largest one.
         let search = self.light.search_radius();
         let [low, high] = &mut self.own;
         low.resize(tiles * tiles, 0.0);
@@ -269,7 +266,7 @@ impl ShadowMap {
 }
 
 impl Caster {
-    /// Moves to a pose; returns the texels that it may cover.
+    /// Moves the caster to a pose; returns bounds on the map.
     fn place(&mut self, mesh: &Mesh, pose: Pose, light: &KeyLight) -> Rectangle {
         self.pose = pose;
         self.corners.clear();
@@ -293,7 +290,7 @@ impl Caster {
     }
 }
 
-/// Draws the sides that face the light, or both of a mesh that is not closed.
+/// Rasterises front faces, or both sides of a mesh that is not closed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
     if caster.corners.is_empty() {
@@ -303,19 +300,19 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
     draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, viewpoint, [true, !mesh.closed], 0, target);
 }
 
-/// Whether something lets most light pass.
+/// True if a material transmits most light.
 fn is_clear(surface: &Material) -> bool {
     luminance((surface.tint(surface.base, 1.0, true) * surface.passing(1.0)).powf(2.0)) > 0.4
 }
 
-/// A map of what is transparent, empty but while a part is drawn.
+/// Depth map of transparent casters; empty except while one is drawn.
 #[derive(Debug, Default)]
 struct Clear {
     target: VisibilityBuffer,
 }
 
 impl Clear {
-    /// Draws a caster's texels into a map, marked as transparent.
+    /// Merges a transparent caster into a map, marking its texels with the lowest bit.
     fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, map: &mut VisibilityBuffer) {
         if (self.target.width, self.target.height) != (map.width, map.height) {
             self.target.reset::<false>(map.width, map.height, 1);
@@ -331,21 +328,21 @@ impl Clear {
     }
 }
 
-/// Points on the map.
+/// Points projected onto the map.
 #[derive(Debug)]
 struct MapPoints {
     x: BatchColumn,
     y: BatchColumn,
-    /// Tile of the map.
+    /// Map tile.
     tile_x: [u32; CHUNK],
     tile_y: [u32; CHUNK],
     reversed_z: BatchColumn,
-    /// Cosine between the surface's normal and the light.
+    /// Cosine between normal and light.
     facing: BatchColumn,
-    /// How much nearer the receiving plane is per texel.
+    /// Slope of the receiving plane [reversed z per texel].
     tilt_x: BatchColumn,
     tilt_y: BatchColumn,
-    /// By how much it may be nearer anywhere in reach.
+    /// Largest change of reversed z within the largest radius.
     slack: BatchColumn,
 }
 
@@ -396,19 +393,19 @@ fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
     }
 }
 
-/// Extremes of the tiles that changed.
+/// Range of reversed z in changed tiles.
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
-        // One pair of extremes per column of the tile: columns are independent, so this runs in vectors.
+        // Per column of the tile: vectorises.
         let (mut lows, mut highs) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
         for row in 0..TILE {
             let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
             let texels = &target.reversed_z[first..first + TILE];
             for column in 0..TILE {
                 let value = texels[column];
-                // What is transparent never covers all.
+                // Transparent texels never occlude fully.
                 let solid = if value.to_bits() & 1 == 0 { value } else { 0.0 };
                 lows[column] = if solid < lows[column] { solid } else { lows[column] };
                 highs[column] = if value > highs[column] { value } else { highs[column] };
@@ -419,9 +416,9 @@ fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], low: &mut [f32],
     }
 }
 
-/// The extreme within so many tiles of each tile, along rows and then along columns.
+/// Extreme value within `reach` tiles, along rows and then along columns.
 fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: impl Fn(f32, f32) -> f32 + Copy) {
-    // Each value of one list with the one beside it in the other.
+    // Joins each value with its neighbour in the other list.
     let widen = |list: &mut [f32], others: &[f32]| {
         list.iter_mut().zip(others).for_each(|(value, &other)| *value = join(*value, other));
     };

@@ -1,4 +1,4 @@
-//! PcfTaps of soft shadows: places around points on the shadow map.
+//! Taps of percentage-closer soft shadows (PCSS).
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -10,24 +10,24 @@ use multiversion::multiversion;
 use crate::raster::VisibilityBuffer;
 use crate::simd::{BatchColumn, CHUNK, ZERO, nearest_integer, whole_registers, within};
 
-/// Shadow mask where it is not known, or nothing is lit.
+/// Shadow mask of points that face away or are unknown.
 pub(crate) const UNKNOWN: f32 = -1.0;
-/// PcfTaps of the search for blockers and of the filter.
+/// Taps of blocker search and filter.
 pub(crate) const TAPS: usize = 8;
-/// Share of the key light that something transparent holds back; its texels have their last bit set. Fitted to traced
-/// pictures: more than the walls of clear glass mirror, since its edges are seen at a grazing angle.
+/// Share of the key light that transparent casters block; their texels have the lowest bit set. Fitted to path-traced
+/// images: more than clear glass reflects, since its edges are seen at grazing angles.
 pub(crate) const GLASS_SHADE: f32 = 0.5;
-/// Power by which taps of a search lie nearer to the middle. Fitted to traced pictures.
+/// Exponent that concentrates the taps of the blocker search. Fitted to path-traced images.
 const NEAR: f32 = 2.0;
-/// Turns of the taps.
+/// Rotations of the sampling pattern.
 const TURNS: usize = 16;
 
-/// A chunk of unresolved.
+/// A batch of unresolved shadow samples.
 #[derive(Debug)]
 pub(crate) struct SampleQueue {
     pub count: usize,
     pub pixel: [u32; CHUNK],
-    /// Place on the map, tilt of the plane, cosine and sine of the taps' turn, and radius of the taps.
+    /// Map position, slope of the receiving plane, rotation and radius of the sampling pattern.
     pub x: BatchColumn,
     pub y: BatchColumn,
     pub reversed_z: BatchColumn,
@@ -56,7 +56,7 @@ impl Default for SampleQueue {
 }
 
 impl SampleQueue {
-    /// Adds a doubt of another queue with a radius; says whether the queue is full.
+    /// Adds a sample of another queue with a radius; returns true if the queue is full.
     #[inline(always)]
     pub fn push(&mut self, other: &Self, from: usize, radius: f32) -> bool {
         let to = self.count;
@@ -69,10 +69,10 @@ impl SampleQueue {
     }
 }
 
-/// Where taps lie on the unit disc.
+/// Tap positions on the unit disc.
 pub(crate) type Pattern = [[f32; 2]; TAPS];
 
-/// How many taps of a pattern on a square map are nearer to the light than the receiving plane, and by how much together.
+/// Counts the taps that are closer to the light than the receiving plane, and sums their distances.
 pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern, taps: &mut PcfTaps) {
     place_taps(queue, [map.width, map.stride], pattern, taps);
     for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
@@ -83,11 +83,11 @@ pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern
     add_taps(taps, queue.count);
 }
 
-/// PcfTaps of a chunk of unresolved.
+/// Taps of a batch of samples.
 #[derive(Debug)]
 pub(crate) struct PcfTaps {
     index: [[u32; CHUNK]; TAPS],
-    /// Reversed z of the receiving plane under the taps.
+    /// Reversed z of the receiving plane at the taps.
     plane: [BatchColumn; TAPS],
     stored: [BatchColumn; TAPS],
     pub blockers: BatchColumn,
@@ -132,27 +132,26 @@ fn add_taps(taps: &mut PcfTaps, count: usize) {
     }
 }
 
-/// A vogel_spiral, even on the disc, as a filter needs it.
+/// Uniform pattern of the filter.
 pub(crate) fn even_pattern() -> &'static Pattern {
     static PATTERN: OnceLock<Pattern> = OnceLock::new();
     PATTERN.get_or_init(|| vogel_spiral(0.5))
 }
 
-/// The same with most taps near the middle, for a search: near a point are the blockers that matter most, since what is
-/// close to it casts a sharp shadow.
+/// Concentrated pattern of the blocker search: close blockers cast the sharpest shadows.
 pub(crate) fn near_pattern() -> &'static Pattern {
     static PATTERN: OnceLock<Pattern> = OnceLock::new();
     PATTERN.get_or_init(|| vogel_spiral(NEAR))
 }
 
-/// PcfTaps by the golden angle, at distances that are powers of their shares of all.
+/// Vogel spiral with radii to a power.
 fn vogel_spiral(power: f32) -> Pattern {
     std::array::from_fn(|tap| {
         (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).powf(power)).to_array()
     })
 }
 
-/// Sine and cosine of one of the turns.
+/// Sine and cosine of a rotation.
 pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
     static TABLE: OnceLock<[(f32, f32); TURNS]> = OnceLock::new();
     let turns = TABLE

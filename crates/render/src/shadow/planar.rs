@@ -1,9 +1,8 @@
-//! Key light on the level receivers of fixed things, above all on the table, which fills most of a picture.
+//! Planar receivers: shadow masks on the horizontal tops of fixtures.
 //!
-//! On a plane, what is between a texel of the shadow map and the light does not depend on who asks. Sums over rectangles
-//! of texels (Crow, "Summed-Area Tables for Texture Mapping", 1984) therefore give contact-hardening soft edges
-//! (Fernando, "Percentage-Closer Soft Shadows", 2005) without noise, once for all cameras; what did not change is kept from
-//! frame to frame, and a pixel reads the four cells around it.
+//! On a plane, occluders between a texel of the shadow map and the light do not depend on the camera. Summed-area
+//! tables (Crow, "Summed-Area Tables for Texture Mapping", 1984) give contact-hardening penumbrae (Fernando, 2005)
+//! without noise, once for all cameras and updated only where the shadow map changed; a pixel interpolates four cells.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -21,49 +20,50 @@ use crate::simd::{BatchColumn, CHUNK, ZERO, floor, lerp, nearest_integer, turned
 use super::pcss::UNKNOWN;
 use super::summed_area::SummedAreaTable;
 
-/// How far from its plane a point of a top may be found, metres: the rounding of depths at some metres.
+/// Largest distance of a point from the plane [m]: rounding errors of depth.
 const FLAT_M: f32 = 2e-4;
-/// Share of the box around the triangles at the greatest height that a top covers at least. Chosen: legs are no top.
+/// Smallest share of the bounding rectangle of the topmost triangles that they must fill. Chosen: legs are no
+/// receivers.
 const LEAST_COVER: f32 = 0.5;
-/// Maps with fewer texels per side have a cell per texel, others per 2 × 2. Chosen: a cell is as large as a pixel of the
+/// Map size [texels] below which a cell is one texel, otherwise 2×2. Chosen: a cell is as large as a pixel of the
 /// default static camera.
 const LARGE_MAP: usize = 512;
 
-/// The receivers of a scene.
+/// Planar receivers of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct PlanarReceivers {
     receivers: Vec<PlanarReceiver>,
-    /// By part, plus one: index of its top, plus one; 0 for none.
+    /// By surface number: index of its receiver plus one, 0 for none.
     of_surface: Vec<u8>,
     changes: MarkCount,
 }
 
-/// The top of one part.
+/// Horizontal top of a fixture.
 #[derive(Debug)]
 pub(crate) struct PlanarReceiver {
-    /// World frame, metres.
+    /// Height in the world [m].
     height: f32,
-    /// From x and y in the world, metres, and 1 to column and row of a cell.
+    /// Cell column and row as linear functions of world x, y [m] and 1.
     cell_from_world: [[f32; 3]; 2],
     cells: SummedAreaTable,
-    /// First block of 8 × 8 cells on the map, and columns and rows of blocks.
+    /// First block of 8×8 cells on the map, and number of blocks along both axes.
     first: [usize; 2],
     blocks: [usize; 2],
-    /// Share of the key light at the middle of each cell.
+    /// Shadow mask at the centre of each cell.
     share: Vec<f32>,
-    /// Extremes by block.
+    /// Range of the shadow mask by block.
     range: Vec<[f32; 2]>,
-    /// SummedAreaTable beside each block on which it depends.
+    /// Distance [cells] from each block within which occluders affect it.
     reach: Vec<usize>,
-    /// Version of the shadow map in which each block changed last.
+    /// Version of the shadow map in which each block last changed.
     changed_in: Vec<u64>,
 }
 
-/// Blocks of a top that pixels read: first and last column and row.
+/// First and last column and row of the blocks that some pixels read.
 pub(crate) type Blocks = [[u16; 2]; 2];
 
 impl PlanarReceivers {
-    /// The receivers of the fixed parts that a map covers.
+    /// Receivers among the fixtures.
     pub fn new(assets: &RenderAssets, light: &KeyLight) -> Self {
         let mut own = Self { of_surface: vec![0; assets.parts.len() + 1], ..Self::default() };
         for (index, part) in assets.parts.iter().enumerate() {
@@ -76,13 +76,13 @@ impl PlanarReceivers {
         own
     }
 
-    /// The top of a part, by the number of its surface.
+    /// Receiver of a surface number.
     pub fn of(&self, surface: u16) -> Option<&PlanarReceiver> {
         let number = *self.of_surface.get(usize::from(surface))?;
         self.receivers.get(usize::from(number).wrapping_sub(1))
     }
 
-    /// Follows the last update of a map, of which some tiles changed.
+    /// Updates the receivers after the shadow map changed in some tiles.
     pub fn update(&mut self, map: &VisibilityBuffer, changed: &[bool], version: u64) {
         let tiles = map.width / TILE;
         self.changes.count(changed.iter().copied(), tiles, tiles);
@@ -98,7 +98,7 @@ impl PlanarReceiver {
         let (height, low, high) = horizontal_top(part)?;
         let plane = light.plane(height)?;
         let step = if light.size < LARGE_MAP { 1 } else { 2 };
-        // The middle of a cell of two texels is half a texel beyond the first one's.
+        // The centre of a 2×2 cell is half a texel beyond that of its first texel.
         let cell = |[x, y, one]: [f32; 3]| {
             let step = step as f32;
             [x / step, y / step, (one - 0.5 * (step - 1.0)) / step]
@@ -132,13 +132,13 @@ impl PlanarReceiver {
         })
     }
 
-    /// SummedAreaTable per row.
+    /// Cells per row.
     fn width(&self) -> usize {
         self.blocks[0] * TILE
     }
 
     fn follow(&mut self, changes: &MarkCount, version: u64) {
-        // In tiles of the map: a block is one, or two along each axis.
+        // In map tiles: a block is one, or two along each axis.
         let step = self.cells.step as isize;
         let is_stale = |block: &usize| {
             let [column, row] = [self.first[0] + block % self.blocks[0], self.first[1] + block / self.blocks[0]];
@@ -158,7 +158,7 @@ impl PlanarReceiver {
         stale.into_iter().for_each(|block| self.estimate(block, version));
     }
 
-    /// Estimates a block, and remembers whether it changed.
+    /// Computes a block, and records a change.
     fn estimate(&mut self, block: usize, version: u64) {
         let width = self.width();
         let [column, row] = [block % self.blocks[0] * TILE, block / self.blocks[0] * TILE];
@@ -176,13 +176,13 @@ impl PlanarReceiver {
         }
     }
 
-    /// Whether a point of the world, metres, may lie on the top.
+    /// True if a point at a height [m] may lie on the receiver.
     #[inline(always)]
     pub fn holds(&self, height: f32) -> bool {
         (height - self.height).abs() < FLAT_M
     }
 
-    /// The blocks that pixels read which see places of the top, metres.
+    /// Blocks read by pixels at some world positions [m].
     pub fn blocks_of(&self, places: impl Iterator<Item = Vec2>) -> Blocks {
         let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
         for place in places {
@@ -191,7 +191,7 @@ impl PlanarReceiver {
                 (low[axis], high[axis]) = (low[axis].min(cell[axis]), high[axis].max(cell[axis]));
             }
         }
-        // A little more on both sides than rounding can miss.
+        // More than rounding errors on both sides.
         let block = |axis: usize, cell: f32| {
             let last = (self.blocks[axis] * TILE - 1) as f32;
             (cell - (self.first[axis] * TILE) as f32).clamp(0.0, last) as u16 / TILE as u16
@@ -199,12 +199,12 @@ impl PlanarReceiver {
         [[0, 1].map(|axis| block(axis, low[axis] - 0.01)), [0, 1].map(|axis| block(axis, high[axis] + 1.01))]
     }
 
-    /// Whether any of some blocks changed after a version of the shadow map.
+    /// True if any of the blocks changed after a version.
     pub fn changed_after(&self, version: u64, blocks: Blocks) -> bool {
         self.each(blocks).any(|block| self.changed_in[block] > version)
     }
 
-    /// The one share all over some blocks, if it is one.
+    /// The shadow mask if it is constant over some blocks.
     pub fn certain_share(&self, blocks: Blocks) -> Option<f32> {
         let [low, high] = self.each(blocks).map(|block| self.range[block]).fold([1.0, 0.0], widened);
         (low >= high).then_some(low)
@@ -233,8 +233,7 @@ impl PlanarReceiver {
         }
     }
 
-    /// Writes the share of the key light that arrives at pixels which see the top: whole tiles of them, given by their first
-    /// ones, and others.
+    /// Writes the shadow mask of pixels on the receiver: whole tiles, given by their first pixels, and single ones.
     pub fn light(
         &self,
         [tiles, places]: [&[u32]; 2],
@@ -261,7 +260,7 @@ impl PlanarReceiver {
         }
     }
 
-    /// Reads what arrives at some pixels.
+    /// Interpolates the shadow mask of a batch of pixels.
     fn read(&self, sight: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
         let width = self.width();
         find_cells(sight, pixels, reading);
@@ -277,7 +276,7 @@ impl PlanarReceiver {
     }
 }
 
-/// Height, and low and high corner of the level top of a fixed part, world frame.
+/// Height and corners of the horizontal top of a fixture, in the world.
 pub(crate) fn horizontal_top(part: &Part) -> Option<(f32, Vec2, Vec2)> {
     let mesh = &*part.mesh;
     let height = mesh.positions.iter().map(|place| place.z).reduce(f32::max)?;
@@ -294,7 +293,7 @@ pub(crate) fn horizontal_top(part: &Part) -> Option<(f32, Vec2, Vec2)> {
     is_top.then_some((height, low, high))
 }
 
-/// Column and row of a place in the world among cells.
+/// Cell column and row of a world position.
 fn on_cells(cell_from_world: &[[f32; 3]; 2], place: Vec2) -> [f32; 2] {
     cell_from_world.map(|[x, y, one]| x * place.x + y * place.y + one)
 }
@@ -303,18 +302,18 @@ fn widened([low, high]: [f32; 2], [a, b]: [f32; 2]) -> [f32; 2] {
     [if a < low { a } else { low }, if b > high { b } else { high }]
 }
 
-/// Memory of [`PlanarReceiver::light`].
+/// Scratch memory of [`PlanarReceiver::light`].
 #[derive(Debug, Default)]
 pub(crate) struct Reading {
     pixels: Pixels,
     lanes: Lanes,
 }
 
-/// Where a chunk of pixels reads a top, and what it reads.
+/// Cells read by a batch of pixels.
 #[derive(Debug)]
 struct Lanes {
     index: [u32; CHUNK],
-    /// How far a pixel's place lies from the first of its four cells towards the others.
+    /// Interpolation weights between the four cells.
     x: BatchColumn,
     y: BatchColumn,
     corners: [BatchColumn; 4],
@@ -327,13 +326,13 @@ impl Default for Lanes {
     }
 }
 
-/// How pixels of a camera see cells of a top.
+/// Projection of pixels onto the cells of a receiver.
 struct CellProjection {
     turn: [[f32; 3]; 3],
     viewpoint: [f32; 3],
     inverse_focal: [f32; 2],
     center: [f32; 2],
-    /// From x and y in the world, and 1, to column and row of a cell.
+    /// Cell column and row as linear functions of world x, y and 1.
     cell_from_world: [[f32; 3]; 2],
     columns: u32,
     /// Last column and row.
@@ -341,7 +340,7 @@ struct CellProjection {
 }
 
 impl CellProjection {
-    /// Column and row among cells of what a pixel sees at a depth.
+    /// Cell column and row of a pixel at a depth.
     #[inline(always)]
     fn cell(&self, column: f32, row: f32, depth: f32) -> [f32; 2] {
         let x = (column - self.center[0]) * self.inverse_focal[0] * depth;
@@ -355,7 +354,7 @@ impl CellProjection {
         [cell(0), cell(1)]
     }
 
-    /// Index of the first of the four cells around a place among them, and how far the place lies towards the others.
+    /// Index of the first of the four cells around a position, and interpolation weights.
     #[inline(always)]
     fn split(&self, [column, row]: [f32; 2]) -> (u32, [f32; 2]) {
         let first = |at: f32, axis: usize| within(floor(at), 0.0, self.last[axis] - 1.0);

@@ -1,4 +1,4 @@
-//! What lies between a plane and the light, and how much light passes.
+//! Summed-area table of the occluders above a horizontal plane, and penumbrae computed from it.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
@@ -12,41 +12,41 @@ use crate::raster::VisibilityBuffer;
 use crate::shadow::pcss::GLASS_SHADE;
 use crate::simd::{floor, nearest_integer, within};
 
-/// Half the side of the square with the area of a disc, over its radius.
+/// Half side of the square with the area of a disc, relative to its radius.
 const SQUARE: f32 = 0.886_227;
-/// What an opaque texel adds to a sum of what is covered.
+/// Weight of an opaque texel.
 const FULL: u32 = 10;
-/// Steps of distances per metre in sums.
+/// Quantisation of distances [1/m].
 const STEPS_PER_M: f32 = 1024.0;
-/// Bits of the covered texels in a cell and in a sum; those above hold distances.
+/// Bits of the occluder weight in a cell and in a sum; the higher bits hold weighted distances.
 const CELL_BITS: u32 = 8;
 const COVER_BITS: u32 = 24;
 
-/// What lies between a plane and the light: cells of the top and so many around them that every square fits.
+/// Occluders above a plane, by cell, including a margin for all filter sizes.
 #[derive(Debug)]
 pub(super) struct SummedAreaTable {
-    /// Texels along a side of a cell, and cells along a side of the map.
+    /// Texels along the side of a cell, and cells along the side of the map.
     pub step: usize,
     side: usize,
-    /// Of the plane at a texel: at the first one, and what a column and a row add.
+    /// Reversed z of the plane at the first texel, and its change per column and row.
     reversed_z: [f32; 3],
-    /// SummedAreaTable beside those of the top, whole tiles of the map.
+    /// Margin [cells], whole tiles of the map.
     margin: usize,
-    /// First column and row, with the margin; they may lie beyond the map, where nothing is covered.
+    /// First column and row with the margin; cells outside the map are empty.
     first: [isize; 2],
     columns: usize,
     rows: usize,
-    /// Covered texels and their distances by cell, see [`occluder_tile`].
+    /// Packed occluder weight and distance by cell, see [`occluder_tile`].
     covered: Vec<u32>,
-    /// Sums of all cells above and to the left within a window; a row and a column more than cells.
+    /// Summed-area table of a window, one row and column larger than its cells.
     sums: Vec<u64>,
     /// First column and row of the window, and its columns.
     window: [usize; 3],
-    /// Half the side of the square in which blockers are looked for, cells.
+    /// Half side of the blocker search [cells].
     search: usize,
-    /// Radius of a soft edge per metre of distance, texels.
+    /// Penumbra radius per metre of occluder distance [texels/m].
     radius_per_m: f32,
-    /// One over what a square is full of, by half its side in cells.
+    /// Inverse of the largest occluder weight in a square, by its half side.
     inverse_full: Vec<f32>,
 }
 
@@ -74,7 +74,7 @@ impl SummedAreaTable {
         }
     }
 
-    /// Reads the tiles of a map that changed.
+    /// Reads the map tiles that changed.
     pub fn follow(&mut self, map: &VisibilityBuffer, changed: &[bool]) {
         let (tiles, in_tile) = (map.width / TILE, TILE / self.step);
         let [from_column, from_row] = self.first.map(|first| first.max(0) as usize / in_tile);
@@ -99,7 +99,7 @@ impl SummedAreaTable {
         for (dy, line) in cells.chunks_exact(in_tile).take(in_tile).enumerate() {
             let row = (tile_row * in_tile + dy) as isize - self.first[1];
             let column = (tile_column * in_tile) as isize - self.first[0];
-            // The margin is made of whole tiles.
+            // The margin consists of whole tiles.
             if let (Ok(row), Ok(column)) = (usize::try_from(row), usize::try_from(column))
                 && row < self.rows
                 && column + in_tile <= self.columns
@@ -109,7 +109,7 @@ impl SummedAreaTable {
         }
     }
 
-    /// Adds up what the shares of some columns and rows of blocks, 8 × 8 cells each, are read from.
+    /// Sums the cells that some columns and rows of blocks (8×8 cells) depend on.
     pub fn add_up(&mut self, blocks: [Range<usize>; 2]) {
         let widest = self.inverse_full.len() - 1;
         let reach = |blocks: &Range<usize>| {
@@ -131,14 +131,14 @@ impl SummedAreaTable {
         }
     }
 
-    /// Index of a cell's upper left corner in the sums, and corners in a row.
+    /// Index of a cell's upper left corner in the sums, and corners per row.
     #[inline(always)]
     fn corner(&self, [x, y]: [usize; 2]) -> (usize, usize) {
         let [column, row, columns] = self.window;
         ((y - row) * (columns + 1) + x - column, columns + 1)
     }
 
-    /// Covered texels and their distances in a rectangle of cells from a first one on.
+    /// Sum over a square of cells.
     #[inline(always)]
     fn within(&self, first: [usize; 2], side: usize) -> u64 {
         let (top, width) = self.corner(first);
@@ -146,8 +146,7 @@ impl SummedAreaTable {
         self.sums[bottom + side] + self.sums[top] - self.sums[bottom] - self.sums[top + side]
     }
 
-    /// Shares of the key light that reach the middles of the cells of a block of the top, which was added up, and how many
-    /// cells beside it were looked at.
+    /// Shadow mask at the cell centres of a summed block, and the distance [cells] within which cells were read.
     pub fn shares(&self, column: usize, row: usize) -> ([[f32; TILE]; TILE], usize) {
         let [x, y] = [column + self.margin, row + self.margin];
         let around = |half: usize| unpack(self.within([x - half, y - half], TILE + 2 * half)).0;
@@ -180,14 +179,14 @@ impl SummedAreaTable {
     }
 }
 
-/// What was found between the cells of a block and the light.
+/// Blocker search of a block of cells.
 struct Found {
     sums: [[u64; TILE]; TILE],
-    /// Half the side of the square over which a cell takes the mean, cells; means nothing where nothing was found.
+    /// Half side of the filter square of each cell with blockers.
     half_widths: [[f32; TILE]; TILE],
 }
 
-/// After the mean distance of what was found, from the radius of a soft edge per metre, texels.
+/// Filter size from the mean blocker distance.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_half_widths(found: &mut Found, radius_per_m: f32, step: usize) {
     let step = step as i32 as f32;
@@ -202,7 +201,7 @@ fn find_half_widths(found: &mut Found, radius_per_m: f32, step: usize) {
     }
 }
 
-/// What squares of so many cells around those of a block hold; `sums` start at the first square's corner.
+/// Sums over squares around the cells of a block; `sums` begins at the first square.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn search_block(sums: &[u64], width: usize, side: usize) -> Found {
     let mut found = Found { sums: [[0; TILE]; TILE], half_widths: [[0.0; TILE]; TILE] };
@@ -216,7 +215,7 @@ fn search_block(sums: &[u64], width: usize, side: usize) -> Found {
     found
 }
 
-/// How many cells beside the middle one are in the square with the area of a disc of a radius in cells.
+/// Half side, in cells beside the centre, of the square with the area of a disc.
 fn half_side(radius: f32) -> f32 {
     SQUARE * radius - 0.5
 }
@@ -225,8 +224,8 @@ fn unpack(sum: u64) -> (u32, u32) {
     ((sum & ((1 << COVER_BITS) - 1)) as u32, (sum >> COVER_BITS) as u32)
 }
 
-/// Covered texels, [`FULL`] for each opaque one, in the lowest [`CELL_BITS`] of the cells of a tile of the map, row by row;
-/// above them their distances in [`STEPS_PER_M`], each as many times as its texel counts.
+/// Packed occluders of the cells of a map tile, row by row: weights ([`FULL`] for an opaque texel) in the low
+/// [`CELL_BITS`], above them weighted distances in [`STEPS_PER_M`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn occluder_tile(map: &[f32], stride: usize, [at, per_column, per_row]: [f32; 3], step: usize) -> [u32; TILE * TILE] {
     const GLASS: u32 = (GLASS_SHADE * FULL as f32) as u32;
@@ -261,7 +260,7 @@ mod tests {
 
     const SIDE: usize = 128;
 
-    /// SummedAreaTable of two texels over a level plane at reversed_z 1 seen from straight above, 512 texels to the metre.
+    /// Cells of 2×2 texels over a plane at reversed z 1, seen from straight above with 512 texels per metre.
     fn cells(reversed_z: impl Fn(usize, usize) -> f32) -> SummedAreaTable {
         let (search, widest) = (8, 14);
         let (margin, blocks) = (16, SIDE / 2 / TILE);
@@ -294,7 +293,7 @@ mod tests {
         cells
     }
 
-    /// Shares along the middle row.
+    /// Shadow mask along the middle row.
     fn line(cells: &SummedAreaTable) -> Vec<f32> {
         (0..SIDE / 2 / TILE).flat_map(|block| cells.shares(block * TILE, SIDE / 4).0[0]).collect()
     }
@@ -306,8 +305,7 @@ mod tests {
         assert!(covered[SIDE / 4..SIDE / 4 + 8].iter().all(|&share| share.abs() < 1e-5), "{covered:?}");
     }
 
-    /// The edge of a half plane at a height: half the light on it, none and all of it beyond the radius of the penumbra,
-    /// which grows with the height.
+    /// A half plane at a height: 0.5 at its edge, monotonic, and a penumbra that widens with the height.
     #[test]
     fn edges_are_as_soft_as_what_casts_them_is_high() {
         let width = |height: f32| {
@@ -319,11 +317,11 @@ mod tests {
         };
         let widths = [0.05, 0.2, 0.4].map(width);
         assert!(widths[0] < widths[1] && widths[1] < widths[2], "{widths:?}");
-        // Twice the radius in cells: 0.075 * 0.4 m * 512 texels per metre over 2 texels, as a square of the same area.
+        // Twice the radius in cells, 0.075 · 0.4 m · 512 texels/m over 2 texels, as a square of the same area.
         assert!((12..=15).contains(&widths[2]), "{widths:?}");
     }
 
-    /// Clear glass holds back its share.
+    /// Clear glass blocks its share.
     #[test]
     fn glass_lets_light_pass() {
         let glass = f32::from_bits(1.2_f32.to_bits() | 1);
@@ -338,7 +336,7 @@ mod tests {
         assert!((share - (1.0 - GLASS_SHADE)).abs() < 1e-4, "{share}");
     }
 
-    /// What changed alone is read again, and a window alone added up, with the shares of all read anew.
+    /// Incremental updates of cells and windows equal a new table.
     #[test]
     fn following_is_reading_anew() {
         let mut map = VisibilityBuffer::default();

@@ -47,7 +47,7 @@ struct Covered {
 /// A transparent surface in front of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LayerSample {
-    pub spot: ShadingPoint,
+    pub point: ShadingPoint,
     /// Share of the pixel that it is in front of.
     pub coverage: f32,
 }
@@ -113,10 +113,10 @@ impl TransparencyLayers {
     /// Adds a pixel, which may be among those that show several opaque surfaces, with one or two layers in front of it.
     pub fn add(&mut self, pixel: u32, edge_pixel: Option<u32>, [one, other]: [Option<LayerSample>; 2]) {
         let mut layers = [one.or(other).unwrap_or_default(), other.or(one).unwrap_or_default()];
-        if layers[0].spot.depth < layers[1].spot.depth {
+        if layers[0].point.depth < layers[1].point.depth {
             layers.swap(0, 1);
         }
-        let [far, near] = layers.map(|pane| surface_of(pane.spot.id));
+        let [far, near] = layers.map(|pane| surface_of(pane.point.id));
         let surfaces = [if one.is_some() && other.is_some() { far } else { 0 }, near];
         let is_same = |group: &Group| group.surfaces == surfaces;
         if !self.groups.get(self.last).is_some_and(is_same) {
@@ -165,7 +165,7 @@ impl Work {
         }
         self.rays.are_bent = far == near && self.sides[1].is_solid;
         if self.rays.are_bent {
-            let index_of_refraction = scene.surfaces[near as usize - 1].index_of_refraction();
+            let index_of_refraction = scene.materials[near as usize - 1].index_of_refraction();
             refract(&self.sides, index_of_refraction, &view.camera, scene.lighting, &mut self.rays);
         }
     }
@@ -210,12 +210,12 @@ impl Interface {
     ) {
         shading.clear();
         let [column, row] = &mut self.place;
-        for (i, LayerSample { spot, coverage }) in pixels.iter().map(|pixel| &pixel.layers[index]).enumerate() {
+        for (i, LayerSample { point: spot, coverage }) in pixels.iter().map(|pixel| &pixel.layers[index]).enumerate() {
             shading.push(*spot);
             (column[i], row[i], self.depth[i], self.coverage[i]) = (spot.x, spot.y, spot.depth, *coverage);
         }
         let part = surface as usize - 1;
-        let material = &scene.surfaces[part];
+        let material = &scene.materials[part];
         self.is_solid = scene.assets.parts[part].mesh.closed;
         shading.shade(&ShadedPart::new(scene, view, part));
         let (normal, facing) = shading.normals();
@@ -262,7 +262,7 @@ fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
 /// Colour of light on what touches the thing of the farther surface, white without one.
 fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     let Some(part) = far.checked_sub(1).map(|part| part as usize) else { return [1.0; 3] };
-    let material = &scene.surfaces[part];
+    let material = &scene.materials[part];
     let is_shell = !scene.assets.parts[part].mesh.closed;
     material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
 }

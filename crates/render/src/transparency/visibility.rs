@@ -1,6 +1,6 @@
 //! Visibility buffers of transparent parts.
 
-use crate::gbuffer::static_layer::{TILE, clear};
+use crate::gbuffer::static_layer::{Rectangle, TILE};
 use crate::gbuffer::view::View;
 use crate::raster::VisibilityBuffer;
 use crate::scene::assets::RenderAssets;
@@ -10,33 +10,45 @@ use crate::scene::assets::RenderAssets;
 pub(crate) struct TransparentBuffers {
     /// Farthest back faces, with complemented reversed z, and nearest front faces.
     pub layers: [VisibilityBuffer; 2],
-    /// By tile: true if a transparent interface covers samples of it or beside its first row and column; empty before the
-    /// first frame.
+    /// Bounds of the visible transparent parts [px].
+    pub areas: Vec<Rectangle>,
+    /// By tile: true if a transparent part may cover samples of it or next to it; empty before the first frame.
     reached: Vec<bool>,
 }
 
 impl TransparentBuffers {
     /// Rasterises all transparent parts.
-    pub fn draw(&mut self, assets: &RenderAssets, view: &View) {
+    pub fn draw(&mut self, assets: &RenderAssets, view: &View, scale: usize) {
         let (width, height) = (view.camera.width, view.camera.height);
-        self.layers.iter_mut().for_each(|layer| clear::<true>(layer, [width, height]));
+        for layer in &mut self.layers {
+            if (layer.width, layer.height) != (width * scale, height * scale) {
+                layer.reset::<true>(width, height, scale);
+            }
+            // Only the areas of the last frame are not empty.
+            for area in &self.areas {
+                layer.clear_rectangle(
+                    area.columns.start * scale..area.columns.end * scale,
+                    area.rows.start * scale..area.rows.end * scale,
+                );
+            }
+        }
+        let transparent = assets.parts.iter().zip(&view.motions).filter(|(part, _)| part.is_transparent());
+        self.areas.clear();
+        self.areas.extend(transparent.map(|(_, motion)| motion.now.clone()).filter(|area| !area.is_empty()));
         let [far, near] = &mut self.layers;
         view.draw_far_sides(assets, far);
         view.draw_transparent(assets, [true, false], near);
         let columns = width.div_ceil(TILE);
         self.reached.clear();
         self.reached.resize(columns * height.div_ceil(TILE), false);
-        let transparent = assets.parts.iter().zip(&view.motions).filter(|(part, _)| part.is_transparent());
-        for area in transparent.map(|(_, motion)| &motion.now) {
+        for area in &self.areas {
             for row in area.tile_rows() {
-                for tile in area.tile_columns().map(|column| row * columns + column) {
-                    self.reached[tile] |= self.layers.iter().any(|layer| layer.may_show(tile));
-                }
+                self.reached[row * columns..][area.tile_columns()].fill(true);
             }
         }
     }
 
-    /// True if a transparent interface may cover samples of a tile or beside its first row and column.
+    /// True if a transparent part may cover samples of a tile or next to it.
     pub fn reaches(&self, tile: usize) -> bool {
         self.reached.get(tile) == Some(&true)
     }

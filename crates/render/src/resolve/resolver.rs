@@ -1,0 +1,181 @@
+//! The resolve pass of a frame: edge pixels and transparent layers.
+
+use glam::{Vec2, Vec3A};
+
+use super::coverage::{Coverage, find_coverage};
+use super::edges::{EdgePixels, UnmatchedSample};
+use super::surface_ids::{NormalCodes, TileSurfaceIds};
+use crate::gbuffer::static_layer::{TILE, each_place};
+use crate::gbuffer::view::{View, complement_z, surface_of};
+use crate::light_buffer::LightBuffer;
+use crate::raster::VisibilityBuffer;
+use crate::render_scene::RenderScene;
+use crate::scene::assets::RenderAssets;
+use crate::scene::texture::srgb8_from_linear;
+use crate::shading::{ShadedPart, Shading, ShadingPoint};
+use crate::simd::CHUNK;
+use crate::transparency::composite::{LayerSample, Opaque, TransparencyLayers};
+use crate::transparency::visibility::TransparentBuffers;
+
+/// Resolves the dirty tiles of a frame; memory is kept from frame to frame.
+#[derive(Debug, Default)]
+pub(crate) struct Resolver {
+    edges: EdgePixels,
+    layers: TransparencyLayers,
+    order: Vec<u32>,
+    /// By tile: pixels whose bytes are not those of their centre colour, as bits row by row.
+    rewritten: Vec<u64>,
+    ids: TileSurfaceIds,
+    codes: NormalCodes,
+}
+
+impl Resolver {
+    /// Begins a frame.
+    pub fn begin(&mut self, assets: &RenderAssets, view: &View, tiles: usize) {
+        self.rewritten.resize(tiles, 0);
+        self.edges.clear();
+        self.layers.clear();
+        let placed = assets.parts.iter().zip(&view.parts);
+        self.codes.fill(placed.map(|(part, placed)| &*placed.mesh(part).directions));
+    }
+
+    /// Finds the edge pixels and transparent pixels of some tiles, in ascending order.
+    pub fn find(
+        &mut self,
+        opaque: &VisibilityBuffer,
+        transparent: Option<&TransparentBuffers>,
+        light_buffer: &LightBuffer,
+        tiles: &[usize],
+        colors: &[Vec3A],
+    ) {
+        for &tile in tiles {
+            let place = light_buffer.pixels_of(tile).map(|range| range.start);
+            let first_edge = self.edges.pixels.len();
+            let mut rewritten = 0;
+            if !light_buffer.shows_one(tile) && self.ids.load(opaque, place, &self.codes) {
+                rewritten = self.edges.blend_tile(opaque, &self.ids, light_buffer, tile, colors);
+            }
+            if let Some(transparent) = transparent.filter(|transparent| transparent.reaches(tile)) {
+                rewritten |= self.find_transparent(opaque, &transparent.layers, light_buffer, tile, first_edge);
+            }
+            self.rewritten[tile] = rewritten;
+        }
+    }
+
+    /// Pixels of a tile whose bytes were not those of their centre colour when it was last resolved, by place.
+    pub fn rewritten(&self, tile: usize) -> impl Iterator<Item = usize> {
+        each_place(self.rewritten[tile])
+    }
+
+    /// Shades unmatched samples and transparent layers, and writes the bytes of all found pixels.
+    pub fn finish(
+        &mut self,
+        scene: &RenderScene<'_>,
+        view: &View,
+        light_buffer: &LightBuffer,
+        colors: &[Vec3A],
+        rgb: &mut [u8],
+    ) {
+        self.shade_unmatched(scene, view);
+        for &(pixel, color) in &self.edges.pixels {
+            rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
+        }
+        let opaque = Opaque { scene, view, light_buffer, colors, edge_pixels: &self.edges.pixels };
+        self.layers.show(&opaque, rgb);
+    }
+
+    fn shade_unmatched(&mut self, scene: &RenderScene<'_>, view: &View) {
+        let (camera, EdgePixels { pixels, unmatched, .. }) = (&view.camera, &mut self.edges);
+        for UnmatchedSample { point, edge_pixel, share, .. } in unmatched.iter().filter(|sample| sample.point.id == 0) {
+            let ray = camera.point_at(Vec2::new(point.x, point.y), 1.0) - camera.viewpoint;
+            pixels[*edge_pixel as usize].1 += scene.backdrop.color(camera.viewpoint, ray) * *share;
+        }
+        unmatched.retain(|sample| sample.point.id != 0);
+        by_surface(unmatched.iter().map(|sample| surface_of(sample.point.id)), &mut self.order);
+        let mut shading = Shading::default();
+        let surface = |sample: &u32| surface_of(unmatched[*sample as usize].point.id);
+        for same in self.order.chunk_by(|a, b| surface(a) == surface(b)) {
+            let part = ShadedPart::new(scene, view, surface(&same[0]) as usize - 1);
+            for chunk in same.chunks(CHUNK) {
+                shading.clear();
+                for &sample in chunk {
+                    shading.push(unmatched[sample as usize].point);
+                }
+                shading.shade(&part);
+                for (index, &sample) in chunk.iter().enumerate() {
+                    let UnmatchedSample { edge_pixel, share, .. } = unmatched[sample as usize];
+                    pixels[edge_pixel as usize].1 += shading.color_of(index) * share;
+                }
+            }
+        }
+    }
+
+    /// Lists the transparent layers in front of a tile's pixels, whose edge pixels begin at an index; returns the pixels as
+    /// bits.
+    fn find_transparent(
+        &mut self,
+        opaque: &VisibilityBuffer,
+        layers: &[VisibilityBuffer; 2],
+        light_buffer: &LightBuffer,
+        tile: usize,
+        first_edge: usize,
+    ) -> u64 {
+        let [columns, rows] = light_buffer.pixels_of(tile);
+        let coverage = find_coverage(layers, opaque, [columns.start, rows.start]);
+        let width = opaque.width / 2;
+        let mut edges = (first_edge as u32..).zip(&self.edges.pixels[first_edge..]).peekable();
+        let mut found = 0;
+        for (y, row) in rows.enumerate() {
+            for (x, column) in columns.clone().enumerate() {
+                let coverage = coverage.each_ref().map(|coverage| coverage[y * TILE + x]);
+                // A far interface alone lies in a support surface, or its object crosses the near plane.
+                if coverage[1].share == 0.0 {
+                    continue;
+                }
+                let pixel = (row * width + column) as u32;
+                // Edge pixels of a tile are in the same order.
+                while edges.next_if(|(_, (other, _))| *other < pixel).is_some() {}
+                let edge = edges.next_if(|(_, (other, _))| *other == pixel).map(|(index, _)| index);
+                let sample = |index: usize| {
+                    let (layer, Coverage { share, sample: [dx, dy] }) = (&layers[index], coverage[index]);
+                    if share == 0.0 {
+                        return None;
+                    }
+                    let at = |place: usize, step: i8, size: usize| {
+                        (2 * place as isize + isize::from(step)).clamp(0, size as isize - 1) as usize
+                    };
+                    let (column, row) = (at(column, dx, layer.width), at(row, dy, layer.height));
+                    let (id, reversed_z) = layer.sample(column, row);
+                    let point = ShadingPoint {
+                        id,
+                        x: column as f32 / 2.0,
+                        y: row as f32 / 2.0,
+                        depth: 1.0 / if index == 0 { complement_z(reversed_z) } else { reversed_z },
+                        shadow: light_buffer.shadow_mask[pixel as usize].max(0.0),
+                        ambient: 1.0,
+                    };
+                    Some(LayerSample { point, coverage: share })
+                };
+                self.layers.add(pixel, edge, [sample(0), sample(1)]);
+                found |= 1 << (y * TILE + x);
+            }
+        }
+        found
+    }
+}
+
+/// Stable counting sort of indices by surface number.
+fn by_surface(surfaces: impl Iterator<Item = u32> + Clone, order: &mut Vec<u32>) {
+    let mut ends = vec![0; surfaces.clone().max().map_or(0, |last| last as usize + 2)];
+    surfaces.clone().for_each(|surface| ends[surface as usize + 1] += 1);
+    for surface in 1..ends.len() {
+        ends[surface] += ends[surface - 1];
+    }
+    order.clear();
+    order.resize(ends.last().map_or(0, |count| *count as usize), 0);
+    for (index, surface) in (0..).zip(surfaces) {
+        let place = &mut ends[surface as usize];
+        order[*place as usize] = index;
+        *place += 1;
+    }
+}
