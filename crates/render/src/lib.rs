@@ -1,21 +1,19 @@
-//! Pictures of posed bodies: colour, metric depth, instance ids and normals from a CPU, without GL, GPU or display.
+//! CPU renderer: colour, metric depth, instance ids and normals of posed bodies, without GL, GPU or display.
 //!
-//! A visibility-buffer rasteriser: triangles write only *which* surface a sample sees and how near it is;
-//! every pixel's surface is then shaded once, at its centre, and edges are smoothed from the samples around it.
-//! Depth and ids therefore cost a fraction of a colour image, and they never depend on whether colour was asked for.
+//! A visibility-buffer rasteriser: triangles write only the visible surface and its depth per sample; each pixel is then
+//! shaded once, at its centre, and edges are anti-aliased from the samples around it. Depth and ids cost a fraction of a
+//! colour image and never depend on whether colour was requested.
 //!
 //! ```text
-//! RobotModel + ObjectModels + World       ──► RenderAssets (immutable, shared by all frames and threads)
-//! joint positions + object poses          ──► FrameState   (world_from_link of every body)
+//! RobotModel + ObjectModels + World        ──► RenderAssets (immutable, shared by all frames and threads)
+//! joint positions + object poses           ──► FrameState   (world_from_link of every body)
 //! FrameState × Camera × Channels = ViewJob ──► Renderer ──► FrameBuffers ──► encode
 //! ```
 //!
-//! One [`Renderer`] per worker thread; an image is drawn by one thread, and the same job gives the same bytes.
-//! A picture continues the one before of the same camera: `layers` finds the tiles that may have changed, `cache`
-//! draws these again, and nobody can tell.
-//! Light, exposure, background, table top and paint are data ([`RenderVariation`]), drawn from a seed by [`sampling`]:
-//! recorded episodes are drawn again with others.
-//! What a real camera would make of such a perfect picture, [`sensor`] adds afterwards, for cameras that ask for it.
+//! One [`Renderer`] per worker thread; the same job gives the same bytes. A frame continues the last one of the same camera:
+//! only dirty tiles are repeated, with the bytes of an image rendered from scratch. Light, exposure, background, table top and
+//! paint are data ([`RenderVariation`]), sampled from a seed by [`sampling`]. [`sensor`] adds lens, noise and stereo depth for
+//! cameras that ask for them. `docs/concepts/rendering.md` describes the passes.
 
 pub mod error;
 pub mod job;

@@ -1,14 +1,14 @@
-//! Pictures as files, and pictures of other sizes.
+//! Image files and resizing.
 
 use std::io::Write;
 
 use genmanip_core::image::depth_to_mm;
 use png::{BitDepth, ColorType, Compression, Filter};
 
-/// Why a picture could not be written.
+/// Reasons why an image cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodeError {
-    /// The buffer does not fit its size.
+    /// The buffer does not match the size.
     #[error("got {got} values for a picture of {width}×{height}, expected {expected}")]
     Size {
         /// Pixels per row.
@@ -28,7 +28,7 @@ pub enum EncodeError {
     Jpeg(#[from] jpeg_encoder::EncodingError),
 }
 
-/// An 8-bit sRGB picture as PNG.
+/// 8-bit sRGB image as PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -46,7 +46,7 @@ pub fn png_depth_mm(width: u32, height: u32, depth_m: &[f32]) -> Result<Vec<u8>,
     png_u16(width, height, &millimetres)
 }
 
-/// Sixteen-bit values, e.g. instance ids, as grey PNG.
+/// 16-bit values, such as instance ids, as greyscale PNG.
 ///
 /// # Errors
 /// A buffer of the wrong size.
@@ -57,7 +57,7 @@ pub fn png_u16(width: u32, height: u32, values: &[u16]) -> Result<Vec<u8>, Encod
     png(width, height, ColorType::Grayscale, BitDepth::Sixteen, Filter::Paeth, &bytes)
 }
 
-/// An 8-bit sRGB picture as JPEG with full colour resolution at `quality` 90 and above, halved below.
+/// 8-bit sRGB image as JPEG; chroma is subsampled below `quality` 90.
 ///
 /// # Errors
 /// A buffer of the wrong size, or more than 65535 pixels along a side.
@@ -73,10 +73,10 @@ pub fn jpeg_rgb(width: u32, height: u32, rgb: &[u8], quality: u8) -> Result<Vec<
     Ok(bytes)
 }
 
-/// A picture at another size by averaging the area under each new pixel.
+/// Resizes an image by averaging the area under each new pixel.
 ///
 /// # Errors
-/// A buffer of the wrong size, or a size of nothing.
+/// A buffer of the wrong size, or an empty size.
 pub fn resize_rgb(size: [u32; 2], rgb: &[u8], new_size: [u32; 2]) -> Result<Vec<u8>, EncodeError> {
     check_size(size[0], size[1], 3, rgb.len())?;
     check_not_empty(new_size)?;
@@ -101,14 +101,14 @@ pub fn resize_rgb(size: [u32; 2], rgb: &[u8], new_size: [u32; 2]) -> Result<Vec<
     Ok(out)
 }
 
-/// Depth or ids at another size: each new pixel takes the value of the old pixel under its centre, never a mixture.
+/// Resizes depth or ids: each new pixel takes the value under its centre.
 ///
 /// # Errors
-/// A buffer of the wrong size, or a size of nothing.
+/// A buffer of the wrong size, or an empty size.
 pub fn resize_nearest<T: Copy>(size: [u32; 2], values: &[T], new_size: [u32; 2]) -> Result<Vec<T>, EncodeError> {
     check_size(size[0], size[1], 1, values.len())?;
     check_not_empty(new_size)?;
-    // Twice the coordinate of the new centre in old pixels, in whole numbers.
+    // Twice the coordinate of the new centre in old pixels, as an integer.
     let source = |index: u32, axis: usize| {
         let doubled = (2 * u64::from(index) + 1) * u64::from(size[axis]) / (2 * u64::from(new_size[axis]));
         (doubled as usize).min(size[axis] as usize - 1)
@@ -120,7 +120,7 @@ pub fn resize_nearest<T: Copy>(size: [u32; 2], values: &[T], new_size: [u32; 2])
         .collect())
 }
 
-/// An interval of old pixels, in pixel widths from the first border.
+/// Interval of old pixels [px].
 #[derive(Clone)]
 struct Span {
     start: f32,
@@ -128,7 +128,7 @@ struct Span {
 }
 
 impl Span {
-    /// Pixels the interval touches, with the length it covers of each.
+    /// Covered pixels and the covered length of each.
     fn into_weights(self, limit: usize) -> impl Iterator<Item = (usize, f32)> {
         let first = self.start as usize;
         let last = (self.end.ceil() as usize).min(limit);

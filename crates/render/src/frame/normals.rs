@@ -1,4 +1,4 @@
-//! The channel of surface normals.
+//! Normal channel.
 
 use glam::{Vec3A, Vec4};
 
@@ -6,7 +6,7 @@ use crate::gbuffer::view::{View, part_and_triangle};
 use crate::raster::VisibilityBuffer;
 use crate::scene::assets::RenderAssets;
 
-/// Unit surface normal towards the camera in camera axes times 127 at every pixel's centre; zero where nothing is seen.
+/// Unit normal towards the camera in camera axes, times 127, at every pixel centre; zero for the background.
 pub(crate) fn write(assets: &RenderAssets, view: &View, seen: &VisibilityBuffer, out: &mut Vec<[i8; 3]>) {
     let normal_at = |x: usize, y: usize, reversed_z: f32, id: u32| {
         let Some((part, triangle)) = part_and_triangle(id) else { return [0; 3] };

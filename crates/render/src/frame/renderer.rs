@@ -1,4 +1,4 @@
-//! The renderer: jobs in, pictures out.
+//! The renderer: jobs in, images out.
 
 use std::sync::Arc;
 
@@ -20,34 +20,34 @@ use crate::scene::variation::RenderVariation;
 use crate::shading::backdrop::Backdrop;
 use crate::shadow::map::ShadowMap;
 
-/// Pixels of the pictures that are kept to be continued; beyond it the one that was not drawn for longest goes.
+/// Total pixels of the kept frame caches; the least recently used ones are dropped.
 const KEPT_PIXELS: usize = 4 << 20;
-/// Images with no more pixels along the longer side get by with coarser shadows.
+/// Longer side of images with a coarse shadow map [px].
 const SMALL_PX: u32 = 128;
 /// Texels per side of the shadow map of small images.
 const SMALL_SHADOW: usize = 192;
 
-/// Draws jobs on the thread that calls it; keeps its memory from job to job.
+/// Renders jobs on the calling thread; keeps its memory from job to job.
 ///
-/// The same job gives the same bytes, whatever was drawn before and whatever other threads do.
-/// A camera that stands still is cheaper than one that moves: what did not change since its last picture is kept.
+/// The same job gives the same bytes, whatever was rendered before and whatever other threads do. A fixed camera is
+/// cheaper than a moving one: only dirty tiles are repeated.
 #[derive(Debug)]
 pub struct Renderer {
     assets: Arc<RenderAssets>,
     variation: RenderVariation,
-    /// What the parts of the assets are made of under the variation.
+    /// Materials of the parts under the variation.
     materials: Vec<Material>,
     lighting: Lighting,
     backdrop: Backdrop,
-    /// Shadows of large and of small images, and the frame that each was drawn for.
+    /// Shadow maps for large and for small images, with the frame they show.
     shadows: [(ShadowMap, Option<FrameState>); 2],
-    /// What holds back ambient light in the last job.
+    /// AO proxies of the last job.
     proxies: AoProxies,
-    /// Linear colours of the bodies on average.
+    /// Mean linear colours of the bodies.
     body_colors: Vec<Vec3A>,
-    /// Ambient light on the table in large and in small images, for fixed cameras and for the hand's.
+    /// Irradiance grids for large and small images, for fixed and for wrist cameras.
     irradiance_grids: [[IrradianceGrid; 2]; 2],
-    /// Pictures by camera, the one drawn last at the end.
+    /// Frame caches by camera, the most recent last.
     kept: Vec<(CacheKey, FrameCache)>,
     /// Depth and ids without colour.
     view: View,
@@ -55,7 +55,7 @@ pub struct Renderer {
     shaded_pixels: usize,
 }
 
-/// A camera on its mount, and the samples per pixel.
+/// Key of a frame cache: a camera on its mount.
 #[derive(Clone, Debug, PartialEq)]
 struct CacheKey {
     mount: CameraMount,
@@ -64,7 +64,7 @@ struct CacheKey {
 }
 
 impl Renderer {
-    /// A renderer of these assets under a light.
+    /// A renderer of some assets with a variation.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         let materials = variation.materials(&assets);
         let lighting = Lighting::new(&variation, &materials);
@@ -87,39 +87,39 @@ impl Renderer {
         }
     }
 
-    /// What is drawn.
+    /// Rendered assets.
     pub fn assets(&self) -> &Arc<RenderAssets> {
         &self.assets
     }
 
-    /// The light and look that it draws in.
+    /// Light and appearance.
     pub fn variation(&self) -> &RenderVariation {
         &self.variation
     }
 
-    /// What the parts of the assets are made of in that look.
+    /// Materials of the parts under the variation.
     pub(crate) fn materials(&self) -> &[Material] {
         &self.materials
     }
 
-    /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
+    /// Drops all caches, so that the next images are rendered from scratch, with the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();
         self.irradiance_grids = irradiance_grids(&self.assets, &self.variation);
         self.kept.clear();
     }
 
-    /// How many pixels of the last picture in colour were shaded rather than kept from the one before.
+    /// Number of pixels shaded for the last colour image; the others came from the cache.
     pub fn shaded_pixels(&self) -> usize {
         self.shaded_pixels
     }
 
-    /// Draws all jobs, `out[i]` for `jobs[i]`.
+    /// Renders all jobs, `out[i]` for `jobs[i]`.
     ///
-    /// Draw all views of a frame one after the other, in one call or in several: they share the shadow map.
+    /// Render all views of a frame consecutively: they share the shadow map.
     ///
     /// # Errors
-    /// A frame of other assets, a pose or camera that cannot be drawn, or too few buffers; nothing is drawn then.
+    /// A frame of other assets, an invalid pose or camera, or a wrong number of buffers; nothing is rendered then.
     pub fn render(&mut self, jobs: &[ViewJob<'_>], out: &mut [FrameBuffers]) -> Result<(), RenderError> {
         if jobs.len() != out.len() {
             return Err(RenderError::BufferCount { expected: jobs.len(), got: out.len() });
@@ -144,11 +144,10 @@ impl Renderer {
         Ok(())
     }
 
-    /// What a view would show of each object with nothing before it: `take` gets the instance id of an object, and the
-    /// channel `instance`, which holds that id where the object would be seen; for the objects in their order.
+    /// Renders the instance mask of each object as if nothing occluded it; `take` receives instance id and mask.
     ///
     /// # Errors
-    /// As [`Renderer::render`], and what `take` says.
+    /// As [`Renderer::render`], and errors of `take`.
     pub fn alone(
         &mut self,
         job: &ViewJob<'_>,
@@ -216,8 +215,8 @@ fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[Irr
     [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrid::new(assets, variation, is_small)))
 }
 
-/// A frame whose poses lie on a fine grid, so that the trembling of things at rest in a simulation, nanometres, does not
-/// change a picture: 8 µm and 8 µrad, far below what a depth image holds.
+/// Rounds poses to 8 µm and 8 µrad, far below the resolution of depth images, so that simulation jitter of resting
+/// objects changes nothing.
 fn snapped(frame: &FrameState) -> FrameState {
     const STEPS: f64 = 131_072.0;
     // Adding 0 turns -0 into 0.

@@ -88,7 +88,7 @@ impl LightBuffer {
         self.only_around = (0..only.len()).map(is_uniform).collect();
     }
 
-    /// Takes over what is seen in a tile.
+    /// Reads the visible surfaces of a tile.
     fn read_tile(&mut self, opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>) -> TileContents {
         let first = rows.start * self.width + columns.start;
         let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
@@ -105,11 +105,11 @@ impl LightBuffer {
     }
 }
 
-/// Directions in which a camera sees, in the world.
+/// View rays in the world.
 #[derive(Clone, Copy)]
 struct Rays {
     viewpoint: Vec3A,
-    /// At the pixel at the origin, and what a column and a row add.
+    /// Ray of pixel (0, 0), and its change per column and row.
     first: Vec3A,
     across: Vec3A,
     down: Vec3A,
@@ -128,18 +128,18 @@ impl Rays {
     }
 }
 
-/// What the centres of the pixels of a tile see.
+/// Visible surfaces of a tile.
 struct TileContents {
-    /// Smallest and largest reversed_z of what is there.
+    /// Range of reversed z, without the background.
     reversed_z: [f32; 2],
-    /// Id of the first pixel's centre.
+    /// Visibility id of the first pixel.
     first: u32,
-    /// The bits in which ids of centres, and of all samples, differ from it.
+    /// Bits in which ids of pixel centres, and of all samples, differ from it.
     differ: u32,
     differ_all: u32,
 }
 
-/// What the centres of pixels see, from the first one of a tile on, to be written.
+/// Output per pixel centre, from the first pixel of a tile on.
 struct Seen<'a> {
     /// Pixels per row.
     width: usize,
@@ -148,7 +148,7 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
-/// Takes over what is seen in a tile whose samples are stored, from the first of its samples on.
+/// Reads a whole tile from its first sample on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn read_stored((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     const SCALE: usize = 2;
@@ -186,7 +186,7 @@ fn read_stored((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_
     TileContents { reversed_z: extent.reversed_z(), first, differ: any(&differ), differ_all: any(&differ_all) }
 }
 
-/// Takes over what is seen in a tile that ends where the picture does.
+/// Reads a tile that is cut by the image border.
 #[cold]
 fn read_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
     let scale = opaque.scale;
@@ -208,7 +208,7 @@ fn read_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize
     TileContents { reversed_z: extent.reversed_z(), first, differ, differ_all }
 }
 
-/// Depths where the reversed_z is known, 0 for nothing.
+/// Depths from reversed z, 0 for the background.
 #[inline(always)]
 fn depths_of<const N: usize>(near: &[f32; N]) -> [f32; N] {
     let mut depths = [0.0; N];
@@ -218,7 +218,7 @@ fn depths_of<const N: usize>(near: &[f32; N]) -> [f32; N] {
     depths
 }
 
-/// Smallest and largest reversed_z of what is there, column by column.
+/// Range of reversed z by column, without the background.
 struct Extent {
     low: [f32; TILE],
     high: [f32; TILE],

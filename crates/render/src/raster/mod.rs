@@ -1,11 +1,10 @@
-//! Scan conversion: which triangle is nearest at each sample.
+//! Rasterisation into a visibility buffer: the nearest triangle at each sample.
 //!
-//! Two triangles that share an edge compute the same crossing of that edge with a row from the same two corners,
-//! so that every sample between them belongs to exactly one of them: no cracks, no double hits, no fixed-point grid.
+//! Triangles that share an edge compute its crossing with a row from the same two vertices, so that every sample belongs to
+//! exactly one of them: no cracks, no double hits, no fixed-point grid.
 //!
-//! Of equally near triangles the one with the smaller id is seen, so the order of drawing does not matter.
-//! With a power of two of samples per pixel, the samples at pixel centres get the same bits as with one:
-//! doubling is exact in floating point, and every step here is either scaled by it or not changed at all.
+//! On equal depth the smaller id wins, so the order of drawing does not matter. With a power of two of samples per pixel,
+//! samples at pixel centres have the same bits as with one: scaling by it is exact in floating point.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 

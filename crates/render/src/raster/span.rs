@@ -1,40 +1,40 @@
-//! Spans of triangles: samples beside each other.
+//! Spans of triangles: runs of samples in a row.
 
 use std::array;
 
 use crate::simd::within;
 
-/// Samples that are drawn at once: few rows have more.
+/// Samples drawn at once: few spans are longer.
 const SAMPLES: usize = 8;
 
-/// Reversed z of a triangle as a linear function of the place.
+/// Reversed z of a triangle as a linear function of the image position.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DepthGradient {
-    /// At the origin of the image, in double precision: corners may lie far outside it.
+    /// Value at the image origin, in double precision: vertices may lie far outside.
     pub constant: f64,
     pub dx: f32,
     pub dy: f32,
-    /// Bounds over the corners: rounding on a sliver must not leave them.
+    /// Range over the vertices, which rounding on slivers must not exceed.
     pub low: f32,
     pub high: f32,
 }
 
-/// A row of a triangle.
+/// Span of a triangle in one row.
 pub(super) struct Span {
-    /// Samples.
+    /// First sample, and number of samples.
     pub first: usize,
     pub count: usize,
-    /// Samples from where the reversed_z is `value` to the first one.
+    /// Distance from the sample where reversed z is `value` to the first sample.
     pub offset: f32,
     pub value: f32,
 }
 
 impl Span {
-    /// Draws it; without ids, on a map of shadows.
+    /// Draws the span; without ids, into a shadow map.
     #[inline(always)]
     pub fn draw<const IDS: bool>(&self, gradient: &DepthGradient, id: u32, reversed_z: &mut [f32], ids: &mut [u32]) {
         let &Self { first, count, .. } = self;
-        // Without ids it is faster to draw nothing than to mispredict a branch.
+        // In a shadow map, drawing nothing is faster than a mispredicted branch.
         if IDS && count == 0 {
             return;
         }
@@ -52,7 +52,7 @@ impl Span {
                 }
             }
         }
-        // What lies beyond the row is read and written as it was.
+        // Samples beyond the span are rewritten unchanged.
         let values = self.values(gradient, whole);
         if let Some(reversed_z) = reversed_z[first + whole..].first_chunk_mut::<SAMPLES>() {
             if IDS {
@@ -74,10 +74,10 @@ impl Span {
         }
     }
 
-    /// Reversed z of samples from one on, 0 beyond the row.
+    /// Reversed z of samples from an index on, 0 beyond the span.
     #[inline(always)]
     fn values(&self, gradient: &DepthGradient, from: usize) -> [f32; SAMPLES] {
-        // Integers in single precision: exact. From 1, since the compiler treats 0 apart.
+        // Exact integers; from 1, since the compiler treats 0 specially.
         const STEPS: [f32; SAMPLES] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
         let (left, offset) = ((self.count - from) as i32 as f32, self.offset + (from as i32 - 1) as f32);
         let mut values = [0.0; SAMPLES];
@@ -89,26 +89,26 @@ impl Span {
     }
 }
 
-/// Draws samples of a triangle.
+/// Depth test and update of samples; on equal depth the smaller id wins.
 #[inline(always)]
 fn show<const N: usize>(reversed_z: &mut [f32; N], ids: &mut [u32; N], values: &[f32; N], id: u32) {
     let (nearest, nearest_ids) = (*reversed_z, *ids);
     for i in 0..N {
-        // Positive numbers are in the order of their bits.
+        // Positive floats are ordered like their bits.
         reversed_z[i] = f32::from_bits(values[i].to_bits().max(nearest[i].to_bits()));
-        // Written so, the compiler does not make it a masked store, at which some processors are slow.
+        // Avoids a masked store, which is slow on some processors.
         let own = if values[i] >= nearest[i] { id } else { u32::MAX };
         let other = if values[i] > nearest[i] { u32::MAX } else { nearest_ids[i] };
         ids[i] = own.min(other);
     }
 }
 
-/// Draws samples of a triangle on a map of shadows, which keeps its last bit for what is transparent.
+/// Depth test and update of shadow-map texels, whose lowest bit marks transparent casters.
 #[inline(always)]
 fn cast<const N: usize>(reversed_z: &mut [f32; N], values: &[f32; N]) {
     let nearest = *reversed_z;
     for i in 0..N {
-        // Positive numbers are in the order of their bits, and negative ones are less.
+        // Positive floats are ordered like their bits, and negative ones are smaller.
         let (value, other) = ((values[i].to_bits() & !1) as i32, nearest[i].to_bits() as i32);
         reversed_z[i] = f32::from_bits(value.max(other) as u32);
     }

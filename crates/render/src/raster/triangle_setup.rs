@@ -1,31 +1,31 @@
-//! Triangles made ready for drawing, many at a time.
+//! Triangle setup in batches: edges, depth gradients and spans.
 
 use super::span::{DepthGradient, Span};
 use super::{Corner, area_of, extremes, first_sample};
 
-/// Corners of triangles, component by component.
+/// Vertices of triangles as structure of arrays.
 pub(super) struct Corners<const N: usize> {
     pub x: [[f32; N]; 3],
     pub y: [[f32; N]; 3],
     pub reversed_z: [[f32; N]; 3],
 }
 
-/// Sides of triangles, and their reversed_z as a linear function of the place.
+/// Edges of triangles, and reversed z as a linear function of the image position.
 pub(super) struct TriangleSetup<const N: usize> {
-    /// The upper end of the long side, and that of the lower short side.
+    /// Upper end of the long edge, and of the lower short edge.
     pub top: [[f32; N]; 2],
     pub middle: [[f32; N]; 2],
-    /// Columns per row: of the long side, and of the upper and lower short one.
+    /// Columns per row of the long, the upper short and the lower short edge.
     pub slopes: [[f32; N]; 3],
-    /// All bits where the long side is on the left, else none.
+    /// All bits set if the long edge is on the left, else 0.
     pub long_is_left: [u32; N],
-    /// First row, first row of the lower short side, and the row after the last.
+    /// First row, first row of the lower short edge, and end row.
     pub rows: [[u32; N]; 3],
-    /// Reversed z at the origin of the image, in double precision: corners may lie far outside it.
+    /// Reversed z at the image origin, in double precision: vertices may lie far outside.
     pub constant: [f64; N],
     pub dx: [f32; N],
     pub dy: [f32; N],
-    /// Bounds over the corners: rounding on a sliver must not leave them.
+    /// Range over the vertices, which rounding on slivers must not exceed.
     pub low: [f32; N],
     pub high: [f32; N],
 }
@@ -46,7 +46,7 @@ impl<const N: usize> Corners<N> {
         }
     }
 
-    /// With so many samples per pixel, on an image of so many columns and rows of samples.
+    /// Setup at `scale` samples per pixel on an image with `height` rows of samples.
     #[inline(always)]
     pub fn setup(&self, scale: f32, height: usize) -> TriangleSetup<N> {
         let (none, no_rows) = ([0.0; N], [0; N]);
@@ -95,7 +95,7 @@ impl<const N: usize> Corners<N> {
     }
 }
 
-/// Two corners, the upper one first, and the area, whose sign follows their order.
+/// Two vertices, the upper one first, and the signed area for that order.
 #[inline(always)]
 fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
     let swap = b.y < a.y;
@@ -105,19 +105,19 @@ fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
     (upper, lower, pick(area, -area))
 }
 
-/// A triangle ready for drawing.
+/// One triangle of a setup.
 pub(super) struct Triangle {
     top: [f32; 2],
     middle: [f32; 2],
     slopes: [f32; 3],
     long_is_left: u32,
-    /// As of [`TriangleSetup`].
+    /// See [`TriangleSetup`].
     pub rows: [u32; 3],
     pub gradient: DepthGradient,
 }
 
 impl<const N: usize> TriangleSetup<N> {
-    /// One of them.
+    /// One triangle of the batch.
     #[inline(always)]
     pub fn triangle(&self, i: usize) -> Triangle {
         Triangle {
@@ -137,19 +137,18 @@ impl<const N: usize> TriangleSetup<N> {
     }
 }
 
-/// Some rows of a triangle.
+/// Spans of consecutive rows.
 pub(super) struct Spans<const ROWS: usize> {
-    /// Samples.
+    /// First samples.
     pub starts: [u32; ROWS],
     counts: [u32; ROWS],
-    /// Samples from where the reversed_z is that of `values` to the first one.
+    /// Distances from the samples with the given `values` to the first ones.
     pub offsets: [f32; ROWS],
     pub values: [f32; ROWS],
 }
 
 impl Triangle {
-    /// Its rows from one on, in a target so many samples wide with so many per pixel along an axis; what lies beyond its
-    /// own rows means nothing.
+    /// Spans from a row on in a buffer `width` samples wide; rows beyond the triangle are invalid.
     #[inline(always)]
     pub fn spans_from<const ROWS: usize>(&self, first: u32, width: usize, scale: u32) -> Spans<ROWS> {
         let (dx, dy) = (f64::from(self.gradient.dx), f64::from(self.gradient.dy));
@@ -164,14 +163,14 @@ impl Triangle {
             let upper_x = (y - top_y).mul_add(upper_slope, top_x);
             let lower_x = (y - middle_y).mul_add(lower_slope, middle_x);
             let short_x = if row < self.rows[1] { upper_x } else { lower_x };
-            // Exchanged bit by bit: a branch would be taken for every other triangle.
+            // Branchless swap.
             let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & self.long_is_left;
             let left = f32::from_bits(short_x.to_bits() ^ exchanged);
             let right = f32::from_bits(long_x.to_bits() ^ exchanged);
             let start = first_sample(left, width);
             rows.starts[i] = start;
             rows.counts[i] = first_sample(right, width).max(start) - start;
-            // Counted from the same pixel whatever the number of samples.
+            // Evaluated at the same pixel for any number of samples.
             let pixel = (start + scale - 1) & !(scale - 1);
             rows.offsets[i] = (start as i32 - pixel as i32) as f32;
             let begin = f64::from(row as i32).mul_add(dy, self.gradient.constant);
@@ -182,7 +181,7 @@ impl Triangle {
 }
 
 impl<const ROWS: usize> Spans<ROWS> {
-    /// One of them, which begins at a sample of the target.
+    /// Span of one row, in a buffer where that row begins at index `at`.
     #[inline(always)]
     pub fn row(&self, i: usize, at: usize) -> Span {
         Span {

@@ -1,4 +1,4 @@
-//! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
+//! Mip-mapped textures with bilinear lookup.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
@@ -11,46 +11,46 @@ use multiversion::multiversion;
 
 use crate::simd::{BatchColumn, CHUNK, ZERO, floor, lerp, nearest_integer, polynomial, whole_registers, within};
 
-/// A texture and its smaller copies; they are made when the first pixel asks for them.
+/// A texture and its mip levels, created on first use.
 #[derive(Debug)]
 pub struct MipTexture {
     texture: Arc<Texture>,
     levels: OnceLock<Pyramid>,
 }
 
-/// All sizes of a texture one after the other.
+/// All mip levels in one list.
 #[derive(Debug)]
 struct Pyramid {
     levels: Vec<Level>,
-    /// 8-bit sRGB as it came, small enough to stay in the cache; the fourth byte is for alignment.
+    /// 8-bit sRGB, which fits the cache; the fourth byte is padding.
     texels: Vec<[u8; 4]>,
 }
 
-/// A size of a texture; around its texels lies a border of those of the other side, since textures repeat.
+/// A mip level with a border of one texel from the opposite side: textures repeat.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     width: f32,
     height: f32,
-    /// Texels per row with the border, and the place of the first texel of the border.
+    /// Texels per row with the border, and index of the first one.
     stride: u32,
     first: u32,
 }
 
-/// Where a chunk of points reads a texture, and what it reads.
+/// Texture lookups of a batch of points.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
-    /// Halvings of the texture's sides that fit a pixel.
+    /// Mip level.
     octave: [u32; CHUNK],
     levels: Levels,
-    /// How far a point lies from the first of its four texels towards the others.
+    /// Bilinear weights.
     x: BatchColumn,
     y: BatchColumn,
     index: [u32; CHUNK],
-    /// The upper and the lower two texels, the left one first.
+    /// Upper and lower pair of texels, left one first.
     texels: [[[u32; 2]; CHUNK]; 2],
 }
 
-/// The [`Level`]s of a chunk of points, component by component.
+/// [`Level`]s of a batch as structure of arrays.
 #[derive(Clone, Debug)]
 struct Levels {
     width: BatchColumn,
@@ -68,32 +68,32 @@ impl Default for Samples {
 }
 
 impl MipTexture {
-    /// The pyramid of a texture, one per process while the texture lives; `None` when it has no pixels or their number does not match its size.
+    /// The texture with its mip levels, cached per process while in use; `None` for an empty or incomplete texture.
     pub fn shared(texture: &Arc<Texture>) -> Option<Arc<Self>> {
         static KNOWN: Mutex<BTreeMap<usize, Arc<MipTexture>>> = Mutex::new(BTreeMap::new());
         let (width, height) = (texture.width as usize, texture.height as usize);
         let is_whole = width > 0 && height > 0 && texture.rgb.len() == width * height * 3;
-        // A thread that panicked while it held the lock left a whole map behind.
+        // A poisoned lock still guards a consistent map.
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        // Dropped when nobody else holds the texture or its pyramid.
+        // Dropped when nobody else holds the texture.
         known.retain(|_, made| Arc::strong_count(&made.texture) > 1 || Arc::strong_count(made) > 1);
         let new = || Arc::new(Self { texture: Arc::clone(texture), levels: OnceLock::new() });
         is_whole.then(|| Arc::clone(known.entry(Arc::as_ptr(texture) as usize).or_insert_with(new)))
     }
 
-    /// Number of texels per unit square of texture coordinates.
+    /// Texels per unit square of texture coordinates.
     pub fn texels(&self) -> f32 {
         (self.texture.width as usize * self.texture.height as usize) as f32
     }
 
-    /// Linear colour on average, from 32 × 32 places.
+    /// Mean linear colour of 32×32 samples.
     pub fn mean(&self) -> Vec3A {
         const SIDE: usize = 32;
         let place = |index: usize| Vec2::new((index % SIDE) as f32 + 0.5, (index / SIDE) as f32 + 0.5) / SIDE as f32;
         (0..SIDE * SIDE).fold(Vec3A::ZERO, |sum, index| sum + self.at(place(index))) / (SIDE * SIDE) as f32
     }
 
-    /// Linear colour at a place, in full detail.
+    /// Linear colour at texture coordinates, in full detail.
     pub fn at(&self, uv: Vec2) -> Vec3A {
         let (width, height) = (self.texture.width as usize, self.texture.height as usize);
         let place = (uv - uv.floor()) * Vec2::new(width as f32, height as f32) - 0.5;
@@ -108,7 +108,7 @@ impl MipTexture {
         upper.lerp(texel(0, 1).lerp(texel(1, 1), share.x), share.y)
     }
 
-    /// Linear colours of `count` points at texture coordinates, times a tint.
+    /// Samples linear colours, times a tint, for `count` points.
     pub(crate) fn sample(
         &self,
         count: usize,
@@ -142,7 +142,7 @@ impl MipTexture {
 }
 
 impl Samples {
-    /// Reads the four texels around each point; those of a row lie so far from those of the row above.
+    /// Reads the four texels around each point.
     #[inline(always)]
     fn read(&mut self, count: usize, texels: &[[u8; 4]], stride: impl Fn(&Levels, usize) -> u32) {
         for i in 0..count.min(CHUNK) {
@@ -159,7 +159,7 @@ impl Samples {
     fn find(&mut self, i: usize, [u, v]: [f32; 2], level: Level) {
         let column = (u - floor(u)).mul_add(level.width, 0.5);
         let row = (v - floor(v)).mul_add(level.height, 0.5);
-        // Counted from the border; coordinates that are not finite end there too.
+        // Includes the border; also clamps coordinates that are not finite.
         let (left, top) = (within(floor(column), 0.0, level.width), within(floor(row), 0.0, level.height));
         self.x[i] = column - left;
         self.y[i] = row - top;
@@ -167,7 +167,7 @@ impl Samples {
     }
 }
 
-/// Halvings of a texture's sides after which a pixel covers about one texel.
+/// Mip levels of a batch: about one texel per pixel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut [u32; CHUNK]) {
     for i in 0..whole_registers(count) {
@@ -175,15 +175,15 @@ fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut [u32
     }
 }
 
-/// The same for one pixel.
+/// Mip level of one point.
 #[inline(always)]
 fn octave(texels_per_pixel: f32) -> u32 {
-    // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
+    // The exponent of the float is the rounded-down logarithm; half a level more would blur, less would alias.
     let texels = if texels_per_pixel > 1.0 { texels_per_pixel } else { 1.0 };
     ((texels * 1.19).to_bits() >> 23) - 127
 }
 
-/// The first of the four texels around each point, of one size of the texture.
+/// First of the four texels around each point, on one mip level.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_texels_at(level: &Level, count: usize, [u, v]: [&BatchColumn; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
@@ -191,7 +191,7 @@ fn find_texels_at(level: &Level, count: usize, [u, v]: [&BatchColumn; 2], sample
     }
 }
 
-/// The same where each point has its own.
+/// The same with a mip level per point.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_texels(count: usize, [u, v]: [&BatchColumn; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
@@ -201,7 +201,7 @@ fn find_texels(count: usize, [u, v]: [&BatchColumn; 2], samples: &mut Samples) {
     }
 }
 
-/// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion; times a tint.
+/// Bilinear interpolation in sRGB, close enough to linear light, then conversion and tint.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [BatchColumn; 3]) {
     for channel in 0..3 {
@@ -214,7 +214,7 @@ fn mix_texels(count: usize, tint: [f32; 3], samples: &Samples, out: &mut [BatchC
     }
 }
 
-/// Linear light of an sRGB value, 0-1, to 0.4 % of it: a fit of the power 0.4.
+/// sRGB to linear with a relative error of 0.4 %: polynomial fit of the power 0.4.
 #[inline(always)]
 fn linear_of(value: f32) -> f32 {
     let t = value.mul_add(1.0 / 1.055, 0.055 / 1.055);
@@ -235,7 +235,7 @@ impl Pyramid {
         pyramid
     }
 
-    /// The size after so many halvings, or the smallest one.
+    /// A mip level, or the smallest one.
     fn at(&self, octave: u32) -> &Level {
         &self.levels[(octave as usize).min(self.levels.len() - 1)]
     }
@@ -266,14 +266,14 @@ fn halved([width, height]: [usize; 2], texels: &[[u8; 3]]) -> ([usize; 2], Vec<[
     (half, smaller)
 }
 
-/// Linear light of an 8-bit sRGB colour.
+/// Linear colour of 8-bit sRGB.
 #[inline]
 pub fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
     Vec3A::from_array(rgb.map(|code| table[code as usize]))
 }
 
-/// 8-bit sRGB of linear light; clips.
+/// 8-bit sRGB of a linear colour, clamped.
 #[inline]
 pub fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     let table = srgb_table();
@@ -281,7 +281,7 @@ pub fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     [code(linear.x), code(linear.y), code(linear.z)]
 }
 
-/// Places of linear colours in [`srgb_table`].
+/// Indices of linear colours in [`srgb_table`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(crate) fn find_codes(colors: &[BatchColumn; 3], codes: &mut [[u32; CHUNK]; 3]) {
     for channel in 0..3 {
@@ -291,7 +291,7 @@ pub(crate) fn find_codes(colors: &[BatchColumn; 3], codes: &mut [[u32; CHUNK]; 3
     }
 }
 
-/// Linear light of an sRGB colour, 0-1.
+/// Linear colour of sRGB in 0-1.
 pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     Vec3A::from_array(rgb.map(|value| {
         let value = value.clamp(0.0, 1.0);
@@ -299,13 +299,13 @@ pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     }))
 }
 
-/// Linear light of 8-bit codes.
+/// Linear values of 8-bit sRGB codes.
 fn linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb([code as f32 / 255.0; 3]).x))
 }
 
-/// 8-bit sRGB of linear light in steps of 1 / 4095.
+/// 8-bit sRGB codes of linear values in steps of 1/4095.
 pub(crate) fn srgb_table() -> &'static [u8; 4096] {
     static TABLE: OnceLock<[u8; 4096]> = OnceLock::new();
     TABLE.get_or_init(|| {

@@ -1,4 +1,4 @@
-//! A colour imager: electrons, their noise, and what the camera sends.
+//! Colour imager: photon and read noise, and compression.
 
 use genmanip_core::{ColorSensor, Seed};
 use glam::Vec3A;
@@ -11,7 +11,7 @@ use super::bell;
 use crate::encode;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// What the imager gives of a perfect picture in 8-bit sRGB, whose light is taken for linear light again.
+/// Noisy, compressed image from an ideal 8-bit sRGB image, taken as linear light.
 pub(super) fn exposed(
     settings: &ColorSensor,
     [width, height]: [u32; 2],
@@ -42,7 +42,7 @@ pub(super) fn exposed(
     }
 }
 
-/// The picture after a way through JPEG.
+/// Round trip through JPEG.
 fn compressed(width: u32, height: u32, rgb: &[u8], quality: u8) -> Result<Vec<u8>, String> {
     let bytes = encode::jpeg_rgb(width, height, rgb, quality).map_err(|error| format!("no JPEG of it: {error}"))?;
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);

@@ -1,4 +1,4 @@
-//! Depth by triangulation: what the partner does not see, what returns too little, and the error of the disparity.
+//! Stereo depth: occlusion in the second imager, low returns and disparity noise.
 
 use genmanip_core::glam::DVec2;
 use genmanip_core::{DepthSensor, Intrinsics, Seed};
@@ -8,22 +8,22 @@ use rand::{Rng, RngExt};
 use super::bell;
 use crate::job::FrameBuffers;
 
-/// Difference of depth, as a share of it, at which neighbouring pixels are of different surfaces; chosen.
+/// Relative difference in depth between neighbouring pixels on different surfaces; chosen.
 const EDGE: f32 = 0.02;
-/// Shares of the pixels beside an edge without depth, and with the depth of the other side; chosen.
+/// Probabilities that a pixel at an edge has no depth, or the depth of the other side; chosen.
 const EDGE_LOST: f32 = 0.25;
 const EDGE_MIXED: f32 = 0.25;
-/// What is nearer than a pixel's surface by so many pixels of disparity hides it from the partner; half of the pixels
-/// beside each other on a surface that leans away from it differ by less.
+/// Difference in disparity at which a nearer surface hides a pixel from the second imager [px]; on slanted surfaces
+/// half of the neighbouring pixels differ by less.
 const HIDING_PX: f32 = 1.0;
-/// Size of the patches in which returns are fainter or stronger, pixels, and by how much, as a share; chosen: holes of
-/// real cameras hang together.
+/// Size of patches with weaker or stronger returns [px], and their amplitude; chosen: holes of real cameras are
+/// connected.
 const PATCH_PX: usize = 6;
 const PATCH_SHARE: f32 = 0.6;
 
-/// The depth that the sensor gives of a perfect picture, 0 where it gives none.
+/// Measured depth of an ideal image, 0 for no measurement.
 ///
-/// `returns` is the share of light that each part scatters back; the picture holds depth, normals and parts.
+/// `returns` is the retroreflected share of each part; the image holds depth, normals and parts.
 pub(super) fn measured(
     settings: &DepthSensor,
     intrinsics: &Intrinsics,
@@ -44,7 +44,7 @@ pub(super) fn measured(
     let mut depth_m = Vec::with_capacity(width * height);
     for index in 0..width * height {
         let (column, row) = (index % width, index / width);
-        // Two numbers for each pixel, whatever becomes of it.
+        // Two numbers per pixel in any case.
         let (coin, side) = (edges.random::<f32>(), edges.random_range(0..4_usize));
         let mut is_lost = hidden[index] || !seen.is_in_view(column, row);
         let mut true_m = picture.depth_m[index];
@@ -71,7 +71,7 @@ pub(super) fn measured(
     depth_m
 }
 
-/// A perfect depth picture and who looks at it.
+/// An ideal depth image and its sensor.
 struct Seen<'a> {
     settings: &'a DepthSensor,
     intrinsics: &'a Intrinsics,
@@ -81,25 +81,25 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Which pixels show what something nearer hides from the partner, or what lies outside of its view.
+    /// Pixels hidden from the second imager, or outside its view.
     fn hidden(&self) -> Vec<bool> {
         let Intrinsics { fx, cx, .. } = *self.intrinsics;
         let shift = (fx * self.settings.baseline_m) as f32;
         let edge = (self.settings.field_of_view_deg[0].to_radians() / 2.0).tan() * fx;
         let (first, last) = ((cx - edge) as f32, (cx + edge) as f32);
-        // The partner's picture of a row, as far as it shows what this one shows: the largest disparity per pixel.
+        // Second imager's row: largest disparity per pixel, as far as it sees this image.
         let reach = self.width * 2;
         let mut nearest = vec![0.0_f32; reach];
         let mut hidden = Vec::with_capacity(self.depth_m.len());
         for row in self.depth_m.chunks_exact(self.width) {
             nearest.fill(0.0);
             let disparity = |depth: f32| if depth > 0.0 { shift / depth } else { 0.0 };
-            // Columns of the partner's picture are counted from half a width before this one's, and clipped.
+            // Its columns are counted from half a width before this image's, and clipped.
             let column = |at: f32| ((at + 0.5 * self.width as f32).max(0.0) as usize).min(reach - 1);
             for (index, &depth) in row.iter().enumerate() {
                 let disparity = disparity(depth);
                 let at = index as f32 - disparity;
-                // A pixel wide; what it covers less than a quarter of does not count.
+                // One pixel wide; coverage below a quarter does not count.
                 for place in [column(at + 0.25), column(at + 0.75)] {
                     nearest[place] = nearest[place].max(disparity.abs());
                 }
@@ -114,14 +114,14 @@ impl Seen<'_> {
         hidden
     }
 
-    /// Whether a pixel lies in the imager's own field of view.
+    /// True if a pixel lies in the field of view of the first imager.
     fn is_in_view(&self, column: usize, row: usize) -> bool {
         let [horizontal, vertical] = self.settings.field_of_view_deg.map(|angle| (angle.to_radians() / 2.0).tan());
         let Intrinsics { fx, fy, cx, cy, .. } = *self.intrinsics;
         ((column as f64 - cx) / fx).abs() <= horizontal && ((row as f64 - cy) / fy).abs() <= vertical
     }
 
-    /// Depth left, right, above and below; its own beyond the border.
+    /// Depth of the four neighbours; its own beyond the border.
     fn around(&self, column: usize, row: usize) -> [f32; 4] {
         let at = |column: usize, row: usize| self.depth_m[row * self.width + column];
         [
@@ -132,15 +132,14 @@ impl Seen<'_> {
         ]
     }
 
-    /// Cosine of the angle between a surface's normal, 127 times, and the way to the camera.
+    /// Cosine between a normal (times 127) and the view direction.
     fn cosine(&self, column: usize, row: usize, normal: [i8; 3]) -> f32 {
         let ray = self.intrinsics.unproject(DVec2::new(column as f64, row as f64), 1.0).as_vec3();
         -ray.normalize().dot(Vec3::from_array(normal.map(f32::from)).normalize_or_zero())
     }
 }
 
-/// Noise of variance 1 whose neighbours resemble each other as those of a matcher with a window do: the mean of white
-/// noise over 3 × 3 pixels, times 3.
+/// Noise of variance 1, correlated like that of a window matcher: mean of white noise over 3×3 pixels, times 3.
 fn smooth_noise(width: usize, height: usize, rng: &mut impl Rng) -> Vec<f32> {
     let mut across = |_| {
         let white: Vec<f32> = (0..width + 2).map(|_| bell(rng)).collect();
@@ -157,7 +156,7 @@ fn smooth_noise(width: usize, height: usize, rng: &mut impl Rng) -> Vec<f32> {
     noise
 }
 
-/// Factors around 1 that change from patch to patch.
+/// Piecewise factors around 1.
 struct Patches {
     columns: usize,
     factors: Vec<f32>,

@@ -1,12 +1,11 @@
-//! A picture through a lens: each pixel looks up where a pinhole sees the same.
+//! Lens distortion: each pixel looks up its position in a pinhole image.
 
 use genmanip_core::glam::DVec2;
 use genmanip_core::{Distortion, Intrinsics};
 
 use crate::job::FrameBuffers;
 
-/// The picture of a lens from that of a larger pinhole: colours between the four nearest pixels, everything else from
-/// the nearest one.
+/// Distorted image from a larger pinhole image: colours bilinear, other channels nearest.
 pub(super) fn distorted(
     lens: &Distortion,
     seen: &Intrinsics,
@@ -19,7 +18,7 @@ pub(super) fn distorted(
     let limit = DVec2::new((width - 1) as f64, (height - 1) as f64);
     let place = |index: u32| {
         let at = DVec2::new(f64::from(index % seen.width), f64::from(index / seen.width));
-        // A lens that was checked along its edges shows everything within; the middle stands for what it does not.
+        // A lens validated along the image border is invertible inside; the centre replaces failures.
         let point = lens.undistort((at - DVec2::new(seen.cx, seen.cy)) / focal).unwrap_or_default();
         (point * focal + shift).clamp(DVec2::ZERO, limit)
     };

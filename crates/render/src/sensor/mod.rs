@@ -1,12 +1,11 @@
-//! What the lens and the sensors of a camera make of a perfect picture; nothing, to the byte, for a camera without them.
+//! Lens distortion, exposure, noise and stereo depth: the sensor stage after rendering. A camera without them keeps its bytes.
 //!
 //! ```text
-//! camera ── pinhole, needed ──► job of a perfect picture ── Renderer ──► picture ── developed ──► what the camera gives
+//! camera ── pinhole, needed ──► job ── Renderer ──► ideal image ── developed ──► sensor output
 //! ```
 //!
-//! Colours of a shutter that is open for a while are the mean of several pictures, see [`shutter`]. Depth is measured in
-//! the perfect pinhole picture, then the lens bends all channels, then the colour imager reads.
-//! Ids and normals stay true: they are labels, and no sensor gives them.
+//! Motion blur averages several images, see [`shutter`]. Depth is measured in the ideal pinhole image, then all channels are
+//! distorted, then the colour imager reads. Ids and normals stay exact: they are labels that no sensor measures.
 
 mod color;
 mod depth;
@@ -24,10 +23,10 @@ use crate::job::{Channels, FrameBuffers};
 use crate::lights::sky::luminance;
 use crate::scene::material::Material;
 
-/// The pinhole camera whose picture holds all that the camera shows through its lens; the camera itself without a lens.
+/// Pinhole camera whose image contains everything visible through a camera's lens; the camera itself without a lens.
 ///
 /// # Errors
-/// A lens that folds its picture over.
+/// A lens whose distortion is not invertible.
 pub fn pinhole(camera: &Camera) -> Result<Camera, RenderError> {
     let Some(lens) = camera.distortion else { return Ok(camera.clone()) };
     let intrinsics = lens.pinhole(&camera.intrinsics).ok_or_else(|| RenderError::BadCamera {
@@ -37,7 +36,7 @@ pub fn pinhole(camera: &Camera) -> Result<Camera, RenderError> {
     Ok(Camera { intrinsics, distortion: None, ..camera.clone() })
 }
 
-/// The channels of the perfect picture that a camera's sensors need for those that are wanted.
+/// Channels of the ideal image that a camera's sensors need to produce the requested ones.
 pub fn needed(camera: &Camera, wanted: Channels) -> Channels {
     let sensor = camera.sensor.unwrap_or_default();
     let measures = wanted.depth && sensor.depth.is_some();
@@ -46,17 +45,17 @@ pub fn needed(camera: &Camera, wanted: Channels) -> Channels {
     Channels { depth: depth || blurs, normal: normal || measures, parts: parts || measures || blurs, ..wanted }
 }
 
-/// How long the shutter of a camera is open, s.
+/// Exposure time of a camera [s].
 pub fn shutter_s(camera: &Camera) -> f64 {
     camera.sensor.and_then(|sensor| sensor.color).map_or(0.0, |color| color.shutter_s)
 }
 
-/// What a camera gives of the perfect picture of its [`pinhole`], with the channels [`needed`], drawn by the renderer.
+/// Sensor output from the ideal image of the camera's [`pinhole`] with the channels [`needed`].
 ///
-/// The same seed gives the same noise; it is forked by the camera's name, so that cameras of a frame may share one.
+/// The same seed gives the same noise; it is forked by the camera's name, so that the cameras of a frame may share one.
 ///
 /// # Errors
-/// When the picture cannot be compressed as the colour sensor asks.
+/// When the image cannot be compressed as the colour sensor requires.
 pub fn developed(
     renderer: &Renderer,
     camera: &Camera,
@@ -92,7 +91,7 @@ pub fn developed(
     Ok(picture)
 }
 
-/// The perfect picture of a camera's [`pinhole`] as its lens bends it; the picture itself without a lens.
+/// Ideal image of a camera's [`pinhole`] distorted by its lens; unchanged without a lens.
 ///
 /// # Errors
 /// As [`pinhole`].
@@ -107,9 +106,8 @@ fn distorted(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> Fr
     }
 }
 
-/// Share of the light that a surface throws back to where it came from when it faces it, taken for all colours alike:
-/// diffuse paint its albedo, metal the blunt part of its mirror image, glass nearly nothing (chosen: the third power of
-/// its opacity).
+/// Retroreflected share of light at normal incidence, averaged over colours: the albedo of diffuse surfaces, the rough
+/// part of a metal's reflection, almost nothing from glass (chosen: cubed opacity).
 fn returned(surface: &Material) -> f32 {
     const TEXELS: u32 = 8;
     let texture = surface.texture.as_ref().map_or(1.0, |texture| {
@@ -121,10 +119,10 @@ fn returned(surface: &Material) -> f32 {
     luminance(surface.base) * texture * blunt * surface.opacity.powi(3)
 }
 
-/// A number of the standard normal distribution, nearly: a sum of four uniform ones, which ends at 3.5.
+/// Approximately standard normal number: a sum of four uniform ones, bounded by 3.5.
 fn bell(rng: &mut impl Rng) -> f32 {
     let bits = rng.next_u64();
     let sum: u32 = (0..4).map(|part| (bits >> (16 * part)) as u32 & 0xFFFF).sum();
-    // Four uniform numbers below 65536 have a variance of a third of 65536².
+    // Four uniform numbers below 65536 have a variance of 65536²/3.
     (sum as f32 - 131_070.0) * (1.732_050_8 / 65_536.0)
 }

@@ -1,7 +1,7 @@
-//! A shutter that is open for a while: what moves meanwhile is blurred.
+//! Motion blur during the exposure.
 //!
-//! A blurred picture is the mean of sharp ones, in linear light, of moments spread evenly over the time that the shutter
-//! is open; the last one is the moment of the picture. Between known moments bodies are taken to move evenly.
+//! A blurred image is the mean, in linear light, of sharp images of states spread evenly over the exposure; the last one is
+//! the present state. Bodies move linearly between known states.
 
 #[cfg(test)]
 mod tests;
@@ -13,31 +13,31 @@ use crate::job::{FrameBuffers, FrameState};
 use crate::scene::assets::RenderAssets;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// What moves less on the image while the shutter is open is sharp, pixels.
+/// Motion on the image below which it stays sharp [px].
 const SHARP_PX: f64 = 0.5;
-/// Most pictures that one is made of; as many as the longest way on the image has pixels, if that is fewer.
+/// Largest number of averaged images; fewer if the motion is shorter in pixels.
 const MOST_PICTURES: usize = 16;
-/// Pixels between those whose ways are looked at, across and down.
+/// Stride between pixels whose motion is evaluated.
 const STRIDE: usize = 3;
-/// How far the background is away, m.
+/// Distance of the background [m].
 const FAR_M: f64 = 1000.0;
 
-/// Where everything was until now.
+/// Recent states.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
-    /// This moment, and the ones before it, one after the other; nothing moved before the last of them.
+    /// Present and earlier states, newest first; at rest before the last one.
     pub moments: &'a [FrameState],
-    /// Time between two of them, s.
+    /// Time between two states [s].
     pub step_s: f64,
 }
 
 impl Past<'_> {
-    /// How many moments tell all that happened while a shutter was open.
+    /// Number of states that cover an exposure time.
     pub fn moments_within(shutter_s: f64, step_s: f64) -> usize {
         1 + (shutter_s / step_s - 1e-9).ceil().max(0.0) as usize
     }
 
-    /// Where everything was a while ago.
+    /// Interpolated state some time ago.
     fn at(&self, ago_s: f64) -> FrameState {
         let (place, last) = (ago_s / self.step_s, self.moments.len() - 1);
         let index = (place as usize).min(last);
@@ -48,11 +48,9 @@ impl Past<'_> {
     }
 }
 
-/// The moments besides the present one whose pictures, with its own, make up the picture of a camera: none for a sharp
-/// one.
+/// States besides the present one to be averaged for a camera; none for a sharp image.
 ///
-/// How many there are follows from the longest way of what its [`super::pinhole`] shows now, a picture with depth and
-/// parts; what is no longer in view is not looked at.
+/// Their number follows from the longest motion of what the [`super::pinhole`] image, with depth and parts, shows now.
 pub fn moments(
     assets: &RenderAssets,
     pinhole: &Camera,
@@ -68,7 +66,7 @@ pub fn moments(
     (1..count).map(|index| past.at(shutter_s * index as f64 / count as f64)).collect()
 }
 
-/// The longest way on the image of anything in a picture while the shutter was open, pixels.
+/// Longest motion on the image during the exposure [px].
 fn longest_way_px(
     assets: &RenderAssets,
     pinhole: &Camera,
@@ -81,7 +79,7 @@ fn longest_way_px(
     let states: Vec<FrameState> = times.map(|ago_s| past.at(ago_s)).collect();
     let cameras: Vec<Pose> =
         states.iter().map(|state| pinhole.world_from_camera(&assets.world_from_hand(state))).collect();
-    // From camera axes now to camera axes then, for what moves with each part; the background stands with the world.
+    // Camera axes now to camera axes then, for what moves with each part; the background is fixed to the world.
     let then_from_now = |body: Option<usize>| -> Vec<Pose> {
         let camera_from = |index: usize| {
             cameras[index].inverse() * body.map_or(Pose::IDENTITY, |body| states[index].body_poses[body])
@@ -102,7 +100,7 @@ fn longest_way_px(
             let point: DVec3 = intrinsics.unproject(last, depth_m);
             let mut way = 0.0;
             for then_from_now in &ways[part] {
-                // What was behind the camera has no place on the image.
+                // Points behind the camera have no image position.
                 let Some(place) = intrinsics.project(then_from_now.transform_point(point)) else { break };
                 way += place.distance(last);
                 last = place;
@@ -113,7 +111,7 @@ fn longest_way_px(
     longest
 }
 
-/// The mean of pictures of one size in 8-bit sRGB, in linear light.
+/// Mean of 8-bit sRGB images in linear light.
 pub fn mean(pictures: &[Vec<u8>]) -> Vec<u8> {
     let Some(first) = pictures.first() else { return Vec::new() };
     let share = 1.0 / pictures.len() as f32;

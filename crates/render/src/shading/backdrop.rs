@@ -1,6 +1,6 @@
-//! What is seen where nothing stands: one colour, or a room.
+//! Background: a constant colour or a room.
 //!
-//! The room is a picture behind everything: it has no depth and no ids, and nothing mirrors it.
+//! The room is an image behind everything: it has no depth and no ids, and is not reflected.
 
 use std::sync::Arc;
 
@@ -13,29 +13,29 @@ use crate::scene::variation::RenderVariation;
 use crate::scene::walls::WALL_SIZE_M;
 use crate::shading::tone_map::tone_map;
 
-/// Corners of the room, world frame, metres: chosen around the default cameras; its floor is that of the default world.
+/// Corners of the room in the world [m]. Chosen around the default cameras, with the floor of the default world.
 const LOW: Vec3A = Vec3A::new(-1.9, -2.7, -0.75);
 const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
-/// How far from its edges a room is darker, metres, and by how much there. Chosen.
+/// Distance [m] within which a room darkens towards its edges, and by how much. Chosen.
 const EDGE: (f32, f32) = (0.35, 0.3);
-/// Brightness of the ceiling as a share of the ambient light on the table. Chosen.
+/// Brightness of the ceiling relative to the ambient light. Chosen.
 const CEILING: f32 = 0.7;
-/// Share of the key light that reaches walls and floor. Chosen: lamps are aimed at the table.
+/// Share of the key light on walls and floor. Chosen: the light is aimed at the table.
 const KEY_SHARE: f32 = 0.4;
 
-/// What is seen where nothing stands, developed.
+/// Background colours after tone mapping.
 #[derive(Debug)]
 pub struct Backdrop {
     plain: Vec3A,
     room: Option<Lit>,
 }
 
-/// A room in the light.
+/// A lit room.
 #[derive(Debug)]
 struct Lit {
     wall: Arc<MipTexture>,
     floor: Arc<MipTexture>,
-    /// On the sides towards lower and towards higher coordinates, by axis: light, before the colour.
+    /// Irradiance on the sides towards lower and higher coordinates, by axis.
     light: [[Vec3A; 2]; 3],
 }
 
@@ -47,7 +47,7 @@ impl Backdrop {
             let light = |axis: usize, sign: f32| {
                 let mut normal = Vec3A::ZERO;
                 normal[axis] = sign;
-                // Lamps hang below the ceiling.
+                // Light fixtures hang below the ceiling.
                 let around =
                     if axis == 2 && sign < 0.0 { lighting.around(Vec3A::Z) * CEILING } else { lighting.around(normal) };
                 around + lighting.key * (lighting.to_light.dot(normal).max(0.0) * KEY_SHARE)
@@ -59,12 +59,12 @@ impl Backdrop {
         Self { plain: linear_from_srgb8(variation.background), room }
     }
 
-    /// The one colour of all directions, if there is one.
+    /// The colour, if it is constant.
     pub fn plain(&self) -> Option<Vec3A> {
         self.room.is_none().then_some(self.plain)
     }
 
-    /// The colour of a ray; a room is seen from inside only.
+    /// Colour of a view ray; a room is visible from inside only.
     pub fn color(&self, viewpoint: Vec3A, ray: Vec3A) -> Vec3A {
         let is_inside = viewpoint.cmpgt(LOW).all() && viewpoint.cmplt(HIGH).all();
         let Some(room) = self.room.as_ref().filter(|_| is_inside) else { return self.plain };
@@ -80,7 +80,7 @@ impl Backdrop {
             _ if ray.z < 0.0 => (Some(&room.floor), Vec2::new(across(0), across(1))),
             _ => (None, Vec2::ZERO),
         };
-        // A ceiling is white.
+        // The ceiling is white.
         let color = texture.map_or(Vec3A::splat(0.8), |texture| texture.at(place / WALL_SIZE_M));
         let (reach, dark) = EDGE;
         let open = (0..3).filter(|&other| other != axis).fold(1.0, |open: f32, other| {
@@ -97,7 +97,7 @@ mod tests {
     use crate::scene::table_tops::TableTop;
     use crate::scene::walls::{Room, Wall};
 
-    /// Every direction from inside meets the room, and its sides differ; from outside only the plain colour is left.
+    /// From inside every ray hits the room, whose sides differ; from outside only the constant colour is visible.
     #[test]
     fn rooms_surround_what_is_inside() {
         let room = Room { wall: Wall::try_from("red_brick".to_owned()).unwrap(), floor: TableTop::default() };

@@ -1,8 +1,7 @@
-//! The colour of a surface: metallic-roughness reflection of the key light and of the surroundings.
+//! Shading: metallic-roughness reflection of the key light and the environment.
 //!
-//! GGX distribution with Hammon's approximation of the Smith visibility and Schlick's Fresnel term;
-//! the surroundings through Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014).
-//! A chunk of points of one part at a time.
+//! GGX distribution with Hammon's approximation of the Smith visibility term and Schlick's Fresnel term; the environment by
+//! Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014). Batches of points of one part.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -29,11 +28,11 @@ pub(crate) mod tone_map;
 use points::{ShadingPoints, find_footprints, interpolate, interpolate_one, locate};
 use reflect::{PartLight, ShadingTerms, reflect};
 
-/// A part as it is shaded: what it is made of, how it stands before a camera, and the light on it.
+/// A part with its material and incoming light, as seen by a camera.
 #[derive(Debug)]
 pub(crate) struct ShadedPart<'a> {
     faces: &'a [Face],
-    /// In the body's frame, where both sides of triangles can be seen.
+    /// Camera position in the body's frame, for meshes with visible back faces.
     viewpoint: Option<Vec3A>,
     material: &'a Material,
     placed: &'a PartView,
@@ -41,28 +40,28 @@ pub(crate) struct ShadedPart<'a> {
     light: PartLight<'a>,
 }
 
-/// A place on the image where a surface is shaded.
+/// A point on the image to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ShadingPoint {
     /// Visibility id.
     pub id: u32,
-    /// Pixels; integers at pixel centres.
+    /// Image position [px]; integers at pixel centres.
     pub x: f32,
     pub y: f32,
     pub depth: f32,
-    /// Share of the key light that arrives.
+    /// Share of the key light that arrives (shadow mask).
     pub shadow: f32,
-    /// Share of the ambient light that arrives.
+    /// Share of the ambient light that arrives (ambient occlusion).
     pub ambient: f32,
 }
 
-/// Shades points of one part.
+/// Shades batches of points of one part.
 #[derive(Debug)]
 pub(crate) struct Shading {
     points: ShadingPoints,
     samples: Samples,
     reflected: ShadingTerms,
-    /// Places of the colours in the table of bytes.
+    /// Indices of the colours in the sRGB table.
     codes: [[u32; CHUNK]; 3],
 }
 
@@ -74,13 +73,13 @@ impl Default for Shading {
 }
 
 impl Shading {
-    /// Starts a new chunk.
+    /// Starts a batch.
     pub fn clear(&mut self) {
         let pixels = &mut self.points.pixels;
         (pixels.count, pixels.is_tile, pixels.is_flat) = (0, false, true);
     }
 
-    /// Adds a point.
+    /// Adds a point to the batch.
     pub fn push(&mut self, point: ShadingPoint) {
         let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
         let i = pixels.count;
@@ -113,8 +112,7 @@ impl Shading {
         clamp_unknown(shadow);
     }
 
-    /// Writes the points, which are the centres of pixels, into an image: linear display colours, unless they are an empty list,
-    /// which only the pixels of a tile may get, and bytes.
+    /// Writes linear display colours and sRGB bytes of a batch of pixel centres.
     pub fn write(&mut self, colors: &mut [Vec3A], rgb: &mut [u8]) {
         find_codes(&self.reflected.color, &mut self.codes);
         let pixels = &self.points.pixels;
@@ -130,7 +128,7 @@ impl Shading {
                     let [red, green, blue] = [0, 1, 2].map(|channel| u64::from(code(channel, from + x)));
                     red | green << 8 | blue << 16
                 });
-                // Three bytes each, as three words.
+                // Three bytes each, packed into three words.
                 let words = [a | b << 24 | c << 48, c >> 16 | d << 8 | e << 32 | f << 56, f >> 8 | g << 16 | h << 40];
                 let bytes = rgb[to * 3..(to + TILE) * 3].as_chunks_mut().0;
                 bytes.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
@@ -156,17 +154,17 @@ impl Shading {
         &self.reflected.color
     }
 
-    /// Unit normals in the world, towards the viewer, and their cosines to the direction to the viewer.
+    /// Unit normals in the world towards the viewer, and cosines to the view direction.
     pub fn normals(&self) -> (&[BatchColumn; 3], &BatchColumn) {
         (&self.reflected.normal, &self.reflected.facing)
     }
 
-    /// Linear colours of the material.
+    /// Linear base colours.
     pub fn bases(&self) -> &[BatchColumn; 3] {
         &self.points.base
     }
 
-    /// Shades the points, which show a part.
+    /// Shades the batch as points of a part.
     pub fn shade(&mut self, part: &ShadedPart<'_>) {
         let Self { points, samples, reflected, .. } = self;
         let &ShadedPart { faces, viewpoint, material, placed, camera, .. } = part;
@@ -186,7 +184,7 @@ impl Shading {
     }
 }
 
-/// Moves estimates of the key light that are less than nothing.
+/// Clamps the unknown shadow mask to 0.
 #[inline(always)]
 fn clamp_unknown(shadow: &mut BatchColumn) {
     for shadow in shadow {
@@ -195,7 +193,7 @@ fn clamp_unknown(shadow: &mut BatchColumn) {
 }
 
 impl<'a> ShadedPart<'a> {
-    /// Of a part in a view.
+    /// A part of a view.
     pub fn new(scene: &'a RenderScene<'_>, view: &'a View, index: usize) -> Self {
         let (part, material, placed) = (&scene.assets.parts[index], &scene.materials[index], &view.parts[index]);
         let mesh = placed.mesh(part);

@@ -1,4 +1,4 @@
-//! PartLight from what is near: the table below, bodies around it, the walls of a cavity, and what metal mirrors.
+//! Near-field light: ground bounce, reflection proxies, cavity light and the irradiance grid.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -10,7 +10,7 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
 use crate::simd::{BatchColumn, CHUNK, dot};
 
-/// PartLight of the table, so many metres above which the viewpoint is, on what is close above it.
+/// Adds the light of the support surface, `viewpoint_height` [m] below the camera, on objects close above it.
 #[inline(always)]
 pub(super) fn ground_bounce<const LANES: usize>(
     light: &PartLight<'_>,
@@ -33,7 +33,7 @@ pub(super) fn ground_bounce<const LANES: usize>(
     }
 }
 
-/// What metal mirrors of a near thing instead of the surroundings.
+/// Replaces the specular environment by a reflection proxy where the mirror ray hits it.
 #[inline(always)]
 pub(super) fn proxy_reflection<const LANES: usize>(
     thing: &ReflectionProxy,
@@ -55,7 +55,7 @@ pub(super) fn proxy_reflection<const LANES: usize>(
         shares[i] = share;
         (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
     }
-    // Most of the hand mirrors nothing of it.
+    // Most of the gripper does not reflect it.
     if shares.iter().fold(true, |none, &share| none & (share <= 0.0)) {
         return;
     }
@@ -69,7 +69,7 @@ pub(super) fn proxy_reflection<const LANES: usize>(
     }
 }
 
-/// How much of the key light that enters a cavity reaches places in it.
+/// Key light on the walls of a lit cavity.
 #[inline(always)]
 pub(super) fn cavity_term<const LANES: usize>(cavity: Option<Cavity>, points: &ShadingPoints, out: &mut ShadingTerms) {
     let Some(cavity) = cavity else { return };
@@ -82,7 +82,7 @@ pub(super) fn cavity_term<const LANES: usize>(cavity: Option<Cavity>, points: &S
     }
 }
 
-/// The light of the surroundings at some places on the table among bodies.
+/// Multiplies the ambient light on the support surface by the irradiance grid.
 #[inline(always)]
 pub(super) fn apply_irradiance_grid(
     irradiance_grid: &IrradianceGrid,

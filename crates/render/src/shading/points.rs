@@ -1,4 +1,4 @@
-//! Places on the image where a part is shaded, as points of its surface.
+//! Batches of shading points: positions, normals and texture coordinates on the surface.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -12,21 +12,21 @@ use crate::scene::mesh::Face;
 use crate::scene::texture::Samples;
 use crate::simd::{BatchColumn, CHUNK, ZERO, dot, turned};
 
-/// ShadingPoints of one part, component by component.
+/// A batch of shading points of one part.
 #[derive(Clone, Debug)]
 pub(super) struct ShadingPoints {
-    /// Where they are on the image, not always at the centres of pixels, and what is seen there.
+    /// Image positions and triangles; not always pixel centres.
     pub pixels: Pixels,
-    /// Shares of the key light and of the ambient light that arrive.
+    /// Shadow mask and ambient occlusion.
     pub shadow: BatchColumn,
     pub ambient: BatchColumn,
-    /// In the body's frame.
+    /// Positions in the body's frame [m].
     pub place: [BatchColumn; 3],
-    /// Normal multibounce_ao the corners', not of unit length, and texture coordinates.
+    /// Interpolated normals, not normalised, and texture coordinates.
     pub normal: [BatchColumn; 3],
     pub u: BatchColumn,
     pub v: BatchColumn,
-    /// Square texture units per square metre, then texels per pixel.
+    /// Texture area per surface area [1/m²], then texels per pixel.
     pub texels: BatchColumn,
     pub base: [BatchColumn; 3],
 }
@@ -60,7 +60,7 @@ impl ShadingPoints {
     }
 }
 
-/// Normals and texture coordinates on several triangles; seen from an viewpoint, if both sides can be seen.
+/// Interpolates normals and texture coordinates on several triangles; `viewpoint` is given if back faces are visible.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint: Option<Vec3A>, is_textured: bool) {
     let viewpoint = viewpoint.map(|viewpoint| viewpoint.to_array());
@@ -72,7 +72,7 @@ pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint:
         for row in 0..4 {
             mixed[i][row] = at(columns.map(|column| column[row]), place);
         }
-        // The side that is seen is the one towards the viewpoint.
+        // Flips the normal towards the viewer.
         if let Some(viewpoint) = viewpoint
             && is_away(face, place, viewpoint)
         {
@@ -89,20 +89,20 @@ pub(super) fn interpolate(points: &mut ShadingPoints, faces: &[Face], viewpoint:
     }
 }
 
-/// A linear function, given by its slopes and its value at the origin, at a place.
+/// A linear function, given by gradient and constant, at a position.
 #[inline(always)]
 fn at([x, y, z, first]: [f32; 4], place: [f32; 3]) -> f32 {
     dot([x, y, z], place) + first
 }
 
-/// Whether a triangle shows its back at a place.
+/// True if a triangle shows its back face.
 #[inline(always)]
 fn is_away(face: &Face, place: [f32; 3], viewpoint: [f32; 3]) -> bool {
     let [x, y, z, _] = face.plane.to_array();
     dot([x, y, z], [place[0] - viewpoint[0], place[1] - viewpoint[1], place[2] - viewpoint[2]]) > 0.0
 }
 
-/// [`interpolate`] where all points lie on one triangle, with the same bits.
+/// [`interpolate`] on one triangle, with the same bits.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn interpolate_one<const LANES: usize>(points: &mut ShadingPoints, face: &Face, viewpoint: Option<Vec3A>) {
     let columns = face.columns.map(|column| column.to_array());
@@ -121,7 +121,7 @@ pub(super) fn interpolate_one<const LANES: usize>(points: &mut ShadingPoints, fa
     }
 }
 
-/// Places in the body's frame.
+/// Computes positions in the body's frame.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn locate<const LANES: usize>(points: &mut ShadingPoints, placed: &PartView, camera: &CameraView) {
     let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
@@ -138,7 +138,7 @@ pub(super) fn locate<const LANES: usize>(points: &mut ShadingPoints, placed: &Pa
     }
 }
 
-/// Texels per pixel; square texture units per square metre go in.
+/// Computes texels per pixel from the texture density.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn find_footprints<const LANES: usize>(
     points: &mut ShadingPoints,
@@ -154,7 +154,7 @@ pub(super) fn find_footprints<const LANES: usize>(
             [points.place[0][i] - viewpoint[0], points.place[1][i] - viewpoint[1], points.place[2][i] - viewpoint[2]];
         let along = dot(normal, ray).abs();
         let facing = along / dot(ray, ray).mul_add(dot(normal, normal), 1e-20).sqrt();
-        // A grazing view stretches the pixel along one direction; the square root is the compromise.
+        // A grazing view stretches the pixel in one direction; the square root is a compromise.
         let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
         points.texels[i] = (points.texels[i] * texels).sqrt() * points.pixels.depth[i] * inverse_focal / facing;
     }

@@ -1,4 +1,4 @@
-//! PartLight that points throw towards the viewer.
+//! Reflected radiance of shading points.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -18,27 +18,27 @@ use crate::simd::{BatchColumn, CHUNK, REGISTER, ZERO, dot, lerp, turned, within}
 
 use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce, proxy_reflection};
 
-/// What is computed multibounce_ao the loops of [`reflect`], and its result.
+/// Intermediate terms and result of [`reflect`], by point.
 #[derive(Clone, Debug)]
 pub(super) struct ShadingTerms {
     pub normal: [BatchColumn; 3],
     pub(super) viewer: [BatchColumn; 3],
-    /// Cosine multibounce_ao them.
+    /// Cosine between normal and view direction.
     pub facing: BatchColumn,
-    /// From the surroundings: diffuse, and mirrored.
+    /// Ambient light: diffuse and specular.
     pub(super) around: [BatchColumn; 3],
     pub(super) mirrored: [BatchColumn; 3],
-    /// Scale and bias of the reflectance head-on, for light from everywhere.
+    /// Split-sum scale and bias of the ambient Fresnel term.
     pub(super) scale: BatchColumn,
     pub(super) bias: BatchColumn,
-    /// Cosine multibounce_ao normal and lamp, 0 where it faces away; its light that arrives; and the size and Fresnel weight of its highlight.
+    /// Cosine between normal and key light (0 facing away), arriving key light, specular lobe and Fresnel weight.
     pub(super) lit: BatchColumn,
     pub(super) strength: BatchColumn,
-    /// How much of the ambient light is held back by what holds back the lamp's.
+    /// Share of the ambient light occluded together with the key light.
     pub(super) occluded_ambient: BatchColumn,
-    /// How much of the key light the sides of a corner throw on each other is there.
+    /// Share of interreflected key light in concave corners.
     pub(super) corner: BatchColumn,
-    /// Key light that enters the cavity that is seen, over that which arrives on a surface that faces it.
+    /// Key light inside a cavity, relative to a surface that faces the light.
     pub(super) cavity: BatchColumn,
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
@@ -68,39 +68,38 @@ impl Default for ShadingTerms {
     }
 }
 
-/// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
-/// to traced pictures.
+/// Strength of twice-reflected key light in concave corners. Fitted to path-traced images.
 const CORNER_KEY: f32 = 0.845;
-/// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
-/// the sky that is seen it is at most: what enters a deep cavity is little. Fitted likewise.
+/// Loss of it where a surface that faces the light is in shadow, and its limit as a multiple of the visible sky: little
+/// light enters deep corners. Fitted likewise.
 const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
 
-/// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
-/// it: on things, and on the table, whose own light knows of most of it. Fitted to traced pictures.
+/// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
+/// support surface, whose irradiance grid covers most of it. Fitted to path-traced images.
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_TABLE: f32 = 0.091;
 
-/// The light on a part.
+/// Incoming light of a part.
 #[derive(Debug)]
 pub(super) struct PartLight<'a> {
     pub lighting: &'a Lighting,
-    /// The surroundings for surfaces of its roughness.
+    /// Environment prefiltered for its roughness.
     pub glossy: Glossy,
-    /// Of the table among bodies, and within walls.
+    /// Irradiance grid, on the main support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
-    /// Height of the table that throws light on it, metres, and how much of it is lit, 0-1.
+    /// Height of the support surface that reflects light onto it [m], and its lit share, 0-1.
     pub table_top: Option<f32>,
     pub table_lit: f32,
     pub cavity: Option<Cavity>,
-    /// What is mirrored although it is near, the farther first.
+    /// Reflection proxies, the farther first.
     pub mirrored: [Option<ReflectionProxy>; 2],
-    /// How much of the light that a surface throws back comes back from what is around it, 0-1.
+    /// Share of a surface's own bounce light that returns to it, 0-1.
     pub bounce: f32,
 }
 
 impl PartLight<'_> {
-    /// Share of the sky that is seen from the cavity, if there is one.
+    /// Share of the sky visible from the cavity, 1 without one.
     fn open(&self) -> f32 {
         self.cavity.map_or(1.0, |cavity| cavity.open)
     }
@@ -110,7 +109,7 @@ impl PartLight<'_> {
     }
 }
 
-/// PartLight reflected towards the viewer, developed.
+/// Computes tone-mapped reflected light of a batch.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
     if points.pixels.count <= REGISTER {
@@ -120,7 +119,7 @@ pub(super) fn reflect(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut S
     }
 }
 
-/// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
+/// Body of [`reflect`], compiled for several instruction sets.
 #[inline(always)]
 fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'_>, out: &mut ShadingTerms) {
     let &ShadedPart { material, placed, camera, ref light, .. } = part;
@@ -147,7 +146,7 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     tone_map_all::<LANES>(material.opacity < 1.0, out);
 }
 
-/// Unit normals and directions to the viewer.
+/// Unit normals and view directions.
 #[inline(always)]
 fn face_viewer<const LANES: usize>(
     points: &ShadingPoints,
@@ -178,7 +177,7 @@ fn face_viewer<const LANES: usize>(
     }
 }
 
-/// PartLight of the surroundings.
+/// Diffuse and specular environment light.
 #[inline(always)]
 fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -202,15 +201,15 @@ fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Sh
     }
 }
 
-/// The unit direction that is seen in a mirror, from twice the cosine multibounce_ao its normal and the direction to the viewer.
+/// Mirror direction, from twice the cosine between normal and view direction.
 #[inline(always)]
 pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
     let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);
     [along(0), along(1), along(2)]
 }
 
-/// Highlights of the lamp. Its width adds to that of the lobe, as variances do, so that polished things show the lamp in its
-/// size.
+/// Specular highlight of the key light. The light's width adds to that of the lobe, as variances do, so that polished
+/// surfaces show its size.
 #[inline(always)]
 fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out: &mut ShadingTerms) {
     let to_light = lighting.to_light.to_array();
@@ -231,7 +230,7 @@ fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out:
         let denominator = (n_h * n_h).mul_add(square_alpha - 1.0, 1.0);
         let smith = (lit * facing).mul_add(2.0 * (1.0 - alpha), (lit + facing) * alpha);
         let smith = if smith > 1e-4 { smith } else { 1e-4 };
-        // The lamp's strength is its irradiance over π, hence without the π of the distribution.
+        // The key light is an irradiance over π, which cancels the π of the distribution.
         out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
         out.weight[i] = schlick_weight(dot(viewer, half));
     }
@@ -240,7 +239,7 @@ fn find_highlights<const LANES: usize>(roughness: f32, lighting: &Lighting, out:
     }
 }
 
-/// What is left of the lamp's light behind what holds it back, and what that does to other light.
+/// Applies the shadow mask to the key light and to the ambient light from its side.
 #[inline(always)]
 fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -251,7 +250,7 @@ fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut 
     }
 }
 
-/// The sum of all light.
+/// Sum of all terms of a metal.
 #[inline(always)]
 fn sum_terms<const LANES: usize>(
     points: &ShadingPoints,
@@ -279,8 +278,7 @@ fn sum_terms<const LANES: usize>(
     }
 }
 
-/// What a surface with a reflectance head-on mirrors of the surroundings and of the lamp, as shares of the light that
-/// arrives from there.
+/// Specular reflectances for ambient and key light, of a reflectance at normal incidence.
 #[inline(always)]
 fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
     let ambient = f0.mul_add(out.scale[i], out.bias[i]);
@@ -288,8 +286,7 @@ fn mirrored_shares(f0: f32, out: &ShadingTerms, i: usize) -> [f32; 2] {
     [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
 }
 
-/// PartLight that a surface of an albedo scatters: of the surroundings, of which a share is open, of the lamp as it arrives, and
-/// of the lamp, by the share that is there in a corner, as its sides throw it on each other.
+/// Diffuse reflection of ambient light, key light, and key light interreflected in a concave corner.
 #[inline(always)]
 fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
     let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
@@ -297,7 +294,7 @@ fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, 
     albedo * around.mul_add(multibounce_ao(open, albedo * bounce), corner + arriving)
 }
 
-/// What a dielectric mirrors, over `mirrored` and, of the lamp, over `lobe`: it does not depend on the colour.
+/// Multiplies `mirrored` and `lobe` by a dielectric's specular reflectances, which do not depend on colour.
 #[inline(always)]
 fn mirror<const LANES: usize>(reflectance: f32, out: &mut ShadingTerms) {
     for i in 0..LANES {
@@ -309,7 +306,7 @@ fn mirror<const LANES: usize>(reflectance: f32, out: &mut ShadingTerms) {
     }
 }
 
-/// [`sum_terms`] of a dielectric, after [`mirror`]: a share of one side scatters, and a share of the sky is seen from its cavity.
+/// Sum of all terms of a dielectric, after [`mirror`]; one interface scatters the share `side`.
 #[inline(always)]
 fn sum_terms_dielectric<const LANES: usize>(
     points: &ShadingPoints,
@@ -326,7 +323,7 @@ fn sum_terms_dielectric<const LANES: usize>(
             has_cavity |= out.cavity[i] > 0.0;
         }
     }
-    // What is zero is not computed; the sums have the same bits.
+    // Terms that are zero are skipped, with the same bits.
     match [is_open, has_cavity] {
         [true, false] => sum_terms_of::<LANES, true, false>(points, side, light, out),
         [false, false] => sum_terms_of::<LANES, false, false>(points, side, light, out),
@@ -334,7 +331,7 @@ fn sum_terms_dielectric<const LANES: usize>(
     }
 }
 
-/// [`sum_terms_dielectric`] where all of the surroundings is seen, and where light is in a cavity.
+/// [`sum_terms_dielectric`] without ambient occlusion, or with cavity light.
 #[inline(always)]
 fn sum_terms_of<const LANES: usize, const IS_OPEN: bool, const HAS_CAVITY: bool>(
     points: &ShadingPoints,
@@ -366,11 +363,11 @@ fn sum_terms_of<const LANES: usize, const IS_OPEN: bool, const HAS_CAVITY: bool>
     }
 }
 
-/// PartLight as a display shows it.
+/// Tone mapping.
 #[inline(always)]
 fn tone_map_all<const LANES: usize>(is_transparent: bool, out: &mut ShadingTerms) {
     if is_transparent {
-        // Added to what is behind, which is developed: only the sum has dark tones.
+        // Transparent interfaces add to a tone-mapped background: only the sum has dark tones.
         for i in 0..LANES {
             for channel in 0..3 {
                 let color = out.color[channel][i];
@@ -408,7 +405,7 @@ mod tests {
     use crate::ambient::proxies::held_cube as held;
     use crate::scene::variation::RenderVariation;
 
-    /// Whatever registers the machine has, the bits are those of the plain loop.
+    /// All instruction sets give the bits of the scalar loop.
     #[test]
     fn wide_registers_give_the_same_bits() {
         let variation = RenderVariation::default();

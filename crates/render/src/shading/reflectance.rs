@@ -1,9 +1,9 @@
-//! How much light surfaces throw back: Fresnel terms, and light multibounce_ao the sides of a corner.
+//! Reflectance: Fresnel terms and interreflection.
 
 use crate::simd::{polynomial, within};
 
-/// Share of the ambient light in a corner that is open to a share of it, with the light that its sides of an albedo throw
-/// on each other (Jimenez, Wu, Pesce and Jarabo, "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016).
+/// Ambient occlusion with multiple bounces between surfaces of an albedo (Jimenez, Wu, Pesce and Jarabo, "Practical
+/// Realtime Strategies for Accurate Indirect Occlusion", 2016).
 #[inline(always)]
 pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
     let cubic = albedo.mul_add(2.0404, -0.3324);
@@ -13,15 +13,15 @@ pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
     if share > open { share } else { open }
 }
 
-/// PartLight of a cavity's walls, of an albedo, that came from its other walls, over that which enters; the cavity is open to a
-/// share of what its walls see. PartLight goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
+/// Interreflected light on a cavity's walls relative to the entering light, from albedo and the share of the sky that
+/// the walls see: a geometric series, as in an integrating sphere.
 #[inline(always)]
 pub(crate) fn cavity_interreflection(albedo: f32, open: f32) -> f32 {
     let walls = 1.0 - open;
     albedo * albedo * open * walls / albedo.mul_add(-walls, 1.0)
 }
 
-/// What Schlick's approximation adds to the reflectance head-on, as a share of what is missing to all.
+/// Schlick's weight between the reflectance at normal incidence and 1.
 #[inline(always)]
 pub(crate) fn schlick_weight(cosine: f32) -> f32 {
     let x = 1.0 - within(cosine, 0.0, 1.0);
@@ -29,7 +29,8 @@ pub(crate) fn schlick_weight(cosine: f32) -> f32 {
     square * square * x
 }
 
-/// Scale and bias of the reflectance head-on for light from everywhere (Karis, "Physically Based Shading on Mobile", 2014).
+/// Scale and bias of the reflectance at normal incidence for ambient light (Karis, "Physically Based Shading on
+/// Mobile", 2014).
 #[inline(always)]
 pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
     let smoothness = 1.0 - roughness;
@@ -39,7 +40,8 @@ pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
     (edge.mul_add(-1.04, 1.04 - 0.572 * roughness), edge.mul_add(1.04, 0.022 * roughness - 0.04))
 }
 
-/// 2 to the power of `-9.28 x` for `x` 0-1, to a thousandth of its value: the series of an eighth of it, squared thrice.
+/// 2 to the power of `-9.28 x` for `x` in 0-1, with a relative error of 10⁻³: Taylor series of an eighth of the
+/// exponent, squared three times.
 #[inline(always)]
 fn exp2_of_negative(x: f32) -> f32 {
     const RATE: f32 = -9.28 / 8.0 * std::f32::consts::LN_2;
@@ -54,7 +56,7 @@ fn exp2_of_negative(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// An open place and a black corner keep their share; a white corner passes on nearly all that enters.
+    /// Open points and black corners keep their share; white corners reflect nearly all light.
     #[test]
     fn bright_corners_are_brighter() {
         for (open, albedo, low, high) in
@@ -65,8 +67,7 @@ mod tests {
         }
     }
 
-    /// A black cavity throws nothing back, a white one all that its walls see of each other, an open place nothing: it has no
-    /// other walls.
+    /// No interreflection in a black or an open cavity; all of the walls' mutual visibility in a white one.
     #[test]
     fn hollows_throw_back_what_their_walls_do_not_absorb() {
         for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 0.8), (0.5, 1.0, 0.0), (0.5, 0.2, 0.04 / 0.6)] {

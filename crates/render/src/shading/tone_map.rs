@@ -1,11 +1,11 @@
-//! From light to what a display shows.
+//! Tone mapping.
 
 use crate::simd::lerp;
 
-/// Brightest channel, after the dark tones were taken off, from which colours are compressed.
+/// Peak from which colours are compressed, after the toe.
 const START: f32 = 0.8 - 0.04;
 
-/// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
+/// Khronos PBR Neutral: identity below 0.76, highlights compress towards white.
 #[inline(always)]
 pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     const DESATURATION: f32 = 0.15;
@@ -25,13 +25,13 @@ pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// Whether [`tone_map`] compresses a colour; it is [`tone_map_dark`] of others.
+/// True if [`tone_map`] compresses a colour; otherwise it equals [`tone_map_dark`].
 #[inline(always)]
 pub(crate) fn is_compressed(color: [f32; 3]) -> bool {
     largest(tone_map_dark(color)) >= START
 }
 
-/// [`tone_map`] of colours that are not compressed: dark tones become darker.
+/// Toe of [`tone_map`]: darkens dark tones.
 #[inline(always)]
 pub(crate) fn tone_map_dark([r, g, b]: [f32; 3]) -> [f32; 3] {
     let low = if r < g { r } else { g };

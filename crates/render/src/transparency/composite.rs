@@ -1,4 +1,4 @@
-//! What is seen through transparent things: two sides per pixel, the nearest and the farthest.
+//! Compositing of transparent layers: two interfaces per pixel, the nearest and the farthest.
 
 use glam::Vec3A;
 use multiversion::multiversion;
@@ -13,76 +13,76 @@ use crate::scene::texture::{find_codes, srgb_table};
 use crate::shading::{ShadedPart, Shading, ShadingPoint};
 use crate::simd::{BatchColumn, CHUNK, ZERO, lerp, within};
 
-/// Sides of a thing that colour the light on what it touches: those of two walls of a cup; as many fit solid feet.
+/// Number of glass interfaces that tint light near a contact (4: two cup walls; also fits solid feet).
 const LIT_THROUGH: f32 = 4.0;
-/// How far from a thing others are no longer lit through it, metres. Chosen.
+/// Distance from an object beyond which light is no longer tinted [m]. Chosen.
 const LIT_THROUGH_M: f32 = 0.02;
 
-/// All pixels with something transparent before them; memory kept from frame to frame.
+/// Transparent pixels of a frame, grouped by surfaces; memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct TransparencyLayers {
     groups: Vec<Group>,
-    /// The one of the last pixel: most have that of the pixel beside them.
+    /// Group of the last pixel: most pixels have that of their neighbour.
     last: usize,
     work: Box<Work>,
 }
 
-/// Pixels before which the same surfaces are.
+/// Pixels with the same transparent surfaces.
 #[derive(Debug)]
 struct Group {
-    /// The farther one first; 0 in its place where there is only one.
+    /// Far and near surface number; the first is 0 if there is only one.
     surfaces: [u32; 2],
     pixels: Vec<Covered>,
 }
 
-/// A pixel with something transparent before it.
+/// A pixel behind transparent layers.
 #[derive(Clone, Copy, Debug)]
 struct Covered {
     pixel: u32,
-    /// Index of the pixel among those that show several opaque surfaces.
+    /// Index among the edge pixels.
     edge_pixel: Option<u32>,
     layers: [LayerSample; 2],
 }
 
-/// A transparent surface in front of a pixel.
+/// A transparent interface in front of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LayerSample {
     pub point: ShadingPoint,
-    /// Share of the pixel that it is in front of.
+    /// Share of the pixel that it covers.
     pub coverage: f32,
 }
 
-/// A picture without what is transparent.
+/// The opaque image.
 pub(crate) struct Opaque<'a> {
     pub scene: &'a RenderScene<'a>,
     pub view: &'a View,
     pub light_buffer: &'a LightBuffer,
-    /// Linear display colours of the pixels, and of those that show several surfaces.
+    /// Linear display colours of pixel centres, and of edge pixels.
     pub colors: &'a [Vec3A],
     pub edge_pixels: &'a [(u32, Vec3A)],
 }
 
-/// Memory for a chunk of pixels.
+/// Scratch memory for a batch.
 #[derive(Debug, Default)]
 struct Work {
     shading: Shading,
-    /// The farther one first.
+    /// Far, near.
     sides: [Interface; 2],
     rays: RefractedRays,
 }
 
-/// The layers of one surface in front of a chunk of pixels.
+/// Interfaces of one surface in front of a batch of pixels.
 #[derive(Debug)]
 pub(super) struct Interface {
-    /// Whether its mesh encloses a solid.
+    /// True if its mesh is closed (a solid object).
     pub(super) is_solid: bool,
-    /// Pixels, and metres.
+    /// Image position [px], depth [m] and coverage.
     pub(super) place: [BatchColumn; 2],
     pub(super) depth: BatchColumn,
     pub(super) coverage: BatchColumn,
     /// Unit normals in the world, towards the viewer.
     pub(super) normal: [BatchColumn; 3],
-    /// What leaves it towards the viewer, and the share of what is behind that passes.
+    /// Emitted colour (reflection and scattering), and transmittance.
     pub(super) color: [BatchColumn; 3],
     pub(super) passes: [BatchColumn; 3],
 }
@@ -110,7 +110,7 @@ impl TransparencyLayers {
         self.last = 0;
     }
 
-    /// Adds a pixel, which may be among those that show several opaque surfaces, with one or two layers in front of it.
+    /// Adds a pixel with one or two layers, which may be an edge pixel.
     pub fn add(&mut self, pixel: u32, edge_pixel: Option<u32>, [one, other]: [Option<LayerSample>; 2]) {
         let mut layers = [one.or(other).unwrap_or_default(), other.or(one).unwrap_or_default()];
         if layers[0].point.depth < layers[1].point.depth {
@@ -128,11 +128,11 @@ impl TransparencyLayers {
         self.groups[self.last].pixels.push(Covered { pixel, edge_pixel, layers });
     }
 
-    /// Writes the bytes of all pixels.
+    /// Composites all pixels and writes their bytes.
     pub fn show(&mut self, opaque: &Opaque<'_>, rgb: &mut [u8]) {
         let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
         for Group { surfaces, pixels } in &self.groups {
-            // Without a farther side only the nearer one counts.
+            // A single layer counts as the near one.
             let first = usize::from(surfaces[0] == 0);
             let crossings = crossings(&opaque.scene.assets.parts, *surfaces);
             let lit_through = lit_through(opaque.scene, surfaces[0]);
@@ -152,7 +152,7 @@ impl TransparencyLayers {
 }
 
 impl Work {
-    /// Shades the sides of a chunk of pixels and follows the rays that they refract.
+    /// Shades the interfaces of a batch and refracts its view rays.
     fn shade(&mut self, opaque: &Opaque<'_>, surfaces: [u32; 2], pixels: &[Covered]) {
         let Opaque { scene, view, light_buffer, .. } = opaque;
         for (index, surface) in surfaces.into_iter().enumerate().filter(|(_, surface)| *surface > 0) {
@@ -170,7 +170,7 @@ impl Work {
         }
     }
 
-    /// Finds what is behind the sides of a chunk of pixels.
+    /// Finds the opaque colours behind a batch.
     fn look_behind(
         &mut self,
         opaque: &Opaque<'_>,
@@ -184,7 +184,7 @@ impl Work {
         for (i, covered) in pixels.iter().enumerate() {
             let pixel = covered.pixel as usize;
             let aside = self.rays.pixel[i] as usize;
-            // What is seen there may be nearer. What sticks to its far side, a label, is seen wherever the sight is bent to.
+            // A refracted ray may hit something nearer, or a label on the far interface, which stays in place.
             let is_aside = self.rays.are_bent && {
                 let (depth, body) = (light_buffer.depth[aside], body_of(u32::from(light_buffer.surface[pixel])));
                 (depth <= 0.0 || depth > self.sides[1].depth[i]) && (body.is_none() || body != own_body)
@@ -198,7 +198,7 @@ impl Work {
 }
 
 impl Interface {
-    /// Shades the farther or the nearer layers, which are of a surface, of at most a chunk of pixels.
+    /// Shades the far or near interfaces of a batch.
     fn shade(
         &mut self,
         pixels: &[Covered],
@@ -236,30 +236,29 @@ impl Interface {
     }
 }
 
-/// How often a sight passes sides like the farther and the nearer one that are known: others, which they hide, lie behind
-/// the nearer and before the farther one.
+/// Number of times a view ray crosses interfaces like the far and the near one: hidden ones lie between the two.
 fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
     let near = &parts[near as usize - 1];
     let Some(far) = far.checked_sub(1).map(|part| &parts[part as usize]) else {
-        // What is in a cup hides the rest of it.
+        // The content of a cup hides its other interfaces.
         return [1, if near.faces_out && !near.mesh.closed { 2 } else { 1 }];
     };
     if std::ptr::eq(far, near) {
         return if near.mesh.closed { [1, 1] } else { [2, 2] };
     }
-    // Of a wall around a cavity both sides are passed, and those of the wall across.
+    // A wall around a cavity has two interfaces, and so has the opposite wall.
     let of = |part: &Part| if part.faces_out && !part.mesh.closed { 4 } else { 2 };
     if near.body.is_none() || far.body != near.body {
         [of(far), of(near)]
     } else if near.faces_out {
         [2, if near.mesh.closed { 1 } else { 4 }]
     } else {
-        // Into a cup from above: its inside, then its outside.
+        // Into a cup from above: its inner, then its outer surface.
         [1, 1]
     }
 }
 
-/// Colour of light on what touches the thing of the farther surface, white without one.
+/// Tint of light near a contact with the far object; white without one.
 fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     let Some(part) = far.checked_sub(1).map(|part| part as usize) else { return [1.0; 3] };
     let material = &scene.materials[part];
@@ -267,7 +266,7 @@ fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
 }
 
-/// Takes off the light that a surface mirrors and scatters.
+/// Multiplies the transmittance by what is neither reflected nor scattered.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColumn; 3]) {
     for i in 0..CHUNK {
@@ -278,8 +277,8 @@ fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColum
     }
 }
 
-/// What is seen through layers, the farther ones first, of what is behind. Behind the near side of a cavity thing and before its
-/// far side lie those of its cavity.
+/// Composites the interfaces, far first, over the opaque colours. The cavity of a hollow object lies between its near
+/// and far interfaces.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn see_through(
     sides: &[Interface],
@@ -302,7 +301,7 @@ fn see_through(
             for i in 0..CHUNK {
                 let mut passed = seen[i];
                 for crossing in 0..crossings[index] {
-                    // The bottom of a cup, which touches the table, mirrors and holds back nothing.
+                    // The bottom of a cup in contact with its support neither reflects nor absorbs.
                     let touches = if index + crossing == 0 && !side.is_solid { near_by[i] } else { 0.0 };
                     passed = lerp(color[i] + passed * passes[i], passed, touches);
                 }

@@ -1,4 +1,4 @@
-//! RefractedRays that solid transparent things refract.
+//! Refraction of view rays by solid transparent objects.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -11,23 +11,23 @@ use crate::lights::lighting::Lighting;
 use crate::shading::tone_map::tone_map;
 use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, within};
 
-/// How far a bent sight may look aside, pixels: no farther than the tiles whose change is known.
+/// Largest displacement of a refracted ray on the image [px]: within the dilation of dirty tiles.
 const MOST_BENT: f32 = (TILE - 1) as f32;
-/// Cosine between a sight inside a thing and behind it from which on it leads too far aside to be followed, and the one at
-/// which all that is seen is taken to be the surroundings. Chosen.
+/// Cosine between the rays inside and behind an object below which the environment is mixed in, and below which it
+/// replaces the image. Chosen.
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
-/// What a chunk of bent rays meet.
+/// A batch of refracted view rays.
 #[derive(Debug)]
 pub(super) struct RefractedRays {
-    /// Pixels that show it.
+    /// Pixels that they hit.
     pub pixel: [u32; CHUNK],
-    /// The surroundings in their direction, and their share where a sight leads too far aside.
+    /// Environment in their direction, and its weight where a ray leaves the reach of the image.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
-    /// How far behind the farther side lies what is opaque, along the camera's axis, metres.
+    /// Distance from the far interface to the opaque surface, along the optical axis [m].
     pub gap: BatchColumn,
-    /// Whether the thing bends them.
+    /// True if the object refracts.
     pub are_bent: bool,
 }
 
@@ -37,8 +37,7 @@ impl Default for RefractedRays {
     }
 }
 
-/// Follows rays through the farther and the nearer side of a solid thing: each leaves its far side where it went on inside
-/// for as long as the thing is deep.
+/// Refracts view rays at the near and far interfaces of a solid object, whose thickness is the distance between both.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 pub(super) fn refract(
     [far, near]: &[Interface; 2],
@@ -114,8 +113,7 @@ fn put(lanes: &mut [BatchColumn; 3], i: usize, [x, y, z]: [f32; 3]) {
     (lanes[0][i], lanes[1][i], lanes[2][i]) = (x, y, z);
 }
 
-/// The point of the world that is seen at a pixel at a depth, by the focal lengths and the centre of the image and the axes and
-/// the place of the camera.
+/// World position of a pixel at a depth.
 #[inline(always)]
 fn point_at(
     pixel: [f32; 2],
@@ -132,8 +130,8 @@ fn point_at(
     point
 }
 
-/// The direction behind a border that is met along a unit direction against its unit normal; mirrored where nothing
-/// passes. `ratio` is the index of refraction before it over the one behind.
+/// Refracted direction of a unit direction at a unit normal, or total internal reflection; `ratio` is the quotient of
+/// the refractive indices before and behind.
 #[inline(always)]
 fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     let facing = -dot(along, normal);
@@ -146,7 +144,7 @@ fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     normalized(bent, along)
 }
 
-/// Scalar product, rounded at each step, so that pictures keep their bytes.
+/// Dot product without fused multiply-adds.
 #[inline(always)]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -162,7 +160,7 @@ fn length(vector: [f32; 3]) -> f32 {
     dot(vector, vector).sqrt()
 }
 
-/// A vector at unit length; another one if it has none.
+/// Normalised vector, or a fallback for zero length.
 #[inline(always)]
 fn normalized(vector: [f32; 3], otherwise: [f32; 3]) -> [f32; 3] {
     let inverse = 1.0 / length(vector);
@@ -174,7 +172,7 @@ fn normalized(vector: [f32; 3], otherwise: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// Nearest integer of a number from 0 to 2²², halves up.
+/// Nearest integer of a number from 0 to 2²², rounding half up.
 #[inline(always)]
 fn nearest(value: f32) -> u32 {
     let whole = floor(value);
