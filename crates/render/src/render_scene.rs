@@ -1,7 +1,7 @@
 //! Scene data shared by all passes of a job.
 
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxies::AoProxies;
+use crate::ambient::proxy_set::AoProxies;
 use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;

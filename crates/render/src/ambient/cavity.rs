@@ -5,7 +5,7 @@
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use super::proxies::{AoProxies, AoProxy, unoccluded_sky};
+use super::proxies::{AoProxy, unoccluded_lamp, unoccluded_sky};
 use crate::gbuffer::points::Points;
 use crate::simd::{BatchColumn, dot, smooth_step, whole_registers};
 
@@ -30,30 +30,26 @@ pub(crate) struct Cavity {
     pub light: f32,
 }
 
-impl AoProxies {
-    /// The cavity of a body, if light enters it.
-    pub fn cavity_of(&self, body: usize) -> Option<Cavity> {
-        let own = self.of_body(body)?;
-        (own.entering > 0.0).then(|| {
-            let [x, y, z] = own.axes[2];
-            let half = 1.0 / (x * x + y * y + z * z).sqrt();
-            Cavity { middle: own.middle, open: open_share(own.volume, half), light: own.entering * CAVITY_KEY }
-        })
-    }
+/// The lit cavity of a body, if light enters it.
+pub(super) fn cavity_of(own: &AoProxy) -> Option<Cavity> {
+    (own.entering > 0.0).then(|| {
+        let [x, y, z] = own.axes[2];
+        let half = 1.0 / (x * x + y * y + z * z).sqrt();
+        Cavity { middle: own.middle, open: open_share(own.volume, half), light: own.entering * CAVITY_KEY }
+    })
+}
 
-    /// Share of the key and sky light from above that enters a body through the side of its third axis, where concave
-    /// bodies are open.
-    pub(super) fn entering(&self, own: &AoProxy) -> f32 {
-        let axis = Vec3A::from_array(own.axes[2]);
-        let (up, half) = (axis.normalize(), axis.length_recip());
-        if up.z < UPRIGHT || !own.has_inside {
-            return 0.0;
-        }
-        let place = own.center() + up * half;
-        let counting = if self.count { &*self.bodies } else { &[] };
-        let share = unoccluded_sky(counting, own.body, place.to_array(), up.to_array());
-        self.lit(own.body, place) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
+/// Share of the key and sky light from above that enters a body past some others through the side of its third axis, where
+/// concave bodies are open.
+pub(super) fn entering(own: &AoProxy, others: &[AoProxy]) -> f32 {
+    let axis = Vec3A::from_array(own.axes[2]);
+    let (up, half) = (axis.normalize(), axis.length_recip());
+    if up.z < UPRIGHT || !own.has_inside {
+        return 0.0;
     }
+    let place = own.center() + up * half;
+    let share = unoccluded_sky(others, own.body, place.to_array(), up.to_array());
+    unoccluded_lamp(others, own.body, place.to_array()) * ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
 }
 
 /// Share of the sky visible from the bottom centre of a round cavity, from the product of its half axes and the half

@@ -10,7 +10,8 @@ use std::ops::Range;
 use glam::{Vec2, Vec3A, Vec4};
 use multiversion::multiversion;
 
-use crate::ambient::proxies::{AoProxies, AoProxy, form_factor, penumbra};
+use crate::ambient::proxies::{AoProxy, form_factor, penumbra};
+use crate::ambient::proxy_set::AoProxies;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
@@ -42,7 +43,7 @@ const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
 /// Weight of a higher body for a wrist camera. Fitted likewise.
 const HANGING: f32 = 0.75;
-/// View distance beyond which everything counts as lit [m]: larger than any table.
+/// View distance beyond which everything counts as lit [m]: larger than any surface.
 const LONGEST_M: f32 = 10.0;
 
 /// Ambient light on the main support surface.
@@ -92,10 +93,10 @@ impl IrradianceGrid {
     /// Grid of the main support surface, coarser for small images; without ambient occlusion it has no effect.
     pub fn new(assets: &RenderAssets, variation: &RenderVariation, is_small: bool) -> Self {
         let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
-        let table = assets.parts.iter().position(|part| part.material.is_table && part.body.is_none());
-        let table = table.and_then(|table| Some((table, horizontal_top(&assets.parts[table])?)));
-        let top = table.map(|(_, (height, ..))| height);
-        let Some((table, (height, low, high))) = table.filter(|_| is_on) else {
+        let support = assets.parts.iter().position(|part| part.material.is_main_support && part.body.is_none());
+        let support = support.and_then(|support| Some((support, horizontal_top(&assets.parts[support])?)));
+        let top = support.map(|(_, (height, ..))| height);
+        let Some((support, (height, low, high))) = support.filter(|_| is_on) else {
             return Self { top, ..Self::default() };
         };
         // Large surfaces have fewer points per metre.
@@ -111,11 +112,11 @@ impl IrradianceGrid {
             points: vec![Vec4::ONE; columns * rows],
             changed_in: vec![0; columns / RUN * rows],
         };
-        let is_fixed = assets.parts.iter().enumerate().map(|(part, own)| own.body.is_none() && part != table);
+        let is_fixed = assets.parts.iter().enumerate().map(|(part, own)| own.body.is_none() && part != support);
         Self {
             top,
             grid: Some(grid),
-            surface: table as u16 + 1,
+            surface: support as u16 + 1,
             is_fixed: std::iter::once(false).chain(is_fixed).collect(),
             ..Self::default()
         }
@@ -321,7 +322,7 @@ mod tests {
     use genmanip_core::{CameraMount, Material, Pose};
 
     use super::*;
-    use crate::ambient::proxies::colors_of;
+    use crate::ambient::proxy_set::colors_of;
     use crate::gbuffer::static_layer::TILE;
     use crate::gbuffer::view::View;
     use crate::job::{Channels, FrameState, ViewJob};

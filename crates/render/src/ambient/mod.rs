@@ -1,7 +1,8 @@
 //! Ambient occlusion and bounce light: SSAO, ellipsoid proxies, and the irradiance grid of the support surface.
 
-mod cavity;
+pub(crate) mod cavity;
 pub(crate) mod irradiance_grid;
 pub(crate) mod proxies;
-mod reflection_proxies;
+pub(crate) mod proxy_set;
+pub(crate) mod reflection_proxies;
 pub(crate) mod ssao;

@@ -5,23 +5,13 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use genmanip_core::{CameraMount, Pose};
+use genmanip_core::Pose;
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use super::cavity::enclose;
 use crate::gbuffer::points::Points;
 use crate::gbuffer::view::rotation;
-use crate::job::FrameState;
-use crate::scene::assets::{Pad, RenderAssets};
-use crate::scene::body_shape::BodyShape;
-use crate::scene::material::Material;
 use crate::simd::{BatchColumn, dot, smooth_step, whole_registers, within};
-
-pub(crate) use super::cavity::{Cavity, facing_middle};
-pub(crate) use super::reflection_proxies::ReflectionProxy;
-#[cfg(test)]
-pub(crate) use super::reflection_proxies::held_cube;
 
 /// Half axes of the ellipsoid relative to the bounding box. Fitted to path-traced images.
 pub(super) const FULLNESS: f32 = 0.875;
@@ -32,28 +22,15 @@ const STRENGTH: f32 = 0.578;
 const LAMP_WIDTH: f32 = 0.58;
 const LAMP_EDGE: f32 = 0.1;
 const LAMP_BEYOND: f32 = 0.21;
-/// Share of the key light that a body and the surface around it lose in full shadow of other bodies. Fitted likewise.
-const SHADED: f32 = 0.55;
 /// Penumbra width of a body's shadow on another body, relative to the first one's radius. Chosen: the other one is as
 /// large.
 const LAMP_BLUR: f32 = 0.3;
 /// Smallest half axis [m]. Chosen.
-const THINNEST_M: f32 = 0.005;
+pub(super) const THINNEST_M: f32 = 0.005;
 /// Smallest form factor that counts. Chosen: an invisible step.
-const LEAST: f32 = 0.01;
+pub(super) const LEAST: f32 = 0.01;
 /// Inverse length of the fade-out, in squared reach. Chosen.
 const FADE: f32 = 4.0;
-
-/// AO proxies of all bodies of a frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct AoProxies {
-    pub(super) bodies: Vec<AoProxy>,
-    /// Finger pads, for wrist cameras.
-    pub(super) pads: Vec<(usize, ReflectionProxy)>,
-    /// True if bodies occlude each other. Only for wrist cameras, which are close to objects, below the gripper, and
-    /// never continue a frame.
-    pub(super) count: bool,
-}
 
 /// Ellipsoid AO proxy of a body.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,123 +55,12 @@ pub(crate) struct AoProxy {
     pub(super) lit: f32,
     /// Share of the light from above that enters through the side of its third axis.
     pub(super) entering: f32,
-    /// See [`BodyShape`].
+    /// See [`crate::scene::body_shape::BodyShape`].
     pub(super) is_box: bool,
     pub(super) has_inside: bool,
     pub(super) is_concave: bool,
     /// Degree to which it is held in the gripper, 0-1, for wrist cameras.
     pub(super) in_gripper: f32,
-}
-
-impl AoProxies {
-    /// Places the proxies of a frame, with mean colours by body, for a camera mount and a light direction; transparent
-    /// bodies do not occlude.
-    pub fn place(
-        &mut self,
-        assets: &RenderAssets,
-        colors: &[Vec3A],
-        frame: &FrameState,
-        mount: CameraMount,
-        to_light: Vec3A,
-    ) {
-        self.count = mount == CameraMount::Hand;
-        self.bodies.clear();
-        for (body, pose) in frame.body_poses.iter().enumerate() {
-            let Some(&BodyShape { low, high, is_box, has_inside, is_concave }) = assets.shape_of(body) else {
-                continue;
-            };
-            let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
-            let middle = (low + high) * 0.5;
-            let (center, axes) = placed(pose, middle, half);
-            let volume = half.x * half.y * half.z;
-            // At a distance a body covers at most its largest cross-section.
-            let reach = (volume / half.min_element() / LEAST).sqrt();
-            let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
-            self.bodies.push(AoProxy {
-                body,
-                center,
-                axes,
-                volume,
-                color,
-                reach,
-                middle,
-                to_lamp: stretched(axes, to_light).to_array(),
-                lit: 1.0,
-                entering: 0.0,
-                is_box,
-                has_inside,
-                is_concave,
-                in_gripper: 0.0,
-            });
-        }
-        self.pads.clear();
-        if self.count {
-            let at_pose = |pad: &Pad| (pad.body, ReflectionProxy::pad(pad, &frame.body_poses[pad.body]));
-            self.pads.extend(assets.pads().iter().map(at_pose));
-        }
-        for index in 0..self.bodies.len() {
-            let own = &self.bodies[index];
-            let (entering, in_gripper) = (self.entering(own), self.in_gripper(own, assets.robot_bodies()));
-            // Arm and held object hang in the light, whatever shadows their proxies cast on each other.
-            let is_arm = own.body < assets.robot_bodies() || in_gripper > 0.0;
-            let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
-            let lit = 1.0 - SHADED * (1.0 - lit);
-            let own = &mut self.bodies[index];
-            (own.lit, own.entering, own.in_gripper) = (lit, entering, in_gripper);
-        }
-    }
-
-    pub(super) fn of_body(&self, body: usize) -> Option<&AoProxy> {
-        // Proxies are sorted by body.
-        let index = self.bodies.binary_search_by_key(&body, |proxy| proxy.body).ok()?;
-        Some(&self.bodies[index])
-    }
-
-    /// All proxies.
-    pub fn bodies(&self) -> &[AoProxy] {
-        &self.bodies
-    }
-
-    /// Share of the key light at a position that the other bodies leave.
-    pub(super) fn lit(&self, but: usize, place: Vec3A) -> f32 {
-        unoccluded_lamp(if self.count { &self.bodies } else { &[] }, but, place.to_array())
-    }
-
-    /// Share of the key light on a body and the surface around it that other bodies leave.
-    pub fn lit_of(&self, body: usize) -> f32 {
-        self.of_body(body).map_or(1.0, |own| own.lit)
-    }
-
-    /// True if bodies occlude each other.
-    pub fn count(&self) -> bool {
-        self.count
-    }
-
-    /// True if ambient light at resting points may differ from that of another frame.
-    pub fn differ(&self, before: &Self) -> bool {
-        (self.count || before.count) && self != before
-    }
-
-    /// Multiplies ambient shares at points of a body by the occlusion by other bodies and by its own cavity.
-    pub fn darken(&self, points: &Points, of_body: Option<usize>, share: &mut BatchColumn) {
-        if let Some(own) = of_body.and_then(|body| self.of_body(body)) {
-            enclose(own, points, share);
-        }
-        if !self.count {
-            return;
-        }
-        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        for i in 0..points.count {
-            let place = Vec3A::new(points.place[0][i], points.place[1][i], points.place[2][i]);
-            (low, high) = (low.min(place), high.max(place));
-        }
-        for proxy in self.bodies.iter().filter(|proxy| Some(proxy.body) != of_body) {
-            let center = proxy.center();
-            if proxy.reaches(center.distance_squared(center.clamp(low, high))) {
-                occlude(proxy, points, share);
-            }
-        }
-    }
 }
 
 impl AoProxy {
@@ -240,27 +106,13 @@ pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32;
 }
 
 /// Unit vector of a direction in the space where an ellipsoid with such axes is the unit sphere.
-fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
+pub(super) fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
     Vec3A::from_array(axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
-}
-
-/// Area-weighted mean linear colours of the bodies' opaque parts.
-pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Material]) -> Vec<Vec3A> {
-    let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
-    for (part, surface) in assets.parts.iter().zip(surfaces) {
-        let Some((color, area)) = part.body.and_then(|body| sums.get_mut(body)) else { continue };
-        if surface.opacity >= 1.0 {
-            let own = part.mesh.area();
-            *color += surface.mean_color() * own;
-            *area += own;
-        }
-    }
-    sums.into_iter().map(|(color, area)| color / area).collect()
 }
 
 /// Multiplies the ambient light at points by what an ellipsoid leaves.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn) {
+pub(super) fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn) {
     let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
@@ -286,7 +138,7 @@ pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], no
 
 /// Share of the key light at a position that all bodies but one leave.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
+pub(super) fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     let mut left = 1.0;
     for other in bodies {
         let toward = [other.center[0] - x, other.center[1] - y, other.center[2] - z];

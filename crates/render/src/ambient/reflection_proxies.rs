@@ -4,7 +4,7 @@
 use genmanip_core::Pose;
 use glam::Vec3;
 
-use super::proxies::{AoProxies, AoProxy, FULLNESS, placed, unoccluded_sky};
+use super::proxies::{AoProxy, FULLNESS, placed, unoccluded_sky};
 use crate::scene::assets::Pad;
 use crate::scene::body_shape::BodyShape;
 use crate::simd::{dot, within};
@@ -37,41 +37,22 @@ pub(crate) struct ReflectionProxy {
     share: f32,
 }
 
-impl AoProxies {
-    /// Share of a body's bounce light that returns to it: less in the dark gripper, all of it inside a cavity.
-    pub fn bounce_of(&self, body: usize) -> f32 {
-        self.of_body(body).filter(|own| !own.is_concave).map_or(1.0, |own| 1.0 - own.in_gripper)
-    }
+/// Reflection proxy of the held object among some bodies.
+pub(super) fn held(bodies: &[AoProxy]) -> Option<ReflectionProxy> {
+    let own = bodies.iter().max_by(|a, b| a.in_gripper.total_cmp(&b.in_gripper)).filter(|own| own.in_gripper > 0.0)?;
+    Some(ReflectionProxy {
+        center: own.center,
+        axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
+        is_box: own.is_box,
+        color: own.color,
+        share: own.in_gripper,
+    })
+}
 
-    /// Reflection proxies for the metal of a robot's body, the farther first: the held object and the finger's pad.
-    pub fn reflection_proxies_of(&self, body: usize) -> [Option<ReflectionProxy>; 2] {
-        [self.held(), self.pads.iter().find(|(own, _)| *own == body).map(|(_, pad)| *pad)]
-    }
-
-    fn held(&self) -> Option<ReflectionProxy> {
-        let own = self
-            .bodies
-            .iter()
-            .max_by(|a, b| a.in_gripper.total_cmp(&b.in_gripper))
-            .filter(|own| own.in_gripper > 0.0)?;
-        Some(ReflectionProxy {
-            center: own.center,
-            axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
-            is_box: own.is_box,
-            color: own.color,
-            share: own.in_gripper,
-        })
-    }
-
-    /// Degree to which a body is held by a robot, whose bodies come first.
-    pub(super) fn in_gripper(&self, own: &AoProxy, robot_bodies: usize) -> f32 {
-        if !self.count || own.body < robot_bodies {
-            return 0.0;
-        }
-        let robot = &self.bodies[..self.bodies.partition_point(|other| other.body < robot_bodies)];
-        let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
-        ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
-    }
+/// Degree to which a body is held by a robot with some bodies.
+pub(super) fn in_gripper(own: &AoProxy, robot: &[AoProxy]) -> f32 {
+    let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
+    ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
 }
 
 impl ReflectionProxy {

@@ -28,7 +28,7 @@ pub(crate) fn occlude(
     depth: &[f32],
     size: [usize; 2],
     camera: &CameraView,
-    table_top: Option<f32>,
+    ground: Option<f32>,
     variation: &RenderVariation,
     taps: &mut SsaoTaps,
 ) {
@@ -42,7 +42,7 @@ pub(crate) fn occlude(
         }
     }
     let up = camera.turn.row(2).to_array();
-    add_taps(taps, points, focal, radius, (up, table_top.map_or(f32::NEG_INFINITY, |top| top + FLAT_M)));
+    add_taps(taps, points, focal, radius, (up, ground.map_or(f32::NEG_INFINITY, |top| top + FLAT_M)));
     let scale = DARKNESS * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
     for i in 0..whole_registers(points.count) {
         let share = 1.0 - taps.darkening[i] * scale;

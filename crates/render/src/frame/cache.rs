@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use crate::ambient::proxies::AoProxies;
+use crate::ambient::proxy_set::AoProxies;
 use crate::gbuffer::material_bins::MaterialBins;
 use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
 use crate::gbuffer::view::{CameraView, View, surface_of};

@@ -6,7 +6,7 @@ use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::{DQuat, Vec3A};
 
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxies::{AoProxies, colors_of};
+use crate::ambient::proxy_set::{AoProxies, colors_of};
 use crate::error::RenderError;
 use crate::frame::cache::{FrameCache, write_geometry};
 use crate::gbuffer::view::{CameraView, View};

@@ -26,9 +26,9 @@ pub struct Lighting {
 impl Lighting {
     /// Lights of a variation; the main support surface among the materials reflects light upwards.
     pub fn new(variation: &RenderVariation, surfaces: &[Material]) -> Self {
-        let table = surfaces.iter().find(|surface| surface.is_table).map(Material::mean_color);
+        let support = surfaces.iter().find(|surface| surface.is_main_support).map(Material::mean_color);
         Self {
-            sky: Sky::new(variation, table),
+            sky: Sky::new(variation, support),
             to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
             key_turn_squared: (variation.light_angular_radius.clamp(0.0, 1.0) / 2.0).powi(2),

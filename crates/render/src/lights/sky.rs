@@ -17,10 +17,10 @@ const ZENITH: f32 = 1.1;
 
 /// Share of the lit support surface seen by objects above it, which shade it, in diffuse and in specular light. Fitted
 /// to path-traced images.
-const TABLE_SEEN: [f32; 2] = [0.77, 0.85];
+const GROUND_SEEN: [f32; 2] = [0.77, 0.85];
 /// Additional share at contact, height at which it halves [m], and its increase on sides facing the key light, since an
 /// object shades the surface behind it. Fitted likewise.
-const TABLE_NEAR: f32 = 0.6;
+const GROUND_NEAR: f32 = 0.6;
 const NEAR_M: f32 = 0.055;
 const NEAR_SIDE: f32 = 0.2;
 
@@ -35,7 +35,7 @@ pub struct Sky {
     /// Radiance below the horizon: the support surface, or the studio's ground, lit by key light and sky.
     lit_ground: Vec3A,
     /// Radiance of the support surface for downward-facing surfaces; zero without one.
-    table: [f32; 3],
+    near_ground: [f32; 3],
     /// Horizontal direction of the key light times [`NEAR_SIDE`].
     lamp_side: [f32; 2],
 }
@@ -53,22 +53,22 @@ pub(crate) struct Glossy {
 
 impl Sky {
     /// Environment of a variation, above a support surface of a mean colour or above the bare ground.
-    pub fn new(variation: &RenderVariation, table: Option<Vec3A>) -> Self {
+    pub fn new(variation: &RenderVariation, support: Option<Vec3A>) -> Self {
         let studio = Studio::new(variation);
         let bare = project(&studio, |_| studio.ground);
         // The mean over the upper hemisphere is the variation's ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&bare)).max(1e-6);
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
-        let lit_ground = table.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
+        let lit_ground = support.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
         // A table is finite: it is seen straight below, and the studio's ground towards the horizon.
-        let seen = lit_ground * TABLE_SEEN[0] / scale;
+        let seen = lit_ground * GROUND_SEEN[0] / scale;
         let below = |direction: Vec3A| studio.ground.lerp(seen, smooth_step(-direction.z));
-        let harmonics = table.map_or(bare, |_| project(&studio, below));
+        let harmonics = support.map_or(bare, |_| project(&studio, below));
         let harmonics = harmonics.map(|coefficient| (coefficient * scale).to_array());
-        let (share, near) = if table.is_some() { (TABLE_SEEN[1], lit_ground) } else { (1.0, Vec3A::ZERO) };
+        let (share, near) = if support.is_some() { (GROUND_SEEN[1], lit_ground) } else { (1.0, Vec3A::ZERO) };
         let lamp_side = (to_light.truncate().normalize_or_zero() * NEAR_SIDE).to_array();
-        Self { harmonics, studio, scale, lit_ground: lit_ground * share, table: near.to_array(), lamp_side }
+        Self { harmonics, studio, scale, lit_ground: lit_ground * share, near_ground: near.to_array(), lamp_side }
     }
 
     /// Ambient light on a white diffuse surface with this normal.
@@ -88,10 +88,10 @@ impl Sky {
 
     /// Additional ambient light from the support surface on a white diffuse surface, at a height above it [m].
     #[inline(always)]
-    pub fn near_table(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
-        let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, TABLE_NEAR));
+    pub fn near_ground(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
+        let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, GROUND_NEAR));
         let seen = z.mul_add(-0.5, 0.5) * side * NEAR_M / (height.abs() + NEAR_M);
-        self.table.map(|light| light * seen)
+        self.near_ground.map(|light| light * seen)
     }
 
     /// Unfiltered radiance from a unit direction.
@@ -239,17 +239,17 @@ mod tests {
 
     /// The support surface lights objects close above it from below, more when closer, most on the lit side.
     #[test]
-    fn a_table_lights_what_is_close_above_it() {
+    fn a_support_lights_what_is_close_above_it() {
         let variation = RenderVariation::default();
         let sky = Sky::new(&variation, Some(Vec3A::splat(0.6)));
         let to_light = Vec3A::from_array(variation.light_direction).with_z(0.0).normalize().to_array();
         let [down, up, away] = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], to_light.map(|value| -value)];
-        let seen = |normal, height| sky.near_table(normal, height)[1];
+        let seen = |normal, height| sky.near_ground(normal, height)[1];
         assert!(seen(down, 0.0) > 2.0 * seen(down, 0.1), "{} at 0.1 m", seen(down, 0.1));
         assert!(
             seen(down, 0.0) > seen(to_light, 0.0) && seen(to_light, 0.0) > seen(away, 0.0) && seen(away, 0.0) > 0.0
         );
         assert_eq!(seen(up, 0.0), 0.0);
-        assert_eq!(Sky::new(&variation, None).near_table(down, 0.0), [0.0; 3]);
+        assert_eq!(Sky::new(&variation, None).near_ground(down, 0.0), [0.0; 3]);
     }
 }

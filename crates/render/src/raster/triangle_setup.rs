@@ -1,7 +1,7 @@
 //! Triangle setup in batches: edges, depth gradients and spans.
 
 use super::span::{DepthGradient, Span};
-use super::{Corner, area_of, extremes, first_sample};
+use super::vertex::{Corner, area_of, extremes, first_sample};
 
 /// Vertices of triangles as structure of arrays.
 pub(super) struct Corners<const N: usize> {

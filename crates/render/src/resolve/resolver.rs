@@ -14,7 +14,8 @@ use crate::scene::assets::RenderAssets;
 use crate::scene::texture::srgb8_from_linear;
 use crate::shading::{ShadedPart, Shading, ShadingPoint};
 use crate::simd::CHUNK;
-use crate::transparency::composite::{LayerSample, Opaque, TransparencyLayers};
+use crate::transparency::composite::{Opaque, TransparencyLayers};
+use crate::transparency::interface::LayerSample;
 use crate::transparency::visibility::TransparentBuffers;
 
 /// Resolves the dirty tiles of a frame; memory is kept from frame to frame.

@@ -87,7 +87,7 @@ impl RenderAssets {
         let mut parts = Vec::new();
         for fixed in world.map(fixtures::visuals).unwrap_or_default() {
             let part = Part::new(&fixed.visual, "surroundings", None, TABLE)?;
-            let material = Material { is_table: fixed.is_table, ..part.material };
+            let material = Material { is_main_support: fixed.is_main_support, ..part.material };
             parts.push(Part { material, convex: true, casts_shadow: fixed.casts_shadow, ..part });
         }
         let mut body = 0;

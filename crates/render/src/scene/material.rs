@@ -22,7 +22,7 @@ pub struct Material {
     /// Texture of the base colour.
     pub texture: Option<Arc<MipTexture>>,
     /// True for the slab whose material a [`crate::RenderVariation`] replaces.
-    pub is_table: bool,
+    pub is_main_support: bool,
 }
 
 impl Material {
@@ -79,7 +79,7 @@ impl Material {
             opacity: material.opacity.clamp(0.0, 1.0),
             reflectance: ((ior - 1.0) / (ior + 1.0)).powi(2),
             texture: material.texture.as_ref().and_then(MipTexture::shared),
-            is_table: false,
+            is_main_support: false,
         }
     }
 }

@@ -73,8 +73,8 @@ impl RenderVariation {
     /// Materials of all parts of the assets.
     #[doc(hidden)]
     pub fn materials(&self, assets: &RenderAssets) -> Vec<Material> {
-        let top = Material { is_table: true, ..Material::new(&self.table_top.material()) };
-        let surface = |part: &crate::scene::assets::Part| match part.material.is_table {
+        let top = Material { is_main_support: true, ..Material::new(&self.table_top.material()) };
+        let surface = |part: &crate::scene::assets::Part| match part.material.is_main_support {
             true => Material { base: top.base * linear_from_srgb(self.table_color), ..top.clone() },
             false => self.painted(part.instance, &part.material),
         };

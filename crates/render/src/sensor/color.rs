@@ -7,7 +7,7 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::bell;
+use super::noise::bell;
 use crate::encode;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 

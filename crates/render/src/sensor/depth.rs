@@ -5,7 +5,7 @@ use genmanip_core::{DepthSensor, Intrinsics, Seed};
 use glam::Vec3;
 use rand::{Rng, RngExt};
 
-use super::bell;
+use super::noise::bell;
 use crate::job::FrameBuffers;
 
 /// Relative difference in depth between neighbouring pixels on different surfaces; chosen.

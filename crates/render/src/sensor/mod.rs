@@ -10,12 +10,12 @@
 mod color;
 mod depth;
 mod lens;
+mod noise;
 pub mod shutter;
 #[cfg(test)]
 mod tests;
 
 use genmanip_core::{Camera, Intrinsics, Seed};
-use rand::Rng;
 
 use crate::error::RenderError;
 use crate::frame::renderer::Renderer;
@@ -117,12 +117,4 @@ fn returned(surface: &Material) -> f32 {
     });
     let blunt = (1.0 - surface.metallic) + surface.metallic * surface.roughness * surface.roughness;
     luminance(surface.base) * texture * blunt * surface.opacity.powi(3)
-}
-
-/// Approximately standard normal number: a sum of four uniform ones, bounded by 3.5.
-fn bell(rng: &mut impl Rng) -> f32 {
-    let bits = rng.next_u64();
-    let sum: u32 = (0..4).map(|part| (bits >> (16 * part)) as u32 & 0xFFFF).sum();
-    // Four uniform numbers below 65536 have a variance of 65536²/3.
-    (sum as f32 - 131_070.0) * (1.732_050_8 / 65_536.0)
 }

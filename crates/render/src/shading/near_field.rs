@@ -2,10 +2,12 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
+use super::part::PartLight;
 use super::points::ShadingPoints;
-use super::reflect::{PartLight, ShadingTerms, mirrored};
+use super::terms::{ShadingTerms, mirrored};
+use crate::ambient::cavity::{Cavity, facing_middle};
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxies::{Cavity, ReflectionProxy, facing_middle};
+use crate::ambient::reflection_proxies::ReflectionProxy;
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
 use crate::simd::{BatchColumn, CHUNK, dot};
@@ -19,14 +21,14 @@ pub(super) fn ground_bounce<const LANES: usize>(
     placed: &PartView,
     out: &mut ShadingTerms,
 ) {
-    let (sky, lit) = (&light.lighting.sky, light.table_lit);
+    let (sky, lit) = (&light.lighting.sky, light.ground_lit);
     let up = placed.world_from_body.row(2);
     let at_zero = eye_height - up.dot(placed.viewpoint_in_body);
     let up = up.to_array();
     for i in 0..LANES {
         let place = [points.place[0][i], points.place[1][i], points.place[2][i]];
         let height = dot(up, place) + at_zero;
-        let seen = sky.near_table([out.normal[0][i], out.normal[1][i], out.normal[2][i]], height);
+        let seen = sky.near_ground([out.normal[0][i], out.normal[1][i], out.normal[2][i]], height);
         for channel in 0..3 {
             out.around[channel][i] = seen[channel].mul_add(lit, out.around[channel][i]);
         }

@@ -4,69 +4,17 @@
 
 use multiversion::multiversion;
 
-use super::ShadedPart;
+use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce, proxy_reflection};
+use super::part::{PartLight, ShadedPart};
 use super::points::ShadingPoints;
-use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxies::{Cavity, ReflectionProxy};
+use super::terms::{ShadingTerms, mirrored};
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
 use crate::lights::sky::{Glossy, Sky};
 use crate::scene::material::Material;
 use crate::shading::reflectance::{ambient_fresnel, cavity_interreflection, multibounce_ao, schlick_weight};
 use crate::shading::tone_map::{is_compressed, tone_map, tone_map_dark};
-use crate::simd::{BatchColumn, CHUNK, REGISTER, ZERO, dot, lerp, turned, within};
-
-use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce, proxy_reflection};
-
-/// Intermediate terms and result of [`reflect`], by point.
-#[derive(Clone, Debug)]
-pub(super) struct ShadingTerms {
-    pub normal: [BatchColumn; 3],
-    pub(super) viewer: [BatchColumn; 3],
-    /// Cosine between normal and view direction.
-    pub facing: BatchColumn,
-    /// Ambient light: diffuse and specular.
-    pub(super) around: [BatchColumn; 3],
-    pub(super) mirrored: [BatchColumn; 3],
-    /// Split-sum scale and bias of the ambient Fresnel term.
-    pub(super) scale: BatchColumn,
-    pub(super) bias: BatchColumn,
-    /// Cosine between normal and key light (0 facing away), arriving key light, specular lobe and Fresnel weight.
-    pub(super) lit: BatchColumn,
-    pub(super) strength: BatchColumn,
-    /// Share of the ambient light occluded together with the key light.
-    pub(super) occluded_ambient: BatchColumn,
-    /// Share of interreflected key light in concave corners.
-    pub(super) corner: BatchColumn,
-    /// Key light inside a cavity, relative to a surface that faces the light.
-    pub(super) cavity: BatchColumn,
-    pub(super) lobe: BatchColumn,
-    pub(super) weight: BatchColumn,
-    pub color: [BatchColumn; 3],
-}
-
-impl Default for ShadingTerms {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            normal: lanes,
-            viewer: lanes,
-            facing: ZERO,
-            around: lanes,
-            mirrored: lanes,
-            scale: ZERO,
-            bias: ZERO,
-            lit: ZERO,
-            strength: ZERO,
-            occluded_ambient: ZERO,
-            corner: ZERO,
-            cavity: ZERO,
-            lobe: ZERO,
-            weight: ZERO,
-            color: lanes,
-        }
-    }
-}
+use crate::simd::{BatchColumn, CHUNK, REGISTER, dot, lerp, turned, within};
 
 /// Strength of twice-reflected key light in concave corners. Fitted to path-traced images.
 const CORNER_KEY: f32 = 0.845;
@@ -74,40 +22,6 @@ const CORNER_KEY: f32 = 0.845;
 /// light enters deep corners. Fitted likewise.
 const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
-
-/// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
-/// support surface, whose irradiance grid covers most of it. Fitted to path-traced images.
-const WITH_KEY: f32 = 0.1725;
-const WITH_KEY_ON_TABLE: f32 = 0.091;
-
-/// Incoming light of a part.
-#[derive(Debug)]
-pub(super) struct PartLight<'a> {
-    pub lighting: &'a Lighting,
-    /// Environment prefiltered for its roughness.
-    pub glossy: Glossy,
-    /// Irradiance grid, on the main support surface.
-    pub irradiance_grid: Option<&'a IrradianceGrid>,
-    /// Height of the support surface that reflects light onto it [m], and its lit share, 0-1.
-    pub table_top: Option<f32>,
-    pub table_lit: f32,
-    pub cavity: Option<Cavity>,
-    /// Reflection proxies, the farther first.
-    pub mirrored: [Option<ReflectionProxy>; 2],
-    /// Share of a surface's own bounce light that returns to it, 0-1.
-    pub bounce: f32,
-}
-
-impl PartLight<'_> {
-    /// Share of the sky visible from the cavity, 1 without one.
-    fn open(&self) -> f32 {
-        self.cavity.map_or(1.0, |cavity| cavity.open)
-    }
-
-    fn with_key(&self) -> f32 {
-        if self.irradiance_grid.is_some() { WITH_KEY_ON_TABLE } else { WITH_KEY }
-    }
-}
 
 /// Computes tone-mapped reflected light of a batch.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
@@ -125,7 +39,7 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     let &ShadedPart { material, placed, camera, ref light, .. } = part;
     face_viewer::<LANES>(points, placed, camera, out);
     environment_term::<LANES>(&light.lighting.sky, &light.glossy, out);
-    if let Some(top) = light.table_top {
+    if let Some(top) = light.ground {
         ground_bounce::<LANES>(light, camera.viewpoint.z - top, points, placed, out);
     }
     for thing in light.mirrored.iter().flatten() {
@@ -199,13 +113,6 @@ fn environment_term<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Sh
         out.mirrored[1][i] = light[1];
         out.mirrored[2][i] = light[2];
     }
-}
-
-/// Mirror direction, from twice the cosine between normal and view direction.
-#[inline(always)]
-pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
-    let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);
-    [along(0), along(1), along(2)]
 }
 
 /// Specular highlight of the key light. The light's width adds to that of the lobe, as variances do, so that polished
@@ -402,7 +309,7 @@ mod tests {
     use glam::{Vec2, Vec3A};
 
     use super::*;
-    use crate::ambient::proxies::held_cube as held;
+    use crate::ambient::reflection_proxies::held_cube as held;
     use crate::scene::variation::RenderVariation;
 
     /// All instruction sets give the bits of the scalar loop.
@@ -434,18 +341,18 @@ mod tests {
                 opacity: draw(0.2, 1.2).min(1.0),
                 reflectance: 0.04,
                 texture: None,
-                is_table: false,
+                is_main_support: false,
             };
             let glossy = lighting.sky.glossy(material.roughness);
             let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]
                 [(draw(0.0, 3.0) as usize).min(2)];
-            let (bounce, table_top) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
+            let (bounce, ground) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
             let light = PartLight {
                 lighting: &lighting,
                 glossy,
                 irradiance_grid: None,
-                table_top,
-                table_lit: 1.0,
+                ground,
+                ground_lit: 1.0,
                 cavity: None,
                 mirrored,
                 bounce,

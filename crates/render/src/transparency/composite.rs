@@ -3,14 +3,14 @@
 use glam::Vec3A;
 use multiversion::multiversion;
 
+use super::interface::{Covered, Interface, LayerSample};
 use super::refraction::{RefractedRays, refract};
 use crate::gbuffer::view::{View, surface_of};
 use crate::light_buffer::LightBuffer;
 use crate::render_scene::RenderScene;
 use crate::scene::assets::Part;
-use crate::scene::material::Material;
 use crate::scene::texture::{find_codes, srgb_table};
-use crate::shading::{ShadedPart, Shading, ShadingPoint};
+use crate::shading::Shading;
 use crate::simd::{BatchColumn, CHUNK, ZERO, lerp, within};
 
 /// Number of glass interfaces that tint light near a contact (4: two cup walls; also fits solid feet).
@@ -35,23 +35,6 @@ struct Group {
     pixels: Vec<Covered>,
 }
 
-/// A pixel behind transparent layers.
-#[derive(Clone, Copy, Debug)]
-struct Covered {
-    pixel: u32,
-    /// Index among the edge pixels.
-    edge_pixel: Option<u32>,
-    layers: [LayerSample; 2],
-}
-
-/// A transparent interface in front of a pixel.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct LayerSample {
-    pub point: ShadingPoint,
-    /// Share of the pixel that it covers.
-    pub coverage: f32,
-}
-
 /// The opaque image.
 pub(crate) struct Opaque<'a> {
     pub scene: &'a RenderScene<'a>,
@@ -69,37 +52,6 @@ struct Work {
     /// Far, near.
     sides: [Interface; 2],
     rays: RefractedRays,
-}
-
-/// Interfaces of one surface in front of a batch of pixels.
-#[derive(Debug)]
-pub(super) struct Interface {
-    /// True if its mesh is closed (a solid object).
-    pub(super) is_solid: bool,
-    /// Image position [px], depth [m] and coverage.
-    pub(super) place: [BatchColumn; 2],
-    pub(super) depth: BatchColumn,
-    pub(super) coverage: BatchColumn,
-    /// Unit normals in the world, towards the viewer.
-    pub(super) normal: [BatchColumn; 3],
-    /// Emitted colour (reflection and scattering), and transmittance.
-    pub(super) color: [BatchColumn; 3],
-    pub(super) passes: [BatchColumn; 3],
-}
-
-impl Default for Interface {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            is_solid: false,
-            place: [ZERO; 2],
-            depth: ZERO,
-            coverage: ZERO,
-            normal: lanes,
-            color: lanes,
-            passes: lanes,
-        }
-    }
 }
 
 impl TransparencyLayers {
@@ -197,45 +149,6 @@ impl Work {
     }
 }
 
-impl Interface {
-    /// Shades the far or near interfaces of a batch.
-    fn shade(
-        &mut self,
-        pixels: &[Covered],
-        index: usize,
-        surface: u32,
-        shading: &mut Shading,
-        scene: &RenderScene<'_>,
-        view: &View,
-    ) {
-        shading.clear();
-        let [column, row] = &mut self.place;
-        for (i, LayerSample { point: spot, coverage }) in pixels.iter().map(|pixel| &pixel.layers[index]).enumerate() {
-            shading.push(*spot);
-            (column[i], row[i], self.depth[i], self.coverage[i]) = (spot.x, spot.y, spot.depth, *coverage);
-        }
-        let part = surface as usize - 1;
-        let material = &scene.materials[part];
-        self.is_solid = scene.assets.parts[part].mesh.closed;
-        shading.shade(&ShadedPart::new(scene, view, part));
-        let (normal, facing) = shading.normals();
-        let base = shading.bases();
-        (self.color, self.normal) = (*shading.colors(), *normal);
-        let is_shell = !self.is_solid;
-        if material.texture.is_none() && !is_shell {
-            let tint = material.tint(material.base, 1.0, is_shell).to_array();
-            self.passes = tint.map(|tint| [tint; CHUNK]);
-        } else {
-            for i in 0..pixels.len() {
-                let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);
-                let tint = material.tint(base, facing[i], is_shell);
-                (self.passes[0][i], self.passes[1][i], self.passes[2][i]) = tint.into();
-            }
-        }
-        attenuate(material, facing, &mut self.passes);
-    }
-}
-
 /// Number of times a view ray crosses interfaces like the far and the near one: hidden ones lie between the two.
 fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
     let near = &parts[near as usize - 1];
@@ -264,17 +177,6 @@ fn lit_through(scene: &RenderScene<'_>, far: u32) -> [f32; 3] {
     let material = &scene.materials[part];
     let is_shell = !scene.assets.parts[part].mesh.closed;
     material.tint(material.mean_color(), 1.0, is_shell).powf(LIT_THROUGH).to_array()
-}
-
-/// Multiplies the transmittance by what is neither reflected nor scattered.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn attenuate(material: &Material, facing: &BatchColumn, passes: &mut [BatchColumn; 3]) {
-    for i in 0..CHUNK {
-        let share = material.passing(facing[i]);
-        passes[0][i] *= share;
-        passes[1][i] *= share;
-        passes[2][i] *= share;
-    }
 }
 
 /// Composites the interfaces, far first, over the opaque colours. The cavity of a hollow object lies between its near

@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::composite::Interface;
+use super::interface::Interface;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;

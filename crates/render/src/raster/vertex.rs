@@ -1,0 +1,53 @@
+//! Projected vertices, and the arithmetic of edges.
+
+use crate::simd::within;
+
+/// A projected vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Corner {
+    /// Column; samples are at integers.
+    pub x: f32,
+    /// Row; samples are at integers.
+    pub y: f32,
+    /// Positive, grows towards the viewer and is linear on the image, e.g. 1 / depth.
+    pub reversed_z: f32,
+}
+
+impl Corner {
+    /// Coordinates in samples; the first sample of a pixel is at its centre.
+    #[inline(always)]
+    pub fn scaled(self, scale: f32) -> Self {
+        Self { x: self.x * scale, y: self.y * scale, ..self }
+    }
+
+    /// Combines two vertices component by component.
+    #[inline(always)]
+    pub fn joined(&self, other: &Self, join: impl Fn(f32, f32) -> f32) -> Self {
+        Self { x: join(self.x, other.x), y: join(self.y, other.y), reversed_z: join(self.reversed_z, other.reversed_z) }
+    }
+}
+
+/// Twice the signed area of a triangle on the image, negative for counter-clockwise (front) faces.
+#[inline(always)]
+pub(crate) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+}
+
+/// First sample at or beyond a coordinate, within `0..=limit`.
+///
+/// Adding 2²³ rounds to an integer without a call to the mathematics library.
+#[inline(always)]
+pub(super) fn first_sample(coordinate: f32, limit: usize) -> u32 {
+    const SHIFT: f32 = 8_388_608.0;
+    let inside = within(coordinate, 0.0, limit as i32 as f32);
+    let shifted = inside + SHIFT;
+    let below = u32::from(shifted - SHIFT < inside);
+    shifted.to_bits().wrapping_sub(SHIFT.to_bits()).wrapping_add(below)
+}
+
+/// Smallest and largest of three numbers.
+#[inline(always)]
+pub(super) fn extremes(a: f32, b: f32, c: f32) -> (f32, f32) {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    (if c < low { c } else { low }, if c > high { c } else { high })
+}

@@ -1,0 +1,285 @@
+//! The visibility buffer: nearest triangle and reversed z per sample.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use crate::simd::within;
+
+use super::triangle_setup::{Corners, TriangleSetup};
+use super::vertex::{Corner, area_of, extremes};
+
+/// Spans of a triangle computed at once. Measured: 8 are as fast in large images and slower in small ones.
+const ROWS: usize = 4;
+
+/// Triangles tested at once.
+pub(crate) const BLOCK: usize = 16;
+
+/// Requested sides of triangles: front faces, back faces.
+pub(crate) type Sides = [bool; 2];
+
+/// Planes of a mesh's triangles as structure of arrays, padded to whole blocks: unit normals (zero for degenerate
+/// triangles) and distances from the origin.
+#[derive(Debug, Default)]
+pub(crate) struct Planes {
+    normal: [Vec<f32>; 3],
+    distance: Vec<f32>,
+}
+
+/// Position of the viewer in the mesh's frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Viewpoint {
+    At([f32; 3]),
+    /// At infinity, in a unit direction.
+    Towards([f32; 3]),
+}
+
+impl Planes {
+    pub fn new(planes: impl ExactSizeIterator<Item = ([f32; 3], f32)>) -> Self {
+        let count = planes.len().next_multiple_of(BLOCK);
+        let mut own = Self { normal: std::array::from_fn(|_| vec![0.0; count]), distance: vec![0.0; count] };
+        for (index, (normal, distance)) in planes.enumerate() {
+            own.normal.iter_mut().zip(normal).for_each(|(list, value)| list[index] = value);
+            own.distance[index] = distance;
+        }
+        own
+    }
+
+    /// Triangles of a block that may show a requested side, as bits.
+    #[inline(always)]
+    fn showing(&self, block: usize, viewpoint: Viewpoint, [front, back]: Sides) -> u32 {
+        /// Distance [m] of the viewer behind a plane that exceeds rounding errors at some metres (for directions: angle
+        /// [rad]).
+        const SURELY: f32 = 1e-5;
+        let ([x, y, z], near) = match viewpoint {
+            Viewpoint::At(place) => (place, 1.0),
+            Viewpoint::Towards(direction) => (direction, 0.0),
+        };
+        let range = block * BLOCK..(block + 1) * BLOCK;
+        let [nx, ny, nz] = self.normal.each_ref().map(|list| &list[range.clone()]);
+        let distance = &self.distance[range];
+        let mut seen = [0_u32; BLOCK];
+        for i in 0..BLOCK {
+            let before = nx[i] * x + ny[i] * y + nz[i] * z - distance[i] * near;
+            seen[i] = u32::from(front & (before > -SURELY) | back & (before < SURELY));
+        }
+        (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i)
+    }
+}
+
+/// Rasterises the triangles of a mesh that show a requested side. Most cover no sample and half face away: both are
+/// tested in batches.
+#[inline(always)]
+pub(crate) fn draw_mesh<const IDS: bool>(
+    triangles: &[[u32; 3]],
+    corners: &[Corner],
+    planes: &Planes,
+    viewpoint: Viewpoint,
+    sides: Sides,
+    first_id: u32,
+    target: &mut VisibilityBuffer,
+) {
+    let mut block = Block::default();
+    for (index, triangles_of_block) in triangles.chunks(BLOCK).enumerate() {
+        let wanted = (1_u32 << triangles_of_block.len()) - 1;
+        let mut showing = planes.showing(index, viewpoint, sides) & wanted;
+        while showing != 0 {
+            let i = showing.trailing_zeros() as usize;
+            showing &= showing - 1;
+            let id = first_id + (index * BLOCK + i) as u32;
+            block.put(id, triangles_of_block[i].map(|corner| &corners[corner as usize]));
+            if block.count == BLOCK {
+                block.draw::<IDS>(sides, target);
+            }
+        }
+    }
+    block.draw::<IDS>(sides, target);
+}
+
+/// Triangles to be rasterised at once.
+#[derive(Default)]
+struct Block {
+    count: usize,
+    ids: [u32; BLOCK],
+    /// At one sample per pixel.
+    corners: Corners<BLOCK>,
+}
+
+impl Block {
+    #[inline(always)]
+    fn put(&mut self, id: u32, corners: [&Corner; 3]) {
+        let at = self.count & (BLOCK - 1);
+        self.ids[at] = id;
+        self.corners.put(at, corners);
+        self.count += 1;
+    }
+
+    /// Rasterises and removes its triangles.
+    #[inline(always)]
+    fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut VisibilityBuffer) {
+        let mut visible = self.visible(sides, target);
+        let setup = self.corners.setup(target.scale as i32 as f32, target.height);
+        while visible != 0 {
+            let i = visible.trailing_zeros() as usize & (BLOCK - 1);
+            visible &= visible - 1;
+            target.scan::<IDS, BLOCK>(&setup, i, self.ids[i]);
+        }
+        self.count = 0;
+    }
+
+    /// Triangles that show a requested side and may cover a sample, as bits.
+    #[inline(always)]
+    fn visible(&self, sides: Sides, target: &VisibilityBuffer) -> u32 {
+        let scale = target.scale as i32 as f32;
+        let (columns, rows) = (target.width as i32 as f32, target.height as i32 as f32);
+        let (front, back) = (u32::from(sides[0]), u32::from(sides[1]));
+        let mut seen = [0_u32; BLOCK];
+        let [ax, bx, cx] = &self.corners.x;
+        let [ay, by, cy] = &self.corners.y;
+        for i in 0..BLOCK {
+            let area = area_of([ax[i], ay[i]], [bx[i], by[i]], [cx[i], cy[i]]);
+            let (left, right) = extremes(ax[i], bx[i], cx[i]);
+            let (top, bottom) = extremes(ay[i], by[i], cy[i]);
+            let covers_column = ceiling(left * scale, columns) < ceiling(right * scale, columns);
+            let covers_row = ceiling(top * scale, rows) < ceiling(bottom * scale, rows);
+            let side = if area < 0.0 { front } else { back };
+            seen[i] = side & u32::from(covers_column & covers_row & (area != 0.0));
+        }
+        let bits = (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i);
+        bits & ((1_u32 << self.count) - 1)
+    }
+}
+
+/// Smallest integer not below a value clamped to `0..=limit`.
+#[inline(always)]
+fn ceiling(value: f32, limit: f32) -> f32 {
+    const SHIFT: f32 = 8_388_608.0;
+    let inside = within(value, 0.0, limit);
+    let nearest = (inside + SHIFT) - SHIFT;
+    if nearest < inside { nearest + 1.0 } else { nearest }
+}
+
+/// Nearest surface per sample.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct VisibilityBuffer {
+    /// Samples per row.
+    pub width: usize,
+    /// Samples between the starts of rows.
+    pub stride: usize,
+    /// Rows of samples.
+    pub height: usize,
+    /// Samples per pixel along each axis, a power of two; the first sample of a pixel is at its centre.
+    pub scale: usize,
+    /// Reversed z, 0 for the background.
+    pub reversed_z: Vec<f32>,
+    /// Visibility ids, 0 for the background; empty for a shadow map.
+    pub ids: Vec<u32>,
+}
+
+impl VisibilityBuffer {
+    /// Reversed z and ids of each row.
+    pub fn rows(&self) -> impl Iterator<Item = (&[f32], &[u32])> {
+        let row = |row: usize| row * self.stride..row * self.stride + self.width;
+        (0..self.height).map(move |index| (&self.reversed_z[row(index)], &self.ids[row(index)]))
+    }
+
+    /// Clears to the background at a size in pixels.
+    pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
+        (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
+        self.stride = stride_of(self.width);
+        let samples = self.stride * self.height;
+        self.reversed_z.clear();
+        self.reversed_z.resize(samples, 0.0);
+        self.ids.clear();
+        if IDS {
+            self.ids.resize(samples, 0);
+        }
+    }
+
+    /// Clears a rectangle of samples, ends excluded.
+    pub fn clear_rectangle(&mut self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
+        for row in rows {
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
+            self.reversed_z[range.clone()].fill(0.0);
+            self.ids[range].fill(0);
+        }
+    }
+
+    /// Visibility id and reversed z of a sample.
+    pub fn sample(&self, column: usize, row: usize) -> (u32, f32) {
+        let sample = row * self.stride + column;
+        (self.ids[sample], self.reversed_z[sample])
+    }
+
+    /// Copies a rectangle of samples, ends excluded, from a buffer of the same size.
+    pub fn copy_rectangle(&mut self, other: &Self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
+        for row in rows {
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
+            self.reversed_z[range.clone()].copy_from_slice(&other.reversed_z[range.clone()]);
+            if !self.ids.is_empty() {
+                self.ids[range.clone()].copy_from_slice(&other.ids[range]);
+            }
+        }
+    }
+
+    /// Whether a rectangle of samples, ends excluded, is not that of a target of the same size, to the bit.
+    pub fn differs(&self, other: &Self, columns: std::ops::Range<usize>, mut rows: std::ops::Range<usize>) -> bool {
+        rows.any(|row| {
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
+            // Equal reversed_z of another triangle is told by the ids; reversed_z is positive, so equal is the same bits.
+            self.reversed_z[range.clone()] != other.reversed_z[range.clone()]
+                || (!self.ids.is_empty() && self.ids[range.clone()] != other.ids[range])
+        })
+    }
+
+    /// Draws a triangle of either orientation; corners must be finite.
+    #[inline(always)]
+    pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
+        let mut one = Corners::<1>::default();
+        one.put(0, corners.each_ref());
+        self.scan::<IDS, 1>(&one.setup(1.0, self.height), 0, id);
+    }
+
+    /// Draws one of some triangles.
+    #[inline(always)]
+    fn scan<const IDS: bool, const N: usize>(&mut self, setup: &TriangleSetup<N>, i: usize, id: u32) {
+        let triangle = setup.triangle(i);
+        let (width, stride, scale) = (self.width, self.stride, self.scale as u32);
+        let [mut first, _, end] = triangle.rows;
+        let (reversed_z, ids) = (&mut self.reversed_z[..], &mut self.ids[..]);
+        while first < end {
+            let rows = triangle.spans_from::<ROWS>(first, width, scale);
+            let mut at = first as usize * stride;
+            for i in 0..ROWS.min((end - first) as usize) {
+                rows.row(i, at).draw::<IDS>(&triangle.gradient, id, reversed_z, ids);
+                at += stride;
+            }
+            first += ROWS as u32;
+        }
+    }
+}
+
+/// Reads a square window of values per sample from a first column and row on; beyond the image those of its border.
+pub(crate) fn read_window<T: Copy, const SIDE: usize>(
+    buffer: &VisibilityBuffer,
+    values: &[T],
+    [column, row]: [isize; 2],
+    out: &mut [[T; SIDE]; SIDE],
+) {
+    let clamp = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
+    for (step, out) in out.iter_mut().enumerate() {
+        let line = &values[clamp(row + step as isize, buffer.height) * buffer.stride..][..buffer.width];
+        let whole = usize::try_from(column).ok().and_then(|column| line.get(column..)?.first_chunk());
+        *out = match whole {
+            Some(whole) => *whole,
+            None => std::array::from_fn(|step| line[clamp(column + step as isize, buffer.width)]),
+        };
+    }
+}
+
+/// Samples from one row of so many to the next.
+fn stride_of(width: usize) -> usize {
+    /// Samples after which the first cache, of 64 lines of 64 bytes per way, puts a line into the same set again.
+    const SAME_SET: usize = 1024;
+    /// Two lines of the cache.
+    const APART: usize = 32;
+    if width > 0 && width.is_multiple_of(SAME_SET) { width + APART } else { width }
+}

@@ -1,0 +1,86 @@
+//! A part to be shaded: material, placement and incoming light.
+
+use glam::Vec3A;
+
+use crate::ambient::cavity::Cavity;
+use crate::ambient::irradiance_grid::IrradianceGrid;
+use crate::ambient::reflection_proxies::ReflectionProxy;
+use crate::gbuffer::view::{CameraView, PartView, View};
+use crate::job::ROBOT;
+use crate::lights::lighting::Lighting;
+use crate::lights::sky::Glossy;
+use crate::render_scene::RenderScene;
+use crate::scene::material::Material;
+use crate::scene::mesh::Face;
+
+/// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
+/// support surface, whose irradiance grid covers most of it. Fitted to path-traced images.
+const WITH_KEY: f32 = 0.1725;
+const WITH_KEY_ON_SUPPORT: f32 = 0.091;
+
+/// A part with its material and incoming light, as seen by a camera.
+#[derive(Debug)]
+pub(crate) struct ShadedPart<'a> {
+    pub faces: &'a [Face],
+    /// Camera position in the body's frame, for meshes with visible back faces.
+    pub viewpoint: Option<Vec3A>,
+    pub material: &'a Material,
+    pub placed: &'a PartView,
+    pub camera: &'a CameraView,
+    pub light: PartLight<'a>,
+}
+
+/// Incoming light of a part.
+#[derive(Debug)]
+pub(crate) struct PartLight<'a> {
+    pub lighting: &'a Lighting,
+    /// Environment prefiltered for its roughness.
+    pub glossy: Glossy,
+    /// Irradiance grid, on the main support surface.
+    pub irradiance_grid: Option<&'a IrradianceGrid>,
+    /// Height of the support surface that reflects light onto it [m], and its lit share, 0-1.
+    pub ground: Option<f32>,
+    pub ground_lit: f32,
+    pub cavity: Option<Cavity>,
+    /// Reflection proxies, the farther first.
+    pub mirrored: [Option<ReflectionProxy>; 2],
+    /// Share of a surface's own bounce light that returns to it, 0-1.
+    pub bounce: f32,
+}
+
+impl PartLight<'_> {
+    /// Share of the sky visible from the cavity, 1 without one.
+    pub fn open(&self) -> f32 {
+        self.cavity.map_or(1.0, |cavity| cavity.open)
+    }
+
+    /// Share of the ambient light occluded together with the key light.
+    pub fn with_key(&self) -> f32 {
+        if self.irradiance_grid.is_some() { WITH_KEY_ON_SUPPORT } else { WITH_KEY }
+    }
+}
+
+impl<'a> ShadedPart<'a> {
+    /// A part of a view.
+    pub fn new(scene: &'a RenderScene<'_>, view: &'a View, index: usize) -> Self {
+        let (part, material, placed) = (&scene.assets.parts[index], &scene.materials[index], &view.parts[index]);
+        let mesh = placed.mesh(part);
+        let light = PartLight {
+            lighting: scene.lighting,
+            glossy: scene.lighting.sky.glossy(material.roughness),
+            irradiance_grid: material.is_main_support.then_some(scene.irradiance_grid),
+            ground: part.body.and(scene.irradiance_grid.top()),
+            ground_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
+            cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
+            mirrored: match part.body {
+                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => {
+                    scene.proxies.reflection_proxies_of(body)
+                }
+                _ => [None; 2],
+            },
+            bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),
+        };
+        let viewpoint = (!part.hides_back(mesh)).then_some(placed.viewpoint_in_body);
+        Self { faces: &mesh.faces, viewpoint, material, placed, camera: &view.camera, light }
+    }
+}

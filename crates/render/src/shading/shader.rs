@@ -1,0 +1,167 @@
+//! Shading of batches of points, and output of their colours.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use glam::Vec3A;
+
+use super::part::ShadedPart;
+use super::points::{ShadingPoints, find_footprints, interpolate, interpolate_one, locate};
+use super::reflect::reflect;
+use super::terms::ShadingTerms;
+use crate::gbuffer::points::TRIANGLE;
+use crate::gbuffer::static_layer::TILE;
+use crate::light_buffer::LightBuffer;
+use crate::scene::texture::{Samples, find_codes, srgb_table};
+use crate::simd::{BatchColumn, CHUNK, REGISTER};
+
+/// A point on the image to be shaded.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ShadingPoint {
+    /// Visibility id.
+    pub id: u32,
+    /// Image position [px]; integers at pixel centres.
+    pub x: f32,
+    pub y: f32,
+    pub depth: f32,
+    /// Share of the key light that arrives (shadow mask).
+    pub shadow: f32,
+    /// Share of the ambient light that arrives (ambient occlusion).
+    pub ambient: f32,
+}
+
+/// Shades batches of points of one part.
+#[derive(Debug)]
+pub(crate) struct Shading {
+    points: ShadingPoints,
+    samples: Samples,
+    reflected: ShadingTerms,
+    /// Indices of the colours in the sRGB table.
+    codes: [[u32; CHUNK]; 3],
+}
+
+impl Default for Shading {
+    fn default() -> Self {
+        let (points, samples, reflected) = Default::default();
+        Self { points, samples, reflected, codes: [[0; CHUNK]; 3] }
+    }
+}
+
+impl Shading {
+    /// Starts a batch.
+    pub fn clear(&mut self) {
+        let pixels = &mut self.points.pixels;
+        (pixels.count, pixels.is_tile, pixels.is_flat) = (0, false, true);
+    }
+
+    /// Adds a point to the batch.
+    pub fn push(&mut self, point: ShadingPoint) {
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
+        let i = pixels.count;
+        (pixels.column[i], pixels.row[i], pixels.depth[i]) = (point.x, point.y, point.depth);
+        (shadow[i], ambient[i]) = (point.shadow, point.ambient);
+        pixels.triangle[i] = point.id & TRIANGLE;
+        pixels.is_flat &= pixels.triangle[i] == pixels.triangle[0];
+        pixels.count += 1;
+    }
+
+    /// Loads the centres of listed (packed) pixels and their incoming light.
+    pub fn load_pixels(&mut self, places: &[u32], light_buffer: &LightBuffer) {
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
+        pixels.list(places, light_buffer.centers());
+        for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+            (shadow[i], ambient[i]) = (light_buffer.shadow_mask[pixel as usize], light_buffer.ambient[pixel as usize]);
+        }
+        clamp_unknown(shadow);
+    }
+
+    /// Loads the pixel centres of a tile, given by its first (packed) pixel.
+    pub fn load_tile(&mut self, place: u32, light_buffer: &LightBuffer) {
+        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
+        pixels.tile(place, light_buffer.centers());
+        let (_, first) = light_buffer.tile_at(place);
+        for (column, values) in [(&mut *shadow, &light_buffer.shadow_mask), (ambient, &light_buffer.ambient)] {
+            let lines = light_buffer.lines(values, first);
+            column.as_chunks_mut::<TILE>().0.iter_mut().zip(lines).for_each(|(out, line)| *out = *line);
+        }
+        clamp_unknown(shadow);
+    }
+
+    /// Writes linear display colours and sRGB bytes of a batch of pixel centres.
+    pub fn write(&mut self, colors: &mut [Vec3A], rgb: &mut [u8]) {
+        find_codes(&self.reflected.color, &mut self.codes);
+        let pixels = &self.points.pixels;
+        let table = srgb_table();
+        let code = |channel: usize, point: usize| table[self.codes[channel][point] as usize & 4095];
+        if pixels.is_tile {
+            for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
+                let (from, to) = (step * TILE, first as usize);
+                for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
+                    *color = self.color_of(from + x);
+                }
+                let [a, b, c, d, e, f, g, h] = std::array::from_fn(|x| {
+                    let [red, green, blue] = [0, 1, 2].map(|channel| u64::from(code(channel, from + x)));
+                    red | green << 8 | blue << 16
+                });
+                // Three bytes each, packed into three words.
+                let words = [a | b << 24 | c << 48, c >> 16 | d << 8 | e << 32 | f << 56, f >> 8 | g << 16 | h << 40];
+                let bytes = rgb[to * 3..(to + TILE) * 3].as_chunks_mut().0;
+                bytes.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
+            }
+        } else {
+            for (point, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+                colors[pixel as usize] = self.color_of(point);
+                let bytes: [u8; 3] = std::array::from_fn(|channel| code(channel, point));
+                rgb[pixel as usize * 3..][..3].copy_from_slice(&bytes);
+            }
+        }
+    }
+
+    /// Linear display colour of a point.
+    #[inline(always)]
+    pub fn color_of(&self, point: usize) -> Vec3A {
+        let [r, g, b] = &self.reflected.color;
+        Vec3A::new(r[point], g[point], b[point])
+    }
+
+    /// Linear display colours of all points.
+    pub fn colors(&self) -> &[BatchColumn; 3] {
+        &self.reflected.color
+    }
+
+    /// Unit normals in the world towards the viewer, and cosines to the view direction.
+    pub fn normals(&self) -> (&[BatchColumn; 3], &BatchColumn) {
+        (&self.reflected.normal, &self.reflected.facing)
+    }
+
+    /// Linear base colours.
+    pub fn bases(&self) -> &[BatchColumn; 3] {
+        &self.points.base
+    }
+
+    /// Shades the batch as points of a part.
+    pub fn shade(&mut self, part: &ShadedPart<'_>) {
+        let Self { points, samples, reflected, .. } = self;
+        let &ShadedPart { faces, viewpoint, material, placed, camera, .. } = part;
+        match points.pixels.count <= REGISTER {
+            true => locate::<REGISTER>(points, placed, camera),
+            false => locate::<CHUNK>(points, placed, camera),
+        }
+        match points.pixels.is_flat {
+            true => interpolate_one::<CHUNK>(points, &faces[points.pixels.triangle[0] as usize], viewpoint),
+            false => interpolate(points, faces, viewpoint, material.texture.is_some()),
+        }
+        if let Some(texture) = &material.texture {
+            find_footprints::<CHUNK>(points, placed, camera, texture.texels());
+        }
+        points.paint(material, samples);
+        reflect(points, part, reflected);
+    }
+}
+
+/// Clamps the unknown shadow mask to 0.
+#[inline(always)]
+fn clamp_unknown(shadow: &mut BatchColumn) {
+    for shadow in shadow {
+        *shadow = if *shadow > 0.0 { *shadow } else { 0.0 };
+    }
+}

@@ -1,0 +1,60 @@
+//! Terms of the reflected radiance of a batch of points.
+
+use crate::simd::{BatchColumn, ZERO};
+
+/// Intermediate terms and result of [`super::reflect::reflect`], by point.
+#[derive(Clone, Debug)]
+pub(super) struct ShadingTerms {
+    pub normal: [BatchColumn; 3],
+    pub(super) viewer: [BatchColumn; 3],
+    /// Cosine between normal and view direction.
+    pub facing: BatchColumn,
+    /// Ambient light: diffuse and specular.
+    pub(super) around: [BatchColumn; 3],
+    pub(super) mirrored: [BatchColumn; 3],
+    /// Split-sum scale and bias of the ambient Fresnel term.
+    pub(super) scale: BatchColumn,
+    pub(super) bias: BatchColumn,
+    /// Cosine between normal and key light (0 facing away), arriving key light, specular lobe and Fresnel weight.
+    pub(super) lit: BatchColumn,
+    pub(super) strength: BatchColumn,
+    /// Share of the ambient light occluded together with the key light.
+    pub(super) occluded_ambient: BatchColumn,
+    /// Share of interreflected key light in concave corners.
+    pub(super) corner: BatchColumn,
+    /// Key light inside a cavity, relative to a surface that faces the light.
+    pub(super) cavity: BatchColumn,
+    pub(super) lobe: BatchColumn,
+    pub(super) weight: BatchColumn,
+    pub color: [BatchColumn; 3],
+}
+
+impl Default for ShadingTerms {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            normal: lanes,
+            viewer: lanes,
+            facing: ZERO,
+            around: lanes,
+            mirrored: lanes,
+            scale: ZERO,
+            bias: ZERO,
+            lit: ZERO,
+            strength: ZERO,
+            occluded_ambient: ZERO,
+            corner: ZERO,
+            cavity: ZERO,
+            lobe: ZERO,
+            weight: ZERO,
+            color: lanes,
+        }
+    }
+}
+
+/// Mirror direction, from twice the cosine between normal and view direction.
+#[inline(always)]
+pub(super) fn mirrored(normal: [f32; 3], viewer: [f32; 3], twice: f32) -> [f32; 3] {
+    let along = |axis: usize| normal[axis].mul_add(twice, -viewer[axis]);
+    [along(0), along(1), along(2)]
+}
