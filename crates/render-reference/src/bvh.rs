@@ -1,22 +1,21 @@
-//! Which triangle a ray hits first: a tree of boxes, split where the surface-area heuristic says
-//! (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007).
+//! Bounding volume hierarchy (BVH), split by the surface-area heuristic (Wald, "On fast Construction of SAH-based
+//! Bounding Volume Hierarchies", 2007).
 
 use glam::Vec3A;
 
-/// Triangles in a leaf, at most, unless they lie at one place.
+/// Largest number of triangles in a leaf, unless their centres coincide.
 const LEAF: usize = 4;
-/// Places along an axis where a split is tried.
+/// Candidate splits along an axis.
 const BINS: usize = 16;
-/// Levels of the tree that a ray remembers; a tree over 2³² triangles with halves at worst twice as deep fits.
+/// Traversal stack: enough for 2³² triangles in a tree at worst twice as deep as a balanced one.
 const DEPTH: usize = 64;
-/// Nearest hit that counts, metres: what leaves a surface does not hit it again, slivers of a metre included, whose planes
-/// single precision knows to a tenth of a millimetre.
+/// Smallest hit distance [m], against self-intersection; the planes of slivers are accurate to a tenth of a millimetre.
 const NEAREST_M: f32 = 1e-4;
 
-/// How far triangles reach over their edges, as a share of their size: single precision leaves gaps between slivers.
+/// Relative enlargement of triangles that closes gaps between slivers.
 const OVERLAP: f32 = 1e-4;
 
-/// Triangles and the boxes around them.
+/// Triangles and their hierarchy of bounding boxes.
 #[derive(Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
@@ -27,13 +26,13 @@ pub(crate) struct Bvh {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     corner: Vec3A,
-    /// From the corner to the two others.
+    /// Edges from the first vertex to the others.
     edges: [Vec3A; 2],
     pub part: u32,
     pub index: u32,
 }
 
-/// Where a ray hits.
+/// Nearest intersection of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hit {
     pub distance: f32,
@@ -44,9 +43,9 @@ pub(crate) struct Hit {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Bounds,
-    /// First triangle of a leaf, or the first of the two nodes below.
+    /// First triangle of a leaf, or first child.
     first: u32,
-    /// 0 for a node with others below it.
+    /// Number of triangles; 0 for an inner node.
     count: u32,
 }
 
@@ -97,13 +96,13 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Half the area of its sides; 0 for nothing.
+    /// Half the surface area; 0 for an empty box.
     fn area(&self) -> f32 {
         let size = (self.high - self.low).max(Vec3A::ZERO);
         size.x * size.y + size.y * size.z + size.z * size.x
     }
 
-    /// Distance at which a ray enters; infinite when it misses or the box begins beyond a limit.
+    /// Distance at which a ray enters; infinite if it misses or enters beyond a limit.
     #[inline(always)]
     fn entered(&self, origin: Vec3A, inverse: Vec3A, limit: f32) -> f32 {
         let (one, other) = ((self.low - origin) * inverse, (self.high - origin) * inverse);
@@ -131,7 +130,7 @@ impl Bvh {
         Self { nodes, triangles }
     }
 
-    /// The first hit of a ray of unit direction.
+    /// Nearest hit of a ray with unit direction.
     pub fn nearest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut hit: Option<Hit> = None;
         self.walk(origin, direction, |triangle, distance| {
@@ -143,7 +142,7 @@ impl Bvh {
         hit
     }
 
-    /// Goes through the triangles that a ray hits, in no order; `call` returns how far it still wants to know.
+    /// Visits the triangles that a ray hits, in any order; `call` returns the distance up to which further hits matter.
     #[inline(always)]
     pub fn walk(&self, origin: Vec3A, direction: Vec3A, mut call: impl FnMut(&Triangle, f32) -> f32) {
         let inverse = direction.recip();
@@ -176,7 +175,7 @@ impl Bvh {
     }
 }
 
-/// Moves the triangles of the cheapest left half to the front and returns their number; `None` when nothing is gained.
+/// Partitions triangles at the cheapest split and returns the size of the left part; `None` if no split pays off.
 fn split(triangles: &mut [Triangle]) -> Option<usize> {
     let (low, high) = triangles.iter().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), triangle| {
         (low.min(triangle.center()), high.max(triangle.center()))

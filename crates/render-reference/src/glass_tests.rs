@@ -1,4 +1,4 @@
-//! Glass of the catalogue against its traced picture.
+//! Glass of the catalogue: rasterised against path-traced images.
 
 use std::sync::Arc;
 
@@ -12,14 +12,14 @@ use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Ren
 
 use crate::{ReferenceSettings, trace};
 
-/// Mean linear display colour of a picture.
+/// Mean linear display colour of an image.
 fn mean(rgb: &[u8]) -> Vec3A {
     let sum: Vec3A = rgb.as_chunks::<3>().0.iter().map(|&rgb| linear_from_srgb8(rgb)).sum();
     sum / (rgb.len() / 3) as f32
 }
 
-/// Objects on the table, seen at a point by a camera with a narrow view: the mean colour is the traced one, within a fifth of
-/// its brightest channel.
+/// Objects on the table in a narrow view: the mean colour is the path-traced one within a fifth of its brightest
+/// channel.
 fn check(what: &str, objects: &[(&str, [f64; 2])], target: [f64; 3]) {
     let models: Vec<_> = objects.iter().map(|(uid, _)| Catalogue::full().build(uid).unwrap()).collect();
     let assets = RenderAssets::without_robot(&models, Some(&default_world())).unwrap();

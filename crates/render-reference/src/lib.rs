@@ -1,9 +1,8 @@
-//! Pictures by tracing light paths: slow, and the judge of the rasteriser's.
+//! Path tracer: slow reference images for the rasteriser.
 //!
-//! The same meshes, materials and lights. Paths are drawn by chance from a seed and meet both lamps at every surface,
-//! weighted with the chance of finding them by scattering (next-event estimation with multiple importance sampling).
-//! What differs from the rasteriser on purpose: light between surfaces, shadows of everything on everything, bent light
-//! behind glass.
+//! The same meshes, materials and lights. Paths are sampled from a seed with next-event estimation and multiple
+//! importance sampling. Differences to the rasteriser are intended: full global illumination, shadows of everything on
+//! everything, and refracted light behind glass.
 
 mod bvh;
 #[cfg(test)]
@@ -14,38 +13,39 @@ mod lamps;
 mod path;
 mod reflection;
 mod samples;
+mod scene;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
 use genmanip_core::{Pose, Seed};
-use glam::{Affine3A, Vec2, Vec3A};
+use glam::{Vec2, Vec3A};
 use rand::RngExt;
 
 use bvh::{Bvh, Triangle};
 use genmanip_render::color::{linear_from_srgb8, luminance, srgb8_from_linear};
-use genmanip_render::internals::{Backdrop, CameraView, Lighting, Material, Mesh, rotation, tone_map};
+use genmanip_render::internals::{Backdrop, CameraView, Lighting, rotation, tone_map};
 use genmanip_render::{RenderAssets, RenderError, RenderVariation, ViewJob};
 use lamps::Lamps;
-use path::Brought;
 use samples::Samples;
+use scene::{Body, Brought, Reference};
 
-/// How far transparent things stand above their places, metres: their undersides must lie above the table.
+/// Height by which transparent objects are lifted [m], so that their undersides lie above the table.
 const LIFTED_M: f32 = 3e-4;
 
-/// How carefully paths are traced.
+/// Sampling settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReferenceSettings {
     /// Paths per pixel, at least 1.
     pub paths: u32,
-    /// Of the paths.
+    /// Seed of the paths.
     pub seed: Seed,
-    /// Threads; pictures do not depend on it.
+    /// Threads; images do not depend on it.
     pub threads: usize,
 }
 
-/// A traced picture before it is developed.
+/// A path-traced image before exposure and tone mapping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exposed {
     width: usize,
@@ -53,27 +53,12 @@ pub struct Exposed {
     pixels: Vec<Brought>,
 }
 
-/// Everything that paths meet.
-struct Reference<'a> {
-    bvh: Bvh,
-    bodies: Vec<Body<'a>>,
-    materials: Vec<Material>,
-    lamps: Lamps<'a>,
-    backdrop: Backdrop,
-}
-
-/// A part at its place.
-struct Body<'a> {
-    mesh: &'a Mesh,
-    body_from_world: Affine3A,
-}
-
-/// Traces the colour of a job; its channels and samples per pixel are not looked at.
+/// Path-traces the colour of a job; its channels are ignored.
 ///
-/// The same job, variation, seed and number of paths give the same picture.
+/// The same job, variation, seed and number of paths give the same image.
 ///
 /// # Errors
-/// A frame of other assets, a pose or camera that cannot be drawn.
+/// A frame of other assets, an invalid pose or camera.
 pub fn trace(
     assets: &Arc<RenderAssets>,
     variation: &RenderVariation,
@@ -116,13 +101,13 @@ pub fn trace(
 }
 
 impl Exposed {
-    /// 8-bit sRGB, row by row, with so many times the variation's exposure.
+    /// Tone-mapped 8-bit sRGB, row by row, at a multiple of the variation's exposure.
     pub fn develop(&self, exposure: f32) -> Vec<u8> {
         self.pixels.iter().flat_map(|pixel| srgb8_from_linear(self.developed(pixel, exposure))).collect()
     }
 
-    /// The exposure, as a multiple of the variation's, at which surfaces are as bright on average as in another picture
-    /// of the same size; between an eighth and eight.
+    /// Multiple of the variation's exposure, between 1/8 and 8, at which surfaces are as bright on average as in
+    /// another image of the same size.
     pub fn exposure_like(&self, rgb: &[u8]) -> f32 {
         let brightness = |color: Vec3A| f64::from(luminance(color));
         let wanted: f64 = rgb.chunks_exact(3).map(|rgb| brightness(linear_from_srgb8([rgb[0], rgb[1], rgb[2]]))).sum();
@@ -141,7 +126,7 @@ impl Exposed {
     }
 
     fn developed(&self, pixel: &Brought, exposure: f32) -> Vec3A {
-        // The background is a colour of the picture, not light: surfaces are developed as if they filled the pixel.
+        // The background is an image colour, not light: surfaces are tone-mapped as if they filled the pixel.
         let covered = 1.0 - luminance(pixel.behind);
         let color = if covered > 1e-3 {
             Vec3A::from_array(tone_map((pixel.radiance * (self.exposure * exposure / covered)).to_array())) * covered
@@ -153,7 +138,7 @@ impl Exposed {
 }
 
 impl Reference<'_> {
-    /// The mean of the paths around a pixel's centre, by the rasteriser's tent two pixels wide.
+    /// Mean over the paths around a pixel centre, distributed like the rasteriser's tent filter.
     fn pixel(&self, camera: &CameraView, [column, row]: [usize; 2], seed: Seed, paths: u32) -> Brought {
         let seed = seed.rng().random();
         let mut sum = Brought::default();
@@ -171,17 +156,10 @@ impl Reference<'_> {
     }
 }
 
-/// The place between -1 and 1 below which a share of a tent lies.
+/// Inverse of the tent's distribution function.
 fn tent(share: f32) -> f32 {
     let half = (2.0 * share.min(1.0 - share)).sqrt() - 1.0;
     if share < 0.5 { half } else { -half }
-}
-
-impl<'a> Body<'a> {
-    fn new(mesh: &'a Mesh, pose: &Pose) -> Self {
-        let world_from_body = Affine3A { matrix3: rotation(pose), translation: pose.position.as_vec3a() };
-        Self { mesh, body_from_world: world_from_body.inverse() }
-    }
 }
 
 fn triangles(assets: &RenderAssets, poses: &[Pose]) -> Vec<Triangle> {

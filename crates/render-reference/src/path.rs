@@ -1,53 +1,43 @@
-//! One light path: from the camera back to what shines on it.
+//! Path tracing from the camera to the lights.
 
 use glam::{Mat3A, Vec2, Vec3A, Vec4};
 
-use super::lamps::Arrival;
+use super::lamps::LightSample;
 use super::reflection::{Reflection, dielectric};
 use super::samples::Samples;
-use super::{Body, Reference};
+use crate::scene::{Body, Brought, Reference};
 use genmanip_render::internals::{Face, Material};
 
-/// Borders that a path may cross or leave, the transparent ones included.
+/// Largest number of interfaces and scattering events.
 const LONGEST: usize = 24;
-/// Opaque surfaces after which a path ends by chance.
+/// Scattering events before Russian roulette.
 const SURE: usize = 3;
-/// Most that a path may bring by way of an opaque surface, in units of a white sheet that faces the key light: beyond
-/// it lies the noise of rare paths. Makes pictures a little darker than they should be.
+/// Largest indirect contribution of a path, relative to a white surface that faces the key light: suppresses fireflies,
+/// and makes images slightly too dark.
 const BRIGHTEST: f32 = 4.0;
-/// Least roughness squared that light meets after it was scattered: sharp bright spots beyond one scattering are found by
-/// rare paths only (Kaplanyan and Dachsbacher, "Path Space Regularization", 2013).
+/// Smallest squared roughness after a scattering event: sharp caustics are found by rare paths only (Kaplanyan and
+/// Dachsbacher, "Path Space Regularization", 2013).
 const DULLEST: f32 = 0.2;
-/// How far rays begin above a surface, metres.
+/// Offset of ray origins from a surface [m].
 const LIFT_M: f32 = 1e-4;
 
-/// What a path brings.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Brought {
-    /// Light before the exposure.
-    pub radiance: Vec3A,
-    /// Share of what is behind everything that is seen, and its colour: a part of the picture, not light.
-    pub behind: Vec3A,
-    pub background: Vec3A,
-}
-
-/// Where a ray meets a surface.
+/// Intersection of a ray with a surface.
 struct Point {
     place: Vec3A,
-    /// Unit normals on the side from which it is met: of the triangle, and between the corners'.
+    /// Unit normals towards the ray: geometric, and interpolated.
     flat: Vec3A,
     smooth: Vec3A,
-    /// Whether the outside is met.
+    /// True if the outer side is hit.
     is_outside: bool,
     base: Vec3A,
 }
 
 impl Reference<'_> {
-    /// Follows a ray of unit direction.
-    pub(super) fn follow(&self, mut origin: Vec3A, mut direction: Vec3A, samples: &mut Samples) -> Brought {
+    /// Follows a ray with unit direction.
+    pub(crate) fn follow(&self, mut origin: Vec3A, mut direction: Vec3A, samples: &mut Samples) -> Brought {
         let mut brought = Brought::default();
         let mut share = Vec3A::ONE;
-        // Chance per solid angle of the last scattering; none since the camera but mirrors and borders.
+        // Probability density of the last scattering event; `None` after specular events only.
         let mut chance: Option<f32> = None;
         let (mut is_view, mut scattered) = (true, 0);
         for _ in 0..LONGEST {
@@ -65,7 +55,7 @@ impl Reference<'_> {
             let point = body.point(material, face, origin + direction * hit.distance, direction);
             let side = material.scatters();
             if side < 1.0 {
-                // Light that was scattered before goes straight on, as the rays to the lamps do.
+                // After a scattering event rays pass straight through, like shadow rays.
                 let bends = body.mesh.closed && scattered == 0;
                 let index = material.index_of_refraction();
                 let ratio = if point.is_outside || !bends { 1.0 / index } else { index };
@@ -93,8 +83,8 @@ impl Reference<'_> {
             let (right, up) = point.smooth.any_orthonormal_pair();
             let frame = Mat3A::from_cols(right, up, point.smooth);
             let out = frame.transpose() * -direction;
-            for arrival in [self.lamps.draw_key(samples.two()), self.lamps.draw_studio(samples.one(), samples.two())] {
-                brought.add(share * self.lit(&reflection, &frame, out, &point, arrival), scattered);
+            for sample in [self.lamps.draw_key(samples.two()), self.lamps.draw_studio(samples.one(), samples.two())] {
+                brought.add(share * self.lit(&reflection, &frame, out, &point, sample), scattered);
             }
             let into = reflection.sample(out, samples.one(), samples.two());
             let (value, drawn) = reflection.evaluate(out, into);
@@ -116,8 +106,8 @@ impl Reference<'_> {
         brought
     }
 
-    /// Light from far away along a ray; with the chance of its scattering it counts as far as the lamps' own samples do
-    /// not (Veach and Guibas, "Optimally Combining Sampling Techniques", 1995).
+    /// Light from infinity along a ray, weighted against light sampling (Veach and Guibas, "Optimally Combining
+    /// Sampling Techniques", 1995).
     fn arriving(&self, direction: Vec3A, chance: Option<f32>) -> Vec3A {
         let weight = |lamp: f32| chance.map_or(1.0, |chance| power(chance, lamp));
         let lamps = &self.lamps;
@@ -125,9 +115,9 @@ impl Reference<'_> {
             + lamps.key(direction) * weight(lamps.key_chance(direction))
     }
 
-    /// Light of a lamp's sample that a point scatters towards the viewer.
-    fn lit(&self, reflection: &Reflection, frame: &Mat3A, out: Vec3A, point: &Point, arrival: Arrival) -> Vec3A {
-        let Arrival { direction, radiance, chance } = arrival;
+    /// Contribution of a light sample reflected towards the viewer.
+    fn lit(&self, reflection: &Reflection, frame: &Mat3A, out: Vec3A, point: &Point, sample: LightSample) -> Vec3A {
+        let LightSample { direction, radiance, chance } = sample;
         if direction.dot(point.flat) <= 0.0 {
             return Vec3A::ZERO;
         }
@@ -138,7 +128,7 @@ impl Reference<'_> {
         value * radiance * self.passing(point.above(direction), direction) * (power(chance, scattered) / chance)
     }
 
-    /// Share of the light along a ray from far away that is not held back.
+    /// Transmittance along a shadow ray.
     fn passing(&self, origin: Vec3A, direction: Vec3A) -> Vec3A {
         let mut share = Vec3A::ONE;
         self.bvh.walk(origin, direction, |triangle, distance| {
@@ -148,7 +138,7 @@ impl Reference<'_> {
             share = if side < 1.0 && share != Vec3A::ZERO {
                 let face = &body.mesh.faces[triangle.index as usize];
                 let point = body.point(material, face, origin + direction * distance, direction);
-                // Straight on, so both sides are met as from outside.
+                // Straight on: both interfaces are entered from outside.
                 let ratio = 1.0 / material.index_of_refraction();
                 let cosine = -direction.dot(point.smooth);
                 let tint = material.tint(point.base, cosine, !body.mesh.closed);
@@ -183,7 +173,7 @@ impl Body<'_> {
         let flat = if is_outside { flat } else { -flat };
         let smooth = (turn * Vec3A::from_vec4(mixed)).normalize_or(flat);
         let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
-        // A normal between corners may point away from the viewer at an outline.
+        // At silhouettes an interpolated normal may face away from the viewer.
         let smooth = if smooth.dot(direction) < -1e-3 { smooth } else { flat };
         let v = face.v.dot(Vec4::from((glam::Vec3::from(local), 1.0)));
         let base = material.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.at(Vec2::new(mixed.w, v)));
@@ -192,14 +182,14 @@ impl Body<'_> {
 }
 
 impl Point {
-    /// Where a ray begins that leaves in a direction.
+    /// Origin of a ray that leaves in a direction.
     fn above(&self, direction: Vec3A) -> Vec3A {
         self.place + self.flat * LIFT_M.copysign(direction.dot(self.flat))
     }
 }
 
-/// BSDF of a material at a point; a transparent interface reflects specularly in [`Reference::follow`], so only its rough
-/// part is left here.
+/// BSDF of a material at a point; a transparent interface reflects specularly in [`Reference::follow`], so only its
+/// rough part remains.
 fn reflection_of(material: &Material, base: Vec3A, side: f32) -> Reflection {
     let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(material.reflectance) };
     Reflection {
@@ -209,7 +199,7 @@ fn reflection_of(material: &Material, base: Vec3A, side: f32) -> Reflection {
     }
 }
 
-/// Weight of a sample drawn with a chance where another way has another chance (power heuristic).
+/// Power heuristic for a sample with one density where another technique has another density.
 fn power(own: f32, other: f32) -> f32 {
     let (own, other) = (own * own, other * other);
     if own + other > 0.0 { own / (own + other) } else { 0.0 }

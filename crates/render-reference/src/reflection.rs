@@ -1,23 +1,22 @@
-//! How a surface scatters light: the metallic-roughness reflection of the rasteriser, with samples and their chances.
+//! Metallic-roughness BSDF of the rasteriser, with importance sampling.
 
 use glam::{Vec2, Vec3A};
 
 use genmanip_render::color::luminance;
 
-/// Opaque surface at a point, directions in a frame whose z axis is the normal.
+/// Opaque BSDF; the z axis of the local frame is the normal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reflection {
-    /// What is scattered everywhere.
+    /// Diffuse albedo.
     pub albedo: Vec3A,
-    /// Reflectance head-on.
+    /// Reflectance at normal incidence.
     pub f0: Vec3A,
-    /// Square of the roughness.
+    /// Squared roughness.
     pub alpha: f32,
 }
 
 impl Reflection {
-    /// Share of light from one direction that leaves in another, times the cosine, and the chance per solid angle with
-    /// which [`Reflection::sample`] draws it.
+    /// BSDF times cosine, and the density with which [`Reflection::sample`] samples the direction.
     pub fn evaluate(&self, out: Vec3A, into: Vec3A) -> (Vec3A, f32) {
         if out.z <= 0.0 || into.z <= 0.0 {
             return (Vec3A::ZERO, 0.0);
@@ -36,13 +35,13 @@ impl Reflection {
         (value * into.z, mirror_chance * mirror + (1.0 - mirror_chance) * diffuse)
     }
 
-    /// Where light comes from that leaves in a direction; below the surface sometimes, then it counts nothing.
+    /// Sampled incoming direction of an outgoing one; sometimes below the surface, where it does not count.
     pub fn sample(&self, out: Vec3A, choice: f32, at: Vec2) -> Vec3A {
         if choice >= self.mirror_chance(out.z) {
             let radius = at.x.sqrt();
             return Vec3A::from((Vec2::from_angle(std::f32::consts::TAU * at.y) * radius).extend((1.0 - at.x).sqrt()));
         }
-        // A normal that the viewer sees (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
+        // Visible normals (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
         let stretched = (out * Vec3A::new(self.alpha, self.alpha, 1.0)).normalize();
         let z = (1.0 - at.x) * (1.0 + stretched.z) - stretched.z;
         let flat = Vec2::from_angle(std::f32::consts::TAU * at.y) * (1.0 - z * z).max(0.0).sqrt();
@@ -55,14 +54,14 @@ impl Reflection {
         self.f0 + (1.0 - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
     }
 
-    /// Share of the samples that are drawn as a mirror image.
+    /// Probability of specular sampling.
     fn mirror_chance(&self, cosine: f32) -> f32 {
         let (mirror, diffuse) = (luminance(self.fresnel(cosine)), luminance(self.albedo));
         if diffuse <= 0.0 { 1.0 } else { (mirror / (mirror + diffuse)).clamp(0.1, 0.9) }
     }
 }
 
-/// Share of light that a smooth border mirrors; `ratio` is the index of refraction before it over the one behind.
+/// Fresnel reflectance of a smooth interface; `ratio` is the quotient of the refractive indices before and behind.
 pub(crate) fn dielectric(cosine: f32, ratio: f32) -> f32 {
     let behind = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if behind <= 0.0 {

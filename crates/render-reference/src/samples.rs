@@ -1,32 +1,32 @@
-//! Numbers of a pixel's paths that fill the square more evenly than chance does.
+//! Low-discrepancy samples of a pixel's paths.
 //!
-//! A Sobol sequence of two dimensions whose digits and order are shuffled anew for every decision of a path (Burley,
-//! "Practical Hash-based Owen Scrambling", 2020), so that any number of decisions is served.
+//! A two-dimensional Sobol sequence with Owen scrambling and shuffling per decision (Burley, "Practical Hash-based Owen
+//! Scrambling", 2020), for any number of decisions.
 
 use glam::Vec2;
 
-/// What the decisions of one path are drawn from.
+/// Sample generator of one path.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
-    /// Of the pixel.
+    /// Seed of the pixel.
     seed: u32,
-    /// Of the path among the pixel's.
+    /// Index of the path in the pixel.
     path: u32,
     decisions: u32,
 }
 
 impl Samples {
-    /// The numbers of a path of a pixel.
+    /// Generator of a path of a pixel.
     pub fn new(seed: u32, path: u32) -> Self {
         Self { seed, path, decisions: 0 }
     }
 
-    /// The next number, 0 to below 1.
+    /// Next number in [0, 1).
     pub fn one(&mut self) -> f32 {
         self.two().x
     }
 
-    /// The next place in the unit square.
+    /// Next point in the unit square.
     pub fn two(&mut self) -> Vec2 {
         self.decisions += 1;
         let seed = mixed(self.seed ^ mixed(self.decisions));
@@ -36,7 +36,7 @@ impl Samples {
     }
 }
 
-/// The second dimension of Sobol's sequence, as digits after the point; the first is the index with its bits reversed.
+/// Second Sobol dimension as a binary fraction; the first is the bit-reversed index.
 fn second(mut index: u32) -> u32 {
     let (mut sum, mut direction) = (0, 1 << 31);
     while index != 0 {
@@ -49,7 +49,7 @@ fn second(mut index: u32) -> u32 {
     sum
 }
 
-/// Permutes each half of the digits' range, and each half of the halves, and so on; constants of the paper.
+/// Nested uniform (Owen) scrambling with the constants of the paper.
 fn shuffled(digits: u32, seed: u32) -> u32 {
     let mut x = digits.reverse_bits().wrapping_add(seed);
     for factor in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6_u32] {
@@ -58,7 +58,7 @@ fn shuffled(digits: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// A hash of 32 bits (the finaliser of MurmurHash3).
+/// 32-bit hash (finaliser of MurmurHash3).
 fn mixed(mut x: u32) -> u32 {
     x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
     x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
@@ -69,7 +69,7 @@ fn mixed(mut x: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Each of 64 cells of a grid holds one of 64 places, whatever the shape of its cells; no two decisions agree.
+    /// Each cell of any 64-cell grid holds one of 64 points; decisions differ.
     #[test]
     fn places_fill_the_square_evenly() {
         for seed in [0, 1, 77, u32::MAX] {

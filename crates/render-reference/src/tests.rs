@@ -18,7 +18,7 @@ fn sheet() -> TriMesh {
 }
 
 fn white() -> Material {
-    // An index of refraction of 1 mirrors nothing head-on; rough, so that little is mirrored elsewhere.
+    // No specular reflection at normal incidence (ior 1), and little elsewhere (rough).
     Material { ior: 1.0, ..Material::plain([1.0; 3], 1.0) }
 }
 
@@ -42,7 +42,7 @@ fn traced(
     trace(&scene.0, variation, &job, &ReferenceSettings { paths, seed: Seed::new(3), threads }).unwrap()
 }
 
-/// Mean light of all pixels, before the exposure.
+/// Mean luminance before exposure.
 fn mean(exposed: &Exposed) -> f32 {
     exposed.pixels.iter().map(|pixel| luminance(pixel.radiance)).sum::<f32>() / exposed.pixels.len() as f32
 }
@@ -51,7 +51,7 @@ fn close(got: f32, expected: f32, what: &str) {
     assert!((got / expected - 1.0).abs() < 0.03, "{what}: {got}, expected {expected}");
 }
 
-/// A white sheet under each light alone, against what the variation's documentation says of its brightness.
+/// A white surface under each light alone, against the documented brightness of the variation.
 #[test]
 fn a_white_sheet_is_as_bright_as_the_lights_say() {
     let sheet = placed(&[(object("sheet", sheet(), white()), DVec3::ZERO)]);
@@ -88,7 +88,7 @@ fn a_block_before_the_light_darkens_and_glass_only_a_little() {
     assert!(solid < 0.05, "only what is scattered between the two arrives: {solid}");
 }
 
-/// A metal ball seen from above, against the sum over all directions of what its top reflects.
+/// A metal ball from above, against numerical integration of the BSDF.
 #[test]
 fn a_metal_ball_gives_back_what_its_reflection_says() {
     let sky = RenderVariation { light_intensity: 0.0, ..RenderVariation::default() };
@@ -124,7 +124,7 @@ fn pictures_depend_on_the_seed_and_not_on_threads() {
     assert!(one.develop(1.0).iter().any(|&byte| byte > 60), "something is lit");
 }
 
-/// The exposure that makes a picture as bright as itself developed with another one.
+/// The exposure that matches an image to itself at another exposure.
 #[test]
 fn exposures_are_found_again() {
     let scene = placed(&[(object("ball", ball(0.5, 12), white()), DVec3::ZERO)]);
@@ -134,7 +134,7 @@ fn exposures_are_found_again() {
     }
 }
 
-/// The tree against all triangles one by one.
+/// The hierarchy against exhaustive search.
 #[test]
 fn the_tree_finds_what_a_search_finds() {
     let mut state = 7_u32;

@@ -1,4 +1,4 @@
-//! Draws every object of the catalogue into one picture.
+//! Renders every object of the catalogue into one image.
 //!
 //! ```text
 //! cargo run --release -p genmanip-render --example contact_sheet -- sheet.png
@@ -14,9 +14,9 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
-/// Pixels per side of one object's picture.
+/// Pixels per side of one object's image.
 const CELL: u32 = 200;
-/// Pictures per row.
+/// Images per row.
 const COLUMNS: usize = 10;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -45,13 +45,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The object on the table, filling the picture whatever its size.
+/// The object on the table, filling the image at any size.
 fn portrait(object: &Arc<ObjectModel>) -> Result<Vec<u8>, Box<dyn Error>> {
     let pose = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
     let joints = vec![0.0; object.joint_count()];
     let bounds = object.world_bounds(&pose, &joints);
     let radius = bounds.size().length() / 2.0;
-    // At twice the size, for smoother edges.
+    // Rendered at twice the size, for smoother edges.
     let intrinsics = Intrinsics::from_vertical_fov(2 * CELL, 2 * CELL, 0.42);
     let direction = DVec3::new(0.8, 0.35, 0.6).normalize();
     let eye = bounds.center() + direction * (radius / 0.20);

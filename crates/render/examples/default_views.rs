@@ -1,4 +1,4 @@
-//! Draws a crowded table from the five default cameras and says what each picture costs.
+//! Renders a crowded table from the five default cameras and prints the cost of each image.
 //!
 //! ```text
 //! cargo run --release -p genmanip-render --example default_views -- folder [width height]
@@ -15,7 +15,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, Pose};
 use genmanip_render::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
-/// Drawings of each view for the timing.
+/// Repetitions of each view for the timing.
 const REPEATS: usize = 30;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -42,9 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The buffers and the shortest wall time in milliseconds: other programs only ever add to it.
+/// The buffers and the shortest wall time [ms]: other programs only add to it.
 ///
-/// Views of one frame share its shadows, so the time is that of a picture without drawing them.
+/// Views of one frame share its shadow map, so the time excludes it.
 fn timed(renderer: &mut Renderer, job: ViewJob<'_>) -> Result<(FrameBuffers, f64), Box<dyn Error>> {
     let mut out = [FrameBuffers::default()];
     renderer.render(&[job], &mut out)?;

@@ -1,4 +1,4 @@
-//! Hashes of pictures, a line each: `cargo xtask test bytes` compares those of a build for any processor with those of
+//! Hashes of images, one per line: `cargo xtask test bytes` compares those of a build for any processor with those of
 //! the usual one, which takes the widest registers of the machine.
 //!
 //! ```text
@@ -16,7 +16,7 @@ use genmanip_render::{
     Channels, FrameBuffers, FrameState, Look, RenderAssets, RenderVariation, Renderer, Vary, ViewJob, sampling,
 };
 
-/// Looks besides the usual one: other tables, walls and lights, so other textures and shadows.
+/// Seeds of further appearances: other tables, walls and lights.
 const LOOKS: [u64; 2] = [11, 57];
 const SIZES: [[u32; 2]; 2] = [[512, 288], [64, 64]];
 
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let looks = LOOKS.map(|seed| sampling::varied(&usual, &Look::new(Seed::new(seed), parts.clone())));
     for (look, variation) in std::iter::once(&usual).chain(&looks).enumerate() {
         let mut renderer = Renderer::new(Arc::clone(&assets), variation.clone());
-        // The second picture of a camera keeps what it can of the first.
+        // The second image of a camera continues the first.
         for moment in 0..2 {
             let frame = frame(&assets, &objects, moment)?;
             for name in ["static", "wrist"] {
@@ -68,7 +68,7 @@ fn objects() -> Result<Vec<Arc<ObjectModel>>, Box<dyn Error>> {
     Ok(glass.into_iter().take(3).chain(other.into_iter().step_by(5)).take(12).collect())
 }
 
-/// Objects on a grid before the arm; at the second moment some have moved, and the arm.
+/// Objects on a grid in front of the arm; at the second moment some objects and the arm have moved.
 fn frame(
     assets: &RenderAssets,
     objects: &[Arc<ObjectModel>],

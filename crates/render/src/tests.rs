@@ -41,7 +41,7 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share) as usize]
 }
 
-/// Depth in the middle of the picture against a formula; `analytic` gets the ray of a pixel in camera axes.
+/// Depth in the image centre against a formula; `analytic` receives the view ray of a pixel in camera axes.
 fn check_depth(model: Arc<ObjectModel>, pose: Pose, viewpoint: DVec3, analytic: impl Fn(DVec3, DVec3) -> Option<f64>) {
     let k = Intrinsics::from_vertical_fov(256, 144, 0.7);
     let camera = Camera::looking_at("c", viewpoint, pose.position, k);
@@ -175,7 +175,7 @@ fn the_same_job_gives_the_same_bytes_whatever_came_before() {
     let mut renderer = Renderer::new(assets, RenderVariation::default());
     renderer.render(&jobs, &mut out).unwrap();
     assert!(out[1] == first && out[3] == first);
-    // Shadows are kept from call to call: they must be those of the frame that is drawn.
+    // Cached shadow maps must belong to the rendered frame.
     for (job, expected) in jobs.iter().zip(&out) {
         let mut alone = [FrameBuffers::default()];
         renderer.render(&[*job], &mut alone).unwrap();
@@ -183,7 +183,7 @@ fn the_same_job_gives_the_same_bytes_whatever_came_before() {
     }
 }
 
-/// Pictures that end within a tile, or are smaller than one.
+/// Images whose size is no multiple of a tile, or smaller than one.
 #[test]
 fn pictures_of_any_size_continue_others() {
     let (assets, _) = toy();
@@ -205,7 +205,8 @@ fn pictures_of_any_size_continue_others() {
     }
 }
 
-/// An episode of the toy scene: the arm swings, rests, swings on; the block is carried; everything trembles a little.
+/// An episode of the toy scene: the arm swings, rests and swings on, the block is carried, and everything jitters
+/// slightly.
 fn episode(assets: &RenderAssets) -> Vec<FrameState> {
     (0..14)
         .map(|step| {
@@ -234,11 +235,11 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let hand =
         Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
     let small = camera(64, 36);
-    // Drawn once per frame: where it moves on and on, its pictures are passed on rather than copied.
+    // Once per frame: the camera moves every time.
     let swift = Camera { intrinsics: camera(112, 63).intrinsics, ..hand.clone() };
     let without_normals = Channels { normal: false, parts: false, ..Channels::ALL };
     let twice = [&fixed, &hand, &small].map(|camera| [(camera, Channels::ALL), (camera, without_normals)]);
-    // So long a focal length that the tiles of a row share nodes.
+    // A large image.
     let large = camera(576, 324);
     let views = [twice.as_flattened(), &[(&swift, without_normals), (&large, without_normals)]].concat();
     let usual = RenderVariation::default();
@@ -356,7 +357,7 @@ fn a_hand_camera_moves_with_the_hand() {
             mount_from_camera: assets.world_from_hand(&state) * mounted.mount_from_camera,
             ..mounted.clone()
         };
-        // Colours differ a little: the hand shades what its own camera sees.
+        // Colours differ slightly: the gripper occludes ambient light for its own camera.
         let channels = Channels { rgb: false, ..Channels::ALL };
         assert!(draw(&assets, &state, &mounted, channels) == draw(&assets, &state, &fixed, channels));
     }
@@ -430,7 +431,7 @@ fn wrong_requests_are_refused() {
     assert_eq!(error.to_string(), "the mesh of part `bad` of `bad` names corner 99, but it has only 24 corners");
 }
 
-/// What other renderers are given is what is drawn: every pixel's point lies in the box of its instance's meshes.
+/// Posed meshes match images: every pixel's point lies in the bounds of its instance.
 #[test]
 fn posed_meshes_are_where_pictures_show_them() {
     let (assets, state) = toy();
@@ -492,7 +493,7 @@ fn closed_meshes_are_recognised() {
     assert!(table.parts.iter().all(|part| part.mesh.closed), "the surroundings are closed");
 }
 
-/// Looks may improve: run once with `GENMANIP_UPDATE_GOLDEN=1`, look at the picture, commit it.
+/// After intended changes run once with `GENMANIP_UPDATE_GOLDEN=1`, inspect the image and commit it.
 #[test]
 fn the_toy_scene_looks_as_it_did() {
     let (assets, state) = toy();
@@ -500,7 +501,7 @@ fn the_toy_scene_looks_as_it_did() {
     check_golden("toy_scene.png", [256, 144], &out.rgb);
 }
 
-/// Whether a picture looks like a stored one.
+/// Compares an image with a stored one.
 pub(crate) fn check_golden(name: &str, [width, height]: [u32; 2], rgb: &[u8]) {
     let path = &std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
     if std::env::var_os("GENMANIP_UPDATE_GOLDEN").is_some() {

@@ -208,7 +208,7 @@ pub(super) fn put<T: Copy, const SIDE: usize>(out: &mut [T], values: &[T; SIDE])
     }
 }
 
-/// Reads a tile's row, whose values end where the picture does.
+/// Reads the values of a tile's row; `beyond` stands for those outside the image.
 #[inline(always)]
 pub(super) fn line_of<T: Copy, const SIDE: usize>(values: &[T], beyond: T) -> [T; SIDE] {
     if let Some(whole) = values.first_chunk() {

@@ -220,11 +220,11 @@ impl VisibilityBuffer {
         }
     }
 
-    /// Whether a rectangle of samples, ends excluded, is not that of a target of the same size, to the bit.
+    /// True if a rectangle of samples, ends excluded, differs from that of a buffer of the same size.
     pub fn differs(&self, other: &Self, columns: std::ops::Range<usize>, mut rows: std::ops::Range<usize>) -> bool {
         rows.any(|row| {
             let range = row * self.stride + columns.start..row * self.stride + columns.end;
-            // Equal reversed_z of another triangle is told by the ids; reversed_z is positive, so equal is the same bits.
+            // Ids distinguish triangles of equal depth.
             self.reversed_z[range.clone()] != other.reversed_z[range.clone()]
                 || (!self.ids.is_empty() && self.ids[range.clone()] != other.ids[range])
         })

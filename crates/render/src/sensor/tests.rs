@@ -1,4 +1,4 @@
-//! Sensors on pictures of known geometry.
+//! Sensors on images of known geometry.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ fn stereo() -> DepthSensor {
     preset("d435").depth.unwrap()
 }
 
-/// A picture of walls that face the camera, all of part 1, from a depth for each pixel.
+/// An image of walls of part 1 that face the camera, from a depth per pixel.
 fn walls([width, height]: [u32; 2], depth_m: impl Fn(u32, u32) -> f32) -> (Intrinsics, FrameBuffers) {
     let pixels = (width * height) as usize;
     let depth_m = (0..width * height).map(|index| depth_m(index % width, index / width)).collect();
@@ -65,7 +65,7 @@ proptest! {
     }
 }
 
-/// What scatters back too little has holes: by share of its pixels.
+/// Surfaces that scatter back too little have holes, by share of pixels.
 #[test]
 fn glass_mirrors_and_black_things_have_holes() {
     let missing = |returned: f32| {
@@ -171,7 +171,7 @@ fn a_lens_moves_pixels_where_its_formula_says() {
     let lens = Distortion { k1: -0.25, k2: 0.05, p1: 0.002, p2: -0.001, k3: 0.0 };
     let straight = camera(256, 144);
     let distorted = Camera { distortion: Some(lens), ..straight.clone() };
-    let [straight_picture, bent_picture] = [&straight, &distorted].map(|camera| shot(camera, Channels::GEOMETRY, 1));
+    let [straight_image, distorted_image] = [&straight, &distorted].map(|camera| shot(camera, Channels::GEOMETRY, 1));
     let (k, mut compared) = (straight.intrinsics, 0);
     for index in (0..256 * 144).step_by(7) {
         let at = DVec2::new(f64::from(index % 256), f64::from(index / 256));
@@ -180,8 +180,8 @@ fn a_lens_moves_pixels_where_its_formula_says() {
         let is_inside = pixel.cmpge(DVec2::ZERO).all() && pixel.x < 256.0 && pixel.y < 144.0;
         if is_inside {
             let from = pixel.y as usize * 256 + pixel.x as usize;
-            assert_eq!(bent_picture.instance[index as usize], straight_picture.instance[from]);
-            assert!((bent_picture.depth_m[index as usize] - straight_picture.depth_m[from]).abs() < 1e-4);
+            assert_eq!(distorted_image.instance[index as usize], straight_image.instance[from]);
+            assert!((distorted_image.depth_m[index as usize] - straight_image.depth_m[from]).abs() < 1e-4);
             compared += 1;
         }
     }
@@ -190,7 +190,7 @@ fn a_lens_moves_pixels_where_its_formula_says() {
     assert!(pinhole(&folded).unwrap_err().to_string().contains("its lens"));
 }
 
-/// The picture of the toy scene through a D435 behind a barrel lens: colour, depth and what has no depth.
+/// The toy scene through a D435 behind a barrel lens: colour, depth and holes.
 #[test]
 fn the_picture_of_a_sensor_looks_like_the_stored_one() {
     let lens = Distortion { k1: -0.2, k2: 0.03, ..Distortion::default() };

@@ -216,7 +216,7 @@ impl PlanarReceiver {
             .flat_map(move |row| (from[0]..=to[0]).map(move |column| usize::from(row) * columns + usize::from(column)))
     }
 
-    fn sight(&self, camera: &CameraView) -> CellProjection {
+    fn projection(&self, camera: &CameraView) -> CellProjection {
         let turn = [camera.turn.x_axis, camera.turn.y_axis, camera.turn.z_axis].map(|column| column.to_array());
         let size = [self.width(), self.blocks[1] * TILE];
         CellProjection {
@@ -242,18 +242,18 @@ impl PlanarReceiver {
         Reading { pixels, lanes }: &mut Reading,
         share: &mut [f32],
     ) {
-        let (sight, width) = (self.sight(camera), centers.width);
+        let (projection, width) = (self.projection(camera), centers.width);
         for &place in tiles {
             let [column, row] = unpacked(place).map(|at| at as usize);
             pixels.tile(place, centers);
-            self.read(&sight, pixels, lanes);
+            self.read(&projection, pixels, lanes);
             for (step, line) in lanes.share.as_chunks::<TILE>().0.iter().enumerate() {
                 share[(row + step) * width + column..][..TILE].copy_from_slice(line);
             }
         }
         for places in places.chunks(CHUNK) {
             pixels.list(places, centers);
-            self.read(&sight, pixels, lanes);
+            self.read(&projection, pixels, lanes);
             for (&value, &pixel) in lanes.share.iter().zip(&pixels.pixel).take(pixels.count) {
                 share[pixel as usize] = value;
             }
@@ -261,9 +261,9 @@ impl PlanarReceiver {
     }
 
     /// Interpolates the shadow mask of a batch of pixels.
-    fn read(&self, sight: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
+    fn read(&self, projection: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
         let width = self.width();
-        find_cells(sight, pixels, reading);
+        find_cells(projection, pixels, reading);
         for i in 0..pixels.count {
             let index = reading.index[i] as usize;
             let (upper, lower) = (&self.share[index..], &self.share[index + width..]);
@@ -364,9 +364,9 @@ impl CellProjection {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn find_cells(sight: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
+fn find_cells(projection: &CellProjection, pixels: &Pixels, reading: &mut Lanes) {
     for i in 0..CHUNK {
-        let (index, [x, y]) = sight.split(sight.cell(pixels.column[i], pixels.row[i], pixels.depth[i]));
+        let (index, [x, y]) = projection.split(projection.cell(pixels.column[i], pixels.row[i], pixels.depth[i]));
         (reading.index[i], reading.x[i], reading.y[i]) = (index, x, y);
     }
 }

@@ -1,4 +1,4 @@
-//! A toy scene and an independent ray caster to judge the rasteriser by.
+//! A toy scene, and an independent ray caster as reference.
 
 use std::sync::Arc;
 
@@ -142,7 +142,7 @@ pub fn robot() -> Arc<RobotModel> {
     })
 }
 
-/// A checkered picture.
+/// A checkered texture.
 pub fn checker() -> Arc<Texture> {
     let rgb = (0..64 * 64).flat_map(|i| if (i / 8 + i / 64 / 8) % 2 == 0 { [250, 250, 250] } else { [40, 60, 140] });
     Arc::new(Texture { width: 64, height: 64, rgb: rgb.collect() })

@@ -68,7 +68,7 @@ impl TransparencyLayers {
         if layers[0].point.depth < layers[1].point.depth {
             layers.swap(0, 1);
         }
-        let [far, near] = layers.map(|pane| surface_of(pane.point.id));
+        let [far, near] = layers.map(|layer| surface_of(layer.point.id));
         let surfaces = [if one.is_some() && other.is_some() { far } else { 0 }, near];
         let is_same = |group: &Group| group.surfaces == surfaces;
         if !self.groups.get(self.last).is_some_and(is_same) {

@@ -58,8 +58,8 @@ pub(super) fn refract(
     }
     let inner = 1.0 / index_of_refraction;
     for i in 0..CHUNK {
-        let sight = normalized(less(at(&first, i), viewpoint), [0.0, 0.0, 1.0]);
-        put(&mut inside, i, refracted(sight, at(&near.normal, i), inner));
+        let ray = normalized(less(at(&first, i), viewpoint), [0.0, 0.0, 1.0]);
+        put(&mut inside, i, refracted(ray, at(&near.normal, i), inner));
     }
     for i in 0..CHUNK {
         for axis in 0..3 {

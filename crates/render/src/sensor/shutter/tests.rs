@@ -1,4 +1,4 @@
-//! Blur of the toy scene, whose bodies move as the tests say.
+//! Motion blur of the toy scene.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn exposed(shutter_s: f64) -> Camera {
     Camera { sensor: Some(CameraSensor { color, depth: None }), ..camera(128, 72) }
 }
 
-/// The frame now and the ones before, as the red block comes along the table's y with a speed.
+/// Present and past states while the red block moves along y at a speed.
 fn passing(assets: &RenderAssets, speed_m_s: f64) -> Vec<FrameState> {
     let now = frame(assets);
     let block = assets.body_count() - objects().len();
@@ -47,7 +47,7 @@ fn earlier(assets: &Arc<RenderAssets>, camera: &Camera, states: &[FrameState], s
     moments(assets, camera, &seen, Past { moments: states, step_s: STEP_S }, shutter_s)
 }
 
-/// As many pictures as the way has pixels, at places that are spread evenly over it, also over several steps.
+/// As many images as the motion has pixels, evenly spread, also over several steps.
 #[test]
 fn the_way_on_the_image_says_how_many_pictures_there_are() {
     let assets = assets();
@@ -66,14 +66,14 @@ fn the_way_on_the_image_says_how_many_pictures_there_are() {
         let way = states[0].body_poses[block].position - state.body_poses[block].position;
         assert!((way - DVec3::Y * (0.8 * ago_s)).length() < 1e-9, "{way} after {ago_s} s");
     }
-    // Before the first moment that is known nothing moved.
+    // At rest before the first known state.
     let states = &passing(&assets, 4.0)[..2];
     let young = earlier(&assets, &camera, states, 0.03);
     assert_eq!(young.last().unwrap().body_poses[block], states[1].body_poses[block]);
     assert!(earlier(&assets, &camera, &states[..1], 0.03).is_empty());
 }
 
-/// A camera that moves blurs everything, the background too.
+/// A moving camera blurs everything, including the background.
 #[test]
 fn a_camera_on_the_hand_blurs_the_table() {
     let assets = assets();
@@ -90,7 +90,7 @@ fn a_camera_on_the_hand_blurs_the_table() {
     assert!(earlier(&assets, &camera, &states, 0.02).len() >= 2);
 }
 
-/// In linear light: half of a black and a white picture is what reflects half of the light.
+/// In linear light: half a black and half a white image is a surface that reflects half of the light.
 #[test]
 fn the_mean_is_of_light() {
     assert_eq!(mean(&[vec![0, 0, 0], vec![255, 255, 255]]), [188, 188, 188]);
