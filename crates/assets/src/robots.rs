@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use genmanip_core::names::near_misses;
 use genmanip_core::{RobotModel, World};
 
 use crate::AssetError;
@@ -16,7 +17,7 @@ static FILES: &[(PartKind, &str, &str)] = include!(concat!(env!("OUT_DIR"), "/ro
 /// Robots built or registered so far, by name.
 static KNOWN: Mutex<BTreeMap<String, Arc<RobotModel>>> = Mutex::new(BTreeMap::new());
 
-/// Names of the robots: the built-in ones, and those registered.
+/// Names of the built-in and the registered robots.
 pub fn names() -> Vec<String> {
     let mut names: Vec<String> = built_in(PartKind::Robot).map(str::to_owned).collect();
     names.extend(KNOWN.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned());
@@ -41,18 +42,14 @@ pub fn named(name: &str) -> Result<Arc<RobotModel>, AssetError> {
         }
         None => {
             let known = names();
-            let wanted = name.to_lowercase();
-            let is_near = |known: &&String| {
-                let same = known.chars().zip(wanted.chars()).filter(|(a, b)| a == b).count();
-                wanted.contains(known.as_str()) || known.contains(&wanted) || 2 * same > known.len()
-            };
-            let near = known.iter().filter(is_near).cloned().collect();
+            let names: Vec<&str> = known.iter().map(String::as_str).collect();
+            let near = near_misses(&name.to_lowercase(), &names);
             Err(AssetError::UnknownRobot { got: name.to_owned(), near, known })
         }
     }
 }
 
-/// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
+/// The Franka Emika Panda with its parallel gripper; the same `Arc` on every call.
 ///
 /// # Panics
 /// Never in a tested build: the data files are compiled in.
@@ -60,10 +57,10 @@ pub fn panda() -> Arc<RobotModel> {
     named("panda").expect("built-in data files are tested")
 }
 
-/// Makes a robot known by its name for as long as the program runs.
+/// Registers a robot under its name until the program ends.
 ///
 /// # Errors
-/// [`AssetError::Data`] when another robot has its name.
+/// [`AssetError::Data`] if another robot has this name.
 pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetError> {
     match named(&robot.name) {
         Err(AssetError::UnknownRobot { .. }) => {
@@ -73,7 +70,7 @@ pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetE
         Err(error) => Err(error),
         Ok(other) if other.physics_hash() == robot.physics_hash() => Ok(other),
         Ok(other) => {
-            let message = format!("name: expected a name of its own, got {:?}, which is another robot", other.name);
+            let message = format!("name: expected a unique name, got {:?}, the name of another robot", other.name);
             Err(AssetError::Data { file: file.to_owned(), message })
         }
     }
@@ -82,11 +79,11 @@ pub fn register(file: &str, robot: RobotModel) -> Result<Arc<RobotModel>, AssetE
 /// Text of a built-in arm or gripper.
 ///
 /// # Errors
-/// [`AssetError::Data`] with the names there are.
+/// [`AssetError::Data`] with the known names.
 pub fn find(kind: PartKind, name: &str) -> Result<String, AssetError> {
     built_in_text(kind, name).map(str::to_owned).ok_or_else(|| {
         let known: Vec<&str> = built_in(kind).collect();
-        let message = format!("no {} is called {name:?}; there are {}", kind.word(), known.join(", "));
+        let message = format!("no {} is called {name:?}; known: {}", kind.word(), known.join(", "));
         AssetError::Data { file: format!("{} {name}", kind.word()), message }
     })
 }
@@ -99,7 +96,7 @@ fn built_in_text(kind: PartKind, name: &str) -> Option<&'static str> {
     FILES.iter().find(|file| file.0 == kind && file.1 == name).map(|file| file.2)
 }
 
-/// The robot of a world, starting where the world says, provided that it is the one the world was made for.
+/// The robot of a world, at the world's home configuration; the world must have been made for it.
 ///
 /// # Errors
 /// [`AssetError::UnknownRobot`], or [`AssetError::RobotMismatch`] with the field that differs.

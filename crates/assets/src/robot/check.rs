@@ -9,16 +9,16 @@ use super::data::{ArmData, GripperData, JointData, LinkData, RobotData};
 use super::{GRIPPER, PartKind, joints};
 use crate::parts::Part;
 
-/// Gap between the pads of a closed gripper, m.
+/// Largest gap between the pads of a closed gripper, m.
 const PAD_GAP_M: f64 = 0.001;
-/// Error of a unit axis, and of the fingers' directions.
-const UNIT: f64 = 1e-6;
-/// Largest coordinate or extent, m: the largest arms reach five metres.
-const FAR_M: f64 = 10.0;
-/// Largest joint angle, rad: 16 turns.
-const FAR_RAD: f64 = 100.0;
+/// Tolerance of the length of a unit axis and of the fingers' directions and travel.
+const TOLERANCE: f64 = 1e-6;
+/// Largest coordinate or extent, m; the largest arms reach five metres.
+const MAX_EXTENT_M: f64 = 10.0;
+/// Largest joint angle, rad, about 16 turns.
+const MAX_ANGLE_RAD: f64 = 100.0;
 /// Largest opening of a gripper, m.
-const WIDE_M: f64 = 0.5;
+const MAX_OPENING_M: f64 = 0.5;
 
 type Checked = Result<(), String>;
 
@@ -30,7 +30,7 @@ fn positive(place: impl Display, value: f64) -> Checked {
     expect(value > 0.0 && value.is_finite(), place, "a positive number", value)
 }
 
-/// Schema and name of a file.
+/// Checks the schema and the name of a file.
 pub(super) fn header(kind: PartKind, schema: &str, name: &str) -> Checked {
     expect(schema == kind.schema(), "schema", format!("{:?}", kind.schema()), format!("{schema:?}"))?;
     let plain = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_';
@@ -38,7 +38,7 @@ pub(super) fn header(kind: PartKind, schema: &str, name: &str) -> Checked {
     expect(is_name, "name", "1-64 lower-case letters, digits and underscores", format!("{name:?}"))
 }
 
-/// An arm on its own.
+/// Checks an arm by itself.
 pub(super) fn arm(arm: &ArmData) -> Checked {
     header(PartKind::Arm, &arm.schema, &arm.name)?;
     expect(
@@ -62,16 +62,16 @@ pub(super) fn arm(arm: &ArmData) -> Checked {
     if let Some(reach) = arm.reach {
         let [near, far] = reach.from_above_m;
         expect(
-            0.0 <= near && near < far && far <= FAR_M && reach.max_m > 0.0 && reach.max_m <= FAR_M,
+            0.0 <= near && near < far && far <= MAX_EXTENT_M && reach.max_m > 0.0 && reach.max_m <= MAX_EXTENT_M,
             "reach",
-            format!("0 ≤ from_above_m[0] < from_above_m[1] ≤ {FAR_M} and max_m in 0-{FAR_M}"),
+            format!("0 ≤ from_above_m[0] < from_above_m[1] ≤ {MAX_EXTENT_M} and max_m in 0-{MAX_EXTENT_M}"),
             format!("{:?} and {}", reach.from_above_m, reach.max_m),
         )?;
     }
     pairs("never_colliding", &arm.never_colliding, &|name| arm.links.iter().any(|link| link.name == name))
 }
 
-/// Every joint of an arm lies between its base and the tool link.
+/// Checks that every joint of an arm lies between its base and the tool link.
 fn serial(arm: &ArmData) -> Checked {
     let place = |name: &str| arm.links.iter().position(|link| link.name == name);
     let names = || arm.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -90,7 +90,7 @@ fn serial(arm: &ArmData) -> Checked {
     expect(carried == all, "tool_link", format!("a link behind all {all} joints"), format!("one behind {carried}"))
 }
 
-/// A gripper on its own.
+/// Checks a gripper by itself.
 pub(super) fn gripper(gripper: &GripperData) -> Checked {
     header(PartKind::Gripper, &gripper.schema, &gripper.name)?;
     expect(
@@ -110,9 +110,9 @@ pub(super) fn gripper(gripper: &GripperData) -> Checked {
         format!("{:?}", gripper.fingers),
     )?;
     expect(
-        (0.0..=WIDE_M).contains(&gripper.max_width) && gripper.max_width > 0.0,
+        (0.0..=MAX_OPENING_M).contains(&gripper.max_width) && gripper.max_width > 0.0,
         "max_width",
-        format!("metres in 0-{WIDE_M}"),
+        format!("metres in 0-{MAX_OPENING_M}"),
         gripper.max_width,
     )?;
     expect(
@@ -126,7 +126,12 @@ pub(super) fn gripper(gripper: &GripperData) -> Checked {
     }
     positive("max_force", gripper.max_force)?;
     for (axis, size) in ["[0]", "[1]", "[2]"].iter().zip(gripper.pad_size.to_array()) {
-        expect(size > 0.0 && size <= WIDE_M, format!("pad_size{axis}"), format!("metres in 0-{WIDE_M}"), size)?;
+        expect(
+            size > 0.0 && size <= MAX_OPENING_M,
+            format!("pad_size{axis}"),
+            format!("metres in 0-{MAX_OPENING_M}"),
+            size,
+        )?;
     }
     let drives = &gripper.drives;
     let force = format!("a positive number up to max_force, {}", gripper.max_force);
@@ -150,7 +155,7 @@ pub(super) fn gripper(gripper: &GripperData) -> Checked {
     pairs("never_colliding", &gripper.never_colliding, &|name| gripper.links.iter().any(|link| link.name == name))
 }
 
-/// A finger slides from closed at 0 to half the opening, along ±y of the hand.
+/// Checks that a finger slides along ±y of the hand, from closed at 0 to half the opening.
 fn check_finger(gripper: &GripperData, finger: usize, sign: f64) -> Checked {
     let name = &gripper.fingers[finger];
     let names = || gripper.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -167,38 +172,33 @@ fn check_finger(gripper: &GripperData, finger: usize, sign: f64) -> Checked {
     let along = link.pose().transform_vector(joint.axis);
     let wanted = DVec3::Y * sign;
     expect(
-        along.distance(wanted) < UNIT,
+        along.distance(wanted) < TOLERANCE,
         format!("{place}.joint.axis"),
         format!("{wanted} in the frame of the hand"),
         along,
     )?;
     expect(joint.lower == 0.0, format!("{place}.joint.lower"), "0, where the gripper is closed", joint.lower)?;
     let half = gripper.max_width / 2.0;
-    let enough = joint.upper >= half - UNIT;
+    let enough = joint.upper >= half - TOLERANCE;
     expect(enough, format!("{place}.joint.upper"), format!("at least half of max_width, {half}"), joint.upper)
 }
 
-/// Links of an arm or a gripper.
+/// Checks the links of an arm or a gripper.
 fn links(links: &[LinkData]) -> Checked {
     expect(!links.is_empty(), "links", "at least one link", "none")?;
     for (index, link) in links.iter().enumerate() {
         let place = format!("links[{index}] ({})", link.name);
         let is_new = links[..index].iter().all(|other| other.name != link.name);
-        expect(
-            is_new && !link.name.is_empty(),
-            format!("{place}.name"),
-            "a name of its own",
-            format!("{:?}", link.name),
-        )?;
+        expect(is_new && !link.name.is_empty(), format!("{place}.name"), "a unique name", format!("{:?}", link.name))?;
         expect(
             link.name != GRIPPER,
             format!("{place}.name"),
-            "another name, since it stands for all links of a gripper",
+            "another name, since this one is reserved for all links of a gripper",
             GRIPPER,
         )?;
         check_parent(&place, index, links)?;
         let far = link.position.abs().max_element();
-        expect(far <= FAR_M, format!("{place}.position"), format!("metres up to {FAR_M}"), far)?;
+        expect(far <= MAX_EXTENT_M, format!("{place}.position"), format!("metres up to {MAX_EXTENT_M}"), far)?;
         positive(format!("{place}.mass_kg"), link.mass_kg)?;
         expect(link.center.is_finite(), format!("{place}.center"), "finite numbers", link.center)?;
         let inertia = link.inertia();
@@ -217,7 +217,7 @@ fn links(links: &[LinkData]) -> Checked {
             check_joint(&format!("{place}.joint"), joint)?;
             let is_new =
                 links[..index].iter().all(|other| other.joint.as_ref().is_none_or(|other| other.name != joint.name));
-            expect(is_new, format!("{place}.joint.name"), "a name of its own", format!("{:?}", joint.name))?;
+            expect(is_new, format!("{place}.joint.name"), "a unique name", format!("{:?}", joint.name))?;
         }
     }
     Ok(())
@@ -242,10 +242,10 @@ fn check_parent(place: &str, index: usize, links: &[LinkData]) -> Checked {
 
 fn check_joint(place: &str, joint: &JointData) -> Checked {
     let length = joint.axis.length();
-    expect((length - 1.0).abs() < UNIT, format!("{place}.axis"), "a unit vector", joint.axis)?;
+    expect((length - 1.0).abs() < TOLERANCE, format!("{place}.axis"), "a unit vector", joint.axis)?;
     let (far, unit) = match joint.kind {
-        JointKind::Revolute => (FAR_RAD, "radians"),
-        JointKind::Prismatic => (FAR_M, "metres"),
+        JointKind::Revolute => (MAX_ANGLE_RAD, "radians"),
+        JointKind::Prismatic => (MAX_EXTENT_M, "metres"),
     };
     for (key, value) in [("lower", joint.lower), ("upper", joint.upper)] {
         expect(value.abs() <= far, format!("{place}.{key}"), format!("{unit} up to {far}"), value)?;
@@ -267,7 +267,7 @@ fn check_joint(place: &str, joint: &JointData) -> Checked {
     Ok(())
 }
 
-/// Pairs of links that exist.
+/// Checks that pairs consist of two different existing links.
 fn pairs(place: &str, pairs: &[[String; 2]], exists: &dyn Fn(&str) -> bool) -> Checked {
     for (index, pair) in pairs.iter().enumerate() {
         for name in pair {
@@ -278,7 +278,7 @@ fn pairs(place: &str, pairs: &[[String; 2]], exists: &dyn Fn(&str) -> bool) -> C
     Ok(())
 }
 
-/// Gripper and arm together, the robot's own values in place of the arm's.
+/// Checks gripper and arm together, after the robot's values have replaced those of the arm.
 pub(super) fn mounted(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> Checked {
     let dof = joints(&arm.links);
     let mount = robot.mount.pose();
@@ -304,23 +304,20 @@ pub(super) fn mounted(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -
         expect(
             is_new,
             "gripper",
-            format!("names of links that the arm {} does not have", arm.name),
+            format!("link names that the arm {} does not use", arm.name),
             format!("{:?}", link.name),
         )?;
         let joint = |link: &LinkData| link.joint.as_ref().map(|joint| joint.name.clone());
         let clash = joint(link).filter(|name| arm.links.iter().any(|other| joint(other).as_ref() == Some(name)));
         if let Some(name) = clash {
-            return Err(format!(
-                "gripper: expected names of joints that the arm {} does not have, got {name:?}",
-                arm.name
-            ));
+            return Err(format!("gripper: expected joint names that the arm {} does not use, got {name:?}", arm.name));
         }
     }
     let all = || arm.links.iter().chain(&gripper.links);
     pairs("never_colliding", &robot.never_colliding, &|name| name == GRIPPER || all().any(|link| link.name == name))
 }
 
-/// Pads that meet in the plane y = 0 of the hand when the gripper is closed.
+/// Checks that the pads meet in the plane y = 0 of the hand when the gripper is closed.
 pub(super) fn pads(robot: &RobotModel) -> Checked {
     let poses = robot.link_poses(&robot.home, 0.0);
     let hand_from_world = poses[robot.hand].inverse();

@@ -63,7 +63,7 @@ pub(super) struct GripperData {
     pub fingers: [String; 2],
     /// Largest opening between the pads, m.
     pub max_width: f64,
-    /// Largest published grip force, N.
+    /// Largest grip force according to the maker, N.
     pub max_force: f64,
     /// Pad size: along the closing direction, across, along the finger, m.
     pub pad_size: DVec3,
@@ -121,7 +121,7 @@ pub(super) struct RobotData {
     /// Tighter limits, by joint.
     #[serde(default)]
     pub limits: BTreeMap<String, LimitsData>,
-    /// Pairs of links that cannot meet; `gripper` stands for every link of the gripper.
+    /// Pairs of links that cannot meet; `gripper` means every link of the gripper.
     #[serde(default)]
     pub never_colliding: Vec<[String; 2]>,
 }
@@ -130,7 +130,7 @@ pub(super) struct RobotData {
 #[serde(deny_unknown_fields)]
 pub(super) struct MountData {
     pub position: DVec3,
-    /// About fixed x, y, z.
+    /// Rotations about fixed x, y, z.
     pub rpy_deg: [f64; 3],
 }
 
@@ -165,9 +165,9 @@ pub(super) struct LimitsData {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WristCameraData {
-    /// Of the optical frame in the hand's frame.
+    /// Position of the optical frame in the hand's frame, m.
     pub position: DVec3,
-    /// From the approach direction towards the pads.
+    /// Tilt from the approach direction towards the pads.
     pub tilt_deg: f64,
 }
 
@@ -178,10 +178,10 @@ pub(super) struct LinkData {
     /// Name of an earlier link; absent for the first one.
     #[serde(default)]
     pub parent: Option<String>,
-    /// Of the link's frame in the parent's frame.
+    /// Origin of the link's frame in the parent's frame, m.
     #[serde(default)]
     pub position: DVec3,
-    /// About fixed x, y, z.
+    /// Rotations about fixed x, y, z.
     #[serde(default)]
     pub rpy_deg: [f64; 3],
     #[serde(default)]

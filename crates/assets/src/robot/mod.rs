@@ -10,7 +10,7 @@ use crate::AssetError;
 use crate::data_file::read;
 use data::{ArmData, GripperData, LimitsData, LinkData, RobotData, WristCameraData};
 
-/// Stands for every link of the gripper in a robot's `never_colliding`.
+/// Means every link of the gripper in a robot's `never_colliding`.
 const GRIPPER: &str = "gripper";
 
 /// Kinds of robot files.
@@ -44,10 +44,10 @@ impl PartKind {
     }
 }
 
-/// Text of the arm or gripper with a name.
+/// Finds the file text of the arm or gripper with a name.
 pub type PartFinder<'a> = dyn Fn(PartKind, &str) -> Result<String, AssetError> + 'a;
 
-/// The robot of a robot file's text; `file` names it in errors, `find` reads the arm and the gripper that it names.
+/// Builds a robot from the text of a robot file; `file` names it in errors, `find` reads its arm and gripper.
 ///
 /// # Errors
 /// [`AssetError::Data`] with the file, the place in it and the expected value, or an error of `find`.
@@ -71,7 +71,7 @@ pub fn compose(file: &str, text: &str, find: &PartFinder) -> Result<RobotModel, 
     Ok(model)
 }
 
-/// Replaces home, reach, gains and limits of the arm by those of the robot.
+/// Overrides home, reach, gains and limits of the arm with those of the robot.
 fn override_arm(arm: &mut ArmData, robot: &RobotData) -> Result<(), String> {
     for (name, changes) in &robot.limits {
         let joints: Vec<String> = arm.links.iter().filter_map(|link| Some(link.joint.as_ref()?.name.clone())).collect();
@@ -117,7 +117,7 @@ fn tighten(name: &str, changes: &LimitsData, joint: &mut data::JointData) -> Res
     Ok(())
 }
 
-/// The model of parts that have passed every check.
+/// Assembles the model from checked parts.
 fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotModel {
     let names: Vec<&str> = arm.links.iter().chain(&gripper.links).map(|link| link.name.as_str()).collect();
     let index_of = |name: &str| names.iter().position(|other| *other == name);
@@ -175,7 +175,7 @@ fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotMod
     }
 }
 
-/// Named pairs, neighbours and the two fingers, each pair and the list in rising order.
+/// The named pairs, neighbouring links and the two fingers; each pair and the list in ascending order.
 fn never_colliding(
     links: &[RobotLink],
     fingers: [usize; 2],

@@ -241,7 +241,7 @@ fn a_registered_robot_is_found_and_keeps_its_name_to_itself() {
     robots::register("mine.json", robot).unwrap();
     file["name"] = json!("panda");
     let error = robots::register("mine.json", composed(&file).unwrap()).unwrap_err().to_string();
-    assert!(error.contains("mine.json") && error.contains("a name of its own"), "{error}");
+    assert!(error.contains("mine.json") && error.contains("a unique name"), "{error}");
 }
 
 proptest! {
