@@ -142,7 +142,7 @@ impl Connection {
             match message {
                 Message::Binary(bytes) => {
                     let read = rmpv::decode::read_value_with_max_depth(&mut bytes.as_ref(), MAX_DEPTH);
-                    return read.map_err(|error| self.wrong(format!("no MessagePack: {error}")));
+                    return read.map_err(|error| self.wrong(format!("invalid MessagePack: {error}")));
                 }
                 Message::Text(traceback) => return Err(self.failed(&traceback)),
                 Message::Close(frame) => {
