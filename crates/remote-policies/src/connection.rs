@@ -172,7 +172,7 @@ impl Connection {
             Error::Io(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 RemoteError::TimedOut { url, seconds: self.timeouts.answer.as_secs() }
             }
-            Error::Capacity(error) => RemoteError::Answer { url, what: format!("too much: {error}") },
+            Error::Capacity(error) => RemoteError::Answer { url, what: format!("too large: {error}") },
             error => RemoteError::Unreachable { url, reason: error.to_string() },
         }
     }

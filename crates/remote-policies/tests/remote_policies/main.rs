@@ -168,7 +168,7 @@ fn servers_that_fail_are_not_reached() {
         (Answer::Actions(Vec::new()), "shape [0, 8]"),
         (Answer::Actions(vec![vec![f32::NAN; 8]]), "with NaN in row 0"),
         (Answer::Bytes(vec![0xdd, 0xff, 0xff, 0xff, 0xff]), "invalid MessagePack"),
-        (Answer::Bytes(vec![0; 5 << 20]), "too much"),
+        (Answer::Bytes(vec![0; 5 << 20]), "too large"),
         (Answer::Hangs(Duration::from_secs(2)), "did not answer within 0 s"),
     ];
     for (answer, expected) in cases {

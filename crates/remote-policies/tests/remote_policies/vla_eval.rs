@@ -137,7 +137,7 @@ fn what_is_no_answer_is_named() {
         ("axis_angle", vec![("action", map(vec![]))], "no `actions`"),
         ("axis_angle", vec![("hello", map(vec![]))], "a message `hello`, expected `action`"),
         ("axis_angle", vec![], "the policy server"),
-        ("quaternion_xyzw", vec![], "the rotation of actions as `quaternion_xyzw`, expected `axis_angle`"),
+        ("quaternion_xyzw", vec![], "the rotation format of actions is `quaternion_xyzw`, expected `axis_angle`"),
     ];
     for (rotation, answers, expected) in cases {
         let (address, _) = serve(Script { hello: hello(rotation), answers });
