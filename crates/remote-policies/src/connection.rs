@@ -142,7 +142,7 @@ impl Connection {
             match message {
                 Message::Binary(bytes) => {
                     let read = rmpv::decode::read_value_with_max_depth(&mut bytes.as_ref(), MAX_DEPTH);
-                    return read.map_err(|error| self.wrong(format!("no MessagePack: {error}")));
+                    return read.map_err(|error| self.wrong(format!("invalid MessagePack: {error}")));
                 }
                 Message::Text(traceback) => return Err(self.failed(&traceback)),
                 Message::Close(frame) => {
@@ -172,7 +172,7 @@ impl Connection {
             Error::Io(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 RemoteError::TimedOut { url, seconds: self.timeouts.answer.as_secs() }
             }
-            Error::Capacity(error) => RemoteError::Answer { url, what: format!("too much: {error}") },
+            Error::Capacity(error) => RemoteError::Answer { url, what: format!("too large: {error}") },
             error => RemoteError::Unreachable { url, reason: error.to_string() },
         }
     }

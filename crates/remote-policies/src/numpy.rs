@@ -90,15 +90,15 @@ impl Array {
         if entry("__ndarray__")?.as_bool() != Some(true) {
             return Err("`__ndarray__` is not true".into());
         }
-        let axes = entry("shape")?.as_array().ok_or("its shape is no list")?;
+        let axes = entry("shape")?.as_array().ok_or("its shape is not a list")?;
         let axes: Option<Vec<usize>> =
             axes.iter().map(|axis| axis.as_u64().and_then(|axis| usize::try_from(axis).ok())).collect();
-        let shape = axes.ok_or("its shape is not of whole numbers")?;
+        let shape = axes.ok_or("its shape has other values than whole numbers")?;
         let count = shape.iter().try_fold(1_usize, |count, axis| count.checked_mul(*axis));
         let count =
             count.filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| format!("more than {MAX_ELEMENTS} elements"))?;
-        let data = entry("data")?.as_slice().ok_or("its data are no bytes")?;
-        let dtype = entry("dtype")?.as_str().ok_or("its dtype is no text")?;
+        let data = entry("data")?.as_slice().ok_or("its data is not bytes")?;
+        let dtype = entry("dtype")?.as_str().ok_or("its dtype is not a string")?;
         let numbers = match dtype {
             "|u1" => Numbers::U8(data.to_vec()),
             "<f4" => Numbers::F32(words(data).map(f32::from_le_bytes).collect()),
@@ -184,7 +184,7 @@ mod tests {
         let cases = [
             (Value::Nil, "an array without `__ndarray__`"),
             (array(vec![3.into()], "<f4", &[0; 8]), "8 bytes of data, expected 12 of shape [3]"),
-            (array(vec![(-1).into()], "<f4", &[0; 8]), "not of whole numbers"),
+            (array(vec![(-1).into()], "<f4", &[0; 8]), "other values than whole numbers"),
             (array(vec![u64::MAX.into(), 2.into()], "<f4", &[]), "more than 1048576 elements"),
             (array(vec![1.into()], "|O", &[0; 8]), "dtype `|O`, expected one of"),
         ];

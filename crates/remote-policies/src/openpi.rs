@@ -265,7 +265,7 @@ impl Policy for OpenpiPolicy {
 /// Action rows of a response.
 fn rows(answer: &Value, length: usize) -> Result<Vec<Vec<f64>>, String> {
     let actions = get(answer, "actions").ok_or("no `actions`")?;
-    let actions = Array::read(actions).map_err(|what| format!("`actions` that are no array: {what}"))?;
+    let actions = Array::read(actions).map_err(|what| format!("invalid `actions`: {what}"))?;
     let [count, width] = actions.shape[..] else {
         return Err(format!("`actions` of shape {:?}, expected [horizon, {length}]", actions.shape));
     };

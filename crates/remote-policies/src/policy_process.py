@@ -1,8 +1,8 @@
-"""A policy of a Python module, asked over pipes by GenManip: `python policy_process.py module:Class`.
+"""Runs a policy of a Python module for GenManip over pipes: `python policy_process.py module:Class`.
 
-The class has spec(), reset(start) and act(observation), as docs/guides/evaluate.md says. A message is the length of its
-head (4 bytes, lowest first), the head as JSON, and the bytes of the arrays that the head lists. What the policy prints
-goes to standard error.
+The class has spec(), reset(start) and act(observation), see docs/guides/evaluate.md. A message is the length of its
+header (4 bytes, little-endian), the header as JSON, and the bytes of the arrays listed in the header. The policy's
+standard output is redirected to standard error.
 """
 
 import importlib
@@ -24,10 +24,10 @@ def receive():
         sys.exit(0)
     head = json.loads(INPUT.read(struct.unpack("<I", length)[0]))
     arrays = []
-    for told in head["arrays"]:
-        dtype = np.dtype(told["dtype"])
-        data = INPUT.read(dtype.itemsize * int(np.prod(told["shape"], dtype=np.int64)))
-        arrays.append(np.frombuffer(bytearray(data), dtype).reshape(told["shape"]))
+    for entry in head["arrays"]:
+        dtype = np.dtype(entry["dtype"])
+        data = INPUT.read(dtype.itemsize * int(np.prod(entry["shape"], dtype=np.int64)))
+        arrays.append(np.frombuffer(bytearray(data), dtype).reshape(entry["shape"]))
     return head, arrays
 
 
@@ -40,7 +40,7 @@ def send(head, array=None):
 
 
 def with_arrays(value, arrays):
-    """Puts arrays in the places of {"array": number}."""
+    """Replaces each {"array": number} by the array."""
     if isinstance(value, dict):
         if set(value) == {"array"}:
             return arrays[value["array"]]

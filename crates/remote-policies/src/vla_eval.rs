@@ -127,7 +127,7 @@ impl VlaEvalPolicy {
                 get(announced, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
             if let Some(format) = announced.and_then(Value::as_str).filter(|format| format != expected) {
                 let what =
-                    format!("with the {part} of actions as `{format}`, expected `{expected}` of {}", preset.name());
+                    format!("the {part} format of actions is `{format}`, expected `{expected}` of {}", preset.name());
                 return Err(connection.wrong(what));
             }
         }
@@ -247,7 +247,7 @@ fn rows(answer: &Value, seq: u64, length: usize) -> Result<Vec<Vec<f64>>, String
         return Err(format!("message {announced:?}, expected the answer to {seq}"));
     }
     let actions = get(payload, "actions").ok_or("no `actions`")?;
-    let actions = Array::read(actions).map_err(|what| format!("`actions` that are no array: {what}"))?;
+    let actions = Array::read(actions).map_err(|what| format!("invalid `actions`: {what}"))?;
     let fits = match actions.shape[..] {
         [width] => width == length,
         [count, width] => width == length && (1..=1000).contains(&count),

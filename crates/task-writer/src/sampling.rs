@@ -42,7 +42,7 @@ pub enum SamplingError {
     /// The catalogue lacks a required kind of object.
     #[error("a {kind} task needs {what}, but the catalogue has no more")]
     Lacks {
-        /// What is missing.
+        /// Missing kind of object.
         what: String,
         /// Kind of task.
         kind: String,

@@ -316,7 +316,7 @@ impl Agent {
         if self.settings.look_again && !held.is_grasped(state, &self.settings.motion) {
             self.transcribed.acted(time_s, format!("{} is not between the fingers", held.subtask.name));
             if self.picks >= self.settings.picks {
-                let evidence = format!("{} was not in the hand after {} picks", held.subtask.name, self.picks);
+                let evidence = format!("{} was not in the gripper after {} picks", held.subtask.name, self.picks);
                 return Err(FailedStage::new("execute", "slipped", evidence).into());
             }
             self.phase = Phase::RetryPick;

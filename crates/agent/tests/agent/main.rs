@@ -1,4 +1,4 @@
-//! The agent as others use it: questions and answers, and the marks on pictures.
+//! Public interface of the agent: questions and answers, and the marks on images.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 

@@ -99,7 +99,8 @@ fn block(part: &Part) -> Value {
     }
 }
 
-/// What was read from the service's own cache is counted beside `input_tokens` and belongs to the conversation.
+/// Tokens read from the service's prompt cache are reported separately from `input_tokens` but belong to the
+/// conversation.
 fn usage(value: &Value) -> Option<Usage> {
     let count = |name: &str| value.get(name).and_then(Value::as_u64);
     let cached = ["cache_creation_input_tokens", "cache_read_input_tokens"].map(|name| count(name).unwrap_or(0));

@@ -107,7 +107,7 @@ fn damaged_cassettes_are_refused() {
     let good = std::fs::read_to_string(&path).unwrap();
     let replay = CassetteChat::<HttpChat>::replay(settings(CassetteMode::Replay, folder.path()));
     for (text, part) in [
-        (good.replace("\"1\"", "\"2\""), "the question was changed"),
+        (good.replace("\"1\"", "\"2\""), "the request was edited"),
         (good.replace("cassette/1", "cassette/7"), "expected schema"),
         (good[..good.len() / 2].to_owned(), "not JSON"),
         (good.replace("\"text\": \"a\"", "\"text\": 5"), "$.reply"),

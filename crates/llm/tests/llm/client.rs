@@ -61,17 +61,17 @@ fn good_and_bad_servers() {
     // … but not for ever.
     check(always(status(502, &[], web_page_text())), "gave up after 3 requests", 3);
     check(always(status(500, &[], r#"{"error":{"message":"out of memory"}}"#)), "out of memory", 3);
-    check(always(Behaviour::CutOff(completion("hello"))), "cut off", 3);
-    check(always(Behaviour::HangUp), "cut off", 3);
+    check(always(Behaviour::CutOff(completion("hello"))), "truncated", 3);
+    check(always(Behaviour::HangUp), "truncated", 3);
     // Permanent failures are reported at once.
-    check(always(status(429, &[("retry-after", "3600")], "quota")), "asks to wait 3600 s", 1);
+    check(always(status(429, &[("retry-after", "3600")], "quota")), "requests a wait of 3600 s", 1);
     check(always(status(401, &[], r#"{"error":{"message":"no such key"}}"#)), "401: no such key", 1);
     check(always(status(404, &[], r#"{"detail":"Not Found"}"#)), "404: Not Found", 1);
     check(always(status(307, &[("location", "http://127.0.0.1:1/")], "moved")), "307: moved", 1);
     check(always(web_page()), "expected JSON", 1);
     check(always(web_page()), "Please log in", 1);
     check(always(json("")), "expected JSON", 1);
-    check(always(json("[1, 2")), "cut off", 3);
+    check(always(json("[1, 2")), "truncated", 3);
     check(always(json(&"[".repeat(100_000))), "expected JSON", 1);
     check(always(json(r#"{"choices": "none"}"#)), "$.choices", 1);
     check(always(json(r#"{"choices": [{"message": {"content": ""}, "finish_reason": "length"}]}"#)), "length", 1);

@@ -1,47 +1,48 @@
-//! Collision: named obstacles, the robot's exact pieces, a carried object, and rules about who may touch whom.
+//! Collision checking: named obstacles, exact robot geometry, an attached object, and allowed contacts.
 //!
-//! The question is always whether moving bodies keep their *margins*, in metres, from obstacles and from each other, at
-//! one configuration or everywhere along straight joint-space edges.
-//! A body is a link that has pieces, or the attached object; the base is tested against links only, not against obstacles.
+//! A query asks if moving bodies keep their *clearance* [m] from obstacles and from each other, at one configuration or
+//! everywhere along straight joint-space edges. A body is a link with collision pieces, or the attached object; the
+//! base is checked against links only, not against obstacles.
 //!
-//! **What there is of each body and obstacle**, compiled once per robot, per obstacle or per query, metres throughout:
+//! **Representations** of bodies and obstacles, compiled once per robot, per obstacle or per query:
 //!
-//! | form | file | says |
+//! | form | file | result |
 //! |---|---|---|
-//! | exact pieces: a convex core rounded by a radius, with a ball around it | `convex` | the distance, negative where they penetrate (GJK and EPA, 64 bits) |
-//! | cover: balls that hold a body, each with a radius that is surely inside | `cover` | bounds from above and below, of bodies |
-//! | skeleton: at most some dozens of corners of a piece | `narrow` | clear, touching or undecided |
-//! | simple bound: box, cylinder or segment around an obstacle's piece | `fast_piece` | the same, by squared distances |
-//! | surface: a tree over the points of a cloud or the `triangle`s of a mesh (`points` and `mesh` build it) | `surface` | exact, facet by facet; `probe` and its planes of a piece's faces spare most of it |
-//! | field: a grid of distance bounds around a surface | `field` | clear or touching by one look-up |
-//! | table over two joints for a pair of links that only these move | `pair_table` | a lower bound on their distance |
+//! | exact pieces: a convex core rounded by a radius, with a bounding sphere | `convex` | distance, negative for penetration (GJK and EPA, 64 bits) |
+//! | cover: spheres that contain a body, each with an inscribed radius | `cover` | upper and lower distance bounds, for bodies |
+//! | skeleton: at most a few dozen vertices of a piece | `narrow` | clear, touching or undecided |
+//! | bounding primitive: box, cylinder or segment around an obstacle's piece | `fast_piece` | the same, by squared distances |
+//! | surface: a hierarchy over the points of a cloud or the `triangle`s of a mesh (built by `points` and `mesh`) | `surface` | exact distance per facet; `probe` with a piece's face planes avoids most of them |
+//! | distance field: a grid of distance bounds around a surface | `field` | clear or touching by one lookup |
+//! | distance table over two joints for a link pair that only these move | `pair_table` | lower bound on their distance |
 //!
-//! `robot_shape` holds the compiled robot, `world` obstacles, attached object and allowed contacts, `body` and
-//! `placed_obstacle` what of it stands where in one query, and [`Checker`] all of that with a margin per pair.
-//! `lanes` and `lane_geometry` compute eight configurations at a time in 32 bits; `ROUNDING` (2e-5 m) is what that may
-//! lose, and every bound gives it away on the safe side.
+//! `robot_shape` holds the compiled robot; `world` the obstacles, the attached object and allowed contacts; `body` and
+//! `placed_obstacle` their poses in one query; and [`Checker`] all of these with a clearance per pair. `lanes` and
+//! `lane_geometry` process eight configurations at a time in single precision (SIMD); `ROUNDING` (2e-5 m) bounds the
+//! rounding error, and every bound is conservative by that amount.
 //!
-//! **Margins.** A query has one `padding`; a pair whose contact is allowed, or that can never meet, has none.
-//! [`Checker::relax`] lets start and goal of a motion be nearer: such a pair keeps nearly the distance that it has there,
-//! and of a surface only the facets that are near are excused.
-//! The fast path turns a margin into two: beyond `accept` a pair is clear, within `reject` it surely touches.
+//! **Clearances.** A query has one `padding`; pairs with allowed contact, or that can never meet, are not checked.
+//! [`Checker::relax`] permits start and goal of a motion to be closer: such a pair keeps nearly the distance it has
+//! there, and of a surface only the nearby facets are relaxed. The fast path turns a clearance into two thresholds:
+//! beyond `accept` a pair is clear, within `reject` it certainly touches.
 //!
-//! **In which order they are asked** (`edge` for one edge, as the search tries them; `polyline` for a whole path, at the
-//! end):
+//! **Order of checks** (`edge` for one edge, as the search tries it; `polyline` for a whole path, at the end):
 //!
-//! 1. Eight states at a time go through forward kinematics (`fast`): of an edge's states, which are so close that no point
-//!    moves farther than `spacing` between two of them (the *motion bounds* of the joints say so), or of the middles of
-//!    stretches, with margins widened by what a body may move over half a stretch.
-//! 2. Each body's ball against each obstacle's ball, bounds or field; then the body's cover; most pairs are clear here.
-//! 3. What is left: skeletons against simple bounds, by a few Frank-Wolfe steps. A certain touch ends the query at once.
-//! 4. What is undecided is a `Doubt`: this pair, in these lanes. Obstacles are then asked exactly, one state at a time; a
-//!    path first cuts a doubtful stretch into steps of `spacing` and asks 1 to 3 again for that pair alone.
-//! 5. Doubtful pairs of bodies come last, and are followed along the whole edge by conservative advancement: the table's
-//!    bound or the exact distance at one state is also how far the pair may move before it can meet.
+//! 1. Forward kinematics of eight states at a time (`fast`): states of an edge, so close that no point moves more than
+//!    `spacing` between two of them (by the *motion bounds* of the joints), or the middle states of segments, with
+//!    clearances enlarged by the motion of a body over half a segment.
+//! 2. Broad phase: each body's bounding sphere against each obstacle's sphere, primitives or distance field, then the
+//!    body's cover; most pairs are clear here.
+//! 3. Narrow phase for the rest: skeletons against bounding primitives, by a few Frank-Wolfe steps. A certain contact
+//!    ends the query.
+//! 4. What remains is `Unresolved`: a pair and its lanes. Obstacles are then checked exactly, one state at a time; a
+//!    path first subdivides the segment into steps of `spacing` and repeats 1 to 3 for that pair alone.
+//! 5. Unresolved pairs of bodies come last and are followed along the whole edge by conservative advancement: the
+//!    table's bound or the exact distance at one state limits how far the pair can move before it may touch.
 //!
-//! With `spacing` at most twice the padding nothing can be touched between two states that keep it; a pair that may come
-//! closer is followed in steps a fifth as long.
-//! [`Checker::check`] and [`Checker::is_free`] answer for one configuration: balls, then exactly.
+//! With `spacing` at most twice the padding, nothing can be touched between two free states; relaxed pairs are followed
+//! in steps a fifth as long. [`Checker::check`] and [`Checker::is_free`] check one configuration: bounding spheres, then
+//! exact distances.
 
 mod body;
 pub(crate) mod checker;

@@ -222,12 +222,12 @@ fn surfaces_that_make_no_sense_are_refused() {
     let far = DVec3::X * 1e7;
     type Cloud<'a> = (&'a [DVec3], f64, &'a str);
     let clouds: [Cloud; 6] = [
-        (&[], 0.01, "seen has no points; leave it out instead"),
+        (&[], 0.01, "seen has no points; omit it"),
         (&[a, DVec3::NAN], 0.01, "point 1 of seen is not finite, or more than 100 m away"),
         (&[a, b, far], 0.01, "point 2 of seen is not finite, or more than 100 m away"),
         (&[a], 0.0, "the points of seen should have a radius above 0 and up to 1 m, got 0 m"),
         (&[a], f64::NAN, "the points of seen should have a radius above 0 and up to 1 m, got NaN m"),
-        (&vec![a; (1 << 20) + 1], 0.01, "seen has 1048577 points; at most 1048576 are taken, so thin it out"),
+        (&vec![a; (1 << 20) + 1], 0.01, "seen has 1048577 points, at most 1048576 are allowed; downsample it"),
     ];
     let mut world = CollisionWorld::new();
     for (points, radius, message) in clouds {
@@ -235,15 +235,15 @@ fn surfaces_that_make_no_sense_are_refused() {
     }
     type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]], &'a str);
     let meshes: [Mesh; 6] = [
-        (&[a, b, c], &[], "seen has no triangles; leave it out instead"),
+        (&[a, b, c], &[], "seen has no triangles; omit it"),
         (&[a, DVec3::INFINITY, c], &[[0, 1, 2]], "point 1 of seen is not finite, or more than 100 m away"),
-        (&[a, b, c], &[[0, 1, 2], [0, 1, 3]], "triangle 1 of seen names corner 3, but there are 3"),
-        (&[a, b, c], &[[0, 1, 1]], "triangle 0 of seen has no area: its corners lie on a line; remove it"),
-        (&[a, b, -b], &[[0, 1, 2]], "triangle 0 of seen has no area: its corners lie on a line; remove it"),
+        (&[a, b, c], &[[0, 1, 2], [0, 1, 3]], "triangle 1 of seen refers to vertex 3, but there are only 3"),
+        (&[a, b, c], &[[0, 1, 1]], "triangle 0 of seen is degenerate: its vertices are collinear; remove it"),
+        (&[a, b, -b], &[[0, 1, 2]], "triangle 0 of seen is degenerate: its vertices are collinear; remove it"),
         (
             &[a, b, c],
             &vec![[0, 1, 2]; (1 << 20) + 1],
-            "seen has 1048577 triangles; at most 1048576 are taken, so thin it out",
+            "seen has 1048577 triangles, at most 1048576 are allowed; downsample it",
         ),
     ];
     for (corners, triangles, message) in meshes {

@@ -128,7 +128,7 @@ fn images_that_make_no_sense_are_refused() {
     let nothing = vec![f32::NAN; depth_m.len()];
     let nowhere = Pose::from_position(DVec3::NAN);
     let flat = Intrinsics { fx: 0.0, ..camera.intrinsics };
-    let blind = "no pixel of 1 depth images holds a depth: the robot would move blindly";
+    let blind = "no pixel of 1 depth images has a depth, so obstacles are unknown";
     let no_camera = "the camera of depth image 0 has a pose or a projection that is not finite, or no focal length";
     let cases = [
         (
@@ -148,5 +148,5 @@ fn images_that_make_no_sense_are_refused() {
     settings.depth.cell_m = 0.0;
     let planner = Planner::new(test_panda(), settings).unwrap();
     let error = planner.world_seen(&around, &home, "seen", &[good]).unwrap_err().to_string();
-    assert_eq!(error, "cells of 0 m: expected 0.001 to 0.1 m");
+    assert_eq!(error, "voxel size 0 m: expected 0.001 to 0.1 m");
 }

@@ -105,15 +105,15 @@ fn every_flaw_has_its_own_message() {
         (
             "<parent link=\"base\"/>",
             "<parent link=\"bass\"/>",
-            "joint j1, as parent, names link bass, which does not exist",
+            "joint j1, as parent, refers to link bass, which does not exist",
         ),
         ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"roll\"/>", "there are two links named roll"),
         (
             "<link name=\"roll\"/>",
             "<link name=\"roll\"/><link name=\"loose\"/>",
-            "no tree with one base: loose, world have",
+            "a tree with one base: loose, world have",
         ),
-        ("<parent link=\"world\"/>", "<parent link=\"flange\"/>", "no tree with one base: base is part of a ring"),
+        ("<parent link=\"world\"/>", "<parent link=\"flange\"/>", "a tree with one base: base is part of a cycle"),
         ("<child link=\"roll\"/>", "<child link=\"upper\"/>", "link upper is the child of two joints"),
         ("xyz=\"0 0 0.4\"", "xyz=\"0 0 nan\"", "joint j3: xyz should be three finite numbers, got \"0 0 nan\""),
         ("lower=\"-2.5\"", "lower=\"inf\"", "joint j3: lower should be a finite number, got \"inf\""),
@@ -139,13 +139,13 @@ fn every_flaw_has_its_own_message() {
     let error = |urdf: &str, tip, mesh: &mut dyn FnMut(&str) -> Result<MeshFile, String>| {
         read_robot(urdf, None, tip, mesh).unwrap_err().to_string()
     };
-    assert!(error(ARM, Some("claw"), &mut brick).contains("names link claw, which does not exist"));
+    assert!(error(ARM, Some("claw"), &mut brick).contains("refers to link claw, which does not exist"));
     assert!(error(ARM, None, &mut |_| file(vec![0; limits::MESH.bytes as usize + 1])).contains("at most"));
     assert!(error(ARM, None, &mut |_| file(b"v 1 2\n".to_vec())).contains("line 1: expected three numbers"));
     assert!(error(ARM, None, &mut |_| file(b"v 1 2 3\n".to_vec())).contains("a body needs at least 4"));
     assert!(error(ARM, None, &mut |_| file(b"v nan 2 3\n".to_vec())).contains("not finite"));
     let many = "<link name=\"x\"/>".repeat(MAX_LINKS + 1);
-    assert!(error(&format!("<robot>{many}</robot>"), None, &mut brick).contains("at most 512 are read"));
+    assert!(error(&format!("<robot>{many}</robot>"), None, &mut brick).contains("at most 512 are allowed"));
     assert_eq!(
         error("<robot><link name=\"a\"/></robot>", None, &mut brick),
         "no joint moves: there is no arm and no tip"
@@ -208,7 +208,7 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
     let chain: String = (0..510).map(joint).collect();
     let piece = "<collision><geometry><sphere radius=\"0.01\"/></geometry></collision>".repeat(MAX_PIECES + 1);
     for (inside, message) in [
-        (format!("<link name=\"l0\"/>{chain}"), "the robot has 510 moving joints; at most 64 are read"),
+        (format!("<link name=\"l0\"/>{chain}"), "the robot has 510 moving joints, at most 64 are allowed"),
         (format!("<link name=\"l0\">{piece}</link>{}", joint(0)), "the robot has 513 collision pieces"),
     ] {
         let error = read_robot(&format!("<robot>{inside}</robot>"), None, None, &mut brick).unwrap_err().to_string();
@@ -231,7 +231,7 @@ fn a_mesh_whose_hull_has_too_many_corners_is_refused_at_once() {
         binary.extend([0; 2]);
     }
     let error = mesh::hull_corners("ball.stl", &binary, DVec3::ONE).unwrap_err();
-    assert!(error.contains("corners") && error.contains("at most"), "{error}");
+    assert!(error.contains("vertices") && error.contains("at most"), "{error}");
 }
 
 #[test]

@@ -39,7 +39,7 @@ impl PickQuery<'_> {
     /// Straight to the grasp along the fingers.
     ///
     /// # Errors
-    /// Why there is no such line.
+    /// Fails with the planning error.
     pub fn approach(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let (planner, settings) = (self.planner, self.settings);
         let world_from_tcp = planner.tcp_pose(&grasp.config);
@@ -51,7 +51,7 @@ impl PickQuery<'_> {
         let path = match settings.object_clearance_m {
             None => planner.straight(&beside, &grasp.config, &before)?,
             // The object itself is an obstacle too: the open fingers must come in around it.
-            // Wide things leave them less room than motions keep elsewhere, but they are not to be touched either.
+            // Wide objects leave less clearance than motions keep elsewhere, but must not be touched either.
             Some(clearance_m) => planner.straight(&open, &grasp.config, &before).or_else(|problem| {
                 let path = planner.straight(&beside, &grasp.config, &before)?;
                 let exact = planner.checker(&open, clearance_m);
@@ -68,17 +68,17 @@ impl PickQuery<'_> {
     /// Free motion to the pre-grasp.
     ///
     /// # Errors
-    /// Why there is no such motion.
+    /// Fails with the planning error.
     pub fn reach(&self, grasp: &FeasibleGrasp, approach: &Path, seed: Seed) -> Result<Path, PlanError> {
         let no_contact = Allowed::none();
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
         self.planner.plan_joint(&open, self.arm, &[approach.start().to_vec()], seed)
     }
 
-    /// Straight up with the object in the hand.
+    /// Straight lift with the object in the gripper.
     ///
     /// # Errors
-    /// Why there is no such line.
+    /// Fails with the planning error.
     pub fn lift(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
         let held = &grasp.object_from_tcp;
         let world_from_tcp = self.planner.tcp_pose(&grasp.config);

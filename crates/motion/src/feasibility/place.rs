@@ -1,4 +1,4 @@
-//! Placing what is in the hand: carried to above a goal pose, lowered, let go of, left.
+//! Placement of a held object: carry to above a goal pose, lower, release, retreat.
 
 use genmanip_core::{Piece, Pose, Seed};
 use glam::DVec3;

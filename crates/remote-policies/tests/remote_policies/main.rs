@@ -163,12 +163,12 @@ fn servers_that_fail_are_not_reached() {
             Answer::Traceback("Traceback (most recent call last):\nKeyError: 'observation/state'".into()),
             "KeyError: 'obs",
         ),
-        (Answer::Nothing, "answered no `actions`"),
+        (Answer::Nothing, "no `actions`"),
         (Answer::Actions(vec![vec![0.0; 3]; 2]), "shape [2, 3], expected [1 to 1000, 8]"),
         (Answer::Actions(Vec::new()), "shape [0, 8]"),
         (Answer::Actions(vec![vec![f32::NAN; 8]]), "with NaN in row 0"),
-        (Answer::Bytes(vec![0xdd, 0xff, 0xff, 0xff, 0xff]), "no MessagePack"),
-        (Answer::Bytes(vec![0; 5 << 20]), "too much"),
+        (Answer::Bytes(vec![0xdd, 0xff, 0xff, 0xff, 0xff]), "invalid MessagePack"),
+        (Answer::Bytes(vec![0; 5 << 20]), "too large"),
         (Answer::Hangs(Duration::from_secs(2)), "did not answer within 0 s"),
     ];
     for (answer, expected) in cases {

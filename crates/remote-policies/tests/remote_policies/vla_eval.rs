@@ -36,8 +36,8 @@ fn actions(shape: &[usize], numbers: Vec<f32>) -> Value {
 /// Serves connections in sequence and records every message.
 fn serve(script: Script) -> (SocketAddr, Arc<Mutex<Vec<Value>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let (address, heard) = (listener.local_addr().unwrap(), Arc::new(Mutex::new(Vec::new())));
-    let hearing = Arc::clone(&heard);
+    let (address, received) = (listener.local_addr().unwrap(), Arc::new(Mutex::new(Vec::new())));
+    let hearing = Arc::clone(&received);
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             let mut socket = accept(stream).unwrap();
@@ -62,7 +62,7 @@ fn serve(script: Script) -> (SocketAddr, Arc<Mutex<Vec<Value>>>) {
             }
         }
     });
-    (address, heard)
+    (address, received)
 }
 
 fn hello(rotation: &str) -> Value {
@@ -90,7 +90,7 @@ fn begun(address: SocketAddr, preset: Preset) -> Result<VlaEvalPolicy, PolicyErr
 #[test]
 fn an_episode_is_greeted_begun_asked_and_ended() {
     let one = ("action", actions(&[7], vec![1.0, 0.0, -2.0, 0.0, 0.0, 0.5, -1.0]));
-    let (address, heard) = serve(Script { hello: hello("axis_angle"), answers: vec![one] });
+    let (address, received) = serve(Script { hello: hello("axis_angle"), answers: vec![one] });
     let mut policy = begun(address, Preset::Libero).unwrap();
     let seen: Observation = observation();
     let chunk = policy.act(&seen).unwrap();
@@ -99,12 +99,12 @@ fn an_episode_is_greeted_begun_asked_and_ended() {
     assert!(!chunk.finished);
     drop(policy);
     std::thread::sleep(Duration::from_millis(200));
-    let heard = heard.lock().unwrap();
-    let kinds: Vec<&str> = heard.iter().map(|message| part(message, "type").as_str().unwrap()).collect();
+    let received = received.lock().unwrap();
+    let kinds: Vec<&str> = received.iter().map(|message| part(message, "type").as_str().unwrap()).collect();
     assert_eq!(kinds, ["hello", "episode_start", "observation", "episode_end"]);
-    let numbers: Vec<u64> = heard.iter().map(|message| part(message, "seq").as_u64().unwrap()).collect();
+    let numbers: Vec<u64> = received.iter().map(|message| part(message, "seq").as_u64().unwrap()).collect();
     assert_eq!(numbers, [1, 2, 3, 4]);
-    let shown = part(&heard[2], "payload");
+    let shown = part(&received[2], "payload");
     assert_eq!(part(shown, "task_description").as_str(), Some("put it there"));
     assert_eq!(Array::read(part(shown, "states")).unwrap().shape, [8]);
     let images = part(shown, "images");
@@ -117,12 +117,12 @@ fn an_episode_is_greeted_begun_asked_and_ended() {
 fn joint_targets_come_in_chunks() {
     let two = ("action", actions(&[2, 8], (0..16).map(|number| number as f32 / 100.0).collect()));
     let plain = map(vec![("harness_version", "1".into())]);
-    let (address, heard) = serve(Script { hello: plain, answers: vec![two] });
+    let (address, received) = serve(Script { hello: plain, answers: vec![two] });
     let mut policy = begun(address, Preset::Joint).unwrap();
     let chunk = policy.act(&observation()).unwrap();
     assert_eq!((chunk.actions.len(), chunk.actions[1][0]), (2, 0.08));
-    let heard = heard.lock().unwrap();
-    let shown = part(&heard[2], "payload");
+    let received = received.lock().unwrap();
+    let shown = part(&received[2], "payload");
     assert!(part(part(shown, "images"), "side").is_map(), "under the names of their cameras");
 }
 
@@ -137,7 +137,7 @@ fn what_is_no_answer_is_named() {
         ("axis_angle", vec![("action", map(vec![]))], "no `actions`"),
         ("axis_angle", vec![("hello", map(vec![]))], "a message `hello`, expected `action`"),
         ("axis_angle", vec![], "the policy server"),
-        ("quaternion_xyzw", vec![], "the rotation of actions as `quaternion_xyzw`, expected `axis_angle`"),
+        ("quaternion_xyzw", vec![], "the rotation format of actions is `quaternion_xyzw`, expected `axis_angle`"),
     ];
     for (rotation, answers, expected) in cases {
         let (address, _) = serve(Script { hello: hello(rotation), answers });
