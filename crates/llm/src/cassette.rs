@@ -132,7 +132,8 @@ impl<M: ChatModel> CassetteChat<M> {
         if self.key.as_ref().is_some_and(|secret| secret.is_in(&text)) {
             return Err(cassette_error("the exchange contains the API key, so it is not recorded", &path));
         }
-        write_atomically(&path, &text).map_err(|error| cassette_error(&format!("cannot write the cassette: {error}"), &path))
+        write_atomically(&path, &text)
+            .map_err(|error| cassette_error(&format!("cannot write the cassette: {error}"), &path))
     }
 }
 

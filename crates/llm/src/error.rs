@@ -221,9 +221,7 @@ impl ChatError {
             Self::Status { status: 401 | 403, .. } => {
                 "the variable named in `api_key_env` must contain a valid key for this server"
             }
-            Self::Status { status: 404, .. } => {
-                "`base_url` usually ends in `/v1`; `model` must exist on the server"
-            }
+            Self::Status { status: 404, .. } => "`base_url` usually ends in `/v1`; `model` must exist on the server",
             Self::Status { status: 400 | 422, .. } => "check `parameters` and `model` in the settings",
             Self::Status { status: 300..=399, .. } => "set `base_url` to the address it redirects to",
             Self::Status { .. } => "the server failed; try again later",
@@ -277,7 +275,9 @@ pub enum SettingsError {
         variable: String,
     },
     /// The environment variable contains no valid key.
-    #[error("the API key must be 8 to 4096 visible ASCII characters; omit `api_key_env` for a server without authentication")]
+    #[error(
+        "the API key must be 8 to 4096 visible ASCII characters; omit `api_key_env` for a server without authentication"
+    )]
     BadKey,
 }
 

@@ -49,7 +49,12 @@ impl HttpChat {
     }
 
     /// Sends a request in one structured-output mode with retries.
-    fn send_with_retries(&self, request: &ChatRequest, structure: Structure, attempts: &mut u32) -> Result<ChatReply, ChatError> {
+    fn send_with_retries(
+        &self,
+        request: &ChatRequest,
+        structure: Structure,
+        attempts: &mut u32,
+    ) -> Result<ChatReply, ChatError> {
         let body = self.wire().request_body(request, structure).to_string();
         let (size_bytes, limit_bytes) = (body.len() as u64, self.settings.max_request_bytes);
         if size_bytes > limit_bytes {

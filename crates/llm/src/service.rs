@@ -201,7 +201,11 @@ impl<S: Service> Service for RecordedService<S> {
             (true, _) => {
                 let cassette =
                     ServiceCassette::from_json(&read_text(&path)?).map_err(|error| broken(error.to_string()))?;
-                if cassette.key == key { Ok(cassette.answer) } else { Err(broken("it belongs to another request".into())) }
+                if cassette.key == key {
+                    Ok(cassette.answer)
+                } else {
+                    Err(broken("it belongs to another request".into()))
+                }
             }
             (false, Some(service)) => {
                 let answer = service.ask(question)?;

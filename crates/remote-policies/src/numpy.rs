@@ -95,7 +95,8 @@ impl Array {
             axes.iter().map(|axis| axis.as_u64().and_then(|axis| usize::try_from(axis).ok())).collect();
         let shape = axes.ok_or("its shape is not of whole numbers")?;
         let count = shape.iter().try_fold(1_usize, |count, axis| count.checked_mul(*axis));
-        let count = count.filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| format!("more than {MAX_ELEMENTS} elements"))?;
+        let count =
+            count.filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| format!("more than {MAX_ELEMENTS} elements"))?;
         let data = entry("data")?.as_slice().ok_or("its data are no bytes")?;
         let dtype = entry("dtype")?.as_str().ok_or("its dtype is no text")?;
         let numbers = match dtype {

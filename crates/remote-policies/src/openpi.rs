@@ -13,7 +13,7 @@ use genmanip_core::{
 };
 use rmpv::Value;
 
-use crate::connection::{Connection, Timeouts, RemoteError};
+use crate::connection::{Connection, RemoteError, Timeouts};
 use crate::numpy::{Array, get};
 use crate::resize::{Rgb, resized_with_pad};
 

@@ -278,7 +278,10 @@ fn receive(pipe: &mut impl Read) -> std::io::Result<Answer> {
     let listed = head.get("arrays").and_then(Value::as_array).ok_or_else(|| wrong("it lists no arrays"))?;
     let mut arrays = Vec::new();
     for encoded_observation in listed {
-        let axes = encoded_observation.get("shape").and_then(Value::as_array).ok_or_else(|| wrong("an array without shape"))?;
+        let axes = encoded_observation
+            .get("shape")
+            .and_then(Value::as_array)
+            .ok_or_else(|| wrong("an array without shape"))?;
         let shape: Option<Vec<usize>> = axes.iter().map(|axis| usize::try_from(axis.as_u64()?).ok()).collect();
         let shape = shape.ok_or_else(|| wrong("an invalid shape"))?;
         let size = shape.iter().try_fold(4_usize, |size, axis| size.checked_mul(*axis));

@@ -12,7 +12,7 @@ use genmanip_core::{
 };
 use rmpv::Value;
 
-use crate::connection::{Connection, Timeouts, RemoteError};
+use crate::connection::{Connection, RemoteError, Timeouts};
 use crate::numpy::{Array, get};
 use crate::openpi::{self, libero_state};
 
@@ -123,7 +123,8 @@ impl VlaEvalPolicy {
             return Err(connection.wrong(format!("protocol version {version}, expected {PROTOCOL}")));
         }
         for (part, expected) in preset.formats() {
-            let announced = get(announced, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
+            let announced =
+                get(announced, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
             if let Some(format) = announced.and_then(Value::as_str).filter(|format| format != expected) {
                 let what =
                     format!("with the {part} of actions as `{format}`, expected `{expected}` of {}", preset.name());
@@ -204,7 +205,8 @@ impl Policy for VlaEvalPolicy {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let encoded_observation = self.encoded_observation(observation)?;
-        let actions = self.actions_for(encoded_observation).map_err(|error| PolicyError::Unreachable(error.to_string()))?;
+        let actions =
+            self.actions_for(encoded_observation).map_err(|error| PolicyError::Unreachable(error.to_string()))?;
         Ok(ActionChunk { actions, finished: false })
     }
 }

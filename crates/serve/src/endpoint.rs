@@ -92,7 +92,9 @@ impl Endpoint {
 
     /// Validates a request and returns its job.
     pub(crate) fn work(&self, body: &[u8]) -> Result<Work, RequestError> {
-        let Self::Agent(endpoint) = self else { return Err(RequestError::Unsuited("this endpoint is synchronous".into())) };
+        let Self::Agent(endpoint) = self else {
+            return Err(RequestError::Unsuited("this endpoint is synchronous".into()));
+        };
         let request: ActRequest = read(body)?;
         let question = request.read(endpoint.planner.robot().arm_dof()).map_err(RequestError::Malformed)?;
         let endpoint = endpoint.clone();
@@ -143,5 +145,6 @@ fn read<T: DeserializeOwned>(body: &[u8]) -> Result<T, RequestError> {
 }
 
 fn serialized(reply: &impl Serialize) -> Result<Vec<u8>, RequestError> {
-    serde_json::to_vec(reply).map_err(|error| RequestError::Unsuited(format!("the response cannot be serialised: {error}")))
+    serde_json::to_vec(reply)
+        .map_err(|error| RequestError::Unsuited(format!("the response cannot be serialised: {error}")))
 }

@@ -159,7 +159,8 @@ impl EnvEndpoint {
             match oldest.filter(|(_, (_, asked))| asked.elapsed() >= IDLE).map(|(number, _)| *number) {
                 Some(number) => open.sessions.remove(&number),
                 None => {
-                    let what = format!("{} sessions are open; close one, or allow more with --sessions", self.max_sessions);
+                    let what =
+                        format!("{} sessions are open; close one, or allow more with --sessions", self.max_sessions);
                     return Err(RequestError::Unsuited(what));
                 }
             };
@@ -177,7 +178,9 @@ impl EnvEndpoint {
             let mut open = self.lock();
             let found = open.sessions.get_mut(&number);
             let (slot, asked) = found.ok_or_else(|| {
-                RequestError::Unsuited(format!("there is no session {number}: it was closed, possibly because it was idle"))
+                RequestError::Unsuited(format!(
+                    "there is no session {number}: it was closed, possibly because it was idle"
+                ))
             })?;
             *asked = Instant::now();
             Arc::clone(slot)

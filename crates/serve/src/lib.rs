@@ -8,15 +8,15 @@
 //! A [`Server`] runs on its own threads until it is stopped. Request size and arrival time are limited, and a fixed
 //! number of requests is processed concurrently.
 
+mod endpoint;
 mod env;
 mod jobs;
-mod endpoint;
 mod openapi;
 mod request_error;
 mod server;
 mod wire;
 
-pub use env::EnvEndpoint;
 pub use endpoint::{AgentEndpoint, Endpoint};
+pub use env::EnvEndpoint;
 pub use openapi::openapi;
 pub use server::{ServeError, ServeSettings, Server};

@@ -17,8 +17,8 @@ use serde_json::json;
 use tokio::runtime::{self, Runtime};
 use tokio::sync::{Semaphore, oneshot};
 
-use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
 use crate::endpoint::Work;
+use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
 use crate::request_error::RequestError;
 use crate::{Endpoint, openapi};
 
@@ -254,7 +254,9 @@ async fn receive_body(request: Request, limit: usize) -> Result<Vec<u8>, Respons
             true => Err(too_large()),
             false => Err(error_response(StatusCode::BAD_REQUEST, format!("the request ended early: {error}"))),
         },
-        Err(_) => Err(error_response(StatusCode::REQUEST_TIMEOUT, format!("it was not received within {RECEIVE_TIMEOUT:?}"))),
+        Err(_) => {
+            Err(error_response(StatusCode::REQUEST_TIMEOUT, format!("it was not received within {RECEIVE_TIMEOUT:?}")))
+        }
     }
 }
 

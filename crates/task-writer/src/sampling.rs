@@ -78,7 +78,8 @@ pub fn sample_objects(
     let lacks = |what: &str| SamplingError::Lacks { what: what.into(), kind: kind.name().into() };
     match kind {
         TaskKind::Articulated => {
-            sampler.pick(|card| card.is_articulated && !card.states.is_empty())
+            sampler
+                .pick(|card| card.is_articulated && !card.states.is_empty())
                 .ok_or_else(|| lacks("an object with states"))?;
         }
         _ => {
@@ -87,7 +88,8 @@ pub fn sample_objects(
                 sampler.look_alikes().ok_or_else(|| lacks("two look-alikes that can be picked up"))?;
             }
             for _ in 0..movable_count {
-                sampler.pick(|card| is_movable(card) && !card.is_container)
+                sampler
+                    .pick(|card| is_movable(card) && !card.is_container)
                     .or_else(|| sampler.pick(is_movable))
                     .ok_or_else(|| lacks("an object that can be picked up"))?;
             }

@@ -45,7 +45,8 @@ pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
 }
 
 fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
-    let unreadable = |error: std::io::Error| RunError::file("list", folder, error).with_hint("expected a folder of robots");
+    let unreadable =
+        |error: std::io::Error| RunError::file("list", folder, error).with_hint("expected a folder of robots");
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

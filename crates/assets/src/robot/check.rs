@@ -41,7 +41,12 @@ pub(super) fn header(kind: PartKind, schema: &str, name: &str) -> Checked {
 /// An arm on its own.
 pub(super) fn arm(arm: &ArmData) -> Checked {
     header(PartKind::Arm, &arm.schema, &arm.name)?;
-    expect(!arm.sources.is_empty(), "sources", "the origin of the figures, e.g. {\"limits\": \"the maker's manual\"}", "none")?;
+    expect(
+        !arm.sources.is_empty(),
+        "sources",
+        "the origin of the figures, e.g. {\"limits\": \"the maker's manual\"}",
+        "none",
+    )?;
     links(&arm.links)?;
     expect(joints(&arm.links) > 0, "links", "at least one joint", "none")?;
     let first = &arm.links[0];
@@ -88,14 +93,34 @@ fn serial(arm: &ArmData) -> Checked {
 /// A gripper on its own.
 pub(super) fn gripper(gripper: &GripperData) -> Checked {
     header(PartKind::Gripper, &gripper.schema, &gripper.name)?;
-    expect(!gripper.sources.is_empty(), "sources", "the origin of the figures, e.g. {\"limits\": \"the maker's manual\"}", "none")?;
+    expect(
+        !gripper.sources.is_empty(),
+        "sources",
+        "the origin of the figures, e.g. {\"limits\": \"the maker's manual\"}",
+        "none",
+    )?;
     links(&gripper.links)?;
     expect(gripper.links[0].joint.is_none(), "links[0].joint", "none, since the hand is fixed to the arm", "a joint")?;
     let moving = joints(&gripper.links);
     expect(moving == 2, "links", "two joints, one per finger", moving)?;
-    expect(gripper.fingers[0] != gripper.fingers[1], "fingers", "two different links", format!("{:?}", gripper.fingers))?;
-    expect((0.0..=WIDE_M).contains(&gripper.max_width) && gripper.max_width > 0.0, "max_width", format!("metres in 0-{WIDE_M}"), gripper.max_width)?;
-    expect((0.0..=1.0).contains(&gripper.hand_from_tcp_z), "hand_from_tcp_z", "metres in 0-1", gripper.hand_from_tcp_z)?;
+    expect(
+        gripper.fingers[0] != gripper.fingers[1],
+        "fingers",
+        "two different links",
+        format!("{:?}", gripper.fingers),
+    )?;
+    expect(
+        (0.0..=WIDE_M).contains(&gripper.max_width) && gripper.max_width > 0.0,
+        "max_width",
+        format!("metres in 0-{WIDE_M}"),
+        gripper.max_width,
+    )?;
+    expect(
+        (0.0..=1.0).contains(&gripper.hand_from_tcp_z),
+        "hand_from_tcp_z",
+        "metres in 0-1",
+        gripper.hand_from_tcp_z,
+    )?;
     for (finger, sign) in [(0, 1.0), (1, -1.0)] {
         check_finger(gripper, finger, sign)?;
     }
@@ -115,7 +140,12 @@ pub(super) fn gripper(gripper: &GripperData) -> Checked {
         positive(key, value)?;
     }
     for (index, value) in drives.pad_friction.iter().enumerate() {
-        expect(*value >= 0.0 && value.is_finite(), format!("drives.pad_friction[{index}]"), "0 or a positive number", value)?;
+        expect(
+            *value >= 0.0 && value.is_finite(),
+            format!("drives.pad_friction[{index}]"),
+            "0 or a positive number",
+            value,
+        )?;
     }
     pairs("never_colliding", &gripper.never_colliding, &|name| gripper.links.iter().any(|link| link.name == name))
 }
@@ -154,15 +184,26 @@ fn links(links: &[LinkData]) -> Checked {
     for (index, link) in links.iter().enumerate() {
         let place = format!("links[{index}] ({})", link.name);
         let is_new = links[..index].iter().all(|other| other.name != link.name);
-        expect(is_new && !link.name.is_empty(), format!("{place}.name"), "a name of its own", format!("{:?}", link.name))?;
-        expect(link.name != GRIPPER, format!("{place}.name"), "another name, since it stands for all links of a gripper", GRIPPER)?;
+        expect(
+            is_new && !link.name.is_empty(),
+            format!("{place}.name"),
+            "a name of its own",
+            format!("{:?}", link.name),
+        )?;
+        expect(
+            link.name != GRIPPER,
+            format!("{place}.name"),
+            "another name, since it stands for all links of a gripper",
+            GRIPPER,
+        )?;
         check_parent(&place, index, links)?;
         let far = link.position.abs().max_element();
         expect(far <= FAR_M, format!("{place}.position"), format!("metres up to {FAR_M}"), far)?;
         positive(format!("{place}.mass_kg"), link.mass_kg)?;
         expect(link.center.is_finite(), format!("{place}.center"), "finite numbers", link.center)?;
         let inertia = link.inertia();
-        let minors = [inertia.x_axis.x, inertia.x_axis.x * inertia.y_axis.y - inertia.x_axis.y.powi(2), inertia.determinant()];
+        let minors =
+            [inertia.x_axis.x, inertia.x_axis.x * inertia.y_axis.y - inertia.x_axis.y.powi(2), inertia.determinant()];
         expect(
             minors.iter().all(|minor| *minor > 0.0),
             format!("{place}.inertia"),
@@ -174,7 +215,8 @@ fn links(links: &[LinkData]) -> Checked {
         }
         if let Some(joint) = &link.joint {
             check_joint(&format!("{place}.joint"), joint)?;
-            let is_new = links[..index].iter().all(|other| other.joint.as_ref().is_none_or(|other| other.name != joint.name));
+            let is_new =
+                links[..index].iter().all(|other| other.joint.as_ref().is_none_or(|other| other.name != joint.name));
             expect(is_new, format!("{place}.joint.name"), "a name of its own", format!("{:?}", joint.name))?;
         }
     }
@@ -188,7 +230,12 @@ fn check_parent(place: &str, index: usize, links: &[LinkData]) -> Checked {
         (Some(parent), 0) => Err(format!("{place}.parent: expected none for the first link, got {parent:?}")),
         (parent, _) => {
             let parent = parent.as_deref().unwrap_or_default();
-            expect(before.contains(&parent), format!("{place}.parent"), format!("an earlier link: {}", before.join(", ")), format!("{parent:?}"))
+            expect(
+                before.contains(&parent),
+                format!("{place}.parent"),
+                format!("an earlier link: {}", before.join(", ")),
+                format!("{parent:?}"),
+            )
         }
     }
 }
@@ -203,7 +250,12 @@ fn check_joint(place: &str, joint: &JointData) -> Checked {
     for (key, value) in [("lower", joint.lower), ("upper", joint.upper)] {
         expect(value.abs() <= far, format!("{place}.{key}"), format!("{unit} up to {far}"), value)?;
     }
-    expect(joint.lower < joint.upper, format!("{place}.upper"), format!("more than lower, {}", joint.lower), joint.upper)?;
+    expect(
+        joint.lower < joint.upper,
+        format!("{place}.upper"),
+        format!("more than lower, {}", joint.lower),
+        joint.upper,
+    )?;
     for (key, value) in [
         ("max_velocity", joint.max_velocity),
         ("max_acceleration", joint.max_acceleration),
@@ -249,11 +301,19 @@ pub(super) fn mounted(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -
     }
     for link in &gripper.links {
         let is_new = arm.links.iter().all(|other| other.name != link.name);
-        expect(is_new, "gripper", format!("names of links that the arm {} does not have", arm.name), format!("{:?}", link.name))?;
+        expect(
+            is_new,
+            "gripper",
+            format!("names of links that the arm {} does not have", arm.name),
+            format!("{:?}", link.name),
+        )?;
         let joint = |link: &LinkData| link.joint.as_ref().map(|joint| joint.name.clone());
         let clash = joint(link).filter(|name| arm.links.iter().any(|other| joint(other).as_ref() == Some(name)));
         if let Some(name) = clash {
-            return Err(format!("gripper: expected names of joints that the arm {} does not have, got {name:?}", arm.name));
+            return Err(format!(
+                "gripper: expected names of joints that the arm {} does not have, got {name:?}",
+                arm.name
+            ));
         }
     }
     let all = || arm.links.iter().chain(&gripper.links);

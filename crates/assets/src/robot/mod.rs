@@ -74,10 +74,10 @@ pub fn compose(file: &str, text: &str, find: &PartFinder) -> Result<RobotModel, 
 /// Replaces home, reach, gains and limits of the arm by those of the robot.
 fn override_arm(arm: &mut ArmData, robot: &RobotData) -> Result<(), String> {
     for (name, changes) in &robot.limits {
-        let joints: Vec<String> =
-            arm.links.iter().filter_map(|link| Some(link.joint.as_ref()?.name.clone())).collect();
+        let joints: Vec<String> = arm.links.iter().filter_map(|link| Some(link.joint.as_ref()?.name.clone())).collect();
         let joint = arm.links.iter_mut().filter_map(|link| link.joint.as_mut()).find(|joint| joint.name == *name);
-        let joint = joint.ok_or_else(|| format!("limits.{name}: expected a joint of the arm: {}", joints.join(", ")))?;
+        let joint =
+            joint.ok_or_else(|| format!("limits.{name}: expected a joint of the arm: {}", joints.join(", ")))?;
         tighten(name, changes, joint)?;
     }
     if let Some(home) = &robot.home {
@@ -132,11 +132,13 @@ fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotMod
     });
     let links: Vec<RobotLink> = arm_links.chain(gripper_links).collect();
     let fingers = [0, 1].map(|finger| index_of(&gripper.fingers[finger]).unwrap_or(hand));
-    let never_colliding = never_colliding(&links, fingers, hand, &index_of, [
-        &arm.never_colliding,
-        &gripper.never_colliding,
-        &robot.never_colliding,
-    ]);
+    let never_colliding = never_colliding(
+        &links,
+        fingers,
+        hand,
+        &index_of,
+        [&arm.never_colliding, &gripper.never_colliding, &robot.never_colliding],
+    );
     let (arm_drives, grip) = (&arm.drives, &gripper.drives);
     RobotModel {
         name: robot.name.clone(),
@@ -164,7 +166,11 @@ fn assemble(robot: &RobotData, arm: &ArmData, gripper: &GripperData) -> RobotMod
             hull_friction: arm_drives.hull_friction,
         }),
         reach: arm.reach,
-        hand_from_wrist_camera: robot.wrist_camera.as_ref().or(gripper.wrist_camera.as_ref()).map(WristCameraData::pose),
+        hand_from_wrist_camera: robot
+            .wrist_camera
+            .as_ref()
+            .or(gripper.wrist_camera.as_ref())
+            .map(WristCameraData::pose),
         never_colliding,
     }
 }

@@ -8,7 +8,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::evaluate::Suite;
 use genmanip_pipeline::sessions::Scenes;
-use genmanip_serve::{AgentEndpoint, EnvEndpoint, Endpoint, ServeSettings, Server, openapi};
+use genmanip_serve::{AgentEndpoint, Endpoint, EnvEndpoint, ServeSettings, Server, openapi};
 use genmanip_workspace::worlds;
 
 use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};

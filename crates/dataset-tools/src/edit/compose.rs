@@ -16,9 +16,9 @@ use genmanip_data::columns::{Column, cell, text, texts};
 use genmanip_data::lerobot::info::{self, FILES_PER_CHUNK, Totals};
 use genmanip_data::lerobot::metadata_files::MetadataFiles;
 use genmanip_data::lerobot::origin::Origin;
-use genmanip_data::lerobot::{SUBTASKS, record};
 use genmanip_data::lerobot::stats::{Aggregated, Stats, StatsCollector};
 use genmanip_data::lerobot::writer::Finished;
+use genmanip_data::lerobot::{SUBTASKS, record};
 use genmanip_data::table::{Columns, Purpose, TableWriter};
 use genmanip_data::{DataError, EncodedVideo, video};
 

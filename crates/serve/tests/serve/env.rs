@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use genmanip_pipeline::sessions::Scenes;
 use genmanip_remote_policies::numpy::Array;
-use genmanip_serve::{EnvEndpoint, Endpoint, ServeSettings, Server, openapi};
+use genmanip_serve::{Endpoint, EnvEndpoint, ServeSettings, Server, openapi};
 use rmpv::Value;
 use serde_json::json;
 

@@ -32,7 +32,7 @@ fn shipped_exchanges() -> Vec<(TaskRequest, Vec<String>)> {
     };
     let said = |number: &str| find(number).1.response.clone();
     vec![
-        (request("003"), vec![said("003")]), // accepted as is
+        (request("003"), vec![said("003")]),                          // accepted as is
         (request("009"), vec![said("009")]),                          // in a code fence
         (request("015"), vec![said("015")]),                          // two alternatives
         (request("030"), vec![said("030")]),                          // repaired here: flat goal
