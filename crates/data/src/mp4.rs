@@ -16,8 +16,11 @@ const MAX_FRAMES: usize = 6_000_000;
 /// The only video track of a file.
 #[derive(Debug)]
 pub struct Video {
+    /// Pixels per row.
     pub width: u32,
+    /// Pixel rows.
     pub height: u32,
+    /// Time units per second.
     pub timescale: u32,
     /// Duration of each frame, ticks.
     pub durations: Vec<u32>,
@@ -173,7 +176,7 @@ fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     (places.len() == sizes.len()).then_some(places)
 }
 
-/// Sequence and picture parameter sets; only 4-byte NAL unit lengths are supported.
+/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported.
 fn parameter_sets(avcc: &[u8]) -> Option<Vec<Vec<u8>>> {
     if avcc.get(4)? & 3 != 3 {
         return None;
