@@ -5,6 +5,7 @@
 //! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
+//! | `install` | puts the programs and the suites where cargo installs programs |
 //! | `docs` | runs the code blocks of README.md and the guides |
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
@@ -14,6 +15,7 @@ mod cluster;
 mod command_line;
 mod demo;
 mod docs;
+mod install;
 mod interop;
 mod markdown;
 mod mujoco;
@@ -56,6 +58,7 @@ fn run(args: &[String]) -> Result {
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),
+        Some("install") => install::run(&workspace, rest),
         Some("docs") => {
             let (options, pages): (Vec<String>, Vec<String>) = rest.iter().cloned().partition(|arg| arg == "--interop");
             let blocks = if options.is_empty() { docs::Blocks::Usual } else { docs::Blocks::Interop };
