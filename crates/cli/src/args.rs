@@ -264,8 +264,8 @@ pub struct BakeArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Robot whose gripper tries them: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot whose gripper tries them
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot whose gripper tries them"))]
     pub robot: Option<String>,
 }
 
@@ -372,8 +372,8 @@ pub struct LayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot instead of the world's
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]

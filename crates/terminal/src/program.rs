@@ -47,6 +47,11 @@ pub fn robots_folder(named: Option<&PathBuf>) -> Option<PathBuf> {
     named.or_else(|| Some(PathBuf::from("robots")).filter(|folder| folder.is_dir()))
 }
 
+/// Help text of an option that takes the name of a robot, with the built-in names.
+pub fn robot_help(what: &str) -> String {
+    format!("{what}: {}, or one of --robots", genmanip_workspace::robots::names().join(", "))
+}
+
 /// Prints help, the version, or the error of the command line.
 fn report(error: &clap::Error) -> ExitCode {
     use std::io::{ErrorKind, Write};

@@ -44,6 +44,11 @@ pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
     Ok(names)
 }
 
+/// Names of the built-in robots and of those registered.
+pub fn names() -> Vec<String> {
+    robots::names()
+}
+
 fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
     let unreadable =
         |error: std::io::Error| RunError::file("list", folder, error).with_hint("expected a folder of robots");

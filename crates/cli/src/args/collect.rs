@@ -48,8 +48,8 @@ pub struct CollectArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot instead of the world's
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]

@@ -27,8 +27,8 @@ pub struct WorldInitArguments {
     /// File to write instead of printing; an existing file is refused
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Robot instead of the Panda: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot instead of the Panda
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the Panda"))]
     pub robot: Option<String>,
 }
 

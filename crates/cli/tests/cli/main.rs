@@ -16,6 +16,7 @@ mod planning;
 mod reading;
 mod refusals;
 mod render;
+mod robots;
 mod runs;
 mod serving;
 mod sharding;

@@ -423,8 +423,8 @@ pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot instead of the world's
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
@@ -522,8 +522,8 @@ pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda, panda_2f85, ur5e_2f85 or one of --robots
-    #[arg(long, value_name = "NAME")]
+    /// Robot instead of the world's
+    #[arg(long, value_name = "NAME", help = genmanip_terminal::robot_help("Robot instead of the world's"))]
     pub robot: Option<String>,
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
