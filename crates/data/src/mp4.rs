@@ -173,7 +173,7 @@ fn frame_ranges(table: &[u8], sizes: &[u32]) -> Option<Vec<(u64, u32)>> {
     (places.len() == sizes.len()).then_some(places)
 }
 
-/// Sequence and picture parameter sets; only 4-byte NAL unit lengths are supported.
+/// SPS and PPS of an H.264 stream; only 4-byte NAL unit lengths are supported.
 fn parameter_sets(avcc: &[u8]) -> Option<Vec<Vec<u8>>> {
     if avcc.get(4)? & 3 != 3 {
         return None;

@@ -14,7 +14,7 @@ pub struct MetadataFiles<'a> {
     pub info: &'a Value,
     /// Contents of `meta/stats.json`.
     pub stats: &'a Value,
-    /// How the statistics were computed, if not from rows and images.
+    /// Computation of the statistics, if not from rows and images.
     pub statistics_note: Option<&'a str>,
     pub origin: &'a Origin,
     pub contract: Option<&'a ActionContract>,

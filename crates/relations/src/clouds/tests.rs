@@ -177,7 +177,7 @@ fn damaged_archives_are_refused() {
     }
 }
 
-/// The profiles treat heights and nearness differently, so they agree on most recorded cases but not on all.
+/// The profiles treat heights and proximity differently, so they agree on most recorded cases but not on all.
 #[test]
 fn profile_seed_names_recorded_cases_much_as_the_others_do() {
     let json = include_str!("../../testdata/recorded_clouds.json");
