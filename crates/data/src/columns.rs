@@ -17,6 +17,7 @@ pub struct Column {
     pub dtype: &'static str,
     /// Elements per row.
     pub width: usize,
+    /// Value of each row.
     pub values: Vec<f64>,
 }
 

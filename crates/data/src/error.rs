@@ -200,15 +200,18 @@ impl DataError {
         }
     }
 
+    /// An operating-system error while trying to `action` the path.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }
     }
 
+    /// An error in a Parquet table.
     pub fn table(path: &Path, error: impl ToString) -> Self {
         Self::Table { path: path.to_owned(), message: error.to_string() }
     }
 
+    /// A quantity that differs from the expected one.
     pub fn mismatch(what: impl Into<String>, expected: impl ToString, got: impl ToString) -> Self {
         Self::Mismatch { what: what.into(), expected: expected.to_string(), got: got.to_string() }
     }

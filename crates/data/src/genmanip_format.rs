@@ -176,6 +176,10 @@ fn matrix(pose: &Pose) -> [f64; 16] {
     DMat4::from_rotation_translation(pose.rotation, pose.position).transpose().to_cols_array()
 }
 
+/// A JPEG file of an RGB image.
+///
+/// # Errors
+/// If a side is longer than 65535 pixels or the buffer does not match the size.
 pub fn jpeg(rgb: &[u8], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
     let side = |pixels: u32| u16::try_from(pixels).map_err(|_| DataError::mismatch("side of a JPEG", 65535, pixels));
     let mut file = Vec::new();

@@ -202,6 +202,7 @@ impl ColorHistogram {
     /// Sampling stride along rows and columns, pixels.
     const STRIDE: usize = 4;
 
+    /// Adds an RGB image of the given width.
     pub fn add_image(&mut self, rgb: &[u8], width: usize) {
         for row in rgb.chunks_exact(width * 3).step_by(Self::STRIDE) {
             for pixel in row.chunks_exact(3).step_by(Self::STRIDE) {

@@ -16,8 +16,11 @@ const MAX_FRAMES: usize = 6_000_000;
 /// The only video track of a file.
 #[derive(Debug)]
 pub struct Video {
+    /// Pixels per row.
     pub width: u32,
+    /// Pixel rows.
     pub height: u32,
+    /// Time units per second.
     pub timescale: u32,
     /// Duration of each frame, ticks.
     pub durations: Vec<u32>,

@@ -28,18 +28,22 @@ pub struct Columns {
 }
 
 impl Columns {
+    /// Adds a column of 64-bit floats.
     pub fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
         self.push(name, Arc::new(PrimitiveArray::<Float64Type>::from_iter_values(values)), false);
     }
 
+    /// Adds a column of 64-bit integers.
     pub fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
         self.push(name, Arc::new(PrimitiveArray::<Int64Type>::from_iter_values(values)), false);
     }
 
+    /// Adds a column of 32-bit integers, some of which may be null.
     pub fn optional_i32(&mut self, name: &str, values: impl IntoIterator<Item = Option<i32>>) {
         self.push(name, Arc::new(PrimitiveArray::<Int32Type>::from_iter(values)), true);
     }
 
+    /// Adds a column of flags.
     pub fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
         let values: Vec<bool> = values.into_iter().collect();
         self.push(name, Arc::new(BooleanArray::from(values)), false);
@@ -51,6 +55,7 @@ impl Columns {
         self.push(name, Arc::new(BooleanArray::from(values)), true);
     }
 
+    /// Adds a column of texts.
     pub fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
@@ -98,6 +103,10 @@ impl Columns {
         self.nested(name, middle, rows.iter().map(|row| row.len()));
     }
 
+    /// The columns as a record batch.
+    ///
+    /// # Errors
+    /// If their lengths differ.
     pub fn batch(self) -> Result<RecordBatch, arrow_schema::ArrowError> {
         RecordBatch::try_new(Arc::new(Schema::new(self.fields)), self.arrays)
     }
@@ -233,6 +242,10 @@ pub struct Table {
 }
 
 impl Table {
+    /// Opens a Parquet file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is not a Parquet file.
     pub fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
         let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
@@ -319,6 +332,10 @@ pub struct RowGroups {
 }
 
 impl RowGroups {
+    /// Opens a Parquet file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is not a Parquet file.
     pub fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
         let metadata = catch_panics(path, || ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()))?;

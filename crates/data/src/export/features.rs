@@ -5,39 +5,53 @@ use crate::{ColorHistogram, EncodedVideo};
 /// Numeric column, one vector per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
+    /// Name of the column.
     pub key: String,
     /// Names of the vector's elements; empty for scalars.
     pub names: Vec<String>,
+    /// Values of all rows.
     pub values: Values,
 }
 
 /// Column values, frame-major.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
+    /// 32-bit floats.
     F32(Vec<f32>),
+    /// 64-bit floats.
     F64(Vec<f64>),
+    /// Integers.
     I64(Vec<i64>),
+    /// Flags.
     Bool(Vec<bool>),
 }
 
 /// Video column.
 #[derive(Clone, Debug)]
 pub struct VideoFeature {
+    /// Name of the column.
     pub key: String,
+    /// One frame per row.
     pub video: EncodedVideo,
+    /// Colours of all frames.
     pub colors: ColorHistogram,
 }
 
 /// Depth image column, stored in the table.
 #[derive(Clone, Debug)]
 pub struct ImageFeature {
+    /// Name of the column.
     pub key: String,
+    /// Pixels per row.
     pub width: u32,
+    /// Pixel rows.
     pub height: u32,
+    /// PNG file of each row.
     pub png: Vec<Vec<u8>>,
 }
 
 impl Feature {
+    /// A column with one name per component.
     pub fn new(key: &str, names: &[&str], values: Values) -> Self {
         Self { key: key.into(), names: names.iter().map(|&name| name.to_owned()).collect(), values }
     }

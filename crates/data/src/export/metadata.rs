@@ -14,7 +14,9 @@ const PARAPHRASES: usize = 6;
 /// Metadata of an episode, independent of the format.
 #[derive(Clone, Debug)]
 pub struct EpisodeMetadata {
+    /// Result of the attempt.
     pub result: EpisodeResult,
+    /// Instruction of the task.
     pub instruction: String,
     /// Other sentences for the same goal in this scene; empty if the instruction cannot be parsed.
     pub paraphrases: Vec<String>,
@@ -22,7 +24,9 @@ pub struct EpisodeMetadata {
     pub steps: Steps,
     /// Ids of the objects in the scene, in the order of the scenario.
     pub objects: Vec<String>,
+    /// Kind of the task.
     pub kind: &'static str,
+    /// The scenario as JSON.
     pub scenario_json: String,
     /// Name, and fx, fy, cx, cy in pixels.
     pub cameras: Vec<(String, [f64; 4])>,
@@ -57,6 +61,7 @@ impl LanguageLabels for EpisodeMetadata {
 }
 
 impl EpisodeMetadata {
+    /// The metadata of an episode of a store.
     pub fn of(source: &Source, settings: &ExportSettings) -> Self {
         let scenario = &source.episode.scenario;
         let intrinsics = |track: &CameraTrack| {

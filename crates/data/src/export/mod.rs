@@ -182,7 +182,9 @@ pub struct ExportReport {
 
 /// Episode with its camera tracks.
 pub struct Source {
+    /// The recorded episode.
     pub episode: Episode,
+    /// Images of each exported camera.
     pub tracks: Vec<CameraTrack>,
     /// One per track if masks are exported, else empty.
     pub masks: Vec<MaskTrack>,
@@ -190,12 +192,17 @@ pub struct Source {
 
 /// One episode ready to be written, with its metadata.
 pub struct EpisodeRows<F = metadata::EpisodeMetadata> {
+    /// Number of rows.
     pub frames: usize,
+    /// Numeric columns.
     pub features: Vec<features::Feature>,
+    /// Columns of still images.
     pub images: Vec<features::ImageFeature>,
+    /// Columns of video frames.
     pub videos: Vec<features::VideoFeature>,
     /// Step index of each row; empty if the data set has no steps.
     pub steps: Vec<usize>,
+    /// Metadata of the episode.
     pub metadata: F,
 }
 
@@ -210,6 +217,10 @@ pub struct Exporter<'a> {
 }
 
 impl<'a> Exporter<'a> {
+    /// An exporter of the selected episodes.
+    ///
+    /// # Errors
+    /// If the settings are invalid or no episode is selected.
     pub fn new(
         store: &'a EpisodeStore,
         selection: &Selection,

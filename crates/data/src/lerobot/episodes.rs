@@ -19,23 +19,33 @@ pub trait EpisodeColumns: LanguageLabels + Clone {
 
 /// One row of the episodes table.
 pub struct EpisodeEntry<F = EpisodeMetadata> {
+    /// Index of the episode.
     pub episode: usize,
     /// Chunk and file index, shared by data, videos and this row.
     pub chunk: usize,
+    /// Index of the file within the chunk.
     pub file: usize,
     /// Data-set index of the first frame.
     pub from: usize,
+    /// Number of rows.
     pub length: usize,
+    /// Its span of each video.
     pub videos: Vec<VideoSpan>,
+    /// Statistics of each numeric column.
     pub stats: Vec<(String, Stats)>,
+    /// Metadata of the episode.
     pub metadata: F,
 }
 
 /// Time span of an episode in a video file, and its colour statistics.
 pub struct VideoSpan {
+    /// Name of the video column.
     pub key: String,
+    /// Start in the file, seconds.
     pub from_s: f64,
+    /// End in the file, seconds.
     pub to_s: f64,
+    /// Colour statistics.
     pub stats: Stats,
 }
 

@@ -17,8 +17,11 @@ pub const FILES_PER_CHUNK: usize = 1000;
 
 /// Sizes of a data set.
 pub struct Totals {
+    /// Number of episodes.
     pub episodes: usize,
+    /// Number of rows.
     pub frames: usize,
+    /// Number of distinct instructions.
     pub tasks: usize,
 }
 

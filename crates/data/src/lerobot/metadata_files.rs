@@ -11,12 +11,15 @@ use crate::atomic_write::{AtomicFolder, write_json};
 
 /// Contents of the metadata files that do not depend on the format version.
 pub struct MetadataFiles<'a> {
+    /// Contents of `meta/info.json`.
     pub info: &'a Value,
     /// Contents of `meta/stats.json`.
     pub stats: &'a Value,
     /// Computation of the statistics, if not from rows and images.
     pub statistics_note: Option<&'a str>,
+    /// Origin of the data set.
     pub origin: &'a Origin,
+    /// Contract of the `action` column, if known.
     pub contract: Option<&'a ActionContract>,
     /// Data set card.
     pub card: &'a str,

@@ -13,7 +13,9 @@ use crate::{DataError, files};
 /// Origin of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Origin {
+    /// Exported by this program.
     Exported(LerobotSettings),
+    /// Imported from another program.
     Imported(Imported),
 }
 
@@ -65,6 +67,7 @@ impl Origin {
         }
     }
 
+    /// Rows per second.
     pub fn fps(&self) -> u32 {
         match self {
             Self::Exported(settings) => settings.export.fps,
@@ -72,6 +75,7 @@ impl Origin {
         }
     }
 
+    /// True if the data set has a depth sibling.
     pub fn has_depth(&self) -> bool {
         match self {
             Self::Exported(settings) => settings.export.has_sibling(),
@@ -79,6 +83,7 @@ impl Origin {
         }
     }
 
+    /// True if the data set has a native record.
     pub fn has_record(&self) -> bool {
         match self {
             Self::Exported(settings) => settings.record,
@@ -86,6 +91,7 @@ impl Origin {
         }
     }
 
+    /// Number of episodes per file.
     pub fn episodes_per_file(&self) -> usize {
         match self {
             Self::Exported(settings) => settings.episodes_per_file,
@@ -93,6 +99,7 @@ impl Origin {
         }
     }
 
+    /// Number of episodes per file of the depth sibling.
     pub fn episodes_per_depth_file(&self) -> usize {
         match self {
             Self::Exported(settings) => settings.episodes_per_depth_file,

@@ -164,6 +164,7 @@ impl StatsCollector {
         numbers.iter().try_for_each(|number| buffered.numbers.write_all(&number.to_le_bytes())).map_err(failed)
     }
 
+    /// Adds the colours of a video column.
     pub fn add_colors(&mut self, key: &str, colors: &ColorHistogram, frames: usize) {
         match self.colors.iter_mut().find(|(known, ..)| known == key) {
             Some((_, all, count)) => {

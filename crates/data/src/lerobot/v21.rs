@@ -79,7 +79,9 @@ impl EpisodeFields for EpisodeMetadata {
 
 /// Writer of a v2.1 data set.
 pub struct Writer {
+    /// The unpublished folder.
     pub staging: AtomicFolder,
+    /// Metadata of the data set so far.
     pub metadata: DatasetMetadata,
     /// Contents of `episodes.jsonl` and `episodes_stats.jsonl` so far.
     episodes: String,
@@ -87,6 +89,7 @@ pub struct Writer {
 }
 
 impl Writer {
+    /// An empty data set.
     pub fn new(staging: AtomicFolder, fps: u32) -> Self {
         Self {
             metadata: DatasetMetadata::new(fps, staging.folder()),
@@ -96,6 +99,10 @@ impl Writer {
         }
     }
 
+    /// Writes an episode.
+    ///
+    /// # Errors
+    /// If its columns differ from those of earlier episodes, or a file cannot be written.
     pub fn push<F: EpisodeFields>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
         self.metadata.begin_episode(&mut rows)?;
         let episode = self.metadata.episodes;

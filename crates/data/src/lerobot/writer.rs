@@ -45,6 +45,7 @@ impl<F> Default for OpenFile<F> {
 pub struct Finished(pub AtomicFolder);
 
 impl<F: EpisodeColumns> DatasetWriter<F> {
+    /// An empty data set.
     pub fn new(staging: AtomicFolder, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
         Self {
             robot: robot.into(),
@@ -55,10 +56,12 @@ impl<F: EpisodeColumns> DatasetWriter<F> {
         }
     }
 
+    /// Number of episodes so far.
     pub fn episodes(&self) -> usize {
         self.metadata.episodes
     }
 
+    /// Number of rows so far.
     pub fn frames(&self) -> usize {
         self.metadata.frames
     }
