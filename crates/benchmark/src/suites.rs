@@ -30,7 +30,7 @@ use serde::Serialize;
 pub use assets::SuiteAssets;
 pub use check::{Checked, check, in_words as check_in_words};
 pub use diff::{Difference, diff, in_words as diff_in_words};
-pub use freeze::freeze;
+pub use freeze::{freeze, freeze_images};
 pub use perturb::Axis;
 pub use review::{in_words as review_in_words, review, reviews};
 pub use training::{Training, TrainingOptions, shared, training};

@@ -37,8 +37,7 @@ pub fn freeze(
     if let Some(fault) = checked.faults.first() {
         return Err(RunError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
     }
-    let read = |entry: &SuiteEntry| scenarios::read_scenario(&scenario_file(folder, &entry.id));
-    let scenarios: Vec<Scenario> = suite.scenarios.iter().map(read).collect::<Result<_, _>>()?;
+    let scenarios = scenarios_of(folder, &suite)?;
     let catalogue = Catalogue::builtin();
     let cannot = |error| RunError::broken("an object cannot be frozen", error);
     let placed = scenarios.iter().flat_map(|scenario| &scenario.objects).map(|object| &object.asset);
@@ -50,10 +49,46 @@ pub fn freeze(
         documents::write_file(&path(folder, &frozen), &bytes)?;
         suite.assets.push(frozen);
     }
+    hash_images(folder, suite, &scenarios, workers, progress, stop)
+}
+
+/// Hashes the images of a frozen suite anew, with its stored objects; `None` if interrupted.
+///
+/// # Errors
+/// If the suite is not frozen, or a file cannot be read or written.
+pub fn freeze_images(
+    folder: &Path,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
+    let suite = open(folder)?;
+    if suite.assets.is_empty() {
+        return Err(RunError::input(format!("{} is not frozen", folder.display()))
+            .with_hint("freeze it without --images, which stores its objects too"));
+    }
+    let scenarios = scenarios_of(folder, &suite)?;
+    hash_images(folder, suite, &scenarios, workers, progress, stop)
+}
+
+fn scenarios_of(folder: &Path, suite: &SuiteFile) -> Result<Vec<Scenario>, RunError> {
+    let read = |entry: &SuiteEntry| scenarios::read_scenario(&scenario_file(folder, &entry.id));
+    suite.scenarios.iter().map(read).collect()
+}
+
+/// Renders the images of all scenarios with the stored objects and writes their hashes into `suite.json`.
+fn hash_images(
+    folder: &Path,
+    mut suite: SuiteFile,
+    scenarios: &[Scenario],
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
     let Some(source) = SuiteAssets::of(folder, &suite) else { return Ok(Some(suite)) };
-    let Some(pictures) = draw(&scenarios, &source, workers, progress, stop)? else { return Ok(None) };
-    for (entry, pictures) in suite.scenarios.iter_mut().zip(pictures) {
-        entry.pictures = pictures;
+    let Some(images) = draw(scenarios, &source, workers, progress, stop)? else { return Ok(None) };
+    for (entry, images) in suite.scenarios.iter_mut().zip(images) {
+        entry.pictures = images;
     }
     documents::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     Ok(Some(suite))

@@ -51,11 +51,22 @@ pub enum SuiteCommand {
                       From then on the suite is evaluated on with its own objects (collision pieces, inertia, cavities,\n\
                       states, recipes of what is drawn), and `suite check` names every byte, every place in which the\n\
                       catalogue differs, and every camera that sees something else.")]
-    Freeze(SuiteWorkArguments),
+    Freeze(SuiteFreezeArguments),
     /// Say what is in a suite, how it was chosen, and how its traits are spread
     Show(SuiteArguments),
     /// Say in what two suites differ, and whether results on them can be compared
     Diff(SuiteDiffArguments),
+}
+
+/// Arguments of `suite freeze`.
+#[derive(Debug, Args)]
+pub struct SuiteFreezeArguments {
+    /// Suite and threads
+    #[command(flatten)]
+    pub work: SuiteWorkArguments,
+    /// Hash the images of a frozen suite anew and keep its objects: after a change of the renderer
+    #[arg(long)]
+    pub images: bool,
 }
 
 /// Arguments of `suite check` and `suite freeze`.

@@ -42,9 +42,11 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             printer.data(&difference, &suites::diff_in_words(&difference));
         }
         SuiteCommand::Freeze(arguments) => {
-            let (workers, stop) = (workers::workers(arguments.workers), genmanip_terminal::on_interrupt());
-            return match suites::freeze(&arguments.folder, workers, printer, &stop)? {
-                Some(_) => show(&arguments.folder, printer),
+            let folder = &arguments.work.folder;
+            let (workers, stop) = (workers::workers(arguments.work.workers), genmanip_terminal::on_interrupt());
+            let freeze = if arguments.images { suites::freeze_images } else { suites::freeze };
+            return match freeze(folder, workers, printer, &stop)? {
+                Some(_) => show(folder, printer),
                 None => Ok(ExitStatus::NotMet),
             };
         }
