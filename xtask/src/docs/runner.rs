@@ -5,7 +5,6 @@ use crate::problem::{OnPath, Problem, Result};
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::net::TcpStream;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -15,6 +14,8 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(240);
 /// Longest time until a block in the background is ready.
 const UNTIL_READY: Duration = Duration::from_secs(60);
+/// Time between asking a block to end and killing it.
+const UNTIL_KILLED: Duration = Duration::from_secs(5);
 /// Lines of output that a failure shows.
 const SHOWN_LINES: usize = 30;
 
@@ -47,18 +48,39 @@ impl Drop for Background {
     }
 }
 
-/// Ends a child with all processes of its group.
+/// Ends a child with all processes below it. They are in the group of this program, so that Ctrl-C ends them too.
 fn end(child: &mut Child) {
     if matches!(child.try_wait(), Ok(None)) {
-        let group = format!("-{}", child.id());
-        let _ = Command::new("kill").args(["-TERM", "--", &group]).stderr(Stdio::null()).status();
+        signal("-TERM", child.id());
         let begun = Instant::now();
-        while matches!(child.try_wait(), Ok(None)) && begun.elapsed() < Duration::from_secs(5) {
+        while matches!(child.try_wait(), Ok(None)) && begun.elapsed() < UNTIL_KILLED {
             sleep(Duration::from_millis(20));
         }
-        let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+        if matches!(child.try_wait(), Ok(None)) {
+            signal("-KILL", child.id());
+        }
     }
     let _ = child.wait();
+}
+
+/// Sends a signal to a process and all below it.
+fn signal(signal: &str, root: u32) {
+    // `PID (NAME) STATE PARENT …`
+    let parent = |id: u32| -> Option<u32> {
+        let state = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+        state.rsplit(')').next()?.split_whitespace().nth(1)?.parse().ok()
+    };
+    let ids = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let ids = ids.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let known: Vec<(u32, u32)> = ids.filter_map(|id| Some((id, parent(id)?))).collect();
+    let mut below = vec![root];
+    let mut next = 0;
+    while let Some(&id) = below.get(next) {
+        below.extend(known.iter().filter(|(_, parent)| *parent == id).map(|(id, _)| *id));
+        next += 1;
+    }
+    let ids = below.iter().map(u32::to_string);
+    let _ = Command::new("kill").arg(signal).args(ids).stdout(Stdio::null()).stderr(Stdio::null()).status();
 }
 
 impl Runner {
@@ -81,7 +103,7 @@ impl Runner {
         for name in ["GENMANIP_PACKS", "LD_LIBRARY_PATH", "DYLD_FALLBACK_LIBRARY_PATH"] {
             command.env_remove(name);
         }
-        command.stdin(Stdio::null()).stdout(output).stderr(errors).process_group(0);
+        command.stdin(Stdio::null()).stdout(output).stderr(errors);
         let child = command.spawn().map_err(|error| crate::process::cannot_start("bash", &error))?;
         if let Some(port) = step.background {
             self.running.push(Background { line: step.line, child, log });
@@ -239,7 +261,8 @@ mod tests {
             ),
             (
                 "late",
-                "<!-- docs: background -->\n```sh\necho ready; sleep 0.2; exit 3\n```\n```sh\nsleep 0.6\n```\n",
+                "<!-- docs: background -->\n```sh\necho $$ > pid; echo ready; until [ -e go ]; do sleep 0.05; done; exit 3\n```\n\
+                 ```sh\ntouch go; until grep -q ') Z' /proc/$(cat pid)/stat; do sleep 0.05; done\n```\n",
                 "fixture.md:2: the block ended with exit code 3",
             ),
             ("python", "```python\n1\n```\n", "fixture.md:1: no Python"),
