@@ -245,7 +245,7 @@ mod tests {
         model.account().set_limit(1.5).unwrap();
         assert!(ask(&model, "first").is_ok() && ask(&model, "second").is_ok());
         let error = ask(&model, "third").unwrap_err().to_string();
-        assert_eq!(error, "the answers have cost 2.00 USD, and 1.50 is the limit");
+        assert_eq!(error, "the cost of 2.00 USD has reached the limit of 1.50");
         assert!(ask(&model, "first").is_ok(), "what is recorded costs nothing");
         assert_eq!(model.account().in_words(), "3 asks (1 recorded), 200 + 20 tokens, 2.00 USD");
         assert_eq!(server.seen().len(), 2);

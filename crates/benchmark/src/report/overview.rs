@@ -344,7 +344,7 @@ fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
         None => notes.push("Film strips are omitted to keep this page small.".into()),
     }
     let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
-    html += "</div>\n<div>\n<h2>To know when reading</h2>\n";
+    html += "</div>\n<div>\n<h2>Notes</h2>\n";
     html + &format!("<ul class=\"notes\">\n{notes}</ul>\n</div>\n")
 }
 

@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 
 use crate::{
-    Outcome, PROGRAM, QUICK, QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, example, finished_run,
-    genmanip, program, quick_examples, tree, without_timings,
+    Outcome, PROGRAM, QUICK, QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, either_program,
+    example, finished_run, genmanip, program, quick_examples, tree, without_timings,
 };
 
 /// A shell command in a folder, `$G` being the program.
@@ -42,7 +42,7 @@ fn what_no_run_made_is_never_replaced() {
         fs::create_dir_all(dataset.join("meta")).unwrap();
         fs::write(dataset.join("meta/info.json"), "{\"mine\": true}").unwrap();
         let before = tree(folder.path());
-        collect_again(folder.path(), &[]).assert_refused(&["that this run did not make", name, "move it away"]);
+        collect_again(folder.path(), &[]).assert_refused(&["that this run did not write", name, "move it elsewhere"]);
         assert_same_tree(&tree(folder.path()), &before);
     }
 }
@@ -289,7 +289,7 @@ fn nothing_waits_without_a_word() {
         "task new --designer llm --settings fifo.json --out out",
     ] {
         let arguments: Vec<&str> = verb.split(' ').collect();
-        genmanip(folder.path(), &arguments).assert_refused(&["fifo.", "found a pipe or device", "hint:"]);
+        either_program(folder.path(), &arguments).assert_refused(&["fifo.", "found a pipe or device", "hint:"]);
     }
     let prompts =
         "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmodel = \"m\"\n[generation]\nprompts = \"prompts\"\n";

@@ -98,6 +98,14 @@ fn genmanip_lab(folder: &Path, arguments: &[&str]) -> Outcome {
     Command::new(program).current_dir(folder).args(arguments).output().unwrap().into()
 }
 
+/// Runs `genmanip-lab` if the first word is `lab`, else the program.
+fn either_program(folder: &Path, arguments: &[&str]) -> Outcome {
+    match arguments {
+        ["lab", rest @ ..] => genmanip_lab(folder, rest),
+        all => genmanip(folder, all),
+    }
+}
+
 /// Path of an example task.
 fn example(name: &str) -> String {
     format!("{REPOSITORY}/examples/tasks/{name}.json")

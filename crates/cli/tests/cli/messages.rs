@@ -6,7 +6,7 @@ use genmanip_assets::GraspFile;
 use genmanip_core::Document;
 use serde_json::{Value, json};
 
-use crate::{copy_of_finished_run, example, genmanip, quick_examples};
+use crate::{copy_of_finished_run, either_program, example, genmanip, quick_examples};
 
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
@@ -201,7 +201,7 @@ fn every_mistake_has_its_message_and_exit_code() {
     for (case, code, wanted) in CASES {
         let named = case.replace(" 021", &format!(" {task_021}")).replace(" 024", &format!(" {task_024}"));
         let arguments: Vec<&str> = named.split(' ').collect();
-        let outcome = genmanip(folder.path(), &arguments);
+        let outcome = either_program(folder.path(), &arguments);
         assert_eq!(outcome.code, Some(code), "{case}: {outcome:?}");
         assert_eq!(outcome.stderr.matches("error:").count(), 1, "{case}: {outcome:?}");
         assert_eq!(outcome.stdout, "", "{case}: {outcome:?}");

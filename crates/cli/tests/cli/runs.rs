@@ -429,7 +429,7 @@ fn datasets_are_split_and_merged_again() {
     let found = call(&["check", "spatial", "--replays", "1"]).json(1);
     let found = &found["datasets"][0]["findings"][0];
     assert_eq!((&found["check"], &found["file"]), (&"replay".into(), &"extras/record/021_spatial-000".into()));
-    refused(&["merge", "merged", "merged", "--out", "twice"], 1, "each episode once");
+    refused(&["merge", "merged", "merged", "--out", "twice"], 1, "each episode only once");
     refused(&["delete", "merged", "--episodes", "7", "--out", "x"], 1, "0 to 1");
     refused(&["delete", "merged", "--episodes", "two", "--out", "x"], 2, "3,7-9");
     refused(&["filter", "merged", "--where", "success", "--out", "x"], 2, "COLUMN=VALUE");

@@ -132,7 +132,7 @@ pub fn collect(
         stop,
     };
     let started = Instant::now();
-    let Made { attempts, outcomes, mut damaged, has_made } = match options.verified {
+    let Made { attempts, outcomes, mut damaged, has_made, has_changed } = match options.verified {
         None => runner.fixed(episodes_per_task)?,
         Some(count) => runner.until_verified(count)?,
     };
@@ -155,7 +155,7 @@ pub fn collect(
     // Also those that an interrupted call had no time to look at.
     let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
     let finished = attempts.iter().filter(is_finished).count();
-    if has_made {
+    if has_changed {
         // Brings the index up to date.
         folder.survey(&store)?;
     }

@@ -46,6 +46,8 @@ pub(super) struct Made {
     pub damaged: Vec<(String, String)>,
     /// True if this call made an attempt.
     pub has_made: bool,
+    /// True if this call made or completed an attempt that the index does not know.
+    pub has_changed: bool,
 }
 
 impl Runner<'_> {
@@ -65,7 +67,7 @@ impl Runner<'_> {
         let estimate = Estimate::new(self.path, left.len(), self.writes_dataset);
         let has_made = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
         self.progress.end();
-        Ok(Made { attempts, outcomes, damaged, has_made })
+        Ok(Made { attempts, outcomes, damaged, has_made, has_changed: !left.is_empty() })
     }
 
     /// Makes attempts in rounds over all tasks until exactly `count` are verified.
@@ -90,7 +92,7 @@ impl Runner<'_> {
             return Err(RunError::input(format!("episode {id} is damaged: {why}"))
                 .with_hint("start again with --repair: damaged episodes are set aside and made anew"));
         }
-        let (mut attempts, mut outcomes, mut has_made) = (Vec::new(), Outcomes::new(), false);
+        let (mut attempts, mut outcomes, mut has_made, mut has_changed) = (Vec::new(), Outcomes::new(), false, false);
         let successes = |outcomes: &Outcomes| outcomes.values().filter(|outcome| outcome.success).count();
         let estimate = Estimate::new(self.path, count - verified(&survey.sound), self.writes_dataset);
         self.progress.begin("collecting verified demonstrations", count);
@@ -108,11 +110,12 @@ impl Runner<'_> {
             let before = successes(&outcomes);
             let left = left(&wave, &mut known, self.folder, self.store, self.settings, &mut outcomes);
             (before..successes(&outcomes)).for_each(|_| self.progress.advance());
+            has_changed |= !left.is_empty();
             has_made |= self.make(&left, &estimate, &mut outcomes, &|outcome| outcome.success)?;
             attempts.extend(wave);
         }
         self.progress.end();
-        Ok(Made { attempts, outcomes, damaged, has_made })
+        Ok(Made { attempts, outcomes, damaged, has_made, has_changed })
     }
 
     /// Sound episodes of the run by id, and damaged ones among `attempts`; with `repair` these are set aside first.
