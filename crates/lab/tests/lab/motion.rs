@@ -68,7 +68,7 @@ fn lab_motion_plans_and_tests_again() {
     std::fs::write(at("bad.json"), turn.replace("[]", r#"[{"type": "torus", "pos": [0, 0, 0]}]"#)).unwrap();
     for (file, robot, wanted) in [
         ("none.json", "robot", ["cannot read none.json", "check the path"]),
-        ("bad.json", "robot", ["bad.json is no file of motion problems", "torus"]),
+        ("bad.json", "robot", ["bad.json is not a file of motion problems", "torus"]),
         ("turn.json", "nowhere", ["cannot read nowhere", "check the path"]),
         ("turn.json", ".", [". contains 0 URDF files", "expected one"]),
     ] {

@@ -146,10 +146,7 @@ fn every_flaw_has_its_own_message() {
     assert!(error(ARM, None, &mut |_| file(b"v nan 2 3\n".to_vec())).contains("not finite"));
     let many = "<link name=\"x\"/>".repeat(MAX_LINKS + 1);
     assert!(error(&format!("<robot>{many}</robot>"), None, &mut brick).contains("at most 512 are allowed"));
-    assert_eq!(
-        error("<robot><link name=\"a\"/></robot>", None, &mut brick),
-        "no joint moves: there is no arm and no tip"
-    );
+    assert_eq!(error("<robot><link name=\"a\"/></robot>", None, &mut brick), "no joint moves");
 }
 
 /// Invalid robots: each cost minutes, gigabytes or a panic before descriptions were validated.
@@ -178,13 +175,13 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
             "<link name=\"roll\"/>",
             "<link name=\"roll\"><inertial><mass value=\"-1\"/></inertial></link>",
             "link roll: mass should be 0.0 to 100000.0 kg",
-            "kilograms",
+            "masses are in kg",
         ),
         (
             "<link name=\"roll\"/>",
             "<link name=\"roll\"><inertial><mass value=\"1\"/><inertia ixx=\"1e300\"/></inertial></link>",
             "link roll: inertia should be",
-            "kilograms",
+            "masses are in kg",
         ),
     ];
     for (old, new, message, hint) in cases {

@@ -162,6 +162,7 @@ fn wide_joints_are_unwound_towards_the_reference() {
     use std::f64::consts::{PI, TAU};
     let mut robot = (*test_panda()).clone();
     robot.links[5].parent_from_link.position.x += 0.02;
+    robot.links[5].parent_from_link.position.z += 0.02;
     for joint in robot.links.iter_mut().filter_map(|link| link.joint.as_mut()).take(7) {
         (joint.lower, joint.upper) = (-TAU, TAU);
     }
