@@ -239,7 +239,7 @@ except = ["docs/old.md"]
         let page = "Leave it away.\n\n```sh\nleave it away\n```\nDo not leave `it` away.\n";
         assert_eq!(places("docs/a.md", page), ["a.md:1"]);
         assert!(places("docs/old.md", page).is_empty());
-        assert!(places("crates/llm/prompts/a.md", page).is_empty());
+        assert!(places("crates/task-writer/prompts/a.md", page).is_empty());
     }
 
     #[test]

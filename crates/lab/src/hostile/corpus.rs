@@ -152,7 +152,7 @@ impl Corpus {
             run: below("run/"),
             world: file("world.toml"),
             problems: file("problems.json"),
-            cassettes: read_all(&project.join("crates/llm/testdata/cassettes"))?,
+            cassettes: read_all(&project.join("crates/task-writer/testdata/cassettes"))?,
             grasps: file("grasps.json"),
             datasets,
             imports: Imports::read(project)?,

@@ -55,7 +55,7 @@ fn a_changed_command_is_detected() {
     let mut foreign = episode.clone();
     foreign.initial_state.pop();
     let error = replay::check(stage, &foreign).unwrap_err().to_string();
-    assert!(error.contains("another scene"), "{error}");
+    assert!(error.contains("a different scene"), "{error}");
 }
 
 /// Replayed as a policy, the recording needs no ground truth, succeeds again, and is not marked as an oracle.

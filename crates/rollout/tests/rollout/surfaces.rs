@@ -57,5 +57,5 @@ fn a_smaller_table_works_too() {
 #[test]
 fn a_world_without_the_surface_is_rejected() {
     let error = laid_out("worlds/tasks", "side_table_on", &default_world()).unwrap_err();
-    assert_eq!(error.to_string(), "the task needs a surface `side_table`, the world has a table only");
+    assert_eq!(error.to_string(), "the task needs surface `side_table`, but the world has only a table");
 }

@@ -74,7 +74,7 @@ fn a_program_drives_an_environment() {
         (json!({"ask": "fly", "session": session}), None, 400, "unknown variant `fly`"),
         (json!({"ask": "observe", "session": 9}), None, 422, "there is no session 9"),
         (json!({"ask": "observe", "session": session}), None, 422, "there is no episode"),
-        (json!({"ask": "restore", "session": session}), None, 422, "nothing was saved"),
+        (json!({"ask": "restore", "session": session}), None, 422, "no state was saved"),
         (json!({"ask": "observe"}), None, 400, "missing field `session`"),
         (json!({"ask": "step", "session": session}), Some(vec![f64::NAN; 8]), 400, "expected a finite number"),
         (json!({"ask": "step", "session": session}), Some(vec![0.0; 5000]), 413, "larger than 10000 bytes"),

@@ -14,7 +14,7 @@ use genmanip_task_writer::LlmSettings;
 use genmanip_tasks::answer::RecordedAnswer;
 
 /// Recorded answers of the crate `tasks`.
-const SCENE_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scene/testdata");
+const TASKS_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks/testdata");
 
 /// The built-in catalogue, read as a file, since this crate does not depend on assets.
 const CATALOGUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/data/catalog.json");
@@ -35,7 +35,7 @@ fn catalogue() -> Vec<ObjectCard> {
 
 /// File stem and answer, in order.
 fn recorded_answers() -> Vec<(String, RecordedAnswer)> {
-    let folder = std::fs::read_dir(format!("{SCENE_TESTDATA}/responses")).unwrap();
+    let folder = std::fs::read_dir(format!("{TASKS_TESTDATA}/responses")).unwrap();
     let mut paths: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
     paths.sort();
     let read = |path: std::path::PathBuf| {

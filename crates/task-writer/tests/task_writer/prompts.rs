@@ -73,9 +73,9 @@ fn files_that_say_nothing_are_refused() {
     let request = std::fs::read_to_string(format!("{FOLDER}/request.md")).unwrap();
     let kind = "+++\nid = \"mine\"\nversion = 1\ninputs = []\n+++\n";
     for (file, text, expected) in [
-        ("request.md", request.replace("tosg_answer.schema", "mine.schema"), "there is no such file: mine.schema.json"),
+        ("request.md", request.replace("tosg_answer.schema", "mine.schema"), "no such file: mine.schema.json"),
         ("kind_spatial.md", String::new(), "the first line is not `+++`: kind_spatial.md"),
-        ("kind_spatial.md", format!("{kind}\n \n"), "there is no text below it: kind_spatial.md"),
+        ("kind_spatial.md", format!("{kind}\n \n"), "the prompt text is empty: kind_spatial.md"),
         ("kind_spatial.md", format!("{kind}x").replace("mine", " "), "`id` must be a name"),
         ("kind_spatial.md", format!("{kind}x").replace("= 1", "= 0"), "`version` at least 1"),
     ] {

@@ -20,7 +20,7 @@ pub const GOAL_WASH: &str = "#fffbeb";
 /// The sRGB colour of a colour word of the catalogue; grey for an unknown word.
 ///
 /// ```
-/// assert_eq!(crate::drawing::color_of_word("red"), [200, 55, 48]);
+/// assert_eq!(genmanip_viz::drawing::color_of_word("red"), [200, 55, 48]);
 /// ```
 pub fn color_of_word(word: &str) -> [u8; 3] {
     match word.to_ascii_lowercase().as_str() {
