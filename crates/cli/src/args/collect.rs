@@ -84,8 +84,8 @@ pub struct CollectArguments {
         help = format!("What differs: {}, {PHYSICS} [default: all but {PHYSICS}]", super::render::looks())
     )]
     pub vary: Vec<Part>,
-    /// Grasp source of the expert: the geometry of objects, depth images of the fixed cameras, or a server that receives
-    /// the point cloud
+    /// Grasp source of the expert: the geometry of objects, depth images of the fixed cameras, or a server that
+    /// receives the point cloud
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
     pub grasps: String,
     /// Put failed attempts into the dataset too, labelled as such

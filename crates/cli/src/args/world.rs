@@ -98,7 +98,7 @@ pub struct CameraEditArguments {
     /// Camera position: x,y,z in metres, the robot's base frame
     #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub eye: Option<[f64; 3]>,
-    /// Target point: x,y,z in metres, the robot's base frame
+    /// Target point: x,y,z in metres
     #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub target: Option<[f64; 3]>,
     /// Mount it where the robot has its wrist camera
