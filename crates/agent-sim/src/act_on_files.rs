@@ -1,4 +1,4 @@
-//! One pick and one placement from files: what `genmanip agent act` does.
+//! One pick and one placement planned from files: the implementation of `genmanip agent act`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use crate::{AgentChoice, keep};
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Colour or depth of one image, as a file.
+/// Size limit of a colour or depth image file.
 const PICTURE: Limit = Limit { what: "a picture", bytes: 64 << 20 };
 
-/// Files and words from which is acted.
+/// Input files, robot state and instruction of `genmanip agent act`.
 #[derive(Clone, Debug)]
 pub struct ActFiles {
     /// Colour: 8-bit PNG.
@@ -32,15 +32,15 @@ pub struct ActFiles {
     pub joints: Vec<f64>,
     /// Opening of the gripper, m.
     pub gripper_width_m: f64,
-    /// What is to be done.
+    /// Task instruction.
     pub instruction: String,
-    /// Of the searches.
+    /// Seed of the searches.
     pub seed: Seed,
-    /// Folder for the pictures of each stage, the transcript and the motions.
+    /// Output folder for the images of each stage, the transcript and the motions.
     pub out: PathBuf,
 }
 
-/// A camera as its file says.
+/// Contents of the camera file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {

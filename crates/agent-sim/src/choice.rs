@@ -1,4 +1,4 @@
-//! Which agent: its settings and its services, by name.
+//! Agent selection: settings and services by name.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -22,73 +22,73 @@ use super::{Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, Wi
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Largest error of depth at 1 m that makes sense, m: with more, nothing on a table can be told from it.
+/// Maximum depth error at 1 m, m: beyond it, objects are indistinguishable from the table.
 const MOST_DEPTH_ERROR_M: f64 = 0.05;
 
-/// An agent that can be made for any episode.
+/// Agent configuration, from which the agent of any episode is made.
 #[derive(Clone)]
 pub struct AgentChoice {
-    /// How it works.
+    /// Agent settings.
     pub settings: AgentSettings,
-    /// Who answers its questions.
+    /// Vision-language model.
     pub model: ModelChoice,
-    /// Where its masks come from.
+    /// Segmentation source.
     pub masks: MaskChoice,
-    /// Where its grasps come from.
+    /// Grasp source.
     pub grasps: GraspChoice,
-    /// What the oracle does wrong on purpose.
+    /// Error injection of the oracle.
     pub dials: Dials,
-    /// Whether answers are judged by the simulator's truth also where no oracle serves the agent; results then say
-    /// oracle. With an oracle they always are.
+    /// True to judge answers against the ground truth without an oracle, too; results are then labelled `oracle`. With
+    /// an oracle they always are.
     pub is_analysed: bool,
-    /// Whether the agent before each of its turns is kept, so that an episode can be taken up again.
+    /// True to keep a snapshot of the agent before each turn, for counterfactuals.
     pub keeps_turns: bool,
-    /// Folder in which answers are recorded, one file per scenario, and from which they are given again.
+    /// Folder in which answers are recorded, one file per scenario, and from which they are replayed.
     pub answers: Option<PathBuf>,
     /// Folder of prompt files that replace the built-in ones.
     pub prompts: Option<PathBuf>,
-    /// Whether pictures are kept with the transcript.
+    /// True to keep images with the transcript.
     pub keeps_pictures: bool,
 }
 
-/// Who answers the agent's questions.
+/// Model that answers the agent's questions.
 #[derive(Clone)]
 pub enum ModelChoice {
-    /// The simulator's truth; results say oracle.
+    /// Ground truth of the simulator; results are labelled `oracle`.
     Oracle,
-    /// A chat server, a person or recorded answers, as a settings file says.
+    /// Chat server, person or recorded answers, as configured in a settings file.
     Chat(Arc<SharedModel>),
-    /// Chance: any of the marks that were drawn, the control for tables.
+    /// Random mark of the image: the baseline for tables.
     Random,
-    /// Nobody: what was recorded of each episode is answered again, see [`Recording`].
+    /// Replay of the recorded answers only, see [`Recording`].
     Recorded,
 }
 
-/// Where the agent's masks come from.
+/// Segmentation source of the agent.
 #[derive(Clone)]
 pub enum MaskChoice {
-    /// Colour and depth alone.
+    /// Segmentation from colour and depth.
     Rgbd,
-    /// The renderer's ids; results say oracle.
+    /// Ids of the renderer; results are labelled `oracle`.
     Oracle,
     /// A server, see `genmanip_agent::services::masks`.
     Http(Arc<ServiceMasks<HttpService>>),
 }
 
-/// Where the agent's grasps come from.
+/// Grasp source of the agent.
 #[derive(Clone)]
 pub enum GraspChoice {
-    /// Our sampler, on the points of the thing.
+    /// Built-in sampler on the object's point cloud.
     Rgbd,
     /// A server, see `genmanip_agent::services::grasps`.
     Http(Arc<ServiceGrasps<HttpService>>),
 }
 
 impl GraspChoice {
-    /// `rgbd` or `http:URL`; `known` are the names that may be said here.
+    /// Grasp source from `rgbd` or `http:URL`; `known` lists the valid names for the error message.
     ///
     /// # Errors
-    /// A name that nobody knows, and a URL that cannot be asked.
+    /// An unknown name, or an unusable URL.
     pub fn named(name: &str, known: &[&str]) -> Result<Self, RunError> {
         match (name, name.strip_prefix("http:")) {
             ("rgbd", _) => Ok(Self::Rgbd),
@@ -97,7 +97,7 @@ impl GraspChoice {
         }
     }
 
-    /// Grasps for the gripper of a planner.
+    /// Grasp service for the gripper of a planner.
     pub fn source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
         match self {
             Self::Rgbd => Arc::new(SampledGrasps::new(Arc::clone(planner))),
@@ -110,13 +110,13 @@ impl GraspChoice {
 pub struct MadeAgent {
     /// The policy.
     pub policy: Box<dyn Policy>,
-    /// What it asks and does.
+    /// Transcript of questions, answers and actions.
     pub transcribed: TranscriptRecorder,
-    /// What its oracle services know, where it has any.
+    /// Ground truth of the oracle services, if any.
     pub truth: Option<Truth>,
-    /// What its answers were worth, where the truth is known.
+    /// Judgements of its answers; empty without ground truth.
     pub heard: Arc<Mutex<Heard>>,
-    /// The agent before each of its turns, where they are kept.
+    /// Snapshots of the agent before each turn, if they are kept.
     pub turns: Option<Turns>,
 }
 
@@ -137,11 +137,11 @@ impl AgentChoice {
         }
     }
 
-    /// From names: `oracle`, `random`, `recorded` or a settings file for the model, `rgbd`, `oracle` or `http:URL` for the masks, `p2p` or
-    /// `grid`, `full` or `paper`.
+    /// Configuration from names: model `oracle`, `random`, `recorded` or a settings file; masks `rgbd`, `oracle` or
+    /// `http:URL`; path `p2p` or `grid`; preset `full` or `paper`.
     ///
     /// # Errors
-    /// A name that nobody knows, and a settings file that cannot be used.
+    /// An unknown name, or an unusable settings file.
     pub fn named(model: &str, masks: &str, path: &str, preset: &str) -> Result<Self, RunError> {
         let preset = match preset {
             "full" => Preset::Full,
@@ -171,19 +171,19 @@ impl AgentChoice {
         Ok(Self { model, masks, ..Self::oracle(preset, path) })
     }
 
-    /// The same with grasps from `rgbd` or `http:URL`.
+    /// Sets the grasp source: `rgbd` or `http:URL`.
     ///
     /// # Errors
-    /// A name that nobody knows, and an address that cannot be used.
+    /// An unknown name, or an unusable URL.
     pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
         let grasps = GraspChoice::named(name, &["rgbd", "http:URL"])?;
         Ok(Self { grasps, ..self })
     }
 
-    /// The same for cameras whose depth of 1 m has this standard deviation, m; cameras of a world tell it themselves.
+    /// Sets the standard deviation [m] of a depth of 1 m; a larger value from the world's cameras takes precedence.
     ///
     /// # Errors
-    /// A number that is no such error.
+    /// A number outside the valid range.
     pub fn with_depth_error(mut self, error_m: f64) -> Result<Self, RunError> {
         if !(0.0..=MOST_DEPTH_ERROR_M).contains(&error_m) {
             let what = format!("depth error of {error_m} m: expected 0 to {MOST_DEPTH_ERROR_M} m at a distance of 1 m");
@@ -193,10 +193,10 @@ impl AgentChoice {
         Ok(self)
     }
 
-    /// The same with answers recorded in a folder, and given again from it.
+    /// Sets the folder in which answers are recorded and from which they are replayed.
     ///
     /// # Errors
-    /// Without a folder where nobody else answers.
+    /// No folder for the model `recorded`.
     pub fn with_answers(self, folder: Option<PathBuf>) -> Result<Self, RunError> {
         if folder.is_none() && matches!(self.model, ModelChoice::Recorded) {
             return Err(RunError::input("recorded answers lie in a folder, and none is named")
@@ -205,12 +205,12 @@ impl AgentChoice {
         Ok(Self { answers: folder, ..self })
     }
 
-    /// What proposes grasps for the robot of a planner.
+    /// Grasp service for the robot of a planner.
     pub fn grasp_source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
         self.grasps.source(planner)
     }
 
-    /// Lets the oracle err: `STAGE=SHARE`, e.g. `object=0.2`.
+    /// Sets an error rate of the oracle: `STAGE=SHARE`, e.g. `object=0.2`.
     ///
     /// # Errors
     /// An unknown stage, or a share outside of 0 to 1.
@@ -226,7 +226,7 @@ impl AgentChoice {
         Ok(())
     }
 
-    /// The name in results: what serves the agent, and how it works.
+    /// Name in results: services and settings that differ from the preset.
     pub fn name(&self) -> String {
         let AgentSettings { preset, path, ctof, arrows, reasoning, .. } = &self.settings;
         let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
@@ -254,10 +254,10 @@ impl AgentChoice {
         name
     }
 
-    /// The agent for one episode; while it waits for a model, its thread lends its core to the others of `cores`.
+    /// Makes the agent of one episode; while it waits for a model, its thread lends its core to the others of `cores`.
     ///
     /// # Errors
-    /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
+    /// An unusable prompt file or setting, or grasps that were tried with other physics.
     pub fn make(
         &self,
         stage: &Stage,
@@ -274,7 +274,7 @@ impl AgentChoice {
         self.make_asking(model, truth, planner)
     }
 
-    /// Who answers the questions of an episode; `oracle` where it is the oracle.
+    /// Model that answers the questions of an episode; `oracle` is used if the oracle is configured.
     ///
     /// # Errors
     /// Recorded answers that cannot be read.
@@ -308,10 +308,10 @@ impl AgentChoice {
         Ok(Oracle::new(truth.clone(), planner, tried, self.dials.clone()))
     }
 
-    /// The agent for one image, which needs no simulator.
+    /// Makes the agent for one image, without a simulator.
     ///
     /// # Errors
-    /// Oracle services, which do; a prompt file or a setting that cannot be used.
+    /// Oracle services, which need the simulator; an unusable prompt file or setting.
     pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, TranscriptRecorder), RunError> {
         let needs_simulator = |what: &str| {
             let hint = "expected --vlm FILE, and --masks rgbd or http:URL";
@@ -340,10 +340,10 @@ impl AgentChoice {
             .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))
     }
 
-    /// The agent for one episode with any other model.
+    /// Makes the agent of one episode with a given model.
     ///
     /// # Errors
-    /// A prompt file or a setting that cannot be used.
+    /// An unusable prompt file or setting.
     pub fn make_asking(
         &self,
         model: Arc<dyn VisionModel>,
@@ -411,26 +411,26 @@ impl MaskChoice {
     }
 }
 
-/// Standard deviation of a depth of 1 m of the worst of these cameras, m, as its maker tells; 0 where all are perfect.
+/// Largest standard deviation [m] of a depth of 1 m among cameras, by their data sheets; 0 for ideal cameras.
 fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
     let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
     sensors.map(|depth| depth.error_at_1_m()).fold(0.0, f64::max)
 }
 
-/// A client of a service; the address is checked, and nothing is sent.
+/// Client of a service; checks the URL but sends nothing.
 fn http(url: &str) -> Result<HttpService, RunError> {
-    // `http:URL`, and also just `http://…`.
+    // Accepts `http:URL` and plain `http://…`.
     let url = if url.starts_with("//") { format!("http:{url}") } else { url.to_owned() };
     HttpService::new(ServiceSettings::at(&url))
         .map_err(|error| RunError::input(format!("the service {url} cannot be asked")).because(error))
 }
 
-/// A policy whose agent's transcript is written after each of its turns.
+/// Policy wrapper that writes the agent's transcript after each turn.
 pub struct Transcribing {
     policy: Box<dyn Policy>,
     transcribed: TranscriptRecorder,
     folder: PathBuf,
-    /// Pictures that were written.
+    /// Number of images written.
     written: usize,
 }
 
@@ -459,10 +459,10 @@ impl Policy for Transcribing {
     }
 }
 
-/// Writes a transcript and its pictures from number `first` on into a folder; returns how many pictures there are.
+/// Writes a transcript and its images from index `first` on into a folder; returns the total number of images.
 ///
 /// # Errors
-/// When a file cannot be written or a picture not be encoded.
+/// A file that cannot be written, or an image that cannot be encoded.
 pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, RunError> {
     let pictures = transcribed.pictures();
     for (name, picture) in pictures.iter().skip(first) {

@@ -1,4 +1,4 @@
-//! What would have become of an episode if one answer had been the oracle's: everything before it is as it was.
+//! Counterfactual episodes: one wrong answer is replaced by the oracle's, everything before it stays.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,25 +12,25 @@ use super::choice::MadeAgent;
 use super::failure::{Blamed, FailureClass};
 use super::{Oracle, WithTruth};
 
-/// An episode that is to be taken up again.
+/// Episode to be resumed with a corrected answer.
 pub struct Counterfactual {
-    /// The turn before which it is taken up, from 0.
+    /// Turn before which the episode resumes, from 0.
     pub turn: usize,
-    /// The agent as it was before that turn; the answers up to the blamed one are those that were given.
+    /// Agent before that turn; the answers before the blamed one are replayed.
     pub policy: WithTruth,
     is_same: Arc<AtomicBool>,
 }
 
 impl Counterfactual {
-    /// Whether what was answered was the oracle's answer already, so that nothing was replaced. Known once it was run.
+    /// True if the given answer already equals the oracle's, so that nothing was replaced. Valid after the run.
     pub fn is_same(&self) -> bool {
         self.is_same.load(Ordering::Relaxed)
     }
 }
 
 impl MadeAgent {
-    /// The rest of the episode from the turn of the blamed answer on, with that answer the oracle's, and later ones from
-    /// `then`; for proposed grasps, with those of `source`. `None` where no answer is to blame, or no turn was remembered.
+    /// The counterfactual from the turn of the blamed answer: that answer comes from the oracle, later answers from
+    /// `then`, grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
     pub fn corrected(
         &self,
         blamed: &Blamed,
@@ -54,7 +54,7 @@ impl MadeAgent {
     }
 }
 
-/// Answers as before up to one ask, there as the oracle does, and from then on as a model does.
+/// Model that replays the answers up to an ask, takes that one from the oracle and later ones from another model.
 struct Corrected {
     told: BTreeMap<usize, String>,
     last: usize,

@@ -1,4 +1,4 @@
-//! Grasps of demonstrations from rendered depth images: our sampler, or a server.
+//! Grasps for demonstrations from rendered depth images: built-in sampler or grasp server.
 
 use std::sync::Arc;
 
@@ -11,10 +11,10 @@ use genmanip_rollout::expert::{GraspProposer, ObservedObject};
 use crate::GraspChoice;
 use genmanip_workspace::RunError;
 
-/// Who proposes the expert's grasps, by name: `mesh` (nobody: geometry is enough), `rgbd` or `http:URL`.
+/// Grasp source of the expert by name: `mesh` (`None`: grasps from geometry), `rgbd` or `http:URL`.
 ///
 /// # Errors
-/// A name that nobody knows, and a URL that cannot be asked.
+/// An unknown name, or an unusable URL.
 pub fn choice(name: &str) -> Result<Option<GraspChoice>, RunError> {
     if name == MESH {
         return Ok(None);
@@ -22,7 +22,7 @@ pub fn choice(name: &str) -> Result<Option<GraspChoice>, RunError> {
     GraspChoice::named(name, &[MESH, "rgbd", "http:URL"]).map(Some)
 }
 
-/// What is chosen, for the gripper of a planner.
+/// Grasp proposer for the gripper of a planner.
 pub fn source(choice: &GraspChoice, planner: &Arc<Planner>) -> Arc<dyn GraspProposer> {
     Arc::new(OfCloud(choice.source(planner)))
 }
@@ -41,7 +41,7 @@ impl GraspProposer for OfCloud {
         };
         match self.0.grasps(&question) {
             Ok(grasps) => Ok(grasps),
-            // Too few points to work with: the object cannot be grasped from what is seen of it.
+            // Too few points: the visible surface gives no grasp.
             Err(GraspError::Unsuited(_)) => Ok(Vec::new()),
             Err(error @ GraspError::Service(_)) => Err(PolicyError::Unreachable(error.to_string())),
         }

@@ -1,4 +1,4 @@
-//! Why an episode failed: what was noted of its answers and of its hand, and the one class that follows from it.
+//! Failure attribution: one class per failed episode, from the judged answers and the recorded gripper motion.
 
 use std::collections::BTreeMap;
 
@@ -6,27 +6,27 @@ use genmanip_agent::ask::{FailedStage, QuestionKind};
 use genmanip_core::{Frame, Relation};
 use serde::Serialize;
 
-/// Why an episode failed: the six classes of the paper, and those of a closed loop.
+/// Failure class of an episode: the six classes of the paper, and those of a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureClass {
     /// The task was split into the wrong sub-tasks.
     Decomposition,
-    /// The wrong thing was chosen to be taken.
+    /// The wrong object was chosen to be picked.
     GraspGrounding,
-    /// The chosen part or point, or the detector, gave no grasp that fits.
+    /// The chosen part or point, or the detector, gave no suitable grasp.
     GraspProposal,
-    /// The grasp could not be carried out, or did not hold.
+    /// The grasp could not be executed, or did not hold.
     GraspExecution,
-    /// The thing was sent to the wrong reference.
+    /// The object was sent to the wrong reference.
     PlanGrounding,
-    /// The reference was right, the place was not.
+    /// The reference was correct, the placement was not.
     PlanLocation,
-    /// The way could not be gone, or the thing did not end where it was sent.
+    /// The path could not be executed, or the object did not end at its target.
     PlanMotion,
-    /// The check said finished too soon, or not finished too late.
+    /// The check reported *finished* before the goal held, or *not finished* after it did.
     Checker,
-    /// Answers were not in the form that was asked for, or named what was not drawn.
+    /// Answers did not match the requested format, or named marks that are not in the image.
     Format,
     /// A service did not answer.
     Service,
@@ -67,59 +67,59 @@ impl FailureClass {
 /// The stage of a [`Testimony`] about proposed grasps, which no model answers.
 pub const GRASPS: &str = "grasp";
 
-/// What an answer was worth.
+/// Judgement of one answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Testimony {
     /// Number of the ask; of proposed grasps, that of the ask before them.
     pub ask: usize,
-    /// How often the task had been split before, from 0.
+    /// Number of decompositions so far.
     pub round: usize,
     /// Stage of the ask, or [`GRASPS`].
     pub stage: &'static str,
     /// The instruction of the stage, or the sub-task that the grasps are for.
     pub subtask: String,
-    /// What the answer would make fail; `None` for a right one.
+    /// Failure class that the answer causes; `None` if it is correct.
     pub wrong: Option<FailureClass>,
-    /// What was seen.
+    /// Evidence, as text.
     pub evidence: String,
 }
 
-/// What was noted in one episode.
+/// Judgements and answers of one episode.
 #[derive(Clone, Debug, Default)]
 pub struct Heard {
     /// In the order of the asks.
     pub testimonies: Vec<Testimony>,
     /// Every answer, by the number of its ask.
     pub answers: BTreeMap<usize, String>,
-    /// Objects that were sent somewhere, by the number of the ask that said where.
+    /// Placed objects, by the number of the ask that chose the target.
     pub sent: BTreeMap<usize, usize>,
-    /// For each placement of what must be moved: the relation that was meant, and the one to the same reference that the
-    /// chosen place comes to.
+    /// Per placement of an object that has to move: goal relation, and relation to the same reference that the chosen
+    /// target achieves.
     pub placed: Vec<(Relation, Option<Relation>)>,
-    /// Answers of the check: whether the goal did not hold or did, and whether it said not finished or finished.
+    /// Confusion matrix of the check: rows goal does not hold / holds, columns answered not finished / finished.
     pub checks: [[usize; 2]; 2],
 }
 
-/// Why an episode failed.
+/// Attributed cause of a failed episode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Blamed {
     /// The class.
     pub class: FailureClass,
-    /// The ask whose answer is to blame, where one is.
+    /// Ask with the wrong answer, if an answer caused the failure.
     pub ask: Option<usize>,
-    /// What was seen.
+    /// Evidence, as text.
     pub evidence: String,
 }
 
 impl Heard {
-    /// Objects that were sent somewhere since the task was split last.
+    /// Objects placed since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
         let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == QuestionKind::Decompose.name());
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
     }
 
-    /// What the last answers of each stage were worth, sub-task by sub-task: an answer that was given anew, or in a later
-    /// round, takes back the one before, since the loop then had its chance.
+    /// Latest judgement per stage and sub-task: a repeated answer, or one of a later round, replaces the earlier one,
+    /// because the closed loop could correct it.
     fn last(&self) -> Vec<&Testimony> {
         let mut rounds: BTreeMap<&str, usize> = BTreeMap::new();
         for testimony in &self.testimonies {
@@ -135,10 +135,9 @@ impl Heard {
     }
 }
 
-/// The class of a failed episode: the answer that was wrong and stayed so, or else what the hand did not manage.
+/// Class of a failed episode: that of the first uncorrected wrong answer, else the failure of execution.
 ///
-/// `failure` is what the agent says of its own failure; `frames` are what was recorded. Of several wrong answers the
-/// first is blamed.
+/// `failure` is the agent's own report, `frames` the recording. Of several wrong answers the first counts.
 pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) -> Blamed {
     let said = failure.map(|failure| (failure.stage.as_str(), failure.cause.as_str()));
     let words = failure.map_or_else(String::new, ToString::to_string);
@@ -147,18 +146,18 @@ pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) 
     }
     let ended_in = |stage: &str| said.is_some_and(|(said, _)| said == stage);
     let wrong = heard.last().into_iter().filter_map(|testimony| Some((testimony.wrong?, testimony)));
-    // Where a thing should have gone does not matter when it was lost before.
+    // A wrong target is irrelevant if the object was lost before it got there.
     let was_carried = |ask: usize| heard.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
     let is_plan = |class: FailureClass| {
         matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
     };
     let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == "check");
     let wrong = wrong.filter(|(class, testimony)| !has_tried || !is_plan(*class) || was_carried(testimony.ask));
-    // An answer that did not fit counts only where the episode ended with it.
+    // A format error counts only if it ended the episode.
     let wrong = wrong.filter(|(class, testimony)| *class != FailureClass::Format || ended_in(testimony.stage));
     if let Some((class, testimony)) = wrong.min_by_key(|(_, testimony)| testimony.ask) {
         let class = match (class, said) {
-            // That no mask fits is no lack of form.
+            // "No mask fits" is a grounding error, not a format error.
             (FailureClass::Format, Some(("object", "not_found"))) => FailureClass::GraspGrounding,
             (class, _) => class,
         };
@@ -177,14 +176,14 @@ pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) 
     Blamed { class, ask: None, evidence }
 }
 
-/// Between the fingers for fewer frames than this was not held; half a second at 60 Hz.
+/// Minimum number of frames between the fingers that counts as held; half a second at 60 Hz.
 const HELD_FRAMES: usize = 30;
-/// The fingers open when they are told to be this much wider within [`OPENING_FRAMES`], m.
+/// Increase [m] of the commanded width within [`OPENING_FRAMES`] that counts as opening.
 const OPENING_M: f32 = 0.001;
-/// So many frames after the last touch the fingers must have been told to open, else the thing was lost.
+/// Number of frames after the last contact within which an opening command must come; otherwise the object was lost.
 const OPENING_FRAMES: usize = 12;
 
-/// How an object was lost from the hand, if it was ever to be in it and was lost.
+/// Description of how an object was lost from the gripper, or never held; `None` if it was released by command.
 fn lost(object: usize, frames: &[Frame]) -> Option<String> {
     let is_held = |frame: &&Frame| frame.grasped == Some(object);
     if frames.iter().filter(is_held).count() < HELD_FRAMES {
@@ -203,7 +202,7 @@ fn lost(object: usize, frames: &[Frame]) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// What it shows, what was heard and said, and the class and the ask that are to blame.
+    /// Description, judgements, reported failure, expected class and expected ask.
     type Case<'a> = (&'a str, Vec<Testimony>, Option<&'a FailedStage>, FailureClass, Option<usize>);
 
     fn said(ask: usize, round: usize, stage: QuestionKind, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
@@ -289,10 +288,10 @@ mod tests {
         for (frames, class) in cases {
             assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
         }
-        // What was sent before the task was split anew is no more to the point.
+        // Placements before a new decomposition do not count.
         let anew = Heard { testimonies: vec![said(9, 1, QuestionKind::Decompose, "", None)], ..sent.clone() };
         assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
-        // A wrong place is to blame only for what came there.
+        // A wrong target counts only if the object was carried there.
         let wrong = said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation));
         let misplaced = Heard { testimonies: vec![wrong], ..sent };
         assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);

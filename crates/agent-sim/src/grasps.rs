@@ -1,4 +1,4 @@
-//! Where the agent's grasps come from, and a detector that is wrong once on purpose.
+//! Grasp source with injected detection errors.
 
 use std::sync::Arc;
 
@@ -8,21 +8,21 @@ use genmanip_core::Grasp;
 use super::Truth;
 use super::failure::FailureClass;
 
-/// How far a wrong grasp stays short of the thing, m: what a detector does whose depth is off by half a mug.
+/// Offset [m] of a wrong grasp against its approach direction: a depth error of half a mug.
 const SHORT_M: f64 = 0.06;
 
-/// A source whose first grasps of the episode all close short of the thing, as from a wrong depth.
+/// Grasp source whose first proposals of an episode all close short of the object, as with a depth error.
 pub(super) struct FlawedGrasps {
     pub source: Arc<dyn GraspSource>,
     pub truth: Truth,
-    /// The number of the ask before, for the record.
+    /// Recorder that knows the number of the preceding ask.
     pub asks: genmanip_agent::ask::TranscriptRecorder,
 }
 
 impl GraspSource for FlawedGrasps {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let mut grasps = self.source.grasps(question)?;
-        // What is asked for a second time for the same thing is the same mistake.
+        // A repeated question after the same ask gets the same error.
         let last = self.asks.asks().saturating_sub(1);
         let planted = self.truth.planted();
         if grasps.is_empty() || planted.first().is_some_and(|planted| planted.ask != last) {

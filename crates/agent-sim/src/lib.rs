@@ -1,8 +1,8 @@
-//! The agent on the simulator: its services by name, and the oracle services that know what it never sees.
+//! The agent on the simulator: service selection by name, oracle services, failure attribution and counterfactuals.
 //!
 //! The agent itself sees images, cameras and joint positions.
-//! Where an oracle serves it, [`WithTruth`] tells the oracle, and only the oracle, where everything is; the policy is
-//! then privileged, so that every result made with it says `oracle`.
+//! With an oracle service, [`WithTruth`] passes the simulator state to the oracle only; the policy is then marked
+//! privileged, and every result made with it is labelled `oracle`.
 
 pub mod act_on_files;
 mod choice;

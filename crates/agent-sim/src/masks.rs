@@ -1,20 +1,20 @@
-//! Masks from the renderer's ids.
+//! Ground-truth masks from the renderer's ids.
 
 use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
 use super::Truth;
 use crate::oracle_segmenter::OracleSegmenter;
 
-/// Fewest pixels that are a mask: what is smaller cannot be seen by anyone.
+/// Minimum mask area, pixels: smaller masks are not visible to any model.
 const FEWEST_PIXELS: usize = 20;
 
-/// The masks of all objects, as they are; results made with it say so.
+/// Segmenter with the ground-truth masks of all objects; results made with it are labelled `oracle`.
 pub struct OracleMasks {
     truth: Truth,
 }
 
 impl OracleMasks {
-    /// Of an episode.
+    /// Segmenter for the episode of `truth`.
     pub fn new(truth: Truth) -> Self {
         Self { truth }
     }
@@ -28,7 +28,7 @@ impl Segmenter for OracleMasks {
         })?;
         let mut masks = OracleSegmenter.segment(&SegmentQuestion { image: &known, ..question.clone() })?;
         masks.retain(|mask| mask.area() >= FEWEST_PIXELS);
-        // By where they are in the picture, so that numbers say nothing about the scene.
+        // Sorted by position in the image, so that mask numbers reveal nothing about the scenario.
         masks.sort_by_key(|mask| mask.indices().next());
         Ok(masks)
     }

@@ -1,5 +1,5 @@
-//! A chat model that many episodes ask at once: cores are lent to others while it thinks, its answers are counted, and
-//! nothing is asked once they have cost what they may.
+//! Chat model shared by parallel episodes: releases the core while waiting, counts tokens and cost, and stops at a
+//! cost limit.
 
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
@@ -25,11 +25,11 @@ use genmanip_workspace::documents;
 pub struct ModelFile {
     /// The server.
     pub server: ServerSettings,
-    /// A folder in which somebody answers, instead of the server.
+    /// Exchange folder in which a person or program answers, instead of the server.
     pub folder: Option<FolderSettings>,
-    /// Recording and replaying.
+    /// Settings of recording and replay.
     pub cassettes: CassetteSettings,
-    /// What tokens cost, by model name.
+    /// Token prices by model name.
     pub prices: BTreeMap<String, Price>,
 }
 
@@ -37,7 +37,7 @@ impl ModelFile {
     /// Reads a settings file.
     ///
     /// # Errors
-    /// When it cannot be read or used; values are never shown, since someone may have written a key there.
+    /// An unreadable or invalid file; values are never shown, since the file may contain a key.
     pub fn read(path: &Path) -> Result<Self, RunError> {
         let text = documents::read_text(path, limits::SETTINGS)?;
         let unusable =
@@ -54,7 +54,7 @@ impl ModelFile {
     }
 }
 
-/// A model that is opened once and asked by any number of episodes.
+/// Chat model opened once and shared by any number of episodes.
 pub struct SharedModel {
     chat: Box<dyn ChatModel>,
     server: ServerSettings,
@@ -65,7 +65,7 @@ impl SharedModel {
     /// Opens the server, the folder or the recordings that the settings name.
     ///
     /// # Errors
-    /// When a setting cannot be used, or the key is missing.
+    /// An invalid setting, or a missing key.
     pub fn open(file: &ModelFile) -> Result<Self, RunError> {
         let price = file.prices.get(&file.server.model).cloned();
         let account = Arc::new(Account { price, ..Account::default() });
@@ -83,12 +83,12 @@ impl SharedModel {
         Ok(Self { chat, server: file.server.clone(), account })
     }
 
-    /// What was asked so far.
+    /// Usage and cost so far.
     pub fn account(&self) -> &Arc<Account> {
         &self.account
     }
 
-    /// The model as the agent asks it; while it answers, this thread's core is lent to other episodes.
+    /// Chat service for an agent; while a request is pending, the thread's core is lent to other episodes.
     pub fn service(self: &Arc<Self>, cores: Option<&Arc<Cores>>) -> ChatService {
         let chat = Lending { shared: Arc::clone(self), cores: cores.cloned() };
         ChatService {
@@ -137,7 +137,7 @@ impl Lending {
     }
 }
 
-/// A model whose answers cost money; recordings stand before it and cost none.
+/// Model with a cost limit; replayed answers do not reach it and are free.
 struct Paid<M> {
     model: M,
     account: Arc<Account>,
@@ -152,20 +152,20 @@ impl<M: ChatModel> ChatModel for Paid<M> {
     }
 }
 
-/// What a model was asked, and what that cost.
+/// Usage and cost of a model.
 #[derive(Debug, Default)]
 pub struct Account {
     price: Option<Price>,
-    /// Most that may be spent, in the currency of the price.
+    /// Cost limit, in the currency of the price.
     limit: Mutex<Option<f64>>,
     ledger: Mutex<Ledger>,
 }
 
 impl Account {
-    /// Asks nothing more once answers have cost `limit`; those under way then still come.
+    /// Stops new requests once the cost reaches `limit`; pending requests are completed.
     ///
     /// # Errors
-    /// Without a price nobody knows what has been spent.
+    /// A model without a price, whose cost is unknown.
     pub fn set_limit(&self, limit: f64) -> Result<(), RunError> {
         if self.price.is_none() {
             return Err(RunError::input("the settings of the model say no price, so its cost cannot be limited")
@@ -175,7 +175,7 @@ impl Account {
         Ok(())
     }
 
-    /// Answers, tokens and cost so far, in words; empty as long as nothing was asked.
+    /// Answers, tokens and cost so far, as text; empty before the first answer.
     pub fn in_words(&self) -> String {
         let ledger = self.ledger();
         let Some((_, sums)) = ledger.models.iter().next() else { return String::new() };
@@ -198,7 +198,7 @@ impl Account {
         let limit = (*self.limit.lock().unwrap_or_else(PoisonError::into_inner))?;
         match self.cost(&self.ledger())? {
             Cost::Known { amount, currency } if amount >= limit => Some(ChatError::Spent { amount, limit, currency }),
-            // What was not counted may have cost anything.
+            // Without token counts the cost is unknown, so the limit cannot be guaranteed.
             Cost::Unknown => Some(ChatError::Uncounted { limit }),
             Cost::Known { .. } => None,
         }

@@ -1,13 +1,13 @@
-//! Masks from the simulator's truth: an oracle, for telling apart what segmentation costs and what the rest costs.
+//! Ground-truth segmentation from the simulator: an oracle that isolates the effect of segmentation errors.
 
 use std::collections::BTreeMap;
 
 use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 use genmanip_render::FIRST_OBJECT;
 
-/// Makes a mask of every object that the renderer's ids show; the image needs its `ids` channel.
+/// Segmenter with one mask per object visible in the renderer's ids; the image needs its `ids` channel.
 ///
-/// Asked for the parts of a thing it returns each object inside of that mask: ids do not know parts.
+/// For a question about parts it returns each object inside the mask: ids do not distinguish parts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OracleSegmenter;
 

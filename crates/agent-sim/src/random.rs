@@ -1,16 +1,15 @@
-//! A model that picks marks by chance: the control that shows what the rest of the agent reaches alone.
+//! Random baseline: a model that picks marks at random, which measures the rest of the agent alone.
 
 use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceError, VisionModel};
 use genmanip_core::Seed;
 use rand::RngExt;
 use serde_json::json;
 
-/// Height of a path over the table, and at its end, m; as the oracle's.
+/// Height [m] of a path above the table, and at its ends; the same as the oracle's.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
 
-/// Answers with any of the marks that were drawn, by the seed and the number of the ask, and says *finished* after one
-/// sub-task.
+/// Model that chooses a random mark of the image, by seed and number of the ask, and answers *finished* at each check.
 pub struct RandomMarks(pub Seed);
 
 impl VisionModel for RandomMarks {

@@ -1,4 +1,4 @@
-//! A model whose answers are recorded, one file per scenario, and given again to the same questions.
+//! Recording and replay of a model's answers, one file per scenario.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,11 +11,11 @@ use genmanip_core::{Document, limits};
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Answers of one episode, before a model or without one.
+/// Recorded answers of one episode, in front of a model or alone.
 ///
-/// What is recorded is answered from the file, at no cost; what is not is asked of the model and kept at once, so that
-/// nothing that was paid for is lost. A question that differs from the recorded one has no answer: the episode is not
-/// run, and the reason says what differs.
+/// Recorded questions are answered from the file at no cost. Other questions go to the model, and each answer is
+/// written at once, so that no paid answer is lost. A question that differs from the recorded one is an error: the
+/// episode is not run, and the reason states the difference.
 pub struct Recording {
     model: Option<Arc<dyn VisionModel>>,
     path: PathBuf,
@@ -24,7 +24,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The answers of a scenario in a folder; `model` answers what is not recorded.
+    /// Opens the answers of a scenario in a folder; `model` answers unrecorded questions.
     ///
     /// # Errors
     /// A file that cannot be read, or is of another scenario.
@@ -47,7 +47,7 @@ impl Recording {
 }
 
 impl Recording {
-    /// What the file says to a question; `None` where it has to be asked of the model.
+    /// Recorded answer to a question; `None` if the model has to answer it.
     fn recorded(&self, question: &Question) -> Option<Result<ModelReply, ServiceError>> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);

@@ -1,4 +1,4 @@
-//! What the oracle services know, and how they learn it.
+//! Ground truth of an episode for the oracle services, and the policy wrapper that updates it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -15,14 +15,14 @@ use genmanip_rollout::{RolloutSettings, Stage};
 
 use super::failure::FailureClass;
 
-/// What is true at the moment, shared by the oracle services of one episode.
+/// Current ground truth, shared by the oracle services of one episode.
 #[derive(Clone)]
 pub struct Truth {
     stage: Stage,
     now: Arc<Mutex<Now>>,
 }
 
-/// One moment.
+/// Ground truth of one moment.
 #[derive(Clone, Default)]
 pub(super) struct Now {
     pub state: Option<PrivilegedState>,
@@ -31,22 +31,22 @@ pub(super) struct Now {
     pub planted: Vec<Planted>,
 }
 
-/// Something that was done wrong on purpose; the failure analysis is not told.
+/// Injected error; hidden from the failure attribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Planted {
-    /// Number of the ask; of what is no answer, the number of the ask before it.
+    /// Number of the ask; for errors outside answers, the number of the preceding ask.
     pub ask: usize,
-    /// What it is to make fail.
+    /// Failure class that the error should cause.
     pub class: FailureClass,
 }
 
 impl Truth {
-    /// Of an episode on a stage.
+    /// Ground truth of an episode on a stage.
     pub fn new(stage: &Stage) -> Self {
         Self { stage: stage.clone(), now: Arc::default() }
     }
 
-    /// What was done wrong on purpose so far.
+    /// Errors injected so far.
     pub fn planted(&self) -> Vec<Planted> {
         self.now().planted.clone()
     }
@@ -67,7 +67,7 @@ impl Truth {
         self.now().state.clone()
     }
 
-    /// Everything where it is now.
+    /// Scene with all objects at their current poses.
     pub(super) fn scene(&self) -> PosedScene {
         match &self.now().state {
             Some(state) => self.stage.posed(&state.objects),
@@ -75,7 +75,7 @@ impl Truth {
         }
     }
 
-    /// Moves of each alternative of the goal that are not done, of what can be carried.
+    /// Unfinished moves of each goal alternative; state changes of articulated objects are excluded.
     pub(super) fn undone(&self, scene: &PosedScene) -> Vec<Vec<Move>> {
         let stage = &self.stage;
         let holds = |atom: &Atom| judge_atom(scene, atom, &stage.relations).holds;
@@ -83,7 +83,7 @@ impl Truth {
         moves(&stage.goal, scene).into_iter().map(|plan| plan.into_iter().filter(is_open).collect()).collect()
     }
 
-    /// The same move of another object.
+    /// Move with another object as its subject.
     pub(super) fn about(&self, step: &Move, object: usize) -> Move {
         let id = self.stage.start().objects().nth(object).map(|posed| posed.id.clone());
         let Some(id) = id.filter(|_| object != step.object) else { return step.clone() };
@@ -99,13 +99,13 @@ impl Truth {
         Move { object, atoms: step.atoms.iter().map(atom).collect() }
     }
 
-    /// Whether the goal holds now, with what moves and what is held.
+    /// Goal verdict in the current state, including motion and grasped object.
     pub(super) fn verdict(&self) -> GoalVerdict {
         let rest = self.state().map(|state| Stage::rest(&state.objects, state.grasped, &RolloutSettings::default()));
         judge_goal(&self.scene(), &self.stage.goal, &rest.unwrap_or_default(), &self.stage.relations)
     }
 
-    /// A shown image as the renderer made it, with ids; `None` for an image that is not known.
+    /// Rendered image with ids for an image shown to the agent; `None` for an unknown camera view.
     pub(super) fn image(&self, image: &RgbdImage) -> Option<RgbdImage> {
         let same = |known: &&RgbdImage| {
             known.world_from_camera == image.world_from_camera && known.intrinsics == image.intrinsics
@@ -113,7 +113,7 @@ impl Truth {
         self.now().images.iter().find(same).cloned()
     }
 
-    /// The masks of all objects in an image that was shown, by their index; `None` for an image that is not known.
+    /// Object index and mask of each visible object in an image shown to the agent; `None` for an unknown camera view.
     pub(super) fn masks(&self, image: &RgbdImage) -> Option<Vec<(usize, Mask)>> {
         let known = self.image(image)?;
         let (width, height) = (known.width(), known.height());
@@ -130,41 +130,41 @@ impl Truth {
     }
 }
 
-/// The agent with oracle services: they are told the truth before each of its turns, and it is not.
+/// Policy wrapper that updates the ground truth of the oracle services before each turn and hides it from the agent.
 pub struct WithTruth {
     agent: Agent,
     truth: Truth,
-    /// Whether the fingers are still to jam once.
+    /// True while a finger jam is still to be injected.
     jams: bool,
-    /// The agent before each of its turns, where they are remembered.
+    /// Snapshots of the agent before each turn, if they are kept.
     turns: Option<Turns>,
 }
 
-/// The agent before each of its turns, in their order.
+/// Snapshots of the agent before each turn, in order.
 pub type Turns = Arc<Mutex<Vec<Agent>>>;
 
-/// Widths that differ less are the same, m.
+/// Tolerance [m] within which gripper widths are equal.
 const SAME_WIDTH_M: f32 = 1e-4;
 
 impl WithTruth {
-    /// An agent whose services know `truth`.
+    /// Wraps an agent whose services share `truth`.
     pub fn new(agent: Agent, truth: Truth) -> Self {
         Self { agent, truth, jams: false, turns: None }
     }
 
-    /// The same, but at the first grasp the fingers stay open: trouble that no answer is to blame for.
+    /// Injects an execution error: at the first grasp the fingers stay open.
     #[must_use]
     pub fn jamming(self, jams: bool) -> Self {
         Self { jams, ..self }
     }
 
-    /// The same, and the agent as it is before each turn is kept in `turns`.
+    /// Stores a snapshot of the agent before each turn in `turns`.
     #[must_use]
     pub fn remembered_in(self, turns: Option<Turns>) -> Self {
         Self { turns, ..self }
     }
 
-    /// Keeps the fingers open from where they would begin to close for good; says whether they would.
+    /// Keeps the fingers open from the start of the final closing; returns false if they never close.
     fn jam(actions: &mut [Vec<f32>]) -> bool {
         let width = |action: &Vec<f32>| action.last().copied().unwrap_or_default();
         let Some(held) = actions.last().map(width) else { return false };

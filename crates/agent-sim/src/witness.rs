@@ -1,8 +1,8 @@
-//! What was wrong with an answer, from truth that the agent never sees: the failure analysis of an episode.
+//! Judgement of each answer against the simulator's ground truth: input of the failure attribution.
 //!
-//! A [`Witness`] stands between the agent and its model, passes everything on unchanged, and notes for each answer
-//! whether it was right as things stood. It knows nothing of errors that an oracle makes on purpose, so that its labels
-//! can be tested against those.
+//! A [`Witness`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
+//! was correct in the current state. It does not know the errors that an oracle injects, so that its labels can be
+//! tested against them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -21,7 +21,7 @@ use super::Truth;
 use super::failure::{FailureClass, GRASPS, Heard, Testimony};
 use super::words;
 
-/// Passes questions on and notes what the answers are worth.
+/// Model wrapper that forwards questions and records the correctness of the answers.
 pub struct Witness {
     model: Arc<dyn VisionModel>,
     truth: Truth,
@@ -30,29 +30,29 @@ pub struct Witness {
     memory: Arc<Mutex<Memory>>,
 }
 
-/// What the witness remembers of the questions before.
+/// State carried over from earlier questions.
 #[derive(Clone, Debug, Default)]
 struct Memory {
-    /// Times that the task was split, and the ask that split it last.
+    /// Number of decompositions so far, and the ask of the latest one.
     rounds: usize,
     split: Option<usize>,
-    /// Sub-tasks of the round that are not checked yet.
+    /// Unchecked sub-tasks of the round.
     open: usize,
-    /// The check that ended a round, and the sub-tasks that it says remain.
+    /// Ask of the check that ended a round, and the sub-tasks it reported as remaining.
     remaining: Option<(usize, Vec<String>)>,
-    /// The object that was chosen last, and the sub-task.
+    /// Object chosen last, and its sub-task.
     taken: Option<usize>,
     subtask: String,
     ask: usize,
 }
 
 impl Witness {
-    /// Between an agent and a model; `heard` is filled as they talk.
+    /// Wraps `model`; judgements are added to `heard` with each answer.
     pub fn new(model: Arc<dyn VisionModel>, truth: Truth, planner: &Arc<Planner>, heard: Arc<Mutex<Heard>>) -> Self {
         Self { model, truth, planner: Arc::clone(planner), heard, memory: Arc::default() }
     }
 
-    /// The same between the agent and its source of grasps.
+    /// Wraps the agent's grasp source, sharing this witness's records.
     pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspWitness {
         let (truth, heard, memory) = (self.truth.clone(), Arc::clone(&self.heard), Arc::clone(&self.memory));
         GraspWitness { source, truth, heard, memory }
@@ -89,8 +89,8 @@ impl Witness {
         }
     }
 
-    /// Whether each sub-task names a thing that must move and what it must stand to; words that name nothing are not
-    /// judged here, but what comes of them is.
+    /// Judges a decomposition: each sub-task must name an object that has to move, and references of one of its goal
+    /// relations. Sub-tasks that name no object are skipped; the answers that follow from them are judged.
     fn split(&self, subtasks: &[String], scene: &PosedScene) -> (Option<FailureClass>, String) {
         let stage = self.truth.stage();
         let names: Vec<String> = (0..scene.objects().len()).map(|object| stage.name(object).to_owned()).collect();
@@ -120,20 +120,20 @@ impl Witness {
         (None, String::new())
     }
 
-    /// The first cell on the way over which the arm cannot be at the height that was answered.
+    /// First path cell that the arm cannot reach from above at the answered height, as evidence.
     fn way(&self, question: &Question, way: &[PathCell]) -> Option<String> {
         let Marks::Grid { grid, .. } = &question.marks else { return None };
         let over = |step: &PathCell| {
             let table_m = 0.0; // the world's z is 0 on the table
             Some(on_plane(&question.view, grid.center(step.cell), table_m)? + DVec3::Z * step.height_m)
         };
-        // The first cell is where the thing is.
+        // The first cell holds the object's current position.
         let beyond =
             way.iter().skip(1).find(|step| over(step).is_some_and(|point| !self.planner.reaches_from_above(point)));
         beyond.map(|step| format!("the arm is not over {} at {} m", step.cell, step.height_m))
     }
 
-    /// Moves of every alternative that are not done.
+    /// Unfinished moves of all goal alternatives.
     fn undone(&self, scene: &PosedScene) -> Vec<Move> {
         self.truth.undone(scene).into_iter().flatten().collect()
     }
@@ -153,7 +153,7 @@ impl Witness {
         if taken.is_some_and(|object| wanted.contains(&object)) {
             return (None, format!("the mask is that of {name}"));
         }
-        // What the sub-task names was chosen; then the sub-task is wrong.
+        // The mask matches the object named in the sub-task, so the decomposition is wrong.
         let is_named = question.instruction.to_lowercase().contains(&format!("pick up the {}", name.to_lowercase()));
         match taken.is_some() && is_named {
             true => {
@@ -164,7 +164,7 @@ impl Witness {
         }
     }
 
-    /// Says of the answer that split the task that it was wrong.
+    /// Marks the latest decomposition as wrong, unless it already is.
     fn blame_split(&self, evidence: String) {
         let split = lock(&self.memory).split;
         let mut heard = lock(&self.heard);
@@ -177,7 +177,7 @@ impl Witness {
         }
     }
 
-    /// Whether the goal's conditions on the taken thing would hold if it came to rest where it is sent.
+    /// Judges a placement: the goal conditions on the chosen object must hold with the object at the target point.
     fn place(
         &self,
         question: &Question,
@@ -203,7 +203,7 @@ impl Witness {
         if is_right {
             return (None, format!("{} would serve in {cell}", self.truth.stage().name(object)));
         }
-        // The same relation to another thing that is nearer than the right one: the wrong reference.
+        // Same relation to another object nearer than the correct reference: wrong reference.
         let apart = |other: usize| scene.bounds(other).map_or(f64::INFINITY, |bounds| distance(&bounds, *point));
         let right = steps.iter().flat_map(|step| &step.atoms).flat_map(genmanip_layout::references);
         let right = right.filter_map(|id| scene.index_of(id)).map(apart).fold(f64::INFINITY, f64::min);
@@ -220,8 +220,8 @@ impl Witness {
     }
 }
 
-/// The relation that is meant, and the one to the same reference that a place comes to: that one where the move would be
-/// done, else the first other that would hold.
+/// Goal relation of a move, and the relation to the same reference that the placement achieves: the goal relation if
+/// the move would be completed, else the first other relation that would hold.
 fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> Option<(Relation, Option<Relation>)> {
     let Some(Atom::Relation { subject, relation, reference, .. }) = steps.first()?.atoms.first() else { return None };
     if is_right {
@@ -235,12 +235,12 @@ fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> O
     Some((*relation, others.into_iter().find(|relation| other(relation))))
 }
 
-/// Distance in the plane between a point and a box, m.
+/// Horizontal distance [m] between a point and a box; 0 inside.
 pub(super) fn distance(bounds: &Aabb, point: DVec3) -> f64 {
     (point.clamp(bounds.min, bounds.max) - point).truncate().length()
 }
 
-/// The scene with a thing moved over a point.
+/// Scene with an object moved so that the centre of its underside is at a point.
 fn put(scene: &PosedScene, object: usize, point: DVec3) -> PosedScene {
     let mut after = scene.clone();
     if let Some(bounds) = scene.bounds(object) {
@@ -249,7 +249,8 @@ fn put(scene: &PosedScene, object: usize, point: DVec3) -> PosedScene {
     after
 }
 
-/// Whether a condition would be met; in what carries it a thing may still fall or tip, so there only the plane counts.
+/// True if a condition would hold. For support relations the object may still fall or tip, so only the horizontal
+/// position is checked.
 fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &Truth) -> bool {
     match atom {
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
@@ -266,7 +267,7 @@ fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &Truth) -> bool 
     }
 }
 
-/// The same condition with another first reference.
+/// Condition with its first reference replaced.
 fn aimed_at(atom: &Atom, id: &str) -> Atom {
     match atom {
         Atom::Relation { subject, relation, second_reference, .. } => Atom::Relation {
@@ -327,7 +328,7 @@ impl Witness {
         }
     }
 
-    /// A check split the task anew when the next question is about one of the sub-tasks that it said remain.
+    /// Records a new decomposition if an object question follows a check that reported remaining sub-tasks.
     fn hear_of_split(&self, question: &Question) {
         let (round, ask, subtasks) = {
             let mut memory = lock(&self.memory);
@@ -345,7 +346,7 @@ impl Witness {
     }
 }
 
-/// Notes what proposed grasps are worth.
+/// Grasp-source wrapper that records the correctness of proposed grasps.
 pub struct GraspWitness {
     source: Arc<dyn GraspSource>,
     truth: Truth,
@@ -353,8 +354,8 @@ pub struct GraspWitness {
     memory: Arc<Mutex<Memory>>,
 }
 
-/// Half of what closes on a thing at a grasp: across the fingers, and along them, m; the pads of the built-in hand are
-/// 2 cm wide and reach that far.
+/// Half extents [m] of the volume between the finger pads, across and along the fingers; the pads of the built-in
+/// gripper are 2 cm wide and 2 cm long.
 const CLOSING_HALF_M: [f64; 2] = [0.011, 0.011];
 
 impl GraspSource for GraspWitness {

@@ -1,7 +1,7 @@
-//! Which things a sub-task names, for judging how a task was split.
+//! Objects named in a sub-task, for the judgement of decompositions.
 
-/// The things that a text names, in the order of the words, by the index of their name; of names that contain each other
-/// the longest counts, and of equal names the first.
+/// Indices of the names that occur in a text, in order of occurrence; the longest of overlapping names wins, and the
+/// first of equal names.
 pub(super) fn named(text: &str, names: &[String]) -> Vec<usize> {
     let text = text.to_lowercase();
     let mut found: Vec<(usize, usize, usize)> = Vec::new();

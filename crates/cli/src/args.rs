@@ -1,4 +1,4 @@
-//! What the user may type.
+//! Command-line arguments.
 
 use genmanip_assets::CATALOGUES;
 use genmanip_terminal::parse;
@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Print data as JSON on stdout
     #[arg(long, global = true)]
     pub json: bool,
-    /// No progress, no talk; errors only
+    /// Print errors only: no progress, no log
     #[arg(long, short, global = true)]
     pub quiet: bool,
     /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
@@ -50,12 +50,12 @@ pub struct Arguments {
     /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
     #[arg(long, value_name = "DIR", global = true)]
     pub robots: Option<PathBuf>,
-    /// What to do
+    /// Subcommand
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// The verbs.
+/// Subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// The whole loop on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation, report
@@ -63,7 +63,7 @@ pub enum Command {
     Demo(DemoArguments),
     /// Invent, check and show tasks
     Task {
-        /// What to do with tasks
+        /// Subcommand
         #[command(subcommand)]
         command: TaskCommand,
     },
@@ -105,7 +105,7 @@ pub enum Command {
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
-    /// Say which of two policies is better, from evaluations of the same scenarios
+    /// Compare two policies from their evaluations on the same scenarios
     #[command(
         after_help = "Example:\n  genmanip compare out/run/evaluation/agent.json out/run/evaluation/do_nothing.json\n\n\
                       Episodes are paired by scenario and seed; tests are exact, by scenario where scenarios have\n\
@@ -114,7 +114,7 @@ pub enum Command {
     Compare(CompareArguments),
     /// Build, check and show suites of frozen scenarios
     Suite {
-        /// What to do with suites
+        /// Subcommand
         #[command(subcommand)]
         command: SuiteCommand,
     },
@@ -124,7 +124,7 @@ pub enum Command {
     Leaderboard(LeaderboardArguments),
     /// Let the agent plan from images of files, without a simulator
     Agent {
-        /// What to do
+        /// Subcommand
         #[command(subcommand)]
         command: AgentCommand,
     },
@@ -138,7 +138,7 @@ pub enum Command {
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
     Replay(ReplayArguments),
-    /// Draw scenarios and recorded episodes again, without physics: as they were, or in another look
+    /// Render scenarios and recorded episodes without physics, in the original or a randomised appearance
     #[command(after_help = "Examples:\n  genmanip render out/run --out out/films --variation 7\n  \
                       genmanip render SCENARIO --out out/pictures --cameras static --size 1280x720 --channels rgb,depth,ids\n\n\
                       Parts of a look: light, background (walls), material (of the table), objects (tint and gloss), camera.\n\
@@ -158,31 +158,31 @@ pub enum Command {
     Export(ExportArguments),
     /// Check datasets and show what is in them
     Data {
-        /// What to do with datasets
+        /// Subcommand
         #[command(subcommand)]
         command: DataCommand,
     },
     /// Try grasps of the catalogue's objects in physics beforehand, and show them
     Grasps {
-        /// What to do with grasps
+        /// Subcommand
         #[command(subcommand)]
         command: GraspsCommand,
     },
     /// List, find, show, draw, export and audit objects
     Assets {
-        /// What to do with objects
+        /// Subcommand
         #[command(subcommand)]
         command: AssetsCommand,
     },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
-        /// What to do with worlds
+        /// Subcommand
         #[command(subcommand)]
         command: WorldCommand,
     },
     /// List, change and preview the cameras of worlds and scenarios
     Camera {
-        /// What to do with cameras
+        /// Subcommand
         #[command(subcommand)]
         command: CameraCommand,
     },
@@ -193,18 +193,18 @@ pub enum Command {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Offer masks or grasps to other programs over HTTP, on this machine unless told otherwise
+    /// Serve masks, grasps, motions or environments to other programs over HTTP; local only by default
     Serve {
-        /// What to offer
+        /// Service to run
         #[command(subcommand)]
         command: ServeCommand,
     },
-    /// Say what this machine has, what is missing and how to mend it
+    /// Check this machine: what is available, what is missing and how to fix it
     #[command(after_help = "Example:\n  genmanip doctor")]
     Doctor,
 }
 
-/// Verbs for tasks.
+/// Subcommands of `task`.
 #[derive(Debug, Subcommand)]
 pub enum TaskCommand {
     /// Invent tasks and write them as task documents
@@ -220,7 +220,7 @@ pub enum TaskCommand {
     Show(ShowArguments),
 }
 
-/// Verbs for grasps.
+/// Subcommands of `grasps`.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
     /// Try candidates of every object that can be grasped, each several times, a little off, and keep how often it held
@@ -291,7 +291,7 @@ pub struct NewArguments {
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Who invents them: rules, or llm (a language model)
+    /// Task designer: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
     pub designer: String,
     /// Share of scenes with a second copy of something, 0 to 1; only with --designer rules
@@ -355,7 +355,7 @@ pub struct CheckArguments {
 pub struct ShowArguments {
     /// A recorded answer or a task document
     pub file: PathBuf,
-    /// Also write the scene graph as a picture
+    /// Also write the scene graph as an image
     #[arg(long)]
     pub svg: Option<PathBuf>,
 }
@@ -430,10 +430,10 @@ pub struct PlanArguments {
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
-    /// Film the motion, MP4
+    /// Record the motion as a video, MP4
     #[arg(long, value_name = "FILE")]
     pub animation: Option<PathBuf>,
-    /// Camera of picture and film, one of the scenario's [default: a view of the whole arm]
+    /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
     /// Refuse scenarios that were laid out for another robot than this
@@ -526,7 +526,7 @@ pub struct ReportArguments {
     /// A folder with a page for every episode, RUN/report; what is there is kept, only new episodes are drawn
     #[arg(long, conflicts_with = "only")]
     pub full: bool,
-    /// Where to write it [default: RUN/report.html; with --full: RUN/report]
+    /// Output path [default: RUN/report.html; with --full: RUN/report]
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Worker threads of --full; the bytes do not depend on it [default: all cores]

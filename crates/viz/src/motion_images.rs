@@ -1,4 +1,4 @@
-//! A motion of the arm: all of it in one picture, or as a film.
+//! A motion of the arm: all of it in one image, or as a video.
 
 use std::path::Path;
 
@@ -13,30 +13,30 @@ use genmanip_rollout::images::{Exposure, StageRenderer};
 use crate::scene_images;
 use genmanip_workspace::RunError;
 
-/// Columns of pictures and films.
+/// Columns of images and videos.
 const WIDTH: u32 = 960;
-/// Postures of the arm in one picture.
+/// Postures of the arm in one image.
 const POSTURES: usize = 6;
-/// How much of an earlier posture shows, 0-1.
+/// Opacity of earlier postures, 0-1.
 const GHOST: f32 = 0.4;
-/// Frames per second of films.
+/// Frames per second of videos.
 const FPS: u32 = 30;
-/// Colour of the way of the hand.
+/// Colour of the gripper's path.
 const WAY: [u8; 3] = [235, 90, 20];
 /// Colour of a posture that touches something.
 const BLOCKED: [u8; 3] = [215, 25, 40];
 
-/// What is shown.
+/// Motion to be rendered.
 pub struct Drawn<'a> {
     /// Objects and robot.
     pub stage: &'a Stage,
     /// Joint positions of the arm at the control rate, rad.
     pub configs: &'a [Vec<f64>],
-    /// Where the tcp is at each of them, in the world, metres.
+    /// TCP position at each configuration, world frame, metres.
     pub tcp: Vec<DVec3>,
     /// Opening of the gripper, metres.
     pub gripper_width: f64,
-    /// A goal that cannot be.
+    /// Goal configuration in collision, if any.
     pub blocked: Option<&'a [f64]>,
 }
 
@@ -95,7 +95,7 @@ fn ending(path: &Path, expected: &str) -> RunError {
     RunError::input(format!("cannot write {}", path.display())).with_hint(expected)
 }
 
-/// What is shown, by one camera.
+/// Motion seen by one camera.
 struct View<'a> {
     drawn: &'a Drawn<'a>,
     painter: StageRenderer,
@@ -118,7 +118,7 @@ impl<'a> View<'a> {
                 .with_hint(format!("its cameras are {}", known.join(", "))));
         };
         let Camera { intrinsics, .. } = camera;
-        // Films want even sizes.
+        // Videos want even sizes.
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
@@ -148,7 +148,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// Lets the robot of another picture show through, in its own colours or tinted.
+/// Lets the robot of another image show through, in its own colours or tinted.
 fn blend(canvas: &mut RgbdImage, ghost: &RgbdImage, tint: Option<[u8; 3]>) {
     let pixels = canvas.rgb.chunks_exact_mut(3).zip(ghost.rgb.chunks_exact(3)).zip(&ghost.ids);
     for ((pixel, other), _) in pixels.filter(|(_, id)| **id == ROBOT) {

@@ -1,4 +1,4 @@
-//! Pictures and files of single assets: portraits, contact sheets, exports.
+//! Images and files of single assets: portraits, contact sheets, exports.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use genmanip_workspace::task_files;
 
 /// Vertical field of view of a portrait, rad: a long lens, so that shapes look as they are.
 const PORTRAIT_FOV: f64 = 0.42;
-/// Of written JPEG pictures: no artefacts to be seen at a label.
+/// Of written JPEG images: no artefacts to be seen at a label.
 const JPEG_QUALITY: u8 = 88;
 /// Share of the distance that the radius of an object is in a portrait.
 const PORTRAIT_FILL: f64 = 0.19;
@@ -44,7 +44,7 @@ pub fn read_families(folder: &Path) -> Result<Families, RunError> {
         .map_err(|error| RunError::input(format!("the families in {} cannot be used", folder.display())).because(error))
 }
 
-/// One object on the table from the robot's side, filling a square picture; RGB row by row.
+/// One object on the table from the robot's side, filling a square image; RGB row by row.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -82,7 +82,7 @@ pub fn portrait_from(
         .map_err(|error| RunError::broken(format!("cannot resize the portrait of object {}", model.card.uid), error))
 }
 
-/// Portraits row by row in one picture: JPEG where the path ends so, else PNG.
+/// Portraits row by row in one image: JPEG where the path ends so, else PNG.
 ///
 /// # Errors
 /// As [`portrait`].
@@ -103,7 +103,7 @@ pub fn sheet(
     tiled(&pictures, columns, cell, path)
 }
 
-/// Square pictures row by row in one: JPEG where the path ends so, else PNG.
+/// Square images row by row in one: JPEG where the path ends so, else PNG.
 ///
 /// # Errors
 /// When it cannot be encoded.

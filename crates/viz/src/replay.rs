@@ -21,7 +21,7 @@ use genmanip_workspace::{Cause, RunError};
 /// Moments of a film strip.
 const STRIP_FRAMES: usize = 8;
 
-/// How the replay of an episode ended.
+/// Result of replaying an episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Replayed {
     /// Id of the episode.
@@ -31,7 +31,7 @@ pub struct Replayed {
     pub kind: Option<TaskKind>,
     /// Control steps.
     pub frames: usize,
-    /// Whether the final state is the recorded one, bit for bit; `None` when that was not checked or cannot be.
+    /// True if the final state equals the recorded one bit for bit; `None` if not checked or not replayable.
     pub identical: Option<bool>,
     /// Largest difference between the final states, mixed units; `None` when that was not checked or cannot be.
     pub largest_difference: Option<f64>,
@@ -44,7 +44,7 @@ pub struct Replayed {
 }
 
 impl Replayed {
-    /// Whether nothing is wrong with it.
+    /// True if the episode replays without a fault.
     pub fn is_sound(&self) -> bool {
         self.damaged.is_none() && self.identical != Some(false)
     }
@@ -127,7 +127,7 @@ pub fn sample(store: &Path, count: usize, workers: usize, progress: &dyn Progres
     Ok(rows)
 }
 
-/// What is done with each episode.
+/// Options for each replayed episode.
 struct Replaying<'a> {
     store: &'a EpisodeStore,
     is_only: bool,
@@ -244,7 +244,7 @@ pub fn stage(episode: &Episode) -> Result<Stage, RunError> {
 pub struct Located {
     /// The store.
     pub store: EpisodeStore,
-    /// Recorded ones, and damaged ones of which nobody knows.
+    /// Ids of recorded episodes, including damaged ones that are not in the index.
     pub ids: Vec<String>,
     strangers: Vec<String>,
 }

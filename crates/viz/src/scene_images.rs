@@ -49,7 +49,7 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
     jpeg(&episode.result.id, width * pictures.len() as u32, height, &rgb)
 }
 
-/// What draws the frames of a stage.
+/// Renderer for the frames of a stage.
 ///
 /// # Errors
 /// When a mesh is broken.
@@ -91,7 +91,7 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, R
         .map_err(|error| RunError::broken(format!("cannot encode a picture of {episode}"), error))
 }
 
-/// What the drawing of a layout shows.
+/// Contents of the top view of a layout.
 ///
 /// # Errors
 /// When an object is not in the catalogue.

@@ -1,4 +1,4 @@
-//! What the cameras of a world or scenario see before anything moves.
+//! Camera previews of a world or scenario in its initial state.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,17 +13,17 @@ use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 use genmanip_workspace::worlds::Setting;
 
-/// White between the pictures of a sheet, pixels; chosen.
+/// White between the images of a sheet, pixels; chosen.
 const GAP_PX: usize = 4;
 /// Quality of JPEG sheets, 1-100; chosen: compression is hardly seen.
 const JPEG_QUALITY: u8 = 88;
 
-/// A picture that was written.
+/// A image that was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Preview {
-    /// Cameras in the picture, row by row.
+    /// Cameras in the image, row by row.
     pub cameras: Vec<String>,
-    /// Where it is.
+    /// Path of the image file.
     pub file: PathBuf,
 }
 
@@ -33,7 +33,7 @@ pub struct Preview {
 /// it is a folder that gets NAME.png of each. Without names all cameras are drawn, without a size each at its own.
 ///
 /// # Errors
-/// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or a picture cannot be drawn or
+/// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or an image cannot be drawn or
 /// written.
 pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &Path) -> Result<Vec<Preview>, RunError> {
     let setting = &Setting::read(file)?;
@@ -88,7 +88,7 @@ fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
         .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
 }
 
-/// One picture per camera, of objects from a source.
+/// One image per camera, of objects from a source.
 pub fn draw(setting: &Setting, cameras: &[Camera], source: &dyn AssetSource) -> Result<Vec<FrameBuffers>, RunError> {
     let robot = worlds::robot(setting.world())?;
     let (id, objects) = match setting {
@@ -115,7 +115,7 @@ pub fn draw(setting: &Setting, cameras: &[Camera], source: &dyn AssetSource) -> 
     cameras.iter().zip(pictures).map(developed).collect::<Result<_, _>>().map_err(not_drawn)
 }
 
-/// Pictures row by row in one, as square as their number allows; each in a cell of the largest one's size.
+/// Images row by row in one, as square as their number allows; each in a cell of the largest one's size.
 fn sheet(pictures: &[FrameBuffers]) -> FrameBuffers {
     let columns = (1..=pictures.len()).find(|columns| columns * columns >= pictures.len()).unwrap_or(1);
     let rows = pictures.len().div_ceil(columns);

@@ -1,6 +1,6 @@
-//! Answers that are wrong on purpose, as a model might get them wrong, for testing the failure analysis.
+//! Injected errors: plausible wrong answers of the oracle, for testing the failure attribution.
 //!
-//! Each is made from what the oracle means to answer, never with the analysis that is to find it.
+//! They derive from the oracle's correct answer and never use the attribution code under test.
 
 use genmanip_agent::ask::{Marks, Question, QuestionKind};
 use genmanip_agent::grid::Cell;
@@ -14,14 +14,14 @@ use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
 use crate::failure::FailureClass;
 use crate::witness::distance;
 
-/// A model that does not keep to the form.
+/// Answer that ignores the requested format.
 const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";
-/// The table's top, world z, m.
+/// Table height in the world frame, m.
 const TABLE_M: f64 = 0.0;
-/// Room that a wrong place has, as a right one.
+/// Clearances accepted for a wrong placement, the same as for a correct one.
 const ROOMS: [Room; 2] = [Room::Ample, Room::Little];
 
-/// An answer that makes `class` fail; `None` where this question leaves no such answer.
+/// Wrong answer that causes a failure of `class`; `None` if this question allows none.
 pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) -> Option<String> {
     let answer = match (class, question.stage) {
         (FailureClass::Format, _) => return Some(PROSE.into()),
@@ -45,7 +45,7 @@ pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) 
         (FailureClass::PlanMotion, QuestionKind::GridPath) => out_of_reach(oracle, question),
         (FailureClass::Checker, QuestionKind::Check) => {
             let verdict = oracle.truth.verdict();
-            // What is done stays done when the check overlooks it: only the other mistake makes an episode fail.
+            // A check that overlooks a reached goal does not fail the episode; only a false *finished* does.
             let is_fatal = oracle.dials.once.is_none() || !verdict.success;
             is_fatal.then(|| checked(!verdict.success, verdict.score, serde_json::json!([])))
         }
@@ -54,7 +54,7 @@ pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) 
     answer.map(|answer| answer.to_string())
 }
 
-/// The right sub-tasks, but the first names another thing or another reference.
+/// Correct sub-tasks, except that the first names another object or another reference.
 fn decomposition(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let scene = oracle.truth.scene();
     let mut plan = oracle.plan(&scene);
@@ -76,7 +76,7 @@ fn is_reference(step: &Move, object: usize, scene: &PosedScene) -> bool {
     step.atoms.iter().flat_map(genmanip_layout::references).any(|id| scene.index_of(id) == Some(object))
 }
 
-/// The move with other first references, whose names differ from the right ones.
+/// Variants of the move with another first reference, whose name differs from the correct one.
 fn to_others(oracle: &Oracle, step: &Move, scene: &PosedScene) -> Vec<Move> {
     let stage = oracle.truth.stage();
     let Some(Atom::Relation { reference, .. }) = step.atoms.first() else { return Vec::new() };
@@ -106,11 +106,11 @@ fn other_mask(oracle: &Oracle, question: &Question) -> Option<serde_json::Value>
         oracle.truth.undone(&oracle.truth.scene()).iter().flatten().map(|step| step.object).collect();
     let others = known.iter().filter(|(object, _)| *object != step.object && !wanted.contains(object));
     let masks: Vec<usize> = others.filter_map(|(_, mask)| best_mask(drawn, mask)).collect();
-    // The model is sure that it is the right thing, and says so.
+    // The answer names the correct object with the wrong mask.
     masks.get(oracle.draw(question, masks.len())).map(|&mask| oracle.named(mask, step.object))
 }
 
-/// What was taken, and the move that it is part of.
+/// Move of the sub-task, if its object is the picked one.
 fn taken_step(oracle: &Oracle, question: &Question) -> Option<Move> {
     let Marks::Grid { moved, .. } = &question.marks else { return None };
     let step = oracle.step(&question.instruction)?;
@@ -118,14 +118,14 @@ fn taken_step(oracle: &Oracle, question: &Question) -> Option<Move> {
     (object == step.object).then_some(step)
 }
 
-/// Whether a move would be done if what it moves came to rest over a point.
+/// True if a move would be completed with its object at rest over a point.
 fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> bool {
     let mut after = scene.clone();
     let Some(bounds) = scene.bounds(step.object) else { return false };
     after.shift(step.object, point - bounds.center().with_z(bounds.min.z));
     let relations = &oracle.truth.stage().relations;
     let holds = |atom: &Atom| match atom {
-        // Where it falls to is not known; over what carries it, it may well get there.
+        // The resting pose is unknown; a point above the support counts as reached.
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
             let carrier = after.index_of(reference).and_then(|carrier| after.bounds(carrier));
             carrier.is_some_and(|carrier| {
@@ -137,8 +137,8 @@ fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> b
     step.atoms.iter().all(holds)
 }
 
-/// A cell that does the move, but for another reference that is nearer to it than the right one: nearer to the right one
-/// it would as well be a wrong place there.
+/// Cell that completes the move for a wrong reference nearer than the correct one; a cell nearer to the correct
+/// reference would also count as a wrong location there.
 fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
@@ -157,7 +157,7 @@ fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::V
     Some(oracle.sent_to(question, *chosen, None))
 }
 
-/// A cell at the right reference, but in another relation to it.
+/// Cell in a wrong relation to the correct reference.
 fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
@@ -181,7 +181,7 @@ fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Va
             },
             state @ Atom::State { .. } => state.clone(),
         };
-        // Of several conditions the first is what the words say.
+        // Of several conditions, the instruction states the first.
         Move { object: step.object, atoms: step.atoms.iter().take(1).map(atom).collect() }
     };
     let others: Vec<Move> = confused.iter().map(other).collect();
@@ -190,7 +190,7 @@ fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Va
     Some(oracle.sent_to(question, *chosen, None))
 }
 
-/// Cells that do one of `others`, and not what is to be done.
+/// Cells that complete one of `others` but no unfinished move of the goal.
 fn cells_of(oracle: &Oracle, question: &Question, step: &Move, others: &[Move], scene: &PosedScene) -> Vec<Cell> {
     let Marks::Grid { targets, .. } = &question.marks else { return Vec::new() };
     let undone = oracle.truth.undone(scene);
@@ -205,7 +205,7 @@ fn cells_of(oracle: &Oracle, question: &Question, step: &Move, others: &[Move], 
     others.iter().filter_map(fits).collect()
 }
 
-/// The right path with a cell on the way that the arm does not reach at the height that is asked for.
+/// Correct path with an intermediate cell that the arm cannot reach at the requested height.
 fn out_of_reach(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let Marks::Grid { grid, .. } = &question.marks else { return None };
     let goal = oracle.cell(question)?;

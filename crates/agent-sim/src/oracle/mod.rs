@@ -1,7 +1,7 @@
-//! A model that knows the truth, for measuring everything but the model.
+//! Oracle: a model with access to the ground truth, which isolates errors of the rest of the agent.
 //!
-//! It answers only with marks that were drawn: no mask that covers the thing by half, then -1.
-//! It does not tell the agent anything else.
+//! It answers only with marks of the image: -1 if no mask matches the object with an IoU of 0.5.
+//! It reveals nothing else to the agent.
 
 mod flaws;
 
@@ -22,31 +22,31 @@ use serde_json::json;
 use super::Truth;
 use super::failure::FailureClass;
 
-/// A mask must cover the thing by this much (intersection over union) to be its mask.
+/// Minimum IoU (intersection over union) with the object's ground-truth mask.
 const SAME_MASK: f64 = 0.5;
-/// Margins beyond this make an answer no better, m.
+/// Margin [m] above which a placement scores no better.
 const AMPLE_M: f64 = 0.03;
-/// Clearance below which a place counts as taken, m.
+/// Clearance [m] below which a placement counts as occupied.
 const TAKEN_M: f64 = 0.01;
-/// Tried grasps within this distance of a point speak for it, m.
+/// Radius [m] within which tried grasps count towards a point.
 const NEAR_POINT_M: f64 = 0.03;
-/// Height of a grid path over the table, m, and at its ends.
+/// Height [m] of a grid path above the table, and at its ends.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
-/// Greatest height of a path that may be answered, m.
+/// Maximum path height in an answer, m.
 const HIGHEST_M: f64 = 0.5;
-/// Share of a cell's pixels that must be of a thing for the cell to be on it.
+/// Minimum share of a cell's pixels on the support object.
 const ON_THING: f64 = 0.3;
 
-/// How often the oracle answers wrongly on purpose, by stage, 0 to 1.
+/// Injected error rate per question kind, 0 to 1.
 pub type ErrorRates = BTreeMap<QuestionKind, f64>;
 
-/// What the oracle does wrong on purpose.
+/// Error injection of the oracle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dials {
-    /// How often it answers wrongly, by stage.
+    /// Error rate per question kind.
     pub rates: ErrorRates,
-    /// What one wrong answer of the episode is to make fail, the first that can be given.
+    /// Failure class to inject once per episode, at the first question that allows it.
     pub once: Option<FailureClass>,
 }
 
@@ -54,20 +54,20 @@ pub struct Dials {
 pub struct Oracle {
     truth: Truth,
     planner: Arc<Planner>,
-    /// Per object, its grasps that were tried beforehand.
+    /// Precomputed grasps with trial results, per object.
     grasps: Vec<Vec<TriedGrasp>>,
     dials: Dials,
-    /// What each sub-task that it worded is about.
+    /// Move of each sub-task text produced by this oracle.
     subtasks: Arc<Mutex<BTreeMap<String, Move>>>,
 }
 
 impl Oracle {
-    /// For one episode; `grasps` are those that were tried beforehand, per object.
+    /// Oracle of one episode; `grasps` are precomputed grasps with trial results, per object.
     pub fn new(truth: Truth, planner: &Arc<Planner>, grasps: Vec<Vec<TriedGrasp>>, dials: Dials) -> Self {
         Self { truth, planner: Arc::clone(planner), grasps, dials, subtasks: Arc::default() }
     }
 
-    /// The same without mistakes, which knows what the sub-tasks are about that this one worded.
+    /// Copy without error injection that shares this oracle's sub-task texts.
     #[must_use]
     pub fn honest(&self) -> Self {
         Self {
@@ -79,14 +79,14 @@ impl Oracle {
         }
     }
 
-    /// What this answer is to get wrong: once per episode, or by the episode's seed and the number of the ask.
+    /// Error class to inject into this answer: once per episode, or sampled by episode seed and number of the ask.
     fn flaw(&self, question: &Question) -> Option<FailureClass> {
         if let Some(class) = self.dials.once {
-            // Wrong grasps are the detector's.
+            // Wrong grasps are injected by the grasp source.
             if class == FailureClass::GraspProposal {
                 return None;
             }
-            // What does not fit is asked for again; one such question is one mistake.
+            // A format error is asked again; all repetitions count as one error.
             let goes_on = class == FailureClass::Format && !question.refused.is_empty();
             return (goes_on || self.truth.planted().is_empty()).then_some(class);
         }
@@ -104,24 +104,24 @@ impl Oracle {
         })
     }
 
-    /// A number below a bound, of this ask's own.
+    /// Random number below a bound, from a stream specific to this ask.
     fn draw(&self, question: &Question, bound: usize) -> usize {
         let seed = self.truth.now().seed.unwrap_or(genmanip_core::Seed::new(0));
         seed.fork("oracle choice").fork_index(question.ask as u64).rng().random_range(0..bound.max(1))
     }
 
-    /// The move that a sub-task is about.
+    /// Move described by a sub-task.
     fn step(&self, subtask: &str) -> Option<Move> {
         self.subtasks.lock().unwrap_or_else(PoisonError::into_inner).get(subtask).cloned()
     }
 
-    /// What is still to be done: the shortest of the alternatives.
+    /// Shortest non-empty plan of unfinished moves among the alternatives.
     fn plan(&self, scene: &PosedScene) -> Vec<Move> {
         let plans = self.truth.undone(scene);
         plans.into_iter().filter(|plan| !plan.is_empty()).min_by_key(Vec::len).unwrap_or_default()
     }
 
-    /// The sub-tasks of a plan in words, and it will know them again.
+    /// Sub-task texts of a plan; they are stored, so that later questions map back to the moves.
     fn worded(&self, plan: Vec<Move>) -> serde_json::Value {
         let mut known = self.subtasks.lock().unwrap_or_else(PoisonError::into_inner);
         let mut subtasks = Vec::new();
@@ -134,7 +134,7 @@ impl Oracle {
             subtasks.push(words);
         }
         if subtasks.is_empty() {
-            // Nothing can be carried any more: a sub-task has to be named all the same.
+            // No move is left, but the answer needs at least one sub-task.
             subtasks.push(self.truth.stage().scenario.task.instruction.clone());
         }
         json!({ "subtasks": subtasks })
@@ -181,7 +181,7 @@ impl Oracle {
         self.named(number, step.object)
     }
 
-    /// A mask, with what an object is called.
+    /// Answer with a mask number, and the name and colour of an object.
     fn named(&self, mask: usize, object: usize) -> serde_json::Value {
         let card = &self.truth.stage().models[object].card;
         let color = card.colors.first().cloned().unwrap_or_default();
@@ -196,7 +196,7 @@ impl Oracle {
         }
     }
 
-    /// How much tried grasps speak for each part.
+    /// Score and index of each part, by the tried grasps near it.
     fn parts(&self, question: &Question) -> Vec<(f64, usize)> {
         let (Marks::Masks(parts), Some(step)) = (&question.marks, self.step(&question.instruction)) else {
             return Vec::new();
@@ -208,7 +208,7 @@ impl Oracle {
         parts.iter().map(speaks).zip(0..).collect()
     }
 
-    /// How much tried grasps speak for holding an object at a point.
+    /// Sum of the success rates of the tried grasps of an object near a point.
     fn grasps_near(&self, object: usize, point: DVec3) -> f64 {
         let scene = self.truth.scene();
         let Some(posed) = scene.objects().nth(object) else { return 0.0 };
@@ -226,7 +226,7 @@ impl Oracle {
         json!({"selected_point": best + 1, "reason": "most tried grasps are near it"})
     }
 
-    /// How good each point is: by how much tried grasps speak for it, and by how near it is to the middle.
+    /// Score and index of each point: nearby tried grasps first, then closeness to the object's centre.
     fn points(&self, question: &Question) -> Vec<((f64, f64), usize)> {
         let Marks::Points(points) = &question.marks else { return Vec::new() };
         let known = self.truth.masks(&question.view).unwrap_or_default();
@@ -241,23 +241,23 @@ impl Oracle {
         points.iter().map(|&pixel| worth(pixel)).zip(0..).collect()
     }
 
-    /// The best cell for the sub-task of a question.
+    /// Best cell for the sub-task of a question.
     fn cell(&self, question: &Question) -> Option<Cell> {
         let Marks::Grid { moved, .. } = &question.marks else { return None };
         let step = self.step(&question.instruction)?;
-        // Of what was taken by mistake the place is asked all the same.
+        // A wrongly picked object still needs a target.
         let object = self.taken(question, moved).unwrap_or(step.object);
         let rooms = [Room::Ample, Room::Little, Room::Any];
         self.cell_for(question, &self.truth.about(&step, object), &rooms)
     }
 
-    /// The object that a mask covers best.
+    /// Object whose ground-truth mask has the highest IoU with `moved`.
     fn taken(&self, question: &Question, moved: &Mask) -> Option<usize> {
         let known = self.truth.masks(&question.view).unwrap_or_default();
         known.iter().max_by(|a, b| a.1.iou(moved).total_cmp(&b.1.iou(moved))).map(|(object, _)| *object)
     }
 
-    /// The best cell for a move; rather a place with little room than none.
+    /// Best cell for a move, from the first clearance level in `rooms` with a candidate.
     fn cell_for(&self, question: &Question, step: &Move, rooms: &[Room]) -> Option<Cell> {
         let Marks::Grid { grid, targets, .. } = &question.marks else { return None };
         let scene = self.truth.scene();
@@ -282,7 +282,7 @@ impl Oracle {
         worth.into_iter().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, cell)| cell)
     }
 
-    /// The answer that sends what was taken into a cell.
+    /// Answer that places the picked object in a cell.
     fn sent_to(&self, question: &Question, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
         match &question.marks {
             Marks::Grid { grid, moved, .. } if question.stage == QuestionKind::GridPath => {
@@ -300,7 +300,7 @@ impl Oracle {
             QuestionKind::GrabPoint => self.grab_point(question),
             QuestionKind::PointToPoint | QuestionKind::GridPath => match self.cell(question) {
                 Some(cell) => self.sent_to(question, cell, None),
-                // It knows no cell that serves, and says so in a form that is refused.
+                // No suitable cell: an invalid label, which the agent rejects.
                 None => json!({"selected_point": {"type": "grid", "label": "none"}}),
             },
             QuestionKind::Check => {
@@ -323,7 +323,7 @@ fn checked(finished: bool, score: f64, remaining: serde_json::Value) -> serde_js
     json!({"scene_description": format!("score {score:.2}"), "finished": finished, "remaining": remaining})
 }
 
-/// From where a thing is to a cell, over the cells between where these are many, and over a detour.
+/// Grid path from the object's cell to the goal, via the middle cell if far, and via an optional detour.
 fn path(grid: &Grid, moved: &Mask, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
     let width = moved.width as usize;
     let count = moved.indices().count().max(1) as f64;
@@ -341,24 +341,24 @@ fn path(grid: &Grid, moved: &Mask, goal: Cell, detour: Option<Cell>) -> serde_js
     json!({ "path": path })
 }
 
-/// The drawn mask that covers a thing best, if any covers it by half.
+/// Index of the mask with the highest IoU with an object's mask, if at least [`SAME_MASK`].
 fn best_mask(drawn: &[Mask], mask: &Mask) -> Option<usize> {
     let overlaps = drawn.iter().map(|other| other.iou(mask)).enumerate();
     overlaps.filter(|(_, iou)| *iou >= SAME_MASK).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
-/// How much room a place must have.
+/// Required clearance of a placement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Room {
-    /// Clear of everything, where things may stand.
+    /// Clearance of at least [`TAKEN_M`], inside the workspace.
     Ample,
-    /// Clear of everything, by however little.
+    /// Any positive clearance.
     Little,
-    /// The best there is, even if the goal does not quite hold there.
+    /// Best candidate, even if the goal does not hold there.
     Any,
 }
 
-/// A thing that is put somewhere, in thought.
+/// Hypothetical placement of an object.
 struct Placed<'a> {
     oracle: &'a Oracle,
     scene: &'a PosedScene,
@@ -367,7 +367,7 @@ struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// How well a point on the table serves, by its margins; `None` where it does not.
+    /// Score of a point on the table, by its margins [m]; `None` if it is unsuitable.
     fn worth(&self, point: DVec3, room: Room) -> Option<f64> {
         let stage = self.oracle.truth.stage();
         let bounds = self.scene.bounds(self.object)?;
@@ -401,7 +401,7 @@ impl Placed<'_> {
         Some(margin.min(AMPLE_M) + 0.5 * clear.min(2.0 * AMPLE_M))
     }
 
-    /// Cells on what carries the thing, the better the nearer to a place where the goal holds.
+    /// Scored cells on the support object; the score grows with closeness to a goal pose.
     fn on(&self, grid: &Grid, targets: &BTreeMap<Cell, DVec3>, carrier: Option<&Mask>) -> Vec<(f64, Cell)> {
         let stage = self.oracle.truth.stage();
         let upright: Vec<DQuat> = self.scene.objects().map(|object| object.pose.rotation).collect();

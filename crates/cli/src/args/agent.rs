@@ -1,4 +1,4 @@
-//! What the user may type after `agent` and `ablate`.
+//! Arguments of `agent` and `ablate`.
 
 use genmanip_terminal::parse;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 
 use super::AskingArguments;
 
-/// What the agent does outside of evaluations.
+/// Subcommands of `agent`.
 #[derive(Debug, Subcommand)]
 pub enum AgentCommand {
     /// Plan one pick and one placement from an image; nothing moves
@@ -43,16 +43,16 @@ pub struct ActArguments {
     /// Opening of the gripper, m
     #[arg(long, value_name = "M", default_value_t = 0.08)]
     pub gripper: f64,
-    /// What is to be done
+    /// Task instruction
     #[arg(long, value_name = "TEXT")]
     pub instruction: String,
     /// Settings file of the model that answers
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
-    /// Where masks come from
+    /// Segmentation source
     #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
     pub masks: String,
-    /// Where grasps come from
+    /// Grasp source
     #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
     pub grasps: String,
     /// Standard deviation of a depth of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
@@ -64,7 +64,7 @@ pub struct ActArguments {
     /// Seed of the searches
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// Folder for pictures, transcript and motions
+    /// Folder for images, transcript and motions
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }

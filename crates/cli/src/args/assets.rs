@@ -1,4 +1,4 @@
-//! What the user may type after `assets`.
+//! Arguments of `assets`.
 
 use genmanip_assets::CATALOGUES;
 use genmanip_terminal::parse;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-/// Verbs for objects.
+/// Subcommands of `assets`.
 #[derive(Debug, Subcommand)]
 pub enum AssetsCommand {
     /// List objects: uid, name, category, size
@@ -45,7 +45,7 @@ pub enum AssetsCommand {
     Freeze(FreezeArguments),
 }
 
-/// Which objects there are.
+/// Catalogue selection.
 #[derive(Debug, Args)]
 pub struct CatalogArguments {
     /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
@@ -63,7 +63,7 @@ pub struct SearchArguments {
     /// Most objects to name
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
-    /// Which objects there are
+    /// Catalogue
     #[command(flatten)]
     pub catalog: CatalogArguments,
 }
@@ -84,7 +84,7 @@ pub struct SheetArguments {
     /// Words and filters of the objects to draw
     #[arg(value_name = "QUERY")]
     pub query: Vec<String>,
-    /// Picture to write, PNG or JPEG
+    /// Image to write, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Draw new objects of this family instead; `all` for each in turn, `random` for families drawn by the seed
@@ -99,13 +99,13 @@ pub struct SheetArguments {
     /// Objects to draw, or new objects of each family
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub count: Option<usize>,
-    /// Pictures per row
+    /// Images per row
     #[arg(long, default_value_t = 10, value_parser = parse::count)]
     pub columns: usize,
-    /// Pixels per side of a picture
+    /// Pixels per side of an image
     #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u32).range(16..=1024))]
     pub cell: u32,
-    /// Which objects there are
+    /// Catalogue
     #[command(flatten)]
     pub catalog: CatalogArguments,
 }
@@ -126,7 +126,7 @@ pub struct AuditArguments {
     /// Contact sheet of what was found to write, PNG or JPEG: the objects in the order of the findings
     #[arg(long, value_name = "FILE")]
     pub sheet: Option<PathBuf>,
-    /// Which objects there are
+    /// Catalogue
     #[command(flatten)]
     pub catalog: CatalogArguments,
 }
@@ -146,16 +146,16 @@ pub struct ImportArguments {
     /// Metres per unit of the files, instead of a guess
     #[arg(long, value_name = "METRES", value_parser = super::parse_scale)]
     pub scale: Option<f64>,
-    /// Which way is up in the files, instead of a guess
+    /// Up axis of the files, instead of a guess
     #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
     pub up: Option<String>,
     /// Licence of the files where they do not say it
     #[arg(long, value_name = "TEXT")]
     pub licence: Option<String>,
-    /// Try no grasps
+    /// Skip the grasp trials
     #[arg(long)]
     pub no_grasps: bool,
-    /// Robot whose hand tries the objects
+    /// Robot whose gripper tries the objects
     #[arg(long, value_name = "NAME", default_value = "panda")]
     pub robot: String,
     /// Seed of the trials

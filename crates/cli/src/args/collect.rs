@@ -1,4 +1,4 @@
-//! What the user may type after `collect` and `merge`.
+//! Arguments of `collect` and `merge`.
 
 use genmanip_terminal::parse;
 use std::path::PathBuf;
@@ -9,10 +9,10 @@ use genmanip_workspace::shard::Choice;
 
 use super::parse_rate;
 
-/// What may differ from episode to episode.
+/// Property that may be randomised per episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// A part of the look.
+    /// Part of the appearance.
     Look(Vary),
     /// Friction, mass, bouncing.
     Physics,
@@ -84,8 +84,8 @@ pub struct CollectArguments {
         help = format!("What differs: {}, {PHYSICS} [default: all but {PHYSICS}]", super::render::looks())
     )]
     pub vary: Vec<Part>,
-    /// Where the expert's grasps come from: the geometry of objects, depth images of the fixed cameras, or a server that
-    /// is shown these points
+    /// Grasp source of the expert: the geometry of objects, depth images of the fixed cameras, or a server that
+    /// receives the point cloud
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
     pub grasps: String,
     /// Put failed attempts into the dataset too, labelled as such

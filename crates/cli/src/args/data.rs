@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use genmanip_dataset_tools::edit::Condition;
 use genmanip_viz::render::Vary;
 
-/// Verbs for data sets.
+/// Subcommands of `data`.
 #[derive(Debug, Subcommand)]
 pub enum DataCommand {
     /// Read datasets to their last row and say what is wrong; exit 1 when anything is
@@ -37,7 +37,7 @@ pub enum DataCommand {
                       genmanip data filter DATASET --where kind=spatial --where object=017 --out out/mugs\n\n\
                       object: a thing in the scene; kind, task, seed, policy, failure or any column of meta/episodes.")]
     Filter(DataFilterArguments),
-    /// Leave some episodes of a dataset out
+    /// Remove some episodes from a dataset
     #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
     Delete(DataDeleteArguments),
     /// Make a dataset of another program one that these verbs read: LeRobot v3.0 and v2.1, the original GenManip
@@ -81,7 +81,7 @@ pub enum DataCommand {
 pub struct DataPushArguments {
     /// Folder to send
     pub folder: PathBuf,
-    /// Where to: s3://BUCKET/PREFIX
+    /// Destination: s3://BUCKET/PREFIX
     pub address: String,
     /// Files sent at once
     #[arg(long, default_value_t = 4, value_name = "N")]
@@ -91,7 +91,7 @@ pub struct DataPushArguments {
 /// Arguments of `data pull`.
 #[derive(Debug, Args)]
 pub struct DataPullArguments {
-    /// Where from: s3://BUCKET/PREFIX
+    /// Source: s3://BUCKET/PREFIX
     pub address: String,
     /// Folder to fetch into
     pub folder: PathBuf,
@@ -120,7 +120,7 @@ pub struct DataRerenderArguments {
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Which look of each episode; 0 is the one that `collect --variation per-episode` gives it
+    /// Number of the appearance of each episode; 0 is that of `collect --variation per-episode`
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub look: u64,
     #[arg(
@@ -176,10 +176,10 @@ pub struct DataSplitArguments {
     /// Names of the parts and their shares of the episodes
     #[arg(long, value_name = "NAME=SHARE,…", value_delimiter = ',', value_parser = parse_share, default_value = "train=0.9,test=0.1")]
     pub fractions: Vec<(String, f64)>,
-    /// Which episode goes where
+    /// Seed of the random split
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
-    /// What stays together: task (all episodes of a sentence) or episode
+    /// Unit of the split: task (all episodes of a sentence) or episode
     #[arg(long, value_name = "WHAT", default_value = "task", value_parser = ["task", "episode"])]
     pub by: String,
 }

@@ -8,7 +8,7 @@ use genmanip_workspace::shard::Choice;
 
 use super::parse_sum;
 
-/// How episodes are run that may ask a model.
+/// Settings of episodes whose policy may query a model.
 #[derive(Clone, Debug, Args)]
 pub struct AskingArguments {
     /// Worker threads [default: all cores]

@@ -23,18 +23,18 @@ pub struct ExportArguments {
     /// The scenario as MuJoCo XML
     #[arg(long, conflicts_with = "dataset")]
     pub mjcf: bool,
-    /// Where to write it [default: RUN/exports/…; with --mjcf stdout]
+    /// Output path [default: RUN/exports/…; with --mjcf stdout]
     #[arg(long)]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub dataset: DatasetArguments,
 }
 
-/// What a dataset holds.
+/// Contents of a dataset.
 #[derive(Debug, Args)]
 #[group(id = "dataset", multiple = true)]
 pub struct DatasetArguments {
-    /// What the `action` column holds [default: joint]
+    /// Contents of the `action` column [default: joint]
     #[arg(long, value_name = "ACTION", value_parser = PossibleValuesParser::new(ACTIONS.map(|(name, _)| name)))]
     pub action: Option<String>,
     /// Rotation of the actions ee and ee_delta [default: 6d]
@@ -50,10 +50,10 @@ pub struct DatasetArguments {
     /// objects in each picture, as `sim.box.…`; masks, which thing each pixel shows, beside the depth pictures
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = PossibleValuesParser::new(COLUMNS.map(|(name, _)| name)))]
     pub columns: Vec<String>,
-    /// Leave pictures out
+    /// Omit images
     #[arg(long)]
     pub no_images: bool,
-    /// Leave depth pictures out
+    /// Omit depth images
     #[arg(long)]
     pub no_depth: bool,
     /// Export failed attempts that were recorded too, labelled as such

@@ -1,4 +1,4 @@
-//! What the user may type after `launch`.
+//! Arguments of `launch`.
 
 use genmanip_terminal::parse;
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ pub struct LaunchArguments {
     /// Persistent volume claim with inputs and output
     #[arg(long, requires = "kubernetes")]
     pub claim: Option<String>,
-    /// Where the claim is mounted; relative paths start there
+    /// Mount point of the claim; relative paths start there
     #[arg(long, value_name = "DIR", default_value = "/data", requires = "kubernetes")]
     pub mount: PathBuf,
     /// Measure the sample and print the job, but write and submit nothing

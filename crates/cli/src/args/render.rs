@@ -11,22 +11,22 @@ use genmanip_viz::render::{LookSeed, Overlay, Vary};
 pub struct RenderArguments {
     /// Scenario file, episode folder, folder of episodes, or run
     pub source: PathBuf,
-    /// Folder for the pictures; each episode gets a folder of its own in it
+    /// Output folder, with a subfolder per episode
     #[arg(long)]
     pub out: PathBuf,
     /// Cameras of the scenario [default: all]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub cameras: Vec<String>,
-    /// Size of the pictures [default: each camera's own]
+    /// Size of the images [default: each camera's own]
     #[arg(long, value_name = "WxH", value_parser = super::world::parse_size)]
     pub size: Option<[u32; 2]>,
     /// Draw in another look: a seed, or `episode` for that of `collect --variation per-episode`
     #[arg(long, value_name = "SEED", value_parser = parse_look_seed)]
     pub variation: Option<LookSeed>,
-    /// What differs from the usual look [default: all]
+    /// Randomised parts of the appearance [default: all]
     #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_vary, requires = "variation")]
     pub vary: Vec<Vary>,
-    /// What the pictures hold
+    /// Image channels
     #[arg(
         long,
         value_name = "CHANNEL,…",
@@ -35,7 +35,7 @@ pub struct RenderArguments {
         value_parser = ["rgb", "depth", "ids", "normals", "boxes", "clouds"]
     )]
     pub channels: Vec<String>,
-    /// What is drawn over the colours
+    /// Overlays on the colour images
     #[arg(long, value_name = "WHAT,…", value_delimiter = ',', value_parser = parse_overlay)]
     pub overlay: Vec<Overlay>,
     /// Write the instruction, the step, the time and the end below the colours
@@ -47,7 +47,7 @@ pub struct RenderArguments {
     /// Noise, holes and steps of a device's sensors, in place of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
-    /// How long shutters are open, seconds: what moves meanwhile is blurred, in place of the cameras' own
+    /// Shutter time for motion blur, seconds, in place of the cameras' own
     #[arg(long, value_name = "SECONDS", value_parser = super::world::parse_shutter)]
     pub shutter: Option<f64>,
     /// Lens of Brown and Conrady, coefficients as OpenCV has them, in place of the cameras' own

@@ -1,4 +1,4 @@
-//! What the user may type after `serve`.
+//! Arguments of `serve`.
 
 use genmanip_terminal::parse;
 use std::net::SocketAddr;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-/// What is offered to other programs.
+/// Services for other programs.
 #[derive(Debug, Subcommand)]
 pub enum ServeCommand {
     /// Masks of the things in an image, from colour and depth
@@ -55,10 +55,10 @@ pub struct ServeAgentArguments {
     /// Settings of the model that answers: see docs/guides/agent.md
     #[arg(long, value_name = "FILE")]
     pub vlm: String,
-    /// Where masks come from
+    /// Segmentation source
     #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
     pub masks: String,
-    /// Where grasps come from
+    /// Grasp source
     #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
     pub grasps: String,
     /// Standard deviation of a depth of 1 m, m: 0.0036 for a RealSense D435, 0 for perfect depth
@@ -77,7 +77,7 @@ pub struct ServeArguments {
     /// Address and port to listen at; port 0 takes a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8091")]
     pub address: SocketAddr,
-    /// Listen at an address that other machines can reach; nobody is asked who they are
+    /// Listen at an address that other machines can reach; there is no authentication
     #[arg(long)]
     pub allow_others: bool,
     /// Largest request that is read, MiB

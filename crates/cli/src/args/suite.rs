@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use genmanip_benchmark::suite::ReviewVerdict;
 use genmanip_benchmark::suites::{self, Axis};
 
-/// What to do with suites.
+/// Subcommands of `suite`.
 #[derive(Debug, Subcommand)]
 pub enum SuiteCommand {
     /// Design tasks, lay them out, let the expert try each, and freeze those that make a balanced suite
@@ -133,10 +133,10 @@ pub struct SuitePerturbArguments {
     /// Folder of the suite that is changed
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
-    /// What is changed
+    /// Perturbation axis
     #[arg(long, value_name = "AXIS")]
     pub axis: Axis,
-    /// How much: above 0, and up to 1 for the most that is meant to be solvable
+    /// Perturbation strength: above 0, up to 1 for the largest that is meant to be solvable
     #[arg(long, value_name = "D", default_value_t = 1.0)]
     pub dial: f64,
     /// Seed of what is drawn
@@ -162,7 +162,7 @@ pub struct SuiteReviewArguments {
     /// Id of the scenario
     #[arg(value_name = "SCENARIO")]
     pub scenario: String,
-    /// Who says it
+    /// Name of the reviewer
     #[arg(long, value_name = "NAME")]
     pub reviewer: String,
     /// sound, ambiguous or flawed

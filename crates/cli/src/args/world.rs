@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use genmanip_core::Distortion;
 use genmanip_core::sensor::{MAX_SHUTTER_S, SensorPreset};
 
-/// Verbs for worlds.
+/// Subcommands of `world`.
 #[derive(Debug, Subcommand)]
 pub enum WorldCommand {
     /// Write the built-in world, with comments, to start from
@@ -95,10 +95,10 @@ pub struct CameraEditArguments {
     /// Vertical field of view, degrees
     #[arg(long, value_parser = parse_angle)]
     pub fov_deg: Option<f64>,
-    /// Where it is: x,y,z in metres, the robot's base frame
+    /// Camera position: x,y,z in metres, the robot's base frame
     #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub eye: Option<[f64; 3]>,
-    /// What it looks at: x,y,z in metres
+    /// Target point: x,y,z in metres
     #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub target: Option<[f64; 3]>,
     /// Mount it where the robot has its wrist camera
@@ -107,7 +107,7 @@ pub struct CameraEditArguments {
     /// Noise, holes and steps of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
     pub sensor: Option<String>,
-    /// How long the shutter is open, seconds: what moves meanwhile is blurred; 0 for no blur
+    /// Shutter time for motion blur, seconds; 0 for no blur
     #[arg(long, value_name = "SECONDS", value_parser = parse_shutter)]
     pub shutter: Option<f64>,
     /// Lens of Brown and Conrady, coefficients as OpenCV has them; zeros for a pinhole

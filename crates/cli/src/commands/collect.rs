@@ -78,7 +78,7 @@ fn varied(arguments: &CollectArguments) -> Result<(Vec<Vary>, bool), Failed> {
     Ok((if physics && looks.is_empty() { Vec::new() } else { vary(&looks) }, physics))
 }
 
-/// What is varied: the parts that are named, in the order of all, or all of them.
+/// Randomised parts: the named ones in canonical order, or all if none is named.
 pub fn vary(named: &[Vary]) -> Vec<Vary> {
     Vary::ALL.into_iter().filter(|part| named.is_empty() || named.contains(part)).collect()
 }

@@ -219,7 +219,7 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
     Ok(if is_sound { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
-/// What is wrong with some of a data set's recorded episodes when they are simulated again.
+/// Findings from replaying some of a dataset's recorded episodes.
 fn replayed(dataset: &Path, count: usize, printer: &Printer) -> Result<Vec<Finding>, Failed> {
     if count == 0 {
         return Ok(Vec::new());

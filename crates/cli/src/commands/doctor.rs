@@ -20,7 +20,7 @@ const HELD_STEPS: usize = 6;
 struct Finding {
     what: &'static str,
     ok: bool,
-    /// Whether collecting and evaluating need it.
+    /// True if `collect` and `evaluate` need it.
     needed: bool,
     found: String,
     mend: String,
@@ -58,7 +58,7 @@ fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     Finding { what: "processor", ok: has_fused_products, needed: false, found, mend }
 }
 
-/// Whether sums of products, as pictures need them, are single instructions.
+/// True if the processor has fused multiply-add instructions, which rendering uses.
 fn has_fused_products() -> bool {
     #[cfg(target_arch = "x86_64")]
     {

@@ -34,7 +34,7 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
     Ok(if exported.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
-/// What the rows of the dataset hold.
+/// Export settings of the dataset's rows.
 fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
     let usual = ExportSettings::default();
     let name = arguments.action.as_deref().unwrap_or(ACTIONS[0].0);

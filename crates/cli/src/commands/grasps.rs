@@ -78,7 +78,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
     Ok(ExitStatus::Done)
 }
 
-/// What `show` prints.
+/// Output row of `grasps show`.
 #[derive(Serialize)]
 struct Shown {
     uid: String,

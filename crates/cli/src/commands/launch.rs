@@ -11,7 +11,7 @@ use crate::args::{Arguments, CollectArguments, Command, LaunchArguments};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// What was found and written.
+/// Output of `launch`.
 #[derive(Serialize)]
 struct Launched {
     sample: Sample,
@@ -19,7 +19,7 @@ struct Launched {
     /// Free space where the shards will write, where that is known.
     free_mib: Option<u64>,
     script: String,
-    /// What submits it, or has.
+    /// Command that submits the job, or has submitted it.
     submission: Vec<String>,
 }
 

@@ -171,7 +171,7 @@ fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<NewTask, 
     }
 }
 
-/// How many tasks of each kind are missing, and why the last of them is.
+/// Number of missing tasks per kind, and the reason for the last one.
 fn shortfall(rows: &[NewTask]) -> BTreeMap<&'static str, (usize, &str)> {
     let mut missing = BTreeMap::new();
     for (kind, why) in rows.iter().filter_map(|row| Some((row.kind, row.refused.as_deref()?))) {

@@ -29,7 +29,7 @@ const MEMORY_FACTOR: f64 = 1.5;
 /// Chosen.
 const MEMORY_MIB: f64 = 256.0;
 
-/// Who runs the shards.
+/// Scheduler that runs the shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cluster {
@@ -41,10 +41,10 @@ pub enum Cluster {
     Local,
 }
 
-/// What is to be done.
+/// Job array to be launched.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Who does it.
+    /// Scheduler.
     pub cluster: Cluster,
     /// The program on the machines of the cluster.
     pub program: PathBuf,
@@ -64,25 +64,25 @@ pub struct Job {
     pub container: Option<Container>,
 }
 
-/// Where the containers of Kubernetes come from and what they share.
+/// Container image and shared volume of a Kubernetes job.
 #[derive(Clone, Debug)]
 pub struct Container {
     /// Image with this program in it.
     pub image: String,
     /// Persistent volume claim that holds inputs and output.
     pub claim: String,
-    /// Where it is mounted, which is also the folder that the program runs in.
+    /// Mount point of the volume, which is also the working directory.
     pub mount: PathBuf,
 }
 
-/// What each shard needs.
+/// Resources that the shards need.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Need {
     /// Wall-clock limit, minutes.
     pub minutes: u64,
     /// Memory limit, MiB.
     pub memory_mib: u64,
-    /// What all shards together write, MiB.
+    /// Disk space of all shards together, MiB.
     pub disk_mib: u64,
     /// Core hours of all shards together, without any reserve.
     pub core_hours: f64,
@@ -113,7 +113,7 @@ impl Job {
         }
     }
 
-    /// Where the script or the manifest lies.
+    /// Path of the script or the manifest.
     pub fn script_path(&self) -> PathBuf {
         self.out.join(match self.cluster {
             Cluster::Slurm => "launch.slurm",
@@ -122,7 +122,7 @@ impl Job {
         })
     }
 
-    /// What submits it.
+    /// Command that submits the job.
     pub fn submission(&self) -> Vec<String> {
         let path = self.script_path().display().to_string();
         let words: &[&str] = match self.cluster {

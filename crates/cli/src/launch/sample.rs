@@ -13,19 +13,19 @@ use genmanip_workspace::RunError;
 use genmanip_workspace::disk_space::{SAMPLE, bytes_below};
 use genmanip_workspace::shard::Shard;
 
-/// How often the memory of the sample is looked at.
+/// Interval between memory measurements of the sample.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What some attempts took.
+/// Measured resources of some attempts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
-    /// How many.
+    /// Number of attempts.
     pub attempts: usize,
     /// Wall-clock time of all on the cores of one shard, s.
     pub wall_s: f64,
-    /// Most memory.
+    /// Peak memory.
     pub peak_bytes: u64,
-    /// What they left on the disk.
+    /// Disk space of their output.
     pub disk_bytes: u64,
 }
 

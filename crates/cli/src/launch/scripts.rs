@@ -171,7 +171,7 @@ mod tests {
         }
     }
 
-    /// What does not fit: the keywords that the schema uses.
+    /// Violations of the schema, for the keywords that it uses.
     fn faults(root: &Value, schema: &Value, value: &Value, place: &str) -> Vec<String> {
         if let Some(reference) = schema["$ref"].as_str() {
             let known = root.pointer(reference.trim_start_matches('#')).unwrap();

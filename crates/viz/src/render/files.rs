@@ -1,4 +1,4 @@
-//! The files of one camera: a film or a picture, and a picture per channel.
+//! The files of one camera: a video or an image, and an image per channel.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use genmanip_render::encode;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// Writes the pictures of one camera as they come.
+/// Writes the images of one camera as they come.
 pub(super) struct Writer {
     /// Without an ending.
     stem: PathBuf,
@@ -64,7 +64,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the colours of one picture as PNG, beside the film if there is one.
+    /// Writes the colours of one image as PNG, beside the video if there is one.
     pub(super) fn write_still(&self, image: &RgbdImage) -> Result<(), RunError> {
         let png = encode::png_rgb(image.width(), image.height(), &image.rgb);
         let png = png.map_err(|error| RunError::broken("cannot encode a picture", error))?;
@@ -78,7 +78,7 @@ impl Writer {
         documents::write_file(&file, png)
     }
 
-    /// Closes the film.
+    /// Closes the video.
     pub(super) fn finish(self) -> Result<(), RunError> {
         let Some(film) = self.film else { return Ok(()) };
         let mp4 = mux_mp4([&film.finish()]).map_err(|error| RunError::broken("cannot encode the film", error))?;

@@ -1,4 +1,4 @@
-//! What pictures show of the objects: boxes into `labels.jsonl`, points into PLY files.
+//! Labels of the objects in images: boxes in `labels.jsonl`, point clouds in PLY files.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -16,10 +16,10 @@ use crate::scene_images::not_drawn;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
-/// The file of boxes, a line per picture and camera.
+/// The file of boxes, a line per image and camera.
 const FILE: &str = "labels.jsonl";
 
-/// Writes what the pictures of a scenario or an episode show, as they are drawn: no picture is kept.
+/// Writes what the images of a scenario or an episode show, as they are drawn: no image is kept.
 pub(super) struct Labels<'a> {
     stage: &'a Stage,
     folder: PathBuf,
@@ -44,7 +44,7 @@ impl<'a> Labels<'a> {
         Ok(Self { stage, folder: folder.to_owned(), lines, boxes: Boxes::new(stage), has_clouds, is_film })
     }
 
-    /// What the cameras' pictures of a moment show.
+    /// Writes the labels of the cameras' images of a moment.
     pub(super) fn push(
         &mut self,
         painter: &mut StageRenderer,

@@ -1,13 +1,13 @@
-//! Pictures of scenarios and recorded episodes, drawn again without physics: the same as before, or in another look.
+//! Images of scenarios and recorded episodes without physics, in the original or a randomised appearance.
 //!
 //! ```text
 //! OUT/ID/CAMERA.mp4              colour of an episode; CAMERA.png of a scenario
 //! OUT/ID/CAMERA_depth/000000.png 16-bit millimetres, 0 where nothing is seen; CAMERA_depth.png of a scenario
 //! OUT/ID/CAMERA_ids/…            16-bit ids, named in render.json
 //! OUT/ID/CAMERA_normals/…        camera frame, 127.5 · (n + 1) in red, green, blue; black where nothing is seen
-//! OUT/ID/labels.jsonl            boxes: a line per picture and camera, see docs/formats/labels.md
+//! OUT/ID/labels.jsonl            boxes: a line per image and camera, see docs/formats/labels.md
 //! OUT/ID/CAMERA_clouds/000000/OBJECT.ply   points of each object; CAMERA_clouds/OBJECT.ply of a scenario
-//! OUT/ID/turntable.mp4           once around a scenario; turntable.png its first picture
+//! OUT/ID/turntable.mp4           once around a scenario; turntable.png its first image
 //! OUT/ID/render.json             cameras with their poses, the look and its seed, what the ids mean
 //! ```
 
@@ -44,7 +44,7 @@ use crate::scene_images::not_drawn;
 use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 
-/// Which pictures are drawn.
+/// Options of `genmanip render`.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
     /// Name of the robot that scenarios must have been laid out for; any robot without.
@@ -53,29 +53,29 @@ pub struct RenderOptions {
     pub cameras: Vec<String>,
     /// Pixels per row and rows; each camera's own without.
     pub size_px: Option<[u32; 2]>,
-    /// What the pictures hold; points are not written.
+    /// Image channels; point clouds are not written.
     pub channels: ImageChannels,
-    /// Whether boxes around the objects are written, a line per picture.
+    /// True to write bounding boxes, a line per image.
     pub boxes: bool,
-    /// Whether the points of each object are written.
+    /// True to write the point cloud of each object.
     pub clouds: bool,
-    /// What is drawn over the colours.
+    /// Overlays on the colour images.
     pub overlays: Vec<Overlay>,
-    /// Whether the colours are captioned.
+    /// True to caption the colour images.
     pub captions: bool,
-    /// Pictures of a turn around a scenario, in place of those of its cameras.
+    /// Images of a turn around a scenario, in place of those of its cameras.
     pub turntable: Option<u32>,
-    /// Pictures per second of an episode, whose rate it divides, and of a turn.
+    /// Images per second of an episode, whose rate it divides, and of a turn.
     pub fps: u32,
     /// The look; the usual one without.
     pub look: Option<Look>,
     /// Sensors of all cameras; each camera's own without.
     pub sensor: Option<CameraSensor>,
-    /// How long the shutters of all cameras are open, s; each camera's own without.
+    /// Shutter time of all cameras, s; each camera's own if `None`.
     pub shutter_s: Option<f64>,
     /// Lens of all cameras; each camera's own without.
     pub distortion: Option<Distortion>,
-    /// Light paths per pixel of a traced picture; rasterised without.
+    /// Light paths per pixel of a traced image; rasterised without.
     pub paths: Option<u32>,
     /// Threads.
     pub workers: usize,
@@ -92,16 +92,16 @@ impl RenderOptions {
 /// A look that is drawn by chance.
 #[derive(Clone, Debug)]
 pub struct Look {
-    /// Where the chance comes from.
+    /// Seed of the randomisation.
     pub seed: LookSeed,
-    /// What differs from the usual look.
+    /// Randomised parts of the appearance.
     pub vary: Vec<Vary>,
 }
 
 /// The seed of looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LookSeed {
-    /// That of `collect --variation per-episode`: it follows from the seed of the episode.
+    /// Seed derived from the episode's, as in `collect --variation per-episode`.
     Episode,
     /// A number; each episode gets a look of its own from it.
     Number(Seed),
@@ -116,14 +116,14 @@ impl LookSeed {
     }
 }
 
-/// What was drawn of one episode or scenario.
+/// Output of one episode or scenario.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rendered {
     /// The episode or scenario.
     pub id: String,
     /// Its folder.
     pub folder: PathBuf,
-    /// Pictures of each camera and channel.
+    /// Images of each camera and channel.
     pub frames: usize,
     /// Seed of its look, if it has one of its own.
     pub variation_seed: Option<Seed>,
@@ -140,12 +140,12 @@ struct Card {
     variation: RenderVariation,
     /// Light paths per pixel; null for the rasteriser.
     paths: Option<u32>,
-    /// What is drawn over the colours.
+    /// Overlays on the colour images.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     overlays: Vec<&'static str>,
     /// As they stood; one on the hand in the hand's frame. Those of a turn one after the other.
     cameras: Vec<Camera>,
-    /// What the ids of the pictures mean.
+    /// Name of each id in the id images.
     ids: BTreeMap<u16, String>,
 }
 
@@ -233,7 +233,7 @@ fn draw(
     Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })
 }
 
-/// What is drawn by the cameras of its scenario.
+/// Scenario or episode rendered through its own cameras.
 struct Source<'a> {
     stage: &'a Stage,
     episode: Option<&'a Episode>,
@@ -305,14 +305,14 @@ fn check_combination(options: &RenderOptions) -> Result<(), RunError> {
     Ok(())
 }
 
-/// What must be drawn for what is written.
+/// Channels that must be rendered for the requested outputs.
 fn needed(options: &RenderOptions) -> ImageChannels {
     let asked = options.channels;
     let (boxes, clouds) = (options.boxes, options.clouds);
     ImageChannels { depth: asked.depth || clouds, ids: asked.ids || boxes || clouds, ..asked }
 }
 
-/// How colours are traced, if they are.
+/// Settings of the path tracer, if it is used.
 fn reference(seed: Seed, options: &RenderOptions, threads: usize) -> Option<ReferenceSettings> {
     options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads })
 }
@@ -352,7 +352,7 @@ fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, RunError>
     Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())
 }
 
-/// What was drawn, as a table.
+/// Table of the rendered outputs.
 pub fn table(rendered: &[Rendered]) -> String {
     let mut lines = vec![["drawn", "frames", "variation", "folder"].map(String::from).to_vec()];
     for Rendered { id, folder, frames, variation_seed } in rendered {

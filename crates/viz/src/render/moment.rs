@@ -1,4 +1,4 @@
-//! Where everything is in a picture.
+//! Poses of robot and objects in an image.
 
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::{Aabb, Frame, Pose};
@@ -9,11 +9,11 @@ pub(super) type Posed = (Pose, Vec<f64>);
 
 /// A moment of an episode, or a scenario before anything moves.
 pub(super) struct Moment<'a> {
-    /// Number of the picture.
+    /// Number of the image.
     pub(super) picture: usize,
     /// Control step of the episode.
     pub(super) control_step: usize,
-    /// What was recorded then.
+    /// Recorded frame.
     pub(super) frame: Option<&'a Frame>,
     /// Joint positions of the arm, rad.
     pub(super) arm: Vec<f64>,

@@ -16,18 +16,17 @@ use super::{RenderOptions, reference};
 use crate::scene_images::not_drawn;
 use genmanip_workspace::RunError;
 
-/// Name of the camera, and of the film.
+/// Name of the camera, and of the video.
 pub(super) const NAME: &str = "turntable";
 /// Usual size, pixels.
 const SIZE_PX: [u32; 2] = [1280, 720];
-/// How far the camera is from the middle of the workspace, m; with the angle of view, objects and arm are seen from all
-/// sides and nothing is cut off.
+/// Distance [m] from the camera to the target point; with the field of view, objects and arm are never cropped.
 const DISTANCE_M: f64 = 2.0;
-/// How high it stands above the horizon, rad; chosen: 30 degrees, over the far edge of a box and under the hand.
+/// Elevation of the camera, rad; chosen: 30 degrees, over the far edge of a box and under the gripper.
 const ELEVATION: f64 = 0.52;
 /// Vertical angle of view, rad: that of a lens of 35 mm on full frame, about 38 degrees.
 const VERTICAL_FOV: f64 = 0.66;
-/// How far above the table it looks, m: between the objects and the hand at home.
+/// Height of the target point above the table, m: between the objects and the gripper at home.
 const MIDDLE_M: f64 = 0.22;
 
 /// The cameras of a turn, the first one facing the robot, counter-clockwise as seen from above.

@@ -1,4 +1,4 @@
-//! A line or two below a picture: the instruction, the step, the time, and how it ended.
+//! A line or two below an image: the instruction, the step, the time, and how it ended.
 
 use genmanip_agent::picture::{BLACK, Color, Picture, WHITE};
 use genmanip_core::Episode;
@@ -10,19 +10,19 @@ use super::super::moment::Moment;
 use super::pen::{width, write};
 use super::{PALETTE, VERMILION};
 
-/// Largest share of the picture's height that captions cover.
+/// Largest share of the image's height that captions cover.
 const SHARE: f64 = 0.15;
-/// Heights of capitals that are tried, from the largest, as shares of the picture's height; chosen: 11 down to 7 pixels
+/// Heights of capitals that are tried, from the largest, as shares of the image's height; chosen: 11 down to 7 pixels
 /// of 288.
 const HEIGHTS: [f64; 5] = [0.040, 0.036, 0.032, 0.028, 0.025];
 /// Distance of base lines, in heights of capitals.
 const LEADING: f64 = 1.7;
-/// How dark the ground is, 0-1.
+/// Opacity of the caption's background, 0-1.
 const GROUND: f64 = 0.62;
-/// How long the end is told, s.
+/// Duration of the final result caption, s.
 const END_S: f64 = 1.0;
 
-/// What is told of an episode or a scenario.
+/// Caption of an episode or a scenario.
 pub(super) struct Caption {
     instruction: String,
     /// None of a scenario.
@@ -45,7 +45,7 @@ impl Caption {
         Self { instruction: stage.scenario.task.instruction.clone(), told: episode.map(told) }
     }
 
-    /// Draws it over the lower edge of a picture of a moment.
+    /// Draws it over the lower edge of an image of a moment.
     pub(super) fn draw(&self, picture: &mut Picture, moment: &Moment) {
         let (columns, rows) = (f64::from(picture.width), f64::from(picture.height));
         let margin = 0.02 * columns;

@@ -1,4 +1,4 @@
-//! The figures of the world that are drawn over a picture.
+//! The figures of the world that are drawn over an image.
 
 use genmanip_agent::picture::Color;
 use genmanip_core::geometry::OrientedBox;
@@ -10,9 +10,9 @@ use super::grasps::DrawnGrasp;
 use super::pen::{Hidden, Pen};
 use super::{PALETTE, SKY, VERMILION};
 
-/// Width of lines, pixels of a 512x288 picture; chosen: seen in a film.
+/// Width of lines, pixels of a 512x288 image; chosen: seen in a video.
 const LINE_PX: f64 = 1.2;
-/// Width of the way, pixels of a 512x288 picture.
+/// Width of the way, pixels of a 512x288 image.
 const WAY_PX: f64 = 1.6;
 /// Length of the fingers and the stem of a drawn gripper, m: about those of the Panda's hand.
 const FINGER_M: f64 = 0.045;
@@ -27,7 +27,7 @@ const LEAST_N: f64 = 0.05;
 const NEWTON_M: f64 = 0.015;
 /// Length of drawn axes, m.
 const AXIS_M: f64 = 0.17;
-/// Height of letters, pixels of a 512x288 picture.
+/// Height of letters, pixels of a 512x288 image.
 const LETTER_PX: f64 = 8.0;
 /// Axes x, y, z.
 const AXES: [Color; 3] = [VERMILION, PALETTE[2], PALETTE[4]];
@@ -103,7 +103,7 @@ pub(super) fn contacts(pen: &mut Pen, contacts: &[ContactReport]) {
     }
 }
 
-/// Axes of the world, the tool, the other cameras with the edges of their sights, and the picture.
+/// Axes of the world, the tool, the other cameras with the edges of their sights, and the image.
 pub(super) fn frames(pen: &mut Pen, tool: &Pose, others: &[(String, Projection)]) {
     axes(pen, &Pose::IDENTITY, "WORLD");
     axes(pen, tool, "TOOL");

@@ -1,4 +1,4 @@
-//! Which grasps are drawn.
+//! Selection of the grasps to display.
 
 use genmanip_assets::GraspLibrary;
 use genmanip_core::glam::DVec3;
@@ -13,7 +13,7 @@ const PER_OBJECT: usize = 3;
 const APART_M: f64 = 0.02;
 /// Share of the trials that held; chosen: grasps that the expert would use.
 const HELD: f64 = 0.5;
-/// How steeply the hand comes from above, as the cosine to straight down; chosen: 60 degrees, so that the arm is above
+/// Minimum cosine between the approach direction and straight down; chosen: 60 degrees, so that the arm stays above
 /// the table.
 const STEEP: f64 = 0.5;
 
@@ -47,7 +47,7 @@ pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, RunError> {
     Ok(drawn)
 }
 
-/// Where the hand took hold of something in an episode.
+/// Gripper poses at which objects were grasped in an episode.
 pub(super) fn made(episode: &Episode) -> Vec<DrawnGrasp> {
     let held = episode.frames.iter().map(|frame| frame.grasped);
     let before = std::iter::once(None).chain(held);

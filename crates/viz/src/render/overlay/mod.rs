@@ -1,4 +1,4 @@
-//! What is drawn over pictures: masks, numbers, a grid, boxes, grasps, the path of the tool, contacts, frames.
+//! Overlays on images: masks, numbers, a grid, boxes, grasps, the path of the tool, contacts, frames.
 
 mod caption;
 mod figures;
@@ -30,10 +30,10 @@ const PALETTE: [Color; 7] =
 const VERMILION: Color = PALETTE[6];
 /// Of the palette: what is to come, other forces.
 const SKY: Color = PALETTE[1];
-/// How much of its colour lies over an object; chosen: its own colour is still told.
+/// Opacity of an object's tint; chosen: the object's own colour stays recognisable.
 const FILL: f64 = 0.35;
 
-/// Something that is drawn over pictures.
+/// Something that is drawn over images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
     /// Each object in a tint, outlined.
@@ -50,7 +50,7 @@ pub enum Overlay {
     Path,
     /// Forces where things touch.
     Contacts,
-    /// Axes of the world, the tool, the other cameras and the picture.
+    /// Axes of the world, the tool, the other cameras and the image.
     Frames,
 }
 
@@ -73,13 +73,13 @@ impl Overlay {
         }
     }
 
-    /// Whether it tells of a motion, which a scenario does not have.
+    /// True if the overlay shows motion and so needs an episode.
     fn is_of_episodes(self) -> bool {
         matches!(self, Self::Path | Self::Contacts)
     }
 }
 
-/// What is drawn over the pictures of a scenario or an episode.
+/// Overlays of a scenario or an episode.
 pub(super) struct Overlays<'a> {
     chosen: Vec<Overlay>,
     stage: &'a Stage,
@@ -124,7 +124,7 @@ impl<'a> Overlays<'a> {
         })
     }
 
-    /// What pictures must hold to be drawn on, besides what is asked for.
+    /// Requested channels and those that the overlays need.
     pub(super) fn channels(&self, asked: ImageChannels) -> ImageChannels {
         let needs = |overlays: &[Overlay]| self.chosen.iter().any(|chosen| overlays.contains(chosen));
         ImageChannels {
@@ -134,7 +134,7 @@ impl<'a> Overlays<'a> {
         }
     }
 
-    /// Draws over the colours of a moment's pictures; moments come in their order.
+    /// Draws over the colours of a moment's images; moments come in their order.
     pub(super) fn draw(
         &mut self,
         moment: &Moment,

@@ -1,34 +1,34 @@
-//! Lines of the world on a picture, and text.
+//! Lines of the world on an image, and text.
 
 use genmanip_agent::picture::{BLACK, Color, Picture};
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Projection, stroke_font};
 
-/// Nothing nearer to the camera is drawn, m; chosen: nearer lines would fill the picture.
+/// Nothing nearer to the camera is drawn, m; chosen: nearer lines would fill the image.
 const NEAR_M: f64 = 0.03;
-/// A line this far behind what the picture shows is still taken to lie on it, m; chosen: three times the steps of depth
+/// A line this far behind what the image shows is still taken to lie on it, m; chosen: three times the steps of depth
 /// at the edge of an object, well below the height of a fork.
 const BEHIND_M: f64 = 0.006;
-/// Length of the pieces of a line that are visible or hidden as a whole, pixels of a 512x288 picture; chosen: the dashes
+/// Length of the pieces of a line that are visible or hidden as a whole, pixels of a 512x288 image; chosen: the dashes
 /// of hidden lines.
 const PIECE_PX: f64 = 4.0;
-/// Most pieces of a line; chosen: more than the diagonal of the largest usual picture has.
+/// Most pieces of a line; chosen: more than the diagonal of the largest usual image has.
 const MOST_PIECES: usize = 512;
-/// Dark edge of lines on either side, pixels of a 512x288 picture.
+/// Dark edge of lines on either side, pixels of a 512x288 image.
 const EDGE_PX: f64 = 0.7;
 
-/// Draws on a picture of a camera.
+/// Draws on an image of a camera.
 pub(super) struct Pen<'a> {
     pub(super) picture: &'a mut Picture,
     pub(super) projection: Projection,
-    /// What hides lines; empty to hide none.
+    /// Depth buffer that hides lines, m; empty to hide none.
     pub(super) depth_m: &'a [f32],
 }
 
 /// First and last pixel of a piece of a line, and whether something is before it.
 type Piece = (DVec2, DVec2, bool);
 
-/// Whether what lies behind things is drawn.
+/// Style of hidden line segments.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hidden {
     /// As dashes.
