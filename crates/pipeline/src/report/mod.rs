@@ -1,4 +1,4 @@
-//! The report of a run: all its episodes as rows from one pass over their results, then pictures of the chosen cases.
+//! Report of a run: all episodes as rows from one pass over their results, then images of the chosen cases.
 
 mod full;
 mod rows;
@@ -74,7 +74,7 @@ struct Opened {
     evaluations: Vec<EvaluationReport>,
     control: Option<String>,
     rows: Rows,
-    /// What is not shown, a line each.
+    /// Omitted episodes, one message each.
     left_out: Vec<String>,
 }
 
