@@ -37,7 +37,7 @@ pub enum Target {
 /// Request for a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionRequest {
-    /// Where to.
+    /// Target.
     pub target: Target,
     /// Joint positions to start from, rad; the robot's home without.
     pub from: Option<Vec<f64>>,

@@ -18,7 +18,7 @@ use genmanip_workspace::worlds;
 /// Options of [`rerender`].
 #[derive(Clone, Debug)]
 pub struct RerenderOptions {
-    /// Which look of each episode: 0 is the one that `collect` gives it when it varies the same.
+    /// Index of the appearance of each episode; 0 is the one that `collect` renders with the same randomisation.
     pub look: u64,
     /// Randomised aspects of the appearance.
     pub vary: Vec<Vary>,
@@ -28,8 +28,8 @@ pub struct RerenderOptions {
     pub workers: usize,
 }
 
-/// Writes a data set of the same episodes, rows and settings as `dataset`, drawn in another look; `None` when it was
-/// told to stop before. What was drawn then is found again by the same call.
+/// Writes a data set of the same episodes, rows and settings as `dataset`, rendered in another appearance; `None` if
+/// stopped before the end. The next call reuses the images rendered so far.
 ///
 /// # Errors
 /// When the data set is not one of this program with its record, the place is taken, an episode was recorded with other

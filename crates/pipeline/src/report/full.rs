@@ -4,7 +4,7 @@
 //! report/index.html                the overview, whose table links every page
 //! report/episodes/ID.html          a collected attempt
 //! report/evaluation/LABEL/ID.html  an evaluated episode whose frames were kept
-//! report/pictures/KEY.jpg          film strips, named by what they show
+//! report/pictures/KEY.jpg          film strips, named by a hash of their content
 //! report/made.jsonl                the key of every page that is there
 //! ```
 //!
