@@ -187,7 +187,7 @@ fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
     })
 }
 
-/// Task of a parsed document, without [`task_faults`](crate::task_faults).
+/// Task of a parsed document, without [`task_faults`].
 ///
 /// # Errors
 /// [`RunError::Document`].
