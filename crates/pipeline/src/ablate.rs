@@ -1,4 +1,4 @@
-//! What each part of the agent is worth: the same scenarios with one setting changed at a time, compared in pairs.
+//! Ablation of the agent: the same scenarios with one setting changed at a time, compared in pairs.
 
 use std::sync::atomic::AtomicBool;
 
@@ -12,7 +12,7 @@ use crate::policies::PolicyFactory;
 use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 
-/// What can be changed, and to which values; the first word is also the name of the policy's argument.
+/// Settings that can be ablated, with their values; the first word is the name of the policy's argument.
 pub const DIALS: [(&str, &[&str]); 6] = [
     ("ctof", &["yes"]),
     ("path", &["grid"]),
@@ -27,7 +27,7 @@ pub const DIALS: [(&str, &[&str]); 6] = [
 pub struct Ablation {
     /// Name of the scenarios.
     pub suite: String,
-    /// Whether any of it knew the simulator's truth.
+    /// True if any row used simulator state.
     pub oracle: bool,
     /// The agent as it is, then one change at a time.
     pub rows: Vec<Row>,
@@ -36,7 +36,7 @@ pub struct Ablation {
 /// One agent on all scenarios.
 #[derive(Debug, Serialize)]
 pub struct Row {
-    /// What was changed, e.g. `path=grid`; empty for the agent as it is.
+    /// Changed setting, e.g. `path=grid`; empty for the baseline.
     pub change: String,
     /// Its evaluation among those of the suite.
     pub label: String,
@@ -52,7 +52,7 @@ pub struct Row {
     pub difference: Option<Mean>,
     /// Episodes that only this one solves, and only the agent as it is.
     pub only: Option<[usize; 2]>,
-    /// Of that difference (McNemar's exact test).
+    /// p value of that difference (McNemar's exact test).
     pub p_value: Option<f64>,
 }
 

@@ -1,6 +1,6 @@
 //! Data sets of a run beside the one that `collect` writes: other actions, rates, cameras or formats.
 //!
-//! Pictures of another rate are drawn from the recorded states and kept in the store for the next export.
+//! Images at another rate are rendered from the recorded states and kept in the store for the next export.
 
 use genmanip_workspace::worlds;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Writes the selected episodes, whose pictures are in the store.
+    /// Writes the selected episodes, whose images are in the store.
     ///
     /// # Errors
     /// As [`lerobot::export`].
@@ -73,22 +73,22 @@ impl Format {
     }
 }
 
-/// How a run is exported.
+/// Options of [`export`].
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
-    /// What is written.
+    /// Format of the data set.
     pub format: Format,
-    /// What the rows hold; without cameras, pictures are left out.
+    /// Columns, rate and cameras of the rows; no cameras, no images.
     pub rows: ExportSettings,
-    /// Whether failed attempts are exported too, labelled as such.
+    /// True to export failed attempts too, labelled as failed.
     pub keep_failed: bool,
-    /// The data set; inside the run, in `exports/`, without.
+    /// Folder of the data set; `None` for `exports/` of the run.
     pub out: Option<PathBuf>,
-    /// Threads that draw.
+    /// Number of rendering threads.
     pub workers: usize,
 }
 
-/// Exports the verified episodes of a run as a data set; `None` when it was told to stop before.
+/// Exports the verified episodes of a run as a data set; `None` if stopped before the end.
 ///
 /// # Errors
 /// When there is no run, nothing to export, the target belongs to somebody else, or the disk refuses.
@@ -183,8 +183,8 @@ pub(crate) fn check_cameras(
     Ok(())
 }
 
-/// Draws the pictures that the store lacks, from the recorded states and in the looks of the run; also which thing each
-/// pixel shows, where that is asked for.
+/// Renders the images missing from the store, from the recorded states and with the run's appearance randomisation;
+/// segmentation masks too if `with_masks`.
 pub(crate) fn draw_missing(
     store: &EpisodeStore,
     ids: &[String],

@@ -183,8 +183,8 @@ pub struct RunFolder {
 impl RunFolder {
     /// Begins a run, or continues the very same one.
     ///
-    /// Of several programs that begin one folder at the same time, exactly one makes its record; the others continue
-    /// the same run, or are told what differs.
+    /// If several programs begin one folder at the same time, exactly one creates its record; the others continue the
+    /// same run, or fail with the first difference.
     ///
     /// # Errors
     /// [`RunError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
@@ -252,14 +252,14 @@ impl RunFolder {
             (None, Some(shard)) => {
                 let manifest = Manifest { shard, run: Run::hash_of(&self.join(RECORD))? };
                 let created = files::create(&path, manifest.to_json().as_bytes());
-                // Another program may have been quicker; then it is looked at again.
+                // If another program created it first, its content is checked.
                 if created.map_err(|error| unwritable(&path, error))? { Ok(()) } else { self.claim(Some(shard)) }
             }
             _ => Ok(()),
         }
     }
 
-    /// Which part of a run lies in a folder; `None` where it is all of it.
+    /// Shard that a folder holds; `None` for a whole run.
     ///
     /// # Errors
     /// When `shard.json` is there and is no such document.
@@ -330,17 +330,17 @@ impl RunFolder {
         Survey::of(&self.path, store)
     }
 
-    /// Notes how long an attempt took.
+    /// Records the wall-clock time of an attempt, s.
     pub fn time_attempt(&self, id: &str, seconds: f64) {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).attempts.insert(id.to_owned(), seconds);
     }
 
-    /// Notes how long a phase took.
+    /// Records the wall-clock time of a phase, s.
     pub fn time_phase(&self, phase: &str, seconds: f64) {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).phases.insert(phase.to_owned(), seconds);
     }
 
-    /// Adds to how long a phase took: a run that was interrupted took as long as all its parts.
+    /// Adds to the wall-clock time of a phase, s: a run that was interrupted sums all its parts.
     pub fn lengthen_phase(&self, phase: &str, seconds: f64) {
         let mut timings = self.timings.lock().unwrap_or_else(PoisonError::into_inner);
         *timings.phases.entry(phase.to_owned()).or_default() += seconds;
@@ -363,10 +363,10 @@ impl RunFolder {
 /// The run's own record.
 const RECORD: &str = "run.json";
 
-/// Which part of a run it is.
+/// File that names the shard.
 const SHARD: &str = "shard.json";
 
-/// What a run writes into its folder besides its record.
+/// Files and folders that a run writes besides its record.
 const OWN: [&str; 11] = [
     SHARD,
     "episodes",
@@ -408,7 +408,7 @@ fn check_links(path: &Path) -> Result<(), RunError> {
     }
 }
 
-/// What lies in a folder; nothing where there is none.
+/// Entries of a folder; empty if it does not exist.
 fn list_folders(path: &Path) -> Vec<PathBuf> {
     std::fs::read_dir(path)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
@@ -442,7 +442,7 @@ pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, RunError> {
     Ok(settings.unwrap_or_else(|| "with other settings".into()))
 }
 
-/// Where two values first differ, see [`first_difference`].
+/// First difference of two values, see [`first_difference`].
 fn differs<T: PartialEq + Serialize>(place: &str, known: &T, asked: &T) -> Option<String> {
     if known == asked {
         return None;

@@ -1,8 +1,8 @@
-//! What is known of every attempt of a run without reading its files: one file of the run, `index.jsonl`.
+//! Index of a run's attempts, `index.jsonl`: outcomes without reading the episodes' files.
 //!
-//! A head, then a line per sound attempt, ordered by id. A line is believed while all of the attempt lies there with the
-//! sizes in the line and was last written before the index; every other attempt is looked at again, and the index is
-//! then written anew. Its bytes depend on the attempts alone; when it was made is the date of the file.
+//! A header, then a line per sound attempt, sorted by id. A line is valid while the attempt's files have the recorded
+//! sizes and are older than the index; other attempts are inspected again and the index is rewritten. Its bytes depend
+//! on the attempts alone; its date is that of the file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,13 +29,13 @@ pub struct Known {
     pub id: String,
     /// Id of its task.
     pub task_id: String,
-    /// Whether frames were kept.
+    /// True if frames were kept.
     pub recorded: bool,
-    /// Whether it has a scenario.
+    /// True if it has a scenario.
     pub has_scenario: bool,
-    /// How it went.
+    /// Outcome.
     pub outcome: Outcome,
-    /// What it consists of; `None` while something unfinished lies among it.
+    /// Inventory of its files; `None` while it holds unfinished files.
     parts: Option<FileInventory>,
 }
 
@@ -46,7 +46,7 @@ impl Known {
         Self { id: result.id, task_id: result.task_id, recorded, has_scenario, outcome, parts }
     }
 
-    /// Whether nothing unfinished lies among it.
+    /// True if it holds no unfinished files.
     pub(crate) fn is_settled(&self) -> bool {
         self.parts.is_some()
     }
@@ -59,14 +59,14 @@ pub struct Survey {
     pub sound: Vec<Known>,
     /// Ids of damaged ones, with what is wrong.
     pub damaged: Vec<(String, String)>,
-    /// What is no attempt; nothing of it is read or changed.
+    /// Names of other entries of the store; they are neither read nor changed.
     pub strangers: Vec<String>,
-    /// How many of all attempts the index did not know.
+    /// Number of attempts inspected because the index did not cover them.
     pub looked_at: usize,
 }
 
 impl Survey {
-    /// What a person should know about it, a line each.
+    /// Messages for the user, one line each.
     pub fn notes(&self) -> Vec<String> {
         let stranger = |name: &String| format!("{name} in the episodes is no episode; it is ignored");
         let damaged = |(id, why): &(String, String)| format!("episode {id} is damaged and left out: {why}");
@@ -243,7 +243,7 @@ mod tests {
             let survey = made.survey();
             assert_eq!((survey.looked_at, survey.sound.len()), (looked_at, sound), "{what}");
             ["a", "b", "c"].into_iter().for_each(|id| made.age(id));
-            // Damaged ones are looked at each time.
+            // Damaged attempts are inspected each time.
             assert_eq!(made.survey().looked_at, survey.damaged.len(), "{what}, once more");
         }
         let ids: Vec<String> = made.survey().sound.into_iter().map(|known| known.id).collect();

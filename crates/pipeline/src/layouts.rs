@@ -21,7 +21,7 @@ use genmanip_workspace::documents::sweep;
 use genmanip_workspace::ledger::{Entry, Ledger};
 use genmanip_workspace::worlds;
 
-/// Where layouts go.
+/// Output of [`lay_out`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutOutput {
     /// Folder of the scenario files.
@@ -46,9 +46,9 @@ pub struct LaidOut {
 
 /// Lays each task out `count` times and writes the scenarios; the result does not depend on the number of workers.
 ///
-/// What is finished stands in `layouts.jsonl` of the folder: a call that was killed goes on where it stopped. A layout
-/// of another task, world, seed or other settings under the same name is told and made anew. `each` gets a row as soon as
-/// it and those before it are there.
+/// Finished layouts are listed in `layouts.jsonl` of the folder, from which a killed call resumes. A layout of another
+/// task, world, seed or other settings under the same name is reported and made anew. `each` receives the rows in
+/// order, as soon as they are finished.
 ///
 /// # Errors
 /// When a file cannot be written. A task that cannot be laid out is a row, not an error.
@@ -122,7 +122,7 @@ fn finished(attempt: &Attempt, output: &LayoutOutput, entry: &Entry) -> Option<L
     })
 }
 
-/// One layout, written with its picture when asked.
+/// Lays out one attempt and writes its scenario, with a diagram if requested.
 fn one(
     attempt: &Attempt,
     output: &LayoutOutput,

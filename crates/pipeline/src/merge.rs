@@ -1,4 +1,4 @@
-//! The shards of a run brought together: the run that one program would have made.
+//! Merges the shards of a run into the run that one machine would have made.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::shard::{Manifest, Shard};
 
-/// Missing pieces that are named.
+/// Maximum number of missing items in a message.
 const NAMED: usize = 12;
 
 /// Brings the shards of a run together in a folder and writes its dataset: the same bytes as of a run in one go,
@@ -81,7 +81,7 @@ struct Part {
     manifest: Manifest,
 }
 
-/// What a shard holds of the run.
+/// Attempts that a shard holds.
 struct Found {
     shard: Shard,
     folder: RunFolder,
@@ -91,7 +91,7 @@ struct Found {
 }
 
 impl Part {
-    /// What lies there; attempts that are another shard's are refused.
+    /// Lists the attempts of a shard; rejects attempts that belong to other shards.
     fn look(&self, run: &Run) -> Result<Found, RunError> {
         let shard = self.manifest.shard;
         let own: BTreeSet<String> = share(run, Some(shard)).collect();
@@ -158,7 +158,7 @@ fn folders_in(path: &Path) -> Result<Vec<PathBuf>, RunError> {
     Ok(shards)
 }
 
-/// What is missing, in words: whole shards, then attempts of those that are there.
+/// Missing shards, then missing attempts of the shards found, in words.
 fn missing(run: &Run, count: usize, found: &[Found]) -> Vec<String> {
     let there: BTreeSet<usize> = found.iter().map(|part| part.shard.index()).collect();
     let absent = (0..count).filter(|index| !there.contains(index)).filter_map(|index| Shard::new(index, count).ok());
@@ -186,7 +186,7 @@ mod tests {
     use genmanip_workspace::task_files;
     use genmanip_workspace::task_spool::Tasks;
 
-    /// Shards without episodes: what is wrong with them is told before anything is made.
+    /// Shards without episodes: errors are reported before anything is written.
     #[test]
     fn what_does_not_belong_together_is_told_in_one_sentence() {
         let folder = tempfile::tempdir().unwrap();

@@ -13,12 +13,12 @@ use serde::Serialize;
 use genmanip_viz::motion_images::Drawn;
 use genmanip_workspace::RunError;
 
-/// Which grasps the planner may choose among: a dozen that are in reach, the hand turned the way that is nearer.
+/// Settings of the grasp search: a dozen reachable grasps, each with the nearer of two half-turns of the gripper.
 fn feasibility() -> FeasibilitySettings {
     FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
 }
 
-/// Where the arm shall go, as a person says it.
+/// Target of the motion, as given by the user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
     /// To a grasp of this object: its uid or name.
@@ -34,10 +34,10 @@ pub enum Target {
     Joints(Vec<f64>),
 }
 
-/// What is asked for besides the target.
+/// Request for a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionRequest {
-    /// Where to.
+    /// Target.
     pub target: Target,
     /// Joint positions to start from, rad; the robot's home without.
     pub from: Option<Vec<f64>>,
@@ -45,16 +45,16 @@ pub struct MotionRequest {
     pub gripper_width_m: f64,
 }
 
-/// A motion, or why there is none.
+/// Planned motion, or the reason that there is none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlannedMotion {
     /// Id of the scenario.
     pub scenario: String,
     /// The target in words.
     pub goal: String,
-    /// Whether there is a path.
+    /// True if there is a path.
     pub solved: bool,
-    /// Why there is no path.
+    /// Reason that there is no path.
     pub failure: Option<String>,
     /// Processor time of planning and timing together.
     pub planning_ms: f64,
@@ -70,12 +70,12 @@ pub struct PlannedMotion {
     pub dt_s: f64,
     /// Joint positions at the control rate, rad.
     pub trajectory: Vec<Vec<f64>>,
-    /// The goal that could not be, joint positions in rad; for the drawing.
+    /// Goal configuration in collision, rad; for the diagram.
     #[serde(skip)]
     pub blocked: Option<Vec<f64>>,
 }
 
-/// Where the arm shall go, as the planner takes it.
+/// Target in configuration space or as grasps.
 enum Goal {
     /// One of these configurations.
     Configurations(Vec<Vec<f64>>),
@@ -142,7 +142,7 @@ impl PlannedMotion {
         }
     }
 
-    /// What a picture or a film of it shows.
+    /// Trajectory as an image or a video shows it.
     pub fn drawn<'a>(&'a self, stage: &'a Stage, planner: &Planner) -> Drawn<'a> {
         Drawn {
             stage,

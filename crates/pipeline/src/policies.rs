@@ -270,26 +270,26 @@ fn python(given: &Given) -> Result<Prepared, RunError> {
 pub struct PolicyEntry {
     /// The name on the command line and in results.
     pub name: &'static str,
-    /// What it is, in one line.
+    /// One-line description.
     pub about: &'static str,
-    /// What may be said about it.
+    /// Arguments.
     pub arguments: &'static [PolicyArgument],
-    /// Whether it needs an episode that was recorded on the same scenario.
+    /// True if it needs an episode that was recorded on the same scenario.
     pub needs_record: bool,
-    /// Whether it is run where nobody names a policy: those that ask services are not.
+    /// True if it runs when no policy is named; policies that call services do not.
     pub is_usual: bool,
     /// Checks the arguments, once.
     prepare: fn(&Given) -> Result<Prepared, RunError>,
 }
 
-/// What a policy may be made from, of one episode.
+/// Inputs from which a policy is made for one episode.
 #[derive(Clone, Copy)]
 pub struct PolicyContext<'a> {
     /// The scenario made ready; only policies that declare it may look at its truth.
     pub stage: &'a Stage,
-    /// What was recorded on the same scenario, where something was.
+    /// Episode recorded on the same scenario, if any.
     pub recorded: Option<&'a Episode>,
-    /// How the robot is planned for.
+    /// Planner of the robot.
     pub planner: &'a Arc<Planner>,
     /// Grasps that were tried beforehand.
     pub grasps: &'a GraspLibrary,
@@ -373,7 +373,7 @@ impl PolicyFactory {
         &self.label
     }
 
-    /// Whether it needs an episode that was recorded on the same scenario.
+    /// True if it needs an episode that was recorded on the same scenario.
     pub fn needs_record(&self) -> bool {
         self.needs_record
     }
@@ -386,8 +386,7 @@ impl PolicyFactory {
         (self.prepared.make)(episode)
     }
 
-    /// The same as the loop says it: an episode that was not run where the policy cannot be reached, or a contract that
-    /// cannot be served.
+    /// The error as the episode loop reports it: not run if the policy cannot be reached, else an unsupported contract.
     pub(crate) fn refusal(&self, error: RunError) -> RolloutError {
         match error {
             RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
@@ -395,7 +394,7 @@ impl PolicyFactory {
         }
     }
 
-    /// What its service was asked so far, where it asks one that waits and may cost money.
+    /// Requests and cost of its service so far, if it calls one that may cost money.
     pub fn account(&self) -> Option<&Arc<Account>> {
         self.prepared.account.as_ref()
     }
@@ -422,7 +421,7 @@ pub fn describe() -> String {
 /// Longest name of a policy of the calling program, bytes.
 const MOST_NAME: usize = 100;
 
-/// Whether a character may stand in a label, which names a file.
+/// True if a character may occur in a label, which names a file.
 fn fits_label(c: char) -> bool {
     c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
 }

@@ -19,13 +19,13 @@ const KEY: &str = "OPENPI_API_KEY";
 /// A policy waits no longer than this for a server that is there, s.
 pub(crate) const LONGEST_WAIT_S: f64 = 3600.0;
 
-/// What is said about a server of openpi's protocol.
+/// Arguments of an openpi policy server.
 pub(crate) struct Named<'a> {
     pub url: &'a str,
     pub preset: &'a str,
     pub exterior: &'a str,
     pub wrist: &'a str,
-    /// Actions of a chunk that are executed, or nothing.
+    /// Number of executed actions of a chunk, or empty for the preset's.
     pub execute: &'a str,
     pub timeout_s: f64,
 }
@@ -127,7 +127,7 @@ pub(crate) fn python(processes: &Arc<Processes>, cores: Option<&Arc<Cores>>) -> 
     Ok(lending(policy, cores))
 }
 
-/// What a program in another language says about its policy: what it leaves out is as of native actions at 15 Hz.
+/// Policy contract given by a program in another language; absent keys are those of native actions at 15 Hz.
 ///
 /// # Errors
 /// Says which part is wrong.
@@ -173,7 +173,7 @@ impl<P: Policy> Policy for Lending<P> {
     }
 }
 
-/// Refuses what is no address of a websocket.
+/// Rejects a URL that is not a websocket address.
 fn check_url(policy: &str, url: &str) -> Result<(), RunError> {
     match url.strip_prefix("ws://") {
         Some(rest) if !rest.is_empty() => Ok(()),

@@ -1,4 +1,4 @@
-//! A data set with the same episodes in other looks: rows, actions and physics stay, pictures are drawn again.
+//! Re-rendering of a data set: rows, actions and physics stay; images get another appearance.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,21 +15,21 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::worlds;
 
-/// How a data set is drawn again.
+/// Options of [`rerender`].
 #[derive(Clone, Debug)]
 pub struct RerenderOptions {
-    /// Which look of each episode: 0 is the one that `collect` gives it when it varies the same.
+    /// Index of the appearance of each episode; 0 is the one that `collect` renders with the same randomisation.
     pub look: u64,
-    /// What differs from the usual look.
+    /// Randomised aspects of the appearance.
     pub vary: Vec<Vary>,
     /// Cameras instead of the data set's; none to keep them.
     pub cameras: Vec<String>,
-    /// Threads that draw.
+    /// Number of rendering threads.
     pub workers: usize,
 }
 
-/// Writes a data set of the same episodes, rows and settings as `dataset`, drawn in another look; `None` when it was
-/// told to stop before. What was drawn then is found again by the same call.
+/// Writes a data set of the same episodes, rows and settings as `dataset`, rendered in another appearance; `None` if
+/// stopped before the end. The next call reuses the images rendered so far.
 ///
 /// # Errors
 /// When the data set is not one of this program with its record, the place is taken, an episode was recorded with other
@@ -96,7 +96,7 @@ pub fn rerender(
     Ok(Some(written))
 }
 
-/// Where pictures lie until the data set is whole: beside it, hidden, under a name that only the same work has.
+/// Working folder of the images: hidden, beside the data set, named by a hash of the inputs.
 fn drawing_folder(
     out: &Path,
     record: &EpisodeStore,

@@ -1,4 +1,6 @@
-//! Tasks by rules into a folder: written as they are composed, so that a kind that runs out costs nothing that is there.
+//! Tasks of the rule-based designer, written into a folder as soon as each is composed.
+//!
+//! If a kind of task is exhausted, the tasks written so far stay valid.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -13,45 +15,45 @@ use crate::Progress;
 use crate::RunError;
 use crate::documents;
 
-/// A task of a folder, or why it is missing there.
+/// Row of [`design_into`]: a task file, or the reason that there is none.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NewTask {
-    /// Id of the task.
+    /// Id.
     pub task: String,
-    /// Its kind.
+    /// Kind.
     pub kind: &'static str,
-    /// What it asks for; `None` when there is no task.
+    /// Instruction in English; `None` if there is no task.
     pub instruction: Option<String>,
-    /// Its file; `None` when there is no task.
+    /// Path of the task file; `None` if there is no task.
     pub file: Option<String>,
-    /// Why there is no task.
+    /// Reason that there is no task.
     pub refused: Option<String>,
 }
 
-/// What is designed.
+/// Input of [`design_into`].
 #[derive(Clone, Debug)]
 pub struct Design<'a> {
-    /// Kinds, in turn.
+    /// Kinds of task, composed in rotation.
     pub kinds: &'a [TaskKind],
-    /// Tasks.
+    /// Number of tasks.
     pub count: usize,
-    /// Objects that they may be about.
+    /// Objects that the tasks may use.
     pub cards: &'a [ObjectCard],
-    /// Seed of the series.
+    /// Seed of the series of tasks.
     pub seed: Seed,
-    /// How they are composed.
+    /// Settings of the designer.
     pub settings: DesignSettings,
-    /// Whether other kinds take the place of one that has run out.
+    /// True if other kinds replace a kind that is exhausted.
     pub fill: bool,
 }
 
-/// Composes tasks and writes each as a file of the folder; one that is there already and the same is left alone, so a
-/// call with a larger count continues one with a smaller.
+/// Composes tasks and writes each as a file of the folder. An existing file with the same content stays, so a call with
+/// a larger `count` extends the folder of a smaller one.
 ///
-/// A task whose kind has run out is a row with the reason, not an error.
+/// If a kind is exhausted, each of its missing tasks is a row with the reason, not an error.
 ///
 /// # Errors
-/// When no kind is asked for, a file cannot be written, or a file of the same name holds another task.
+/// When `kinds` is empty, a file cannot be written, or a file of the same name holds another task.
 pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> Result<Vec<NewTask>, RunError> {
     let Design { kinds, count, cards, seed, ref settings, fill } = *design;
     let mut series = Series::new(kinds, cards, seed, settings, fill)
@@ -72,12 +74,12 @@ pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> R
     Ok(rows)
 }
 
-/// Tasks that are composed before they are written together, and threads that write them; chosen: a disk takes as long to
-/// flush one file as many at the same time, and no more than a second's work is lost when the program is killed.
+/// Number of tasks composed before they are written in parallel, and number of writer threads; chosen: flushing many
+/// files at once takes a disk as long as flushing one, and a kill loses at most a second's work.
 const BATCH: usize = 128;
 const WRITERS: usize = 16;
 
-/// Writes a task unless the folder has it.
+/// Writes a task unless the folder already has it.
 fn keep(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
     let path = folder.join(format!("{}.json", task.id));
     let text = task.to_json();
@@ -92,10 +94,10 @@ fn keep(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
     }
 }
 
-/// Writes a task as a file of a folder; one of that name is replaced.
+/// Writes a task as a file of a folder; replaces a file of that name.
 ///
 /// # Errors
-/// When it cannot be written.
+/// When the file cannot be written.
 pub fn write(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
     let path = folder.join(format!("{}.json", task.id));
     documents::write_file(&path, task.to_json().as_bytes())?;

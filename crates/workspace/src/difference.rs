@@ -1,8 +1,9 @@
-//! Differences between two JSON values, and long lists of names, in words.
+//! Readable differences between two JSON values, and shortened lists of names.
 
 use serde_json::Value;
 
-/// Where two JSON values first differ, and what stands there.
+/// First path at which two JSON values differ, with both values; `None` if they are equal. `place` is the path of the
+/// root.
 pub fn first_difference(place: &str, known: &Value, asked: &Value) -> Option<String> {
     if known == asked {
         return None;
@@ -27,7 +28,7 @@ pub fn first_difference(place: &str, known: &Value, asked: &Value) -> Option<Str
     Some(deeper.unwrap_or_else(|| format!("{place} is {}, not {}", word(known), word(asked))))
 }
 
-/// Names, the first few of many.
+/// The first three names, with the number of the others.
 pub fn listed(names: &[String]) -> String {
     let more = names.len().saturating_sub(3);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };

@@ -1,4 +1,4 @@
-//! How much room a disk has, and whether a run will find enough of it.
+//! Free disk space, and an estimate of the space that a run needs.
 
 use std::fs;
 use std::path::Path;
@@ -8,33 +8,34 @@ use crate::documents;
 use crate::error::RunError;
 use crate::progress::Progress;
 
-/// Attempts that the need of all others is estimated from; chosen: one of each kind of task.
+/// Number of finished attempts from which the disk space of the rest is estimated; chosen: one of each kind of task.
 pub const SAMPLE: usize = 6;
-/// Attempts for which the estimate is told; chosen: fewer are over soon.
+/// Minimum number of attempts for which the estimate is reported; chosen: shorter runs end soon.
 const TOLD: usize = 100;
 
-/// Estimates what attempts will need on the disk as soon as some of them are made.
+/// Estimate of the disk space that a run needs, made once [`SAMPLE`] attempts are finished.
 pub struct Estimate<'a> {
     folder: &'a Path,
-    /// Attempts that are to be made.
+    /// Attempts to make.
     attempts: usize,
-    /// How often what an attempt writes will be there in the end.
+    /// Copies of an attempt's files that the finished run holds: 2 with a dataset, else 1.
     copies: u64,
     made: AtomicUsize,
     bytes: AtomicU64,
 }
 
 impl<'a> Estimate<'a> {
-    /// Of so many attempts whose run lies in `folder`; its dataset, where there will be one, holds their pictures again.
+    /// Estimate for `attempts` attempts of the run in `folder`; a dataset (`has_dataset`) stores their images a second
+    /// time.
     pub fn new(folder: &'a Path, attempts: usize, has_dataset: bool) -> Self {
         let copies = if has_dataset { 2 } else { 1 };
         Self { folder, attempts, copies, made: AtomicUsize::new(0), bytes: AtomicU64::new(0) }
     }
 
-    /// Counts an attempt that lies in a folder, which is only looked at while the sample is not complete.
+    /// Counts a finished attempt; its folder is measured only until the sample is complete.
     ///
     /// # Errors
-    /// When it completes the sample and the disk has too little room for the rest.
+    /// When the attempt completes the sample and the disk has too little space for the rest.
     pub fn add(&self, attempt: &Path, progress: &dyn Progress) -> Result<(), RunError> {
         if self.made.load(Ordering::Relaxed) >= SAMPLE {
             return Ok(());
@@ -49,7 +50,7 @@ impl<'a> Estimate<'a> {
             return Ok(());
         }
         let left = (self.attempts - made) as u64;
-        // Of those of the sample only the dataset is still to be written.
+        // For the attempts of the sample only the dataset is still to be written.
         let need = bytes / made as u64 * left * self.copies + bytes * (self.copies - 1);
         let Some(free) = free_mib(self.folder) else { return Ok(()) };
         let need = need >> 20;
@@ -65,7 +66,7 @@ impl<'a> Estimate<'a> {
     }
 }
 
-/// Bytes of all files below a folder.
+/// Total size of all files below a folder, bytes.
 pub fn bytes_below(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let bytes = |entry: fs::DirEntry| match entry.file_type() {
@@ -75,8 +76,8 @@ pub fn bytes_below(folder: &Path) -> u64 {
     entries.map(bytes).sum()
 }
 
-/// Free space on the disk that a folder lies on or, when it is not there yet, would lie on, MiB; `None` where the system
-/// does not tell.
+/// Free space on the file system of a folder or, if the folder does not exist, of its nearest existing parent, MiB;
+/// `None` if the system does not report it.
 #[cfg(unix)]
 pub fn free_mib(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(&documents::nearest_folder(folder)?).ok()?;
@@ -107,7 +108,7 @@ mod tests {
             }
         };
         check(1_000, 1 << 10, None);
-        // No disk has a pebibyte; 94 attempts twice, and the six of the sample once more.
+        // No disk has a pebibyte: 94 attempts twice, and the six of the sample once more.
         check(100, 1 << 50, Some("the 94 attempts left will take some 208305913856 MiB"));
         check(SAMPLE, 1 << 50, None);
     }
@@ -116,7 +117,7 @@ mod tests {
     fn the_room_of_a_folder_that_is_not_there_is_that_of_the_one_above() {
         let folder = tempfile::tempdir().unwrap();
         let (here, below) = (free_mib(folder.path()).unwrap(), free_mib(&folder.path().join("a/b")).unwrap());
-        // Others write meanwhile.
+        // Other programs write to the disk meanwhile.
         assert!(here > 0 && here.abs_diff(below) < here / 10 + 64, "{here} {below}");
     }
 }

@@ -8,7 +8,7 @@ use genmanip_data::{DataError, files};
 
 use crate::error::RunError;
 
-/// Reads a text file, refusing what is too large, no file or not text.
+/// Reads a UTF-8 text file; rejects files that are too large, not regular or not text.
 ///
 /// # Errors
 /// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
@@ -16,7 +16,7 @@ pub fn read_text(path: &Path, limit: Limit) -> Result<String, RunError> {
     text_of(path, read_bytes(path, limit)?)
 }
 
-/// Reads a file, refusing what is too large or no file; nothing is waited for.
+/// Reads a file; rejects files that are too large or not regular, without blocking on pipes or devices.
 ///
 /// # Errors
 /// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
@@ -32,7 +32,7 @@ pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunErr
     document(path, &read_bytes(path, limit)?)
 }
 
-/// Reads a document that a run wrote itself: a link in its place is refused.
+/// Reads a document that a run wrote; rejects symbolic links.
 ///
 /// # Errors
 /// As [`read_document`].
@@ -40,7 +40,7 @@ pub fn read_own_document<T: Document>(path: &Path, limit: Limit) -> Result<T, Ru
     document(path, &files::read_own(path, limit).map_err(|error| unreadable(path, error))?)
 }
 
-/// Writes a file aside and renames it into place, so that it is whole or not there.
+/// Writes a file atomically: to a temporary file, which is then renamed into place.
 ///
 /// # Errors
 /// [`RunError::File`].
@@ -48,12 +48,12 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     files::write(path, bytes).map_err(|error| unwritable(path, error))
 }
 
-/// The name of a file without its extension.
+/// File name without its extension.
 pub fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The folder that a path names or, when it is not there yet, the nearest one above it that is.
+/// Absolute path of a folder or, if it does not exist, of its nearest existing parent.
 pub fn nearest_folder(path: &Path) -> Option<PathBuf> {
     let whole = std::path::absolute(path).ok()?;
     whole.ancestors().find(|ancestor| ancestor.is_dir()).map(Path::to_owned)
@@ -82,10 +82,10 @@ pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, RunError> {
     String::from_utf8(bytes).map_err(|error| RunError::file("read", path, error.utf8_error()).with_hint(hint))
 }
 
-/// Removes what a kill left unfinished in a folder, if there is one.
+/// Removes temporary files of killed processes from a folder; does nothing if there is no folder.
 ///
 /// # Errors
-/// When it cannot be removed.
+/// When a file cannot be removed.
 pub fn sweep(folder: &Path) -> Result<(), RunError> {
     if folder.is_dir() {
         files::sweep(folder).map_err(|error| unwritable(folder, error))?;

@@ -1,4 +1,4 @@
-//! What could not be done, why, and what helps.
+//! Errors of requests, each with its causes and a hint.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -11,102 +11,102 @@ use genmanip_rollout::RolloutError;
 /// The error behind an error.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// Why a request of a user or a program could not be met; [`RunError::hint`] says what helps.
+/// Error of a request by a user or a program; [`RunError::hint`] says how to fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// A file or folder cannot be read, listed or written.
     #[error("cannot {action} {}", path.display())]
     File {
-        /// What was tried: `read`, `list` or `write`.
+        /// Attempted operation: `read`, `list` or `write`.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the system or the reader says.
+        /// Error of the system or of the reader.
         source: Cause,
-        /// What helps.
+        /// Suggested fix.
         hint: Option<String>,
     },
-    /// A file is larger than anything of its kind.
+    /// A file exceeds the size limit of its kind.
     #[error("{} is larger than {} may be: {}", path.display(), limit.what, limit.human_readable())]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Its kind and bound.
+        /// Kind of file and its size limit.
         limit: Limit,
     },
-    /// A file is not the versioned document that was expected.
+    /// A file is not a valid document of the expected schema.
     #[error("{} is no valid {schema} file", path.display())]
     Document {
         /// The file.
         path: PathBuf,
-        /// Schema that was expected.
+        /// Expected schema.
         schema: &'static str,
-        /// What it is instead.
+        /// Parse or validation error.
         source: DocumentError,
     },
-    /// A name that nobody knows.
+    /// A name that is not registered.
     #[error("unknown {what} `{got}`")]
     UnknownName {
-        /// What it should name, e.g. `policy`.
+        /// Kind of name, e.g. `policy`.
         what: &'static str,
-        /// The plural of that.
+        /// Plural of `what`.
         plural: &'static str,
         /// The name.
         got: String,
-        /// Known names that look alike, best first.
+        /// Known names with similar spelling, best match first.
         near: Vec<String>,
         /// All known names.
         known: Vec<String>,
     },
-    /// What the user named is there, but it is not what is needed.
+    /// The user's input exists but is unsuitable.
     #[error("{what}")]
     Input {
-        /// What is wrong with what.
+        /// Description of the problem.
         what: String,
-        /// Why, if another part of the program found it.
+        /// Underlying error, if any.
         source: Option<Cause>,
-        /// What was expected, or what helps.
+        /// Expected input, or a suggested fix.
         hint: Option<String>,
     },
-    /// The folder belongs to a run that was started otherwise.
+    /// The folder holds a run with other inputs, settings or seed.
     #[error("{} holds another run ({difference})", path.display())]
     AnotherRun {
         /// The folder.
         path: PathBuf,
-        /// The first difference.
+        /// First difference, see [`difference`](crate::difference).
         difference: String,
     },
-    /// Results or episodes of an evaluation that was started otherwise lie where this one would write.
+    /// The folder holds results or episodes of an evaluation with other inputs or settings.
     #[error("{} holds another evaluation ({difference})", path.display())]
     AnotherEvaluation {
         /// The folder.
         path: PathBuf,
-        /// The first difference.
+        /// First difference, see [`difference`](crate::difference).
         difference: String,
     },
-    /// There is no run in the folder.
+    /// The folder holds no run.
     #[error("no run at {}", path.display())]
     NoRun {
         /// The folder.
         path: PathBuf,
     },
-    /// A policy that runs elsewhere cannot be reached; what was to be done with it may be tried again.
+    /// A remote policy cannot be reached; the request may be retried.
     #[error("policy {policy} cannot be reached: {reason}")]
     Unreachable {
-        /// The policy with its arguments.
+        /// Policy with its arguments.
         policy: String,
-        /// What its end said.
+        /// Reason given by the client or the server.
         reason: String,
     },
-    /// A stage failed where it should not have: a defect, or something outside that broke.
+    /// Unexpected failure of a stage: a defect, or a fault of its environment.
     #[error("{what}")]
     Broken {
-        /// What was being done.
+        /// Operation that failed.
         what: String,
-        /// What went wrong.
+        /// Underlying error.
         source: Option<Cause>,
-        /// What helps.
+        /// Suggested fix.
         hint: Option<String>,
     },
 }
@@ -117,23 +117,23 @@ impl RunError {
         Self::File { action, path: path.to_owned(), source: source.into(), hint: None }
     }
 
-    /// [`RunError::Input`] in one sentence.
+    /// [`RunError::Input`] without source and hint.
     pub fn input(what: impl Into<String>) -> Self {
         Self::Input { what: what.into(), source: None, hint: None }
     }
 
-    /// [`RunError::Broken`] with what went wrong.
+    /// [`RunError::Broken`] with its underlying error.
     pub fn broken(what: impl Into<String>, error: impl Into<Cause>) -> Self {
         Self::Broken { what: what.into(), source: Some(error.into()), hint: None }
     }
 
-    /// [`RunError::UnknownName`], with those of the known names that look like it.
+    /// [`RunError::UnknownName`] with the known names of similar spelling.
     pub fn unknown(what: &'static str, plural: &'static str, got: &str, known: &[&str]) -> Self {
         let near = near_misses(got, known);
         Self::UnknownName { what, plural, got: got.into(), near, known: known.iter().map(|&k| k.into()).collect() }
     }
 
-    /// What reading or writing a file came to; `action` is `read` or `write`.
+    /// [`RunError`] of a failed read or write of a file; `action` is `read` or `write`.
     pub fn of_file(action: &'static str, path: &Path, error: DataError) -> Self {
         match error {
             DataError::Io { source, .. } => Self::file(action, path, source),
@@ -146,7 +146,7 @@ impl RunError {
         }
     }
 
-    /// With the error behind it; kept only by the kinds that have room for one.
+    /// Adds the underlying error; ignored by variants without a source.
     #[must_use]
     pub fn because(mut self, error: impl Into<Cause>) -> Self {
         match &mut self {
@@ -157,7 +157,7 @@ impl RunError {
         self
     }
 
-    /// With what helps; the other kinds know that by themselves.
+    /// Adds a hint; ignored by variants that derive their own.
     #[must_use]
     pub fn with_hint(mut self, help: impl Into<String>) -> Self {
         if let Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } = &mut self {
@@ -166,7 +166,7 @@ impl RunError {
         self
     }
 
-    /// What was expected, or what helps.
+    /// Suggested fix; a full disk in the chain of sources takes precedence.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::File { source, hint, .. } => of_full_disk(Some(source)).or_else(|| hint.clone()),
@@ -198,7 +198,7 @@ impl RunError {
     }
 }
 
-/// What helps where a full disk is behind an error.
+/// Hint for a full disk, if the chain of sources holds one.
 fn of_full_disk(cause: Option<&Cause>) -> Option<String> {
     let first = cause.map(|cause| &**cause as &(dyn std::error::Error + 'static));
     let is_full = |error: &std::io::Error| matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
@@ -207,11 +207,11 @@ fn of_full_disk(cause: Option<&Cause>) -> Option<String> {
         .then(|| "free some space on that disk and start again; what is finished is kept".into())
 }
 
-/// Why work on many episodes stopped before its end.
+/// Error that stopped work on many episodes.
 pub enum Stopped {
-    /// A file, a service or a setting.
+    /// Error of a file, a service or a setting.
     Run(RunError),
-    /// An episode.
+    /// Error of an episode.
     Episode(RolloutError),
 }
 

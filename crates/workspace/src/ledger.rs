@@ -1,4 +1,4 @@
-//! What a call has finished, in a list beside its files, so that one that was killed goes on where it stopped.
+//! Ledger of finished items, a JSON Lines file beside their files, from which a killed call resumes.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -13,19 +13,19 @@ use serde::{Deserialize, Serialize};
 use crate::documents;
 use crate::error::RunError;
 
-/// One thing that is finished.
+/// One finished item.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
-    /// What it is called; unique in a list.
+    /// Name, unique within a ledger.
     pub name: String,
-    /// Hash of all it was made from.
+    /// Hash of all inputs of the item.
     pub key: String,
-    /// Why there is no file of it, if there is none.
+    /// Reason that the item has no file; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }
 
-/// The list: entries as lines of JSON, added as they come, sorted in the end.
+/// The ledger: appended in completion order, sorted by name on [`close`](Ledger::close).
 pub struct Ledger {
     path: PathBuf,
     known: BTreeMap<String, Entry>,
@@ -33,7 +33,7 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Opens the list at a path, or begins it; a line that was cut off by a kill does not count.
+    /// Opens or creates the ledger at a path; ignores a line truncated by a kill.
     ///
     /// # Errors
     /// When it cannot be read or written.
@@ -58,24 +58,24 @@ impl Ledger {
         Ok(Self { path: path.to_owned(), known, file: Mutex::new(file) })
     }
 
-    /// What was finished before under a name.
+    /// Entry of an item that an earlier call finished.
     pub fn known(&self, name: &str) -> Option<&Entry> {
         self.known.get(name)
     }
 
-    /// Adds what is finished now; its file must be there already.
+    /// Appends an entry; the item's file must exist by then.
     ///
     /// # Errors
-    /// When the list cannot be written.
+    /// When the ledger cannot be written.
     pub fn add(&self, entry: &Entry) -> Result<(), RunError> {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line(entry).as_bytes()).map_err(|error| RunError::file("write", &self.path, error))
     }
 
-    /// Puts the list in order: with these entries, and those from before that are `kept`.
+    /// Rewrites the ledger sorted by name: `entries`, and earlier ones for which `kept` is true.
     ///
     /// # Errors
-    /// When the list cannot be written.
+    /// When the ledger cannot be written.
     pub fn close(self, entries: Vec<Entry>, kept: impl Fn(&Entry) -> bool) -> Result<(), RunError> {
         let mut all = self.known;
         all.retain(|_, entry| kept(entry));

@@ -1,20 +1,20 @@
-//! How long work is heard of: whoever calls a stage may listen, and the stage itself prints nothing.
+//! Progress callbacks: stages report, callers print.
 
-/// Hears how far work is; called from any worker thread.
+/// Receiver of progress reports; called from any worker thread.
 pub trait Progress: Sync {
-    /// Work of `total` equal parts begins.
+    /// Starts a task of `total` equal units, named `what`.
     fn begin(&self, what: &str, total: usize);
-    /// One part is done.
+    /// Reports one finished unit.
     fn advance(&self);
-    /// The work that began last has ended.
+    /// Ends the task started last.
     fn end(&self);
-    /// How things stand beside the number of parts, a few words that replace those before.
+    /// Replaces the status text shown beside the number of units.
     fn tell(&self, _state: &str) {}
-    /// Something that a person who waits may want to know.
+    /// Reports a message to the user.
     fn note(&self, text: &str);
 }
 
-/// Nobody listens.
+/// [`Progress`] that discards all reports.
 pub struct Silent;
 
 impl Progress for Silent {

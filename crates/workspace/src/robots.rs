@@ -11,11 +11,12 @@ use serde_json::Value;
 use crate::documents;
 use crate::error::RunError;
 
-/// Registers the robots of a folder by name: its robot files `*.json`, whose arms and grippers are `arms/NAME.json` and
-/// `grippers/NAME.json` in it or built in. Other JSON files are ignored. Returns the names.
+/// Registers the robots of a folder by name and returns the names. A robot file is a `*.json` of the folder with schema
+/// `genmanip.robot/N`; its arm and gripper are `arms/NAME.json` and `grippers/NAME.json` of the folder, or built in.
+/// Ignores other JSON files.
 ///
 /// # Errors
-/// When a file cannot be read, is no robot, or has the name of another robot.
+/// When a file cannot be read, is no valid robot, or has the name of another robot.
 pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
     let find = |kind: PartKind, name: &str| {
         let parts = if kind == PartKind::Arm { "arms" } else { "grippers" };
@@ -44,7 +45,7 @@ pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
     Ok(names)
 }
 
-/// Names of the built-in robots and of those registered.
+/// Names of the built-in and registered robots.
 pub fn names() -> Vec<String> {
     robots::names()
 }

@@ -1,4 +1,4 @@
-//! Scenarios from files: read, checked against robot and engine settings, and opened as a stage.
+//! Scenarios from files: read, validated against robot and engine settings, and opened as a stage.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use genmanip_sim::EngineSettings;
 use crate::documents::read_document;
 use crate::error::{Cause, RunError};
 
-/// Reads a scenario whose robot is known and whose engine settings make sense.
+/// Reads a scenario; checks its robot and its engine settings.
 ///
 /// # Errors
-/// As [`read_document`], and when the robot is not the one the scenario was made with.
+/// As [`read_document`], and when the robot differs from the one that the scenario was made with.
 pub fn read_scenario(path: &Path) -> Result<Scenario, RunError> {
     let scenario: Scenario = read_document(path, limits::SCENARIO)?;
     robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
@@ -22,10 +22,10 @@ pub fn read_scenario(path: &Path) -> Result<Scenario, RunError> {
     Ok(scenario)
 }
 
-/// Reads a scenario and makes it ready: models built, physics compiled.
+/// Reads a scenario and builds its stage: object models and the compiled physics model.
 ///
 /// # Errors
-/// As [`read_scenario`], and when the objects are not those the scenario was made with.
+/// As [`read_scenario`], and when the objects differ from those that the scenario was made with.
 pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
     let scenario = read_scenario(path)?;
     let robot = robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;

@@ -1,7 +1,7 @@
-//! A part of a run or of an evaluation that one of several machines does.
+//! Shards: parts of a run or of an evaluation, one per machine.
 //!
-//! Shard `index` of `count` does every `count`-th piece of work, beginning with piece `index`. What a piece comes to does
-//! not depend on either number.
+//! Shard `index` of `count` processes work items `index`, `index + count`, `index + 2 count`, … The result of an item
+//! depends on neither number.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::RunError;
 
-/// Most shards of one run: a folder of that many folders is still listed in a moment.
+/// Maximum number of shards of a run: a folder with as many subfolders can still be listed quickly.
 pub const MOST: usize = 100_000;
 
-/// One of several parts, counted from 0.
+/// One of `count` shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
     index: usize,
@@ -22,10 +22,10 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Part `index` of `count`.
+    /// Shard `index` of `count`.
     ///
     /// # Errors
-    /// What is wrong with the numbers, in words.
+    /// Description of the invalid numbers.
     pub fn new(index: usize, count: usize) -> Result<Self, String> {
         match count {
             1..=MOST if index < count => Ok(Self { index, count }),
@@ -36,22 +36,22 @@ impl Shard {
         }
     }
 
-    /// Its number, from 0.
+    /// Index, from 0.
     pub fn index(self) -> usize {
         self.index
     }
 
-    /// How many there are.
+    /// Number of shards.
     pub fn count(self) -> usize {
         self.count
     }
 
-    /// Whether the piece of work with this number is its own.
+    /// True if the work item with index `piece` belongs to this shard.
     pub fn has(self, piece: usize) -> bool {
         piece % self.count == self.index
     }
 
-    /// Name of its folder, `shard-07-of-10`: all have the same length, so that they are listed in order.
+    /// Name of its folder, `shard-07-of-10`; zero-padded, so that names sort by index.
     pub fn name(self) -> String {
         let digits = (self.count - 1).to_string().len();
         format!("shard-{:0digits$}-of-{}", self.index, self.count)
@@ -64,12 +64,12 @@ impl fmt::Display for Shard {
     }
 }
 
-/// What the user says about the part to be done: `2/10`, `auto` or `auto/10`.
+/// The user's choice of a shard: `2/10`, `auto` or `auto/10`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// This one.
+    /// An explicit shard.
     One(Shard),
-    /// The one that a cluster gave this program, of so many, if that was said.
+    /// Index from the environment of a cluster job; number of shards from it too, unless given.
     Auto(Option<usize>),
 }
 
@@ -95,12 +95,12 @@ impl FromStr for Choice {
 const EXPECTED: &str = "expected I/N with I from 0 to N - 1, as 0/10, or auto, or auto/N";
 
 impl Choice {
-    /// The shard that is meant, where `variable` gives what the environment says.
+    /// Returns the chosen shard; `variable` looks up environment variables.
     ///
-    /// Slurm gives the number of an array's task and how many there are; an indexed job of Kubernetes only the number.
+    /// A Slurm job array sets both index and size; an indexed Kubernetes job sets the index only.
     ///
     /// # Errors
-    /// When the environment says nothing that fits.
+    /// When the variables are missing or invalid.
     pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, RunError> {
         let said = match self {
             Self::One(shard) => return Ok(shard),
@@ -130,7 +130,7 @@ impl Choice {
                 return Err(wrong(what.into(), "say it with --shard auto/N, N being the completions of the job"));
             }
         };
-        // An array of some of the tasks, as `--array=3,7`, counts only those.
+        // An array with gaps, as `--array=3,7`, counts only its own tasks.
         let last = if said.is_none() && slurm.is_some() { number("SLURM_ARRAY_TASK_MAX")? } else { None };
         if let Some(last) = last.filter(|last| last + 1 != count) {
             let what = format!("the array has {count} tasks and its last is {last}, not {}", count.saturating_sub(1));
@@ -142,13 +142,13 @@ impl Choice {
     }
 }
 
-/// `shard.json` in a run folder: which part of the run lies there.
+/// `shard.json` in a run folder: the shard that the folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Which part.
+    /// The shard.
     #[serde(flatten)]
     pub shard: Shard,
-    /// Hash of the record of the whole run, `run.json` beside it.
+    /// Hash of `run.json`, the record of the whole run, beside it.
     pub run: String,
 }
 

@@ -1,4 +1,4 @@
-//! What is wrong with task files: documents and recorded answers, all faults of all of them.
+//! Checks of task documents and recorded answers: reports every flaw of every file.
 
 use std::path::{Path, PathBuf};
 
@@ -13,57 +13,57 @@ use crate::documents;
 use crate::task_faults;
 use crate::task_files;
 
-/// What the check of a file came to: flaws by their names, details beside them.
+/// Result of the check of one file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checked {
-    /// The file, as given; of a list `FILE:LINE`.
+    /// Path of the file as given; `FILE:LINE` for an entry of a list.
     pub file: String,
     /// `valid`, `repaired` or `rejected`.
     pub verdict: &'static str,
     /// Names of the flaws, repaired or not.
     pub flaws: Vec<String>,
-    /// What was done, in words.
+    /// Repairs made, in words.
     pub repairs: Vec<String>,
-    /// One per flaw.
+    /// Details, one per flaw.
     pub details: Vec<Detail>,
-    /// A task document, as a file of its own would hold it; `None` when rejected.
+    /// Repaired or valid task document; `None` if rejected.
     pub task: Option<Value>,
 }
 
-/// One flaw.
+/// Details of one flaw.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Detail {
-    /// Its name.
+    /// Name of the flaw.
     pub flaw: String,
-    /// JSON path of the place, or line and column.
+    /// JSON path, or line and column.
     pub path: String,
-    /// What was expected and found.
+    /// Expected and found values, in words.
     pub message: String,
-    /// What to do about it; may be empty.
+    /// Suggested fix; may be empty.
     pub hint: String,
 }
 
-/// How bare answers are judged.
+/// Requests against which bare answers are checked.
 #[derive(Clone, Copy, Debug)]
 pub struct BareAnswers<'a> {
-    /// Uids that were offered.
+    /// Uids of the offered objects.
     pub objects: &'a [String],
-    /// World whose further support surfaces were offered too.
+    /// World file whose additional support surfaces were offered too.
     pub world: Option<&'a Path>,
-    /// Kind of task that was asked for.
+    /// Requested kind of task.
     pub kind: &'a str,
-    /// Fewest objects that were asked for.
+    /// Requested minimum number of objects.
     pub min_objects: usize,
 }
 
-/// Name of the flaw of a file that is no task at all, or cannot be read.
+/// Flaw name of a file that holds no task or cannot be read.
 const NO_TASK: &str = "no_task";
 
-/// Checks every file in turn, and every line of lists, `*.jsonl`; of several, one that is no task at all is a result like
-/// any other.
+/// Checks every file, and every line of lists (`*.jsonl`), in order. If there are several files, one that holds no task
+/// is reported as a result.
 ///
 /// # Errors
-/// When a folder cannot be listed or holds no JSON file, when the only file is no task at all, and when a list cannot be
+/// When a folder cannot be listed or holds no JSON file, when the only file holds no task, and when a list cannot be
 /// read or is empty.
 pub fn check_each(
     paths: &[PathBuf],
@@ -115,7 +115,7 @@ fn of_text(file: &Path, text: &str) -> Result<Checked, RunError> {
     let task = task_files::task_of_document(file, value)?;
     let faults = task_faults::faults(&task);
     if faults.is_empty() {
-        // Read anew as an answer, so that a document is judged by every rule that it was made by.
+        // Checked as an answer too, so that a document passes the same rules as the answers of language models.
         let report = check_answer(&as_answer(&task).to_string(), &request_of(&task));
         let mut checked = Checked::of(file, AnswerReport { task: report.task.map(|_| task), ..report });
         for detail in &mut checked.details {
@@ -132,7 +132,7 @@ fn of_text(file: &Path, text: &str) -> Result<Checked, RunError> {
     Ok(Checked::rejected(file, faults.into_iter().map(detail).collect()))
 }
 
-/// What a document would have been asked for.
+/// Request that a task document would answer.
 fn request_of(task: &Task) -> TaskRequest {
     TaskRequest {
         id: task.id.clone(),
@@ -181,7 +181,7 @@ impl Checked {
         Self::rejected(file, vec![Detail { flaw: NO_TASK.into(), path: "$".into(), message, hint }])
     }
 
-    /// Whether the file cannot be used.
+    /// True if the file cannot be used.
     pub fn is_rejected(&self) -> bool {
         self.verdict == Verdict::Rejected.name()
     }

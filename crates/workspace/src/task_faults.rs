@@ -1,27 +1,27 @@
-//! Task documents that anybody may have written: everything that is wrong with one.
+//! Validation of task documents from untrusted sources: every fault of a document.
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::Task;
 use genmanip_core::names::is_file_name;
 use genmanip_layout::references;
 
-/// Longest task id, characters; the number of an attempt is added to it.
+/// Maximum length of a task id, characters; an attempt's number is appended to it.
 pub const MAX_ID_LENGTH: usize = 120;
 
-/// Most nodes, edges and conditions of a task: several times what fits on a table, and drawn in a moment.
+/// Maximum numbers of nodes, and of edges or conditions: several times what fits on a table, and rendered quickly.
 const MOST_NODES: usize = 64;
 const MOST_CONDITIONS: usize = 256;
 
-/// Something that is wrong with a task document.
+/// One fault of a task document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Its name, one of those of [`genmanip_tasks::answer::FlawKind`] where there is one.
+    /// Name of the fault, as in [`genmanip_tasks::answer::FlawKind`] if that has one.
     pub flaw: &'static str,
-    /// JSON path of the place.
+    /// JSON path.
     pub place: String,
-    /// What is wrong there.
+    /// Description of the fault.
     pub message: String,
-    /// What helps.
+    /// Suggested fix.
     pub hint: String,
 }
 
@@ -36,13 +36,13 @@ impl Fault {
     }
 }
 
-/// Ids name folders and files, so they must not lead anywhere else.
+/// True if a text is a valid id: ids name folders and files, so they must not contain path separators.
 fn is_id(id: &str) -> bool {
     id.len() <= MAX_ID_LENGTH && is_file_name(id)
 }
 
-/// What keeps a document from being used: every object that goal and scene name must be a node with its card, and ids
-/// must be fit for files. Empty when it can be used.
+/// All faults that make a document unusable; empty if it is usable. Every object in goal and scene graph needs a node
+/// and a card, and ids must be valid file names.
 pub fn faults(task: &Task) -> Vec<Fault> {
     let mut faults = Vec::new();
     if !is_id(&task.id) {

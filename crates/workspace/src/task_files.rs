@@ -1,4 +1,4 @@
-//! Tasks from files: task documents, recorded answers of language models, and lists of tasks with one document per line.
+//! Tasks from files: task documents, recorded answers of language models, and lists of task documents, one per line.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -21,11 +21,11 @@ use crate::task_faults::{self, Fault, MAX_ID_LENGTH};
 use crate::task_spool::{Spool, Tasks};
 use crate::worlds::read_world;
 
-/// Reads tasks from task documents, recorded answers, and lists of task documents, `*.jsonl`, one per line; an answer
-/// that is rejected is an error.
+/// Reads tasks from task documents, recorded answers, and lists (`*.jsonl`) with a task document per line. A rejected
+/// answer is an error.
 ///
 /// # Errors
-/// As [`read_task`], and when two tasks have one id.
+/// As [`read_task`], and when two tasks share an id.
 pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     let mut tasks: Vec<Task> = Vec::new();
     let mut cards = SharedCards::default();
@@ -37,17 +37,18 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     Ok(tasks)
 }
 
-/// Reads tasks as [`read_tasks`] does, for a run that will lie at `out`: however many there are, memory holds their names.
+/// Reads tasks as [`read_tasks`] does, but spools their texts to the disk of `out`, so that memory holds only ids and
+/// kinds.
 ///
 /// # Errors
-/// As [`read_tasks`], and when the disk of `out` refuses to keep many of them aside.
+/// As [`read_tasks`], and when the spool file cannot be written.
 pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
     let mut spool = Spool::in_folder(nearest_folder(out).as_deref().unwrap_or(Path::new(".")));
     each_task(paths, |task| spool.add(task))?;
     Ok(spool.finish())
 }
 
-/// How many tasks there are.
+/// Number of tasks.
 ///
 /// # Errors
 /// As [`read_tasks`].
@@ -68,7 +69,7 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
     task_of_text(path, &read_text(path, limits::TASK)?)
 }
 
-/// Files named by the user; a folder stands for its `*.json`, sorted by name.
+/// Files named by the user; a folder is expanded to its `*.json` files, sorted by name.
 ///
 /// # Errors
 /// When a folder cannot be listed or holds no such file.
@@ -117,15 +118,15 @@ fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunErro
     Ok(())
 }
 
-/// Whether a file is a list with a task document per line.
+/// True if a file is a list (`*.jsonl`) with a task document per line.
 pub fn is_list(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "jsonl")
 }
 
-/// Takes a line and its place.
+/// Callback of [`each_line`]: receives `FILE:LINE` and the text of the line or the error of reading it.
 pub type TakeLine<'a> = dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError> + 'a;
 
-/// Hands on every line of a list that is not empty, with its place, `FILE:LINE`; an error where it is too long or no text.
+/// Passes every non-empty line of a list to `take`; lines that are too long or not UTF-8 are passed as errors.
 pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
     let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
     let mut line = Vec::new();
@@ -148,7 +149,7 @@ pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
+/// Tasks of the rule-based designer on the objects of a catalogue, the six kinds in rotation.
 ///
 /// # Errors
 /// When the designer finds no task.
@@ -159,7 +160,7 @@ pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<
     Ok(batch.tasks)
 }
 
-/// The task that a text stands for; `path` is where it stands.
+/// Task of a text; `path` is its location in messages.
 fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
     let value = json::parse(text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
@@ -186,7 +187,7 @@ fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
     })
 }
 
-/// The task of a document, whatever else is wrong with it.
+/// Task of a parsed document, without [`task_faults`].
 ///
 /// # Errors
 /// [`RunError::Document`].
@@ -194,7 +195,7 @@ pub fn task_of_document(path: &Path, value: Value) -> Result<Task, RunError> {
     Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))
 }
 
-/// Judges a recorded-answer file.
+/// Checks a recorded-answer file.
 ///
 /// # Errors
 /// When the text is no recorded answer, or offers an object that is not in the catalogue.
@@ -216,7 +217,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
     Ok(check_answer(&recorded.response, &request))
 }
 
-/// Judges a bare answer.
+/// Checks a bare answer.
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
@@ -237,7 +238,7 @@ pub fn check_bare(
         between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
-    // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
+    // The check itself rejects a larger answer and needs only its size.
     let bytes = match files::read(path, Limit { what: "an answer", bytes: MAX_ANSWER_BYTES as u64 }) {
         Err(DataError::TooLarge { .. }) => vec![b' '; MAX_ANSWER_BYTES + 1],
         bytes => bytes.map_err(|error| unreadable(path, error))?,
@@ -245,7 +246,7 @@ pub fn check_bare(
     Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
 }
 
-/// A kind of task by its name in files.
+/// Kind of task by its name in files.
 ///
 /// # Errors
 /// [`RunError::UnknownName`].
@@ -260,7 +261,7 @@ fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
     uids.iter()
         .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::all().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
-            // Asking for the model of an object without a card says which ones look alike.
+            // Building the model of an unknown object yields an error with similar uids.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
                 RunError::input(format!("{place}: an offered object is not in the catalogue"))
                     .because(error)
@@ -270,7 +271,7 @@ fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
         .collect()
 }
 
-/// A task id from the name of its file: whatever cannot stand in a folder's name becomes `_`.
+/// Task id from a file name; characters that are not allowed in folder names become `_`.
 fn id_from(path: &Path) -> String {
     let fit = |c: char| if fits_file_name(c) { c } else { '_' };
     let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();

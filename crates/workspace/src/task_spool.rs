@@ -1,4 +1,4 @@
-//! The tasks of a run, read one by one, so that memory does not grow with their number.
+//! Tasks of a run, spooled to a temporary file and read one by one, so that memory does not grow with their number.
 
 use std::fmt;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -11,21 +11,21 @@ use tempfile::SpooledTempFile;
 
 use crate::error::RunError;
 
-/// Tasks whose texts are longer than this together, bytes, go into a file; chosen: some 3,000 tasks.
+/// Total text length above which tasks are spooled to a file, bytes; chosen: some 3,000 tasks.
 const MOST_IN_MEMORY: usize = 32 << 20;
 
-/// The tasks of a run: few in memory, many in an unnamed file, which nothing leaves behind. Clones share them.
+/// Tasks of a run: few in memory, many in an anonymous temporary file, removed with the last clone. Clones share it.
 #[derive(Clone)]
 pub struct Tasks(Arc<Spooled>);
 
-/// What is kept of a task in memory.
+/// In-memory entry of a task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TaskEntry {
-    /// Its id.
+    /// Id.
     pub id: String,
-    /// Its kind.
+    /// Kind.
     pub kind: TaskKind,
-    /// Where its text lies, bytes.
+    /// Byte offset of its text in the spool.
     start: u64,
     length: usize,
 }
@@ -35,7 +35,7 @@ struct Spooled {
     entries: Vec<TaskEntry>,
 }
 
-/// Tasks that are being put together, one after another.
+/// Builder of [`Tasks`]: appends tasks one by one.
 pub struct Spool {
     texts: SpooledTempFile,
     entries: Vec<TaskEntry>,
@@ -43,15 +43,15 @@ pub struct Spool {
 }
 
 impl Spool {
-    /// No task yet; a file, where one is needed, lies in that folder.
+    /// Empty spool; its temporary file, if needed, is created in `folder`.
     pub fn in_folder(folder: &Path) -> Self {
         Self { texts: tempfile::spooled_tempfile_in(MOST_IN_MEMORY, folder), entries: Vec::new(), end: 0 }
     }
 
-    /// Adds a task behind the others.
+    /// Appends a task.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When the temporary file cannot be written.
     pub fn add(&mut self, task: Task) -> Result<(), RunError> {
         let text = serde_json::to_vec(&task).map_err(std::io::Error::from);
         let text = text.and_then(|text| self.texts.write_all(&text).map(|()| text)).map_err(|error| {
@@ -63,7 +63,7 @@ impl Spool {
         Ok(())
     }
 
-    /// All that were added.
+    /// Returns all appended tasks.
     pub fn finish(self) -> Tasks {
         let Self { texts, entries, .. } = self;
         Tasks(Arc::new(Spooled { texts: Mutex::new(texts), entries }))
@@ -71,31 +71,31 @@ impl Spool {
 }
 
 impl Tasks {
-    /// These tasks; a file, where one is needed, lies in that folder.
+    /// Spools `tasks`; the temporary file, if needed, is created in `folder`.
     ///
     /// # Errors
-    /// When the disk refuses.
+    /// When the temporary file cannot be written.
     pub fn spool(tasks: impl IntoIterator<Item = Task>, folder: &Path) -> Result<Self, RunError> {
         let mut spool = Spool::in_folder(folder);
         tasks.into_iter().try_for_each(|task| spool.add(task))?;
         Ok(spool.finish())
     }
 
-    /// What there is, in the order of the tasks.
+    /// Entries in the order of the tasks.
     pub fn entries(&self) -> &[TaskEntry] {
         &self.0.entries
     }
 
-    /// A task by its place in the order.
+    /// Reads the task with an index.
     ///
     /// # Errors
-    /// When the disk gives it back no more.
+    /// When the temporary file cannot be read.
     pub fn read(&self, index: usize) -> Result<Task, RunError> {
         let task = self.text(index).and_then(|text| serde_json::from_slice(&text).map_err(std::io::Error::from));
         task.map_err(|error| RunError::broken(format!("cannot read task {} again", self.entries()[index].id), error))
     }
 
-    /// All of them, one by one.
+    /// Reads all tasks, one by one.
     pub fn iter(&self) -> impl Iterator<Item = Result<Task, RunError>> + '_ {
         (0..self.entries().len()).map(|index| self.read(index))
     }
@@ -110,7 +110,7 @@ impl Tasks {
     }
 }
 
-/// What cannot be read again equals nothing.
+/// Compares tasks by their texts; a task that cannot be read equals no other.
 impl PartialEq for Tasks {
     fn eq(&self, other: &Self) -> bool {
         let is_same = |index| self.text(index).ok().is_some_and(|text| other.text(index).is_ok_and(|it| it == text));

@@ -22,8 +22,7 @@ pub fn text_table(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// The first [`MOST_ROWS`] rows that need attention with their header, and the number of further ones; empty without
-/// any.
+/// Table of the first [`MOST_ROWS`] rows that need attention, and the number of further ones; empty without rows.
 pub fn attention(head: &[&str], rows: &[Vec<String>]) -> String {
     if rows.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! World files and the cameras of worlds and scenarios: checking, showing, editing in place.
+//! World files, and the cameras of worlds and scenarios: reading, checking, editing in place.
 
 use crate::documents;
 use std::path::Path;
@@ -17,14 +17,15 @@ use genmanip_sim::EngineSettings;
 use crate::documents::read_text;
 use crate::error::RunError;
 
-/// Height of the camera of a view from above over the table, and how much more than the surfaces it sees; chosen.
+/// Height of the top-down camera above the highest surface [m], and width of its view over that of the surfaces;
+/// chosen.
 const ABOVE_M: f64 = 3.0;
 const AROUND: f64 = 1.15;
 
-/// The world in a file, TOML or JSON; the one that comes with the program without.
+/// World in a TOML or JSON file; the built-in default world without a path.
 ///
 /// # Errors
-/// When the file cannot be read, or all faults of the world at once.
+/// When the file cannot be read; lists all faults of the world.
 pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
     let Some(path) = path else { return Ok((*worlds::default_world()).clone()) };
     let faults = match worlds::read(&read_text(path, limits::WORLD)?) {
@@ -38,10 +39,10 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
 }
 
-/// The world in a file or the default one, with another robot when one is named.
+/// World in a file, or the default one, optionally with another robot.
 ///
 /// # Errors
-/// As [`read_world`], and when there is no such robot.
+/// As [`read_world`], and when the robot is unknown.
 pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, RunError> {
     let world = read_world(path)?;
     let Some(name) = robot else { return Ok(world) };
@@ -49,10 +50,10 @@ pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World
         .map_err(|error| RunError::input(format!("robot `{name}` cannot be used")).because(error))
 }
 
-/// Refuses a world whose robot is another than the one that was named.
+/// Rejects a world whose robot differs from the named one.
 ///
 /// # Errors
-/// Names both robots.
+/// When they differ, with both names.
 pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
     match named {
         Some(name) if name != world.robot.name => Err(RunError::input(format!(
@@ -64,7 +65,7 @@ pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
     }
 }
 
-/// Names of cameras, checked against those of a world.
+/// Checks that a world has all named cameras; returns the names.
 ///
 /// # Errors
 /// [`RunError::UnknownName`] with the cameras of the world.
@@ -76,10 +77,10 @@ pub fn cameras(world: &World, names: &[String]) -> Result<Vec<String>, RunError>
     }
 }
 
-/// The robot of a world, starting where the world says.
+/// Robot of a world, with the world's home configuration.
 ///
 /// # Errors
-/// When there is no such robot, or it is not the one the world was made for.
+/// When the robot is unknown, or differs from the one that the world was made with.
 pub fn robot(world: &World) -> Result<Arc<RobotModel>, RunError> {
     robots::of_world(world).map_err(|error| {
         RunError::input(format!("robot `{}` cannot be had", world.robot.name))
@@ -88,16 +89,16 @@ pub fn robot(world: &World) -> Result<Arc<RobotModel>, RunError> {
     })
 }
 
-/// The planner for the robot of a world.
+/// Planner for the robot of a world.
 ///
 /// # Errors
-/// As [`robot`], and when the robot cannot be planned for.
+/// As [`robot`], and when the planner does not support the robot.
 pub fn planner(world: &World, settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
     let planner = Planner::new(robot(world)?, settings.clone());
     Ok(Arc::new(planner.map_err(|error| RunError::broken("the robot cannot be planned for", error))?))
 }
 
-/// Everything that is wrong with a world file; empty for a sound one.
+/// All faults of a world file; empty if it is valid. Also compiles the physics model.
 ///
 /// # Errors
 /// When the file cannot be read.
@@ -115,7 +116,7 @@ pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
     Ok(faults)
 }
 
-/// What a file with cameras holds.
+/// File with cameras: a world or a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
     /// A world.
@@ -140,7 +141,7 @@ impl Setting {
         })
     }
 
-    /// The world.
+    /// World, or world of the scenario.
     pub fn world(&self) -> &World {
         match self {
             Self::World(world) => world,
@@ -155,22 +156,22 @@ impl Setting {
         }
     }
 
-    /// A camera by name.
+    /// Camera by name.
     ///
     /// # Errors
-    /// When there is none, naming those there are.
+    /// [`RunError::UnknownName`] with the cameras of the world.
     pub fn camera(&self, name: &str) -> Result<&Camera, RunError> {
         let known: Vec<&str> = self.world().cameras.iter().map(|camera| camera.name.as_str()).collect();
         self.world().camera(name).ok_or_else(|| RunError::unknown("camera", "cameras", name, &known))
     }
 
-    /// A camera that looks straight down on all support surfaces.
+    /// Top-down camera that sees all support surfaces.
     pub fn from_above(&self) -> Camera {
         let bounds = self.world().surfaces.iter().map(genmanip_core::SupportSurface::bounds);
         let bounds = bounds.reduce(|all, bounds| all.union(&bounds)).unwrap_or(genmanip_core::Aabb::EMPTY);
         let (center, size) = (bounds.center(), bounds.size());
         let high = bounds.max.z.max(0.0) + ABOVE_M;
-        // The picture's rows run along the world's y.
+        // Image rows are parallel to the y axis of the world.
         let (width, height) = (720, 720);
         let fov = 2.0 * (AROUND * size.x.max(size.y) / 2.0 / ABOVE_M).atan();
         let (eye, target) = (DVec3::new(center.x, center.y, high), DVec3::new(center.x, center.y, 0.0));
@@ -178,29 +179,29 @@ impl Setting {
     }
 }
 
-/// What a user says about a camera; what is missing stays as it is.
+/// Requested change of a camera; absent values stay unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraChange {
     /// Name of a preset, see [`genmanip_core::camera::PRESETS`].
     pub preset: Option<String>,
-    /// Pixels per row and rows.
+    /// Image width and height, pixels.
     pub size_px: Option<[u32; 2]>,
     /// Vertical field of view, rad.
     pub vertical_fov_rad: Option<f64>,
-    /// Where it is and what it looks at, metres.
+    /// Position of the camera and the point that it looks at, in the world frame, m.
     pub view: Option<[DVec3; 2]>,
-    /// On the hand, where the robot has its wrist camera.
+    /// True to mount it on the gripper, at the robot's wrist camera.
     pub on_hand: bool,
-    /// Name of its sensors, see [`genmanip_core::sensor::SENSORS`], or `none`.
+    /// Name of a sensor preset, see [`genmanip_core::sensor::SENSORS`], or `none`.
     pub sensor: Option<String>,
-    /// How long its shutter is open, s.
+    /// Exposure time, s.
     pub shutter_s: Option<f64>,
-    /// Its lens; all zeros for none.
+    /// Lens distortion; all zeros for none.
     pub distortion: Option<Distortion>,
 }
 
 impl CameraChange {
-    /// A camera with this said about it; `before` is the camera so far.
+    /// Returns the changed camera; `before` is the current one, if any.
     fn applied(&self, name: &str, before: Option<&Camera>, robot: &RobotModel) -> Result<Camera, RunError> {
         let needs = |what: &str| RunError::input(format!("camera `{name}` needs {what}"));
         let known = CameraPreset::names();
@@ -249,23 +250,23 @@ impl CameraChange {
     }
 }
 
-/// What is done to the cameras of a file.
+/// Edit of the cameras of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraEdit {
-    /// A new camera.
+    /// Adds a camera.
     Add(String, CameraChange),
-    /// Another view or projection of one that is there.
+    /// Changes an existing camera.
     Set(String, CameraChange),
-    /// One less.
+    /// Removes a camera.
     Remove(String),
 }
 
-/// Edits the cameras of a world or scenario file in place: written aside, flushed, renamed.
-/// Comments of a TOML file stay, those within the camera's own entry apart.
+/// Edits the cameras of a world or scenario file in place with an atomic write. Comments of a TOML file are kept,
+/// except within the camera's own entry.
 ///
 /// # Errors
-/// When the file cannot be read or written, the name does not fit, or the world would be faulty afterwards; the file is
-/// unchanged then.
+/// When the file cannot be read or written, the name is unknown or already in use, or the edited world would be
+/// invalid; the file is then unchanged.
 pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
     let text = documents::read_text(path, limits::WORLD_OR_SCENARIO)?;
     let mut setting = Setting::read(path)?;
@@ -303,7 +304,7 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
         Setting::World(world) => {
             let (CameraEdit::Add(name, _) | CameraEdit::Set(name, _) | CameraEdit::Remove(name)) = edit;
             let edited = edited_toml(&text, name, world.camera(name));
-            // Believed only if it reads back as what was meant.
+            // Accepted only if the edited text parses to the intended world.
             if worlds::read(&edited).ok().map(|(read, _)| read) != Some((**world).clone()) {
                 return Err(RunError::input(format!(
                     "the cameras of {} stand in no form of their own",
@@ -318,7 +319,7 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
     Ok(setting)
 }
 
-/// The text with the `[[cameras]]` table of that name replaced, taken out or added behind all others.
+/// TOML text with the `[[cameras]]` table of that name replaced, removed or, if it is new, appended.
 fn edited_toml(text: &str, name: &str, camera: Option<&Camera>) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let is_header = |line: &str| line.trim_start().starts_with('[');
@@ -351,7 +352,7 @@ fn edited_toml(text: &str, name: &str, camera: Option<&Camera>) -> String {
     edited
 }
 
-/// A camera as a table of a world file.
+/// Camera as a TOML table of a world file.
 fn table_of(camera: &Camera) -> String {
     let Pose { position, .. } = camera.mount_from_camera;
     let k = &camera.intrinsics;
@@ -379,7 +380,7 @@ fn table_of(camera: &Camera) -> String {
     )
 }
 
-/// A value of JSON as TOML writes it on one line.
+/// JSON value as inline TOML.
 fn inline_table(value: &serde_json::Value) -> String {
     use serde_json::Value;
     match value {

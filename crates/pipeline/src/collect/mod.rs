@@ -33,22 +33,22 @@ use genmanip_workspace::task_spool::TaskEntry;
 use genmanip_workspace::worlds;
 use runner::{Made, Runner};
 
-/// What a run came to.
+/// Result of [`collect`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collected {
     /// One row per task.
     pub rows: Vec<TaskRow>,
     /// The dataset, if one was written.
     pub dataset: Option<PathBuf>,
-    /// Attempts of the run, and how many of them are finished.
+    /// Number of attempts of the run.
     pub attempts: usize,
-    /// Attempts that are finished.
+    /// Number of finished attempts.
     pub finished: usize,
-    /// Whether it was told to stop; the same call continues it.
+    /// True if stopped before the end; the same call continues it.
     pub interrupted: bool,
-    /// Damaged episodes that were left out, with what is wrong.
+    /// Ids of omitted damaged episodes, each with the reason.
     pub damaged: Vec<(String, String)>,
-    /// Which part of the run it is, where it is not all of it.
+    /// Shard that was collected; `None` for the whole run.
     pub shard: Option<Shard>,
 }
 
@@ -57,7 +57,7 @@ pub struct Collected {
 pub struct CollectOptions {
     /// Worker threads.
     pub workers: usize,
-    /// Whether damaged episodes are set aside, in `damaged/` of the run, and made anew; else they are left out.
+    /// True to move damaged episodes to `damaged/` of the run and make them anew; else they are omitted.
     pub repair: bool,
     /// The part of the run that is made, without its dataset; `None` for all of it.
     pub shard: Option<Shard>,
@@ -65,7 +65,7 @@ pub struct CollectOptions {
     pub verified: Option<usize>,
 }
 
-/// A task and what became of its attempts.
+/// Outcomes of the attempts of a task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskRow {
     /// Id of the task.
@@ -76,16 +76,16 @@ pub struct TaskRow {
     pub attempts: usize,
     /// Those with a verified demonstration.
     pub verified: usize,
-    /// Why the others failed.
+    /// Failure causes of the other attempts.
     pub failures: Vec<String>,
     /// Wall-clock time of the attempts, s.
     pub seconds: f64,
 }
 
-/// Makes all attempts of a run that its folder does not hold yet, draws them, writes their scenarios, and exports the
-/// dataset if any was verified and the settings ask for images.
+/// Makes all missing attempts of a run, renders their images and writes their scenarios; exports the dataset if an
+/// attempt was verified and the settings ask for images.
 ///
-/// Damaged episodes are named and left out, or with [`CollectOptions::repair`] made anew.
+/// Damaged episodes are reported and omitted, or made anew with [`CollectOptions::repair`].
 /// When `stop` becomes true, attempts under way are finished and the rest is left for the next call.
 ///
 /// # Errors
@@ -152,7 +152,7 @@ pub fn collect(
         folder.save_timings()?;
     }
     let rows = rows(tasks.entries(), &attempts, &outcomes, &folder.timings());
-    // Also those that an interrupted call had no time to look at.
+    // Also those that an interrupted call did not inspect.
     let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
     let finished = attempts.iter().filter(is_finished).count();
     if has_changed {
@@ -162,7 +162,7 @@ pub fn collect(
     Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, shard: options.shard })
 }
 
-/// The policy that is to be corrected.
+/// Resolves the policy whose actions the expert corrects.
 fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
     let policy = PolicyFactory::resolve(name)?;
     let why = if policy.needs_record() {
@@ -176,7 +176,7 @@ fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
         .with_hint("expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python"))
 }
 
-/// Makes that policy for the episodes of a stage.
+/// Factory of the corrected policy for the episodes of a stage.
 fn maker<'a>(
     policy: &'a PolicyFactory,
     planner: &'a Arc<Planner>,
@@ -189,18 +189,18 @@ fn maker<'a>(
     }
 }
 
-/// How attempts went, by their ids: all that is kept of each.
+/// Outcomes of attempts by id.
 type Outcomes = BTreeMap<String, Outcome>;
 
 impl Collected {
-    /// Whether the run is over, nothing of it damaged, and at least one attempt was verified; of a shard, which may hold
-    /// few attempts, none need be.
+    /// True if the run is finished, has no damaged episode and at least one verified attempt; a shard needs no verified
+    /// attempt.
     pub fn is_met(&self) -> bool {
         let is_any_verified = self.shard.is_some() || self.rows.iter().any(|row| row.verified > 0);
         !self.interrupted && self.damaged.is_empty() && is_any_verified
     }
 
-    /// The rows as a table with their sum; above [`MOST_ROWS`] tasks, unless `each` is asked for, a row per kind and the
+    /// Table of the rows with totals. Above [`MOST_ROWS`] tasks, unless `each` is true, it has a row per kind and the
     /// tasks without a verified demonstration.
     pub fn table(&self, each: bool) -> String {
         const TASKS: [&str; 6] = ["task", "kind", "attempts", "verified", "why others failed", "seconds"];
@@ -240,14 +240,14 @@ impl Collected {
 
 /// Attempts, verified ones and seconds of tasks.
 fn sums<'a>(rows: impl Iterator<Item = &'a TaskRow>) -> [String; 3] {
-    // A sum of nothing is -0.0.
+    // An empty sum is -0.0.
     let (attempts, verified, seconds) = rows.fold((0, 0, 0.0), |(attempts, verified, seconds), row| {
         (attempts + row.attempts, verified + row.verified, seconds + row.seconds)
     });
     [attempts.to_string(), verified.to_string(), format!("{seconds:.1}")]
 }
 
-/// How often each cause stands in the failures of tasks, most frequent first.
+/// Failure causes with their counts, most frequent first.
 fn causes(rows: &[&TaskRow]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for failure in rows.iter().flat_map(|row| &row.failures) {
@@ -258,7 +258,7 @@ fn causes(rows: &[&TaskRow]) -> String {
     shortened(&counts.iter().map(|(cause, count)| format!("{cause} {count}")).collect::<Vec<_>>().join(", "), 60)
 }
 
-/// Refuses to begin work whose data set could not be written in the end.
+/// Rejects a run whose data set could not be written in the end.
 fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
     let path = folder.join("dataset");
     for target in [lerobot::depth_path(&path), path] {
@@ -270,7 +270,7 @@ fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
     Ok(())
 }
 
-/// The dataset of a run whose settings ask for images, and where it is.
+/// Writes the dataset of a run whose settings ask for images; returns its folder.
 fn export(
     settings: &PipelineSettings,
     hash: String,
@@ -322,7 +322,7 @@ fn rows(tasks: &[TaskEntry], attempts: &[Planned], outcomes: &Outcomes, timings:
                 attempts: mine().count(),
                 verified: mine().filter(|(_, outcome)| outcome.success).count(),
                 failures: mine().filter_map(|(_, outcome)| Some(outcome.failure()?.to_string())).collect(),
-                // A sum of nothing is -0.0.
+                // An empty sum is -0.0.
                 seconds: mine().filter_map(|(id, _)| timings.attempts.get(*id)).sum::<f64>() + 0.0,
             }
         })

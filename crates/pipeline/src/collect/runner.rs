@@ -190,7 +190,7 @@ fn damaged(
         if !store.has_folder(id) {
             continue;
         }
-        // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
+        // Repair verifies contents; otherwise only file sizes are checked, and damage within shows on reading.
         let looked_at = if repair { store.verify(id) } else { store.inspect(id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {

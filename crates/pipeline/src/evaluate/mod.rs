@@ -36,12 +36,12 @@ use genmanip_workspace::{RunError, Stopped};
 use stream::{Identity, Stream};
 pub use suite::Suite;
 
-/// Where an evaluation is written and how it is run.
+/// Options of [`evaluate`].
 #[derive(Clone, Debug, Default)]
 pub struct EvaluateOptions {
     /// Folder of a run in which `evaluation/` is written; `None` to write nothing.
     pub out: Option<PathBuf>,
-    /// Whether episodes are kept, to be watched.
+    /// True to keep the episodes.
     pub keep_episodes: bool,
     /// Cores that are used.
     pub workers: usize,
@@ -289,7 +289,7 @@ pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     text_table(&std::iter::once(head.collect()).chain(rows).collect::<Vec<_>>())
 }
 
-/// Where the episodes of an evaluation are kept.
+/// Folder of the kept episodes of an evaluation.
 pub fn kept_episodes(folder: &RunFolder, label: &str) -> PathBuf {
     let evaluation: &Path = &folder.join("evaluation");
     evaluation.join(label).join("episodes")

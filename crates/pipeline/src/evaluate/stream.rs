@@ -18,7 +18,7 @@ use genmanip_workspace::difference::first_difference;
 use genmanip_workspace::documents::{self, sweep};
 use genmanip_workspace::shard::Shard;
 
-/// What results belong to; others are not continued.
+/// Identity of an evaluation; results of another one are not continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     suite_hash: String,
@@ -54,10 +54,10 @@ impl Identity {
 pub(super) struct Stream {
     folder: PathBuf,
     known: Vec<EpisodeResult>,
-    /// Where results are added, with its path.
+    /// File to which results are appended, with its path.
     file: Mutex<File>,
     path: PathBuf,
-    /// What shards left, held so that none of them goes on meanwhile; empty for a shard.
+    /// Result files of shards, locked so that no shard continues meanwhile; empty for a shard.
     gathered: Vec<(PathBuf, File)>,
 }
 
@@ -117,7 +117,7 @@ impl Stream {
         written.map_err(|error| RunError::file("write", &self.path, error))
     }
 
-    /// Forgets the results, which stand in the report now; episodes stay, and whose they are.
+    /// Removes the result files, whose content is in the report; kept episodes and their identity stay.
     pub(super) fn close(self) -> Result<(), RunError> {
         drop(self.file);
         let keeps_episodes = self.folder.join("episodes").exists();

@@ -1,4 +1,4 @@
-//! What is evaluated on: the scenarios of a run, or any that are named.
+//! Scenarios of an evaluation: those of a run, a frozen suite, or scenario files.
 
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
@@ -34,28 +34,28 @@ pub struct Suite {
     pub scenarios: Vec<Scenario>,
     /// One episode for each of them.
     pub cases: Vec<Case>,
-    /// Way of the tool that a good solution needs, by scenario id, m.
+    /// Reference path length of the tool by scenario id, m.
     pub reference_paths_m: BTreeMap<String, f64>,
-    /// What the scenarios are like, of a frozen suite.
+    /// Traits of the scenarios of a frozen suite.
     pub traits: Traits,
     /// Settings of the loop.
     pub settings: PipelineSettings,
-    /// What was changed of another suite, where this is a perturbed one.
+    /// Perturbation, if the suite is a perturbed one.
     pub perturbation: Option<Perturbation>,
     /// Name of the file whose cameras are used instead of the scenarios' own.
     pub cameras: Option<String>,
-    /// What lies among the episodes and is not evaluated on: damaged ones and strangers, a line each.
+    /// Episodes that are not evaluated on, damaged or foreign, one message each.
     pub left_out: Vec<String>,
     /// Objects of a suite that was frozen with its own.
     pub assets: Option<Arc<SuiteAssets>>,
     /// Recorded episodes on the same scenarios.
     store: Option<EpisodeStore>,
-    /// Whether the scenarios are those of a run, whose folder then takes the evaluations.
+    /// True if the scenarios are those of a run, whose folder then holds the evaluations.
     is_of_run: bool,
 }
 
 impl Suite {
-    /// What lies at a path: a frozen suite, a run, or scenarios.
+    /// Opens a path: a frozen suite, a run, or scenarios.
     ///
     /// # Errors
     /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
@@ -202,7 +202,7 @@ impl Suite {
         Ok(suite)
     }
 
-    /// Where the objects of the scenarios come from.
+    /// Source of the objects of the scenarios.
     pub fn source(&self) -> &dyn AssetSource {
         self.assets.as_deref().map_or(Catalogue::builtin(), |own| own)
     }
@@ -241,7 +241,7 @@ impl Suite {
         Ok(self)
     }
 
-    /// The same suite with so many episodes per scenario, each with a stream of its own: for policies that draw.
+    /// The same suite with `count` episodes per scenario, each with its own seed: for stochastic policies.
     /// The first has the id and the stream that it has alone.
     #[must_use]
     pub fn with_episodes(mut self, count: usize) -> Self {
@@ -267,7 +267,7 @@ impl Suite {
         self
     }
 
-    /// Whether episodes were recorded on the scenarios; whether each is sound shows when it is read.
+    /// True if episodes were recorded on the scenarios; damage shows only when one is read.
     pub fn is_recorded(&self) -> bool {
         self.store.is_some()
     }
@@ -279,7 +279,7 @@ impl Suite {
         format!("{policy}{}", cameras.collect::<String>()).chars().map(fit).collect()
     }
 
-    /// What was recorded on the scenario of a case.
+    /// Recorded episode of a case.
     pub(super) fn recorded(&self, id: &str) -> Result<Option<Episode>, DataError> {
         let is_case = |id: &&str| self.cases.iter().any(|case| case.id == *id);
         let first = id.rsplit_once(AGAIN).filter(|(_, n)| n.parse::<usize>().is_ok()).map(|(first, _)| first);
@@ -315,7 +315,7 @@ impl Suite {
     }
 }
 
-/// What a suite says that a scenario is like, with where its task comes from and what it is about.
+/// Traits of a scenario, with its task's source and object categories.
 fn traits(entry: &SuiteEntry, task: &Task) -> BTreeMap<String, Vec<String>> {
     let moved = task.goal.alternatives.iter().flatten().map(Atom::subject);
     let mut things: Vec<String> = moved.filter_map(|id| Some(task.card(id)?.category.clone())).collect();

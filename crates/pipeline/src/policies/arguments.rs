@@ -1,4 +1,4 @@
-//! What may be said about the policies of the registry.
+//! Arguments of the policies of the registry.
 
 /// An argument of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,7 +7,7 @@ pub struct PolicyArgument {
     pub name: &'static str,
     /// Its value where none is given.
     pub default: &'static str,
-    /// What it is, in one line, with its unit.
+    /// One-line description with its unit.
     pub about: &'static str,
 }
 
@@ -17,7 +17,7 @@ const EXTERIOR: PolicyArgument =
 const TIMEOUT: PolicyArgument =
     PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" };
 
-/// What may be said about a model server of vla-eval.
+/// Arguments of a vla-eval model server.
 pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
     URL,
     PolicyArgument {
@@ -30,7 +30,7 @@ pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
     TIMEOUT,
 ];
 
-/// What may be said about a class of a Python module.
+/// Arguments of a Python policy.
 pub(super) const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
     PolicyArgument {
         name: "class",
@@ -41,7 +41,7 @@ pub(super) const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
     TIMEOUT,
 ];
 
-/// What may be said about a server of openpi's protocol.
+/// Arguments of an openpi policy server.
 pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
     URL,
     PolicyArgument {
@@ -55,7 +55,7 @@ pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
     TIMEOUT,
 ];
 
-/// What may be said about the agent.
+/// Arguments of the agent.
 pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
     PolicyArgument {
         name: "vlm",

@@ -1,10 +1,10 @@
-//! The report as a folder: an overview, and a page with drawings and film for every episode, made once.
+//! Report as a folder: an overview, and a page with diagrams and film strip per episode; pages are cached.
 //!
 //! ```text
 //! report/index.html                the overview, whose table links every page
 //! report/episodes/ID.html          a collected attempt
 //! report/evaluation/LABEL/ID.html  an evaluated episode whose frames were kept
-//! report/pictures/KEY.jpg          film strips, named by what they show
+//! report/pictures/KEY.jpg          film strips, named by a hash of their content
 //! report/made.jsonl                the key of every page that is there
 //! ```
 //!
@@ -29,7 +29,7 @@ use genmanip_workspace::documents;
 use genmanip_workspace::documents::sweep;
 use genmanip_workspace::ledger::{Entry, Ledger};
 
-/// What a full report came to.
+/// Result of [`report_full`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FullReport {
     /// Its overview.
@@ -40,13 +40,13 @@ pub struct FullReport {
     pub made: usize,
 }
 
-/// Version of how pages look; raise it when they change.
+/// Version of the page layout; raise it when pages change.
 const LOOKS: &str = "full-report-1";
 
 /// File that lists the pages.
 const LIST: &str = "made.jsonl";
 
-/// Writes the report of a run as a folder; pages and pictures that are there already are kept.
+/// Writes the report of a run as a folder; keeps up-to-date pages and images.
 ///
 /// # Errors
 /// When there is no run, an episode cannot be read or drawn, or a file cannot be written.
@@ -112,11 +112,11 @@ fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<Str
     })
 }
 
-/// Writes one page and its film strip; whether the episode is damaged.
+/// Writes one page and its film strip; returns true if the episode is damaged.
 fn draw(opened: &Opened, out: &Path, row: &EpisodeRow, page: &str, key: &str) -> Result<bool, RunError> {
     let picture = format!("pictures/{key}.jpg");
     let alone = opened.drawing().alone(row, &mut |jpeg| {
-        // Named by what it shows: one that is there is the same.
+        // Named by a hash of its content: an existing file is up to date.
         if files::is_own_file(&out.join(&picture)) {
             return Ok(());
         }
@@ -138,7 +138,7 @@ fn entry(page: &str, key: &str) -> Entry {
     Entry { name: page.into(), key: key.into(), refused: None }
 }
 
-/// Removes pages and pictures of episodes that are no longer there, or look otherwise now.
+/// Removes pages and images of episodes that no longer exist or have changed.
 fn remove_strangers(out: &Path, pages: &[(&EpisodeRow, String, &String)]) -> Result<(), RunError> {
     let mut own: BTreeSet<PathBuf> = pages.iter().map(|(_, page, _)| out.join(page)).collect();
     own.extend(pages.iter().map(|(_, _, key)| out.join(format!("pictures/{key}.jpg"))));

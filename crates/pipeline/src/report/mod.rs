@@ -1,4 +1,4 @@
-//! The report of a run: all its episodes as rows from one pass over their results, then pictures of the chosen cases.
+//! Report of a run: all episodes as rows from one pass over their results, then images of the chosen cases.
 
 mod full;
 mod rows;
@@ -37,8 +37,8 @@ pub fn report(
 
 /// Everything the page shows, from a run folder.
 ///
-/// Of each attempt a row is kept, from the run's index where it knows the attempt; only of the chosen cases, a bounded number, are frames
-/// read and pictures made, one episode at a time.
+/// Each attempt yields a row, from the index of the run if that covers it. Frames are read and images rendered only for
+/// the chosen cases, a bounded number, one episode at a time.
 ///
 /// # Errors
 /// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
@@ -74,7 +74,7 @@ struct Opened {
     evaluations: Vec<EvaluationReport>,
     control: Option<String>,
     rows: Rows,
-    /// What is not shown, a line each.
+    /// Omitted episodes, one message each.
     left_out: Vec<String>,
 }
 
@@ -133,7 +133,7 @@ fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, RunError> {
     Ok(cases)
 }
 
-/// What a page about one task or episode says otherwise than that of the run.
+/// Adapts the input of a run's page to a page about one task or episode.
 fn narrow(input: &mut ReportInput, id: &str, path: &Path) {
     input.title = format!("GenManip: {id}");
     input.commands.pop();
@@ -181,7 +181,7 @@ fn page(
     }
 }
 
-/// How the run was made; one that was made of scenarios was not collected.
+/// Commands that reproduce the run; a run made from scenario files was not collected.
 fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
     let made = match is_given {
         true => format!("genmanip evaluate SCENARIOS --out {name}"),
@@ -197,7 +197,7 @@ fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
     [made].into_iter().chain(evaluated).chain([format!("genmanip report {name}")]).collect()
 }
 
-/// What the reader must know about this run.
+/// Notes that a reader of the report needs.
 fn notes(run: &Run, rows: &Rows) -> Vec<String> {
     let tasks = run.tasks.entries().len();
     let mut notes = vec![

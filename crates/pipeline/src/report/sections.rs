@@ -1,4 +1,4 @@
-//! The second pass: what the page draws of each chosen case.
+//! Second pass over a run: diagrams and images of each chosen case.
 
 use std::sync::Arc;
 
@@ -22,11 +22,11 @@ const FILM_FRAMES: usize = 12;
 /// Moments of a film strip on a page of its own.
 const STRIP_FRAMES: usize = 8;
 
-/// Width of a picture of the film strip, and of the first and the last picture, pixels.
+/// Widths of a film-strip image, and of the first and the last image, pixels.
 const FILM_WIDTH: u32 = 256;
 const PICTURE_WIDTH: u32 = 512;
 
-/// What the cases are drawn from.
+/// Data of the run from which cases are rendered.
 pub(super) struct Drawing<'a> {
     pub folder: &'a RunFolder,
     pub store: &'a EpisodeStore,
@@ -105,7 +105,7 @@ impl Drawing<'_> {
         })
     }
 
-    /// Where an episode is kept, if it is.
+    /// Store that holds an episode, if it was kept.
     pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
         match &row.evaluation {
             None => Ok(Some(self.store.clone())),
@@ -124,13 +124,13 @@ pub(super) type KeepStrip<'a> = dyn FnMut(&dyn Fn() -> Result<Vec<u8>, RunError>
 /// An episode without the others of its task.
 pub(super) struct Alone {
     pub section: TaskSection,
-    /// Whether there is a film strip of it.
+    /// True if it has a film strip.
     pub has_strip: bool,
-    /// What is damaged, when it cannot be shown.
+    /// Description of the damage, if it cannot be shown.
     pub damaged: Option<String>,
 }
 
-/// Why an episode is not shown.
+/// Reason that an episode is not shown.
 enum Unshown {
     Damaged(String),
     Broken(RunError),

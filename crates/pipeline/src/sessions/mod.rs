@@ -50,7 +50,7 @@ pub struct SessionSettings {
 }
 
 impl SessionSettings {
-    /// Actions of a contract at a rate, without pictures and truth.
+    /// Settings without cameras and simulator state.
     pub fn new(action: ActionSpec, rate_hz: f64) -> Self {
         Self { action, rate_hz, cameras: Vec::new(), privileged: false, horizon_s: None, stop_on_success: None }
     }
@@ -74,7 +74,7 @@ struct UnderWay {
     ending: Option<Ending>,
 }
 
-/// What an action led to.
+/// Result of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Change of the goal's score since it was judged before; rewards of an episode add up to its last score less the
@@ -86,14 +86,13 @@ pub struct Outcome {
     pub terminated: bool,
     /// The longest time is over.
     pub truncated: bool,
-    /// Why the action was not carried out and the command in force was held instead: no configuration of the arm
-    /// reaches what it asks for.
+    /// Reason that the action was not executed and the previous command was held: inverse kinematics has no solution.
     pub refused: Option<String>,
-    /// What happened.
+    /// Events of the step.
     pub events: Vec<Event>,
 }
 
-/// A moment of a session, to go back to.
+/// Saved state of a session, for [`Session::restore`].
 #[derive(Clone, Debug)]
 pub struct Saved {
     snapshot: Snapshot,
@@ -107,12 +106,12 @@ impl Session {
         Self { scenes, settings, environment, under_way: None }
     }
 
-    /// Where its episodes start.
+    /// Scenes in which episodes start.
     pub fn scenes(&self) -> &Arc<Scenes> {
         &self.scenes
     }
 
-    /// What it is driven with.
+    /// Settings of the session.
     pub fn settings(&self) -> &SessionSettings {
         &self.settings
     }
@@ -183,7 +182,7 @@ impl Session {
         Ok(Outcome { reward: verdict.score - score, verdict, terminated, truncated, refused, events })
     }
 
-    /// What is seen now: state, pictures, and truth where the settings say so.
+    /// Current observation: state, images, and simulator state if the settings say so.
     ///
     /// # Errors
     /// Before the first reset, and for a camera that cannot be drawn.
@@ -195,8 +194,8 @@ impl Session {
         Ok(observation)
     }
 
-    /// What is seen now without the truth, and where the objects are, where the settings let the program know: which of
-    /// them is grasped is not computed, which takes 0.1 ms.
+    /// Current observation and, if the settings allow it, object poses; cheaper than [`Session::observe`] by 0.1 ms,
+    /// since it does not compute grasped objects.
     ///
     /// # Errors
     /// As [`Session::observe`].
@@ -206,7 +205,7 @@ impl Session {
         Ok((observation, objects))
     }
 
-    /// A picture for people, whatever the settings say about cameras.
+    /// Image for display, independent of the cameras of the settings.
     ///
     /// # Errors
     /// Before the first reset, and for a camera that is not there.
@@ -216,7 +215,7 @@ impl Session {
         seen.images.remove(camera).map(Arc::unwrap_or_clone).ok_or_else(|| broken(RolloutError::NotReset))
     }
 
-    /// The goal as it is now, nothing held and nothing moving.
+    /// Current verdict of the goal, without settling.
     ///
     /// # Errors
     /// Before the first reset.
@@ -229,7 +228,7 @@ impl Session {
         self.under_way.as_ref().map(|under_way| &under_way.stage)
     }
 
-    /// What the episode starts from, with its id and stream, where there is one.
+    /// Case of the current episode: scenario, id and seed.
     pub fn case(&self) -> Option<&Case> {
         self.under_way.as_ref().map(|under_way| &under_way.case)
     }
@@ -254,7 +253,7 @@ impl Session {
         Ok(episode.result)
     }
 
-    /// Everything that the rest of the episode depends on.
+    /// Saves the complete state of the episode.
     ///
     /// # Errors
     /// Before the first reset.
@@ -263,7 +262,7 @@ impl Session {
         Ok(Saved { snapshot: self.environment.save().map_err(broken)?, under_way })
     }
 
-    /// Goes back to a saved moment: the same actions then lead to the same bytes.
+    /// Restores a saved state: the same actions then yield the same bytes.
     ///
     /// # Errors
     /// When the physics engine refuses the state.

@@ -1,4 +1,4 @@
-//! Where the episodes of a session start.
+//! Scenes in which the episodes of a session start.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -69,7 +69,7 @@ impl Scenes {
         Ok(Self { origin, settings, planner, ready: Mutex::default() })
     }
 
-    /// How many there are: indices are below.
+    /// Number of scenes.
     pub fn len(&self) -> usize {
         match &self.origin {
             Origin::Cases(cases, _) => cases.len(),
@@ -77,7 +77,7 @@ impl Scenes {
         }
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -90,7 +90,7 @@ impl Scenes {
         }
     }
 
-    /// Most objects that any of them has.
+    /// Maximum number of objects of a scene.
     pub fn most_objects(&self) -> usize {
         match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| case.scenario.objects.len()).max(),
@@ -104,7 +104,7 @@ impl Scenes {
         &self.settings
     }
 
-    /// How the robot is planned for, and the robot itself.
+    /// Planner of the robot.
     pub fn planner(&self) -> &Arc<Planner> {
         &self.planner
     }

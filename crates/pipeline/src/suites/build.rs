@@ -28,7 +28,7 @@ const HORIZON_FACTOR: f64 = 3.0;
 /// Horizons are whole multiples of this, s.
 const HORIZON_STEP_S: f64 = 5.0;
 
-/// What is built, and where.
+/// Options of [`build`].
 #[derive(Clone, Debug)]
 pub struct BuildOptions<'a> {
     /// Name of the suite.
@@ -108,7 +108,7 @@ pub fn build(
     frozen::write(&options.out, head, kept).map(Some)
 }
 
-/// Indices of the chosen candidates: balanced, and at least half of the spatial ones tell two things by their place.
+/// Indices of the chosen candidates: balanced; at least half of the spatial ones identify two objects by position.
 fn choose(candidates: &[Candidate], per_kind: usize) -> BTreeSet<usize> {
     let has_one_clue = |index: &usize| {
         candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))

@@ -24,12 +24,12 @@ use genmanip_workspace::documents;
 
 /// Episodes in which the expert must solve a changed scenario, all of them.
 const TRIALS: usize = 3;
-/// The system that must solve a changed scenario once from its pictures; every answer and mask is the oracle's.
+/// Agent that must solve a changed scenario once from its images; all answers and masks are the oracle's.
 const LOOKER: &str = "agent:vlm=oracle,masks=oracle";
 /// Fewest pixels of each thing of the task in one prompt camera, as the benchmark wants it.
 const MIN_PIXELS: usize = 200;
 
-/// What is changed, and where it is written.
+/// Options of [`perturb`].
 #[derive(Clone, Debug)]
 pub struct PerturbOptions {
     /// Folder of the suite that is changed.
@@ -38,11 +38,11 @@ pub struct PerturbOptions {
     pub out: PathBuf,
     /// Name of the new suite.
     pub name: String,
-    /// What is changed.
+    /// Perturbed factor.
     pub axis: Axis,
-    /// How much, above 0 and up to 1.
+    /// Strength, above 0 and up to 1.
     pub dial: f64,
-    /// Seed of what is drawn.
+    /// Seed of the sampled changes.
     pub seed: Seed,
     /// Threads.
     pub workers: usize,

@@ -13,7 +13,7 @@ use genmanip_rollout::{Environment, RolloutSettings, Stage};
 use genmanip_workspace::worlds;
 use serde_json::json;
 
-/// What the agent would be given by a real camera: files of the overview image at the start of a scenario.
+/// Input files of the agent: the overview image at the start of a scenario, as a real camera would provide it.
 pub fn files_of(scenario: &Arc<Scenario>, folder: &std::path::Path) -> ActFiles {
     let planner = worlds::planner(&scenario.world, &Default::default()).unwrap();
     let stage = Stage::open(Arc::clone(scenario), Catalogue::builtin(), planner.robot()).unwrap();
@@ -39,7 +39,7 @@ pub fn files_of(scenario: &Arc<Scenario>, folder: &std::path::Path) -> ActFiles 
     }
 }
 
-/// A folder with a scenario goes in; what comes out are motions that begin where the arm is, and a picture of each stage.
+/// Runs the agent on image files: motions start at the arm's configuration, and each question's image is written.
 pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Path) {
     let files = files_of(scenario, folder);
     let server = answering([

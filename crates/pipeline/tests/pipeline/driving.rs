@@ -7,8 +7,8 @@ use genmanip_core::{ActionSpec, EpisodeResult, ImageChannels, Observation};
 use genmanip_pipeline::evaluate::Suite;
 use genmanip_pipeline::sessions::{Scenes, Session, SessionSettings};
 
-/// The results are those of `do_nothing` for half a second, which a session gives for the same commands. Going back to a
-/// saved moment changes nothing, and what is no action neither.
+/// A session gives the results of `do_nothing` for half a second; restoring a saved state and invalid actions change
+/// nothing.
 pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult]) {
     let scenes = Arc::new(Scenes::of_suite(suite).unwrap());
     assert_eq!(scenes.len(), results.len());
