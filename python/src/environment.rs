@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use crate::errors::{error, json, read_json};
 use crate::observation::{dictionary, glance, picture};
 
-/// Where episodes start; environments share one.
+/// Scenes in which episodes start; environments share one.
 #[pyclass(frozen, module = "genmanip")]
 pub struct Scenes(pub Arc<sessions::Scenes>);
 

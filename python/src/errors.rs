@@ -1,4 +1,4 @@
-//! What Python programs catch.
+//! Exceptions of the Python package.
 
 use std::error::Error as _;
 

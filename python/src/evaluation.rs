@@ -124,7 +124,7 @@ fn failed(error: PyErr) -> PolicyError {
     PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence: format!("{error}{place}") })
 }
 
-/// How often is looked whether the user wants to stop.
+/// Interval of checks for an interrupt by the user.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs work without Python's lock; Ctrl-C tells it to stop, and is raised when it has.

@@ -35,7 +35,7 @@ pub fn poses<'py>(py: Python<'py>, objects: &[ObjectState]) -> PyResult<Bound<'p
     array(py, &rows, &[objects.len(), 7])
 }
 
-/// What is seen without the truth, then the poses of objects.
+/// Entries without simulator ground truth, then the poses of objects.
 pub fn glance<'py>(py: Python<'py>, (seen, objects): &(Observation, Vec<ObjectState>)) -> PyResult<Bound<'py, PyDict>> {
     let dictionary = dictionary(py, seen)?;
     dictionary.set_item("objects", poses(py, objects)?)?;

@@ -20,7 +20,7 @@ pub struct Pool {
     threads: usize,
 }
 
-/// What is done with one environment.
+/// Work of one environment.
 #[derive(Clone)]
 enum Order {
     Step(Vec<f32>),

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use crate::errors::error;
 use crate::observation::{array, matrix};
 
-/// How far a matrix may be from a rotation; chosen: what 32-bit numbers leave.
+/// Largest deviation of a matrix from a rotation; chosen: the rounding of 32-bit numbers.
 const NO_ROTATION: f64 = 1e-4;
 
 /// A camera at its place in the world.

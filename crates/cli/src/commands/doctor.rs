@@ -45,7 +45,7 @@ fn processor() -> Finding {
     processor_with(std::thread::available_parallelism().map_or(1, usize::from), has_fused_products())
 }
 
-/// What is said of a processor; pictures were timed on an emulated one without fused products (docs/benchmark.md).
+/// Note on the processor; images were timed on an emulated one without fused products (docs/benchmark.md).
 fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     let found = format!("{cores} cores, {} {}", std::env::consts::ARCH, std::env::consts::OS);
     let (found, mend) = match has_fused_products {

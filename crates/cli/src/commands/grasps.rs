@@ -13,7 +13,7 @@ use crate::args::{BakeArguments, ShowGraspsArguments};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
-/// What GraspNet rows say about the fingers: how far their tips are ahead of a row's origin, m.
+/// Distance of the finger tips ahead of a GraspNet row's origin, m.
 const DEPTH_M: f64 = 0.02;
 
 pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

@@ -1,4 +1,4 @@
-//! What a hostile user or a broken disk does: one clear error, nothing outside changed, and no waiting.
+//! Hostile users and broken disks: one clear error, nothing outside changed, and no waiting.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -255,7 +255,7 @@ fn damaged_episodes_leave_the_rest_of_a_run_usable() {
     assert!(run.join("evaluation/do_nothing_seconds=0.2.json").is_file());
 }
 
-/// What would wait for ever, or for a long time.
+/// Inputs that would block for ever, or for a long time.
 #[test]
 fn nothing_waits_without_a_word() {
     let folder = tempfile::tempdir().unwrap();
@@ -312,7 +312,7 @@ fn nothing_waits_without_a_word() {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
 }
 
-/// Where the system gives no thread at all, the work is done with the one there is.
+/// Without further threads from the system, the work is done in the one there is.
 #[test]
 fn a_shortage_of_threads_is_survived() {
     let folder = tempfile::tempdir().unwrap();

@@ -29,7 +29,7 @@ fn wait_until<T>(run: &mut Child, what: &str, is_so: impl Fn() -> Option<T>) -> 
     }
 }
 
-/// What a program calls its unfinished files: the end of the name of one in a folder.
+/// Name endings of unfinished files in a folder.
 fn mark_of_unfinished(folder: &Path) -> Option<String> {
     let names = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     names.filter_map(|name| Some(name[name.find(".partial-")?..].to_owned())).next()

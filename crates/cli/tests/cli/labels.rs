@@ -14,7 +14,7 @@ use crate::{assert_same_tree, finished_run, genmanip, tree};
 
 /// The scenario of the run, in its own folder of a folder.
 const ID: &str = "021_spatial-000";
-/// How far points may lie outside of boxes, m: depth and poses are single numbers.
+/// Tolerance of points outside of boxes, m: depth and poses are single-precision numbers.
 const OUTSIDE_M: f64 = 1e-4;
 
 fn draw(folder: &Path, source: &str, out: &str, size: &str, more: &[&str]) -> Value {

@@ -38,7 +38,7 @@ const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const QUICK_TASKS: [&str; 2] = ["021_spatial", "024_appearance"];
 const QUICK: [&str; 4] = ["--episodes", "1", "--fps", "10"];
 
-/// How a call ended and what it printed.
+/// Exit code and output of a call.
 #[derive(Debug)]
 struct Outcome {
     code: Option<i32>,
@@ -155,7 +155,7 @@ fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
     files(root).into_iter().map(|(name, path)| (name, fs::read(path).unwrap())).collect()
 }
 
-/// When each file under a folder was last written.
+/// Modification time of each file below a folder.
 fn times(root: &Path) -> BTreeMap<String, SystemTime> {
     files(root).into_iter().map(|(name, path)| (name, path.metadata().unwrap().modified().unwrap())).collect()
 }

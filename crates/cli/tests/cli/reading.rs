@@ -1,4 +1,4 @@
-//! What the documentation says about reading data, run as it stands there.
+//! The documented ways to read data, run as documented.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What a person reads when something cannot be done: one message each, and nothing is changed.
+//! Messages for requests that cannot be met: one each, and nothing is changed.
 
 use std::fs;
 use std::path::Path;
