@@ -4,8 +4,8 @@
 //! approximated:
 //! - *distance in the plane* is the shortest distance between points;
 //! - *inside* is the share of points in the other object's convex hull that have the other's surface around them, at
-//! their height or above, in most compass directions. A cloud has no explicit cavity, but a cavity is surrounded by
-//! walls;
+//!   their height or above, in most compass directions. A cloud has no explicit cavity, but a cavity is surrounded by
+//!   walls;
 //! - *resting on* compares, in narrow vertical columns, the lowest point of one object with the highest of the other.
 //!
 //! A cloud has no joint positions, so no condition on a state is met.

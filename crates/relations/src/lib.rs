@@ -6,9 +6,9 @@
 //! Bodies are the exact convex pieces of the object models, not bounding boxes:
 //! - *distance in the plane* is the shortest distance between the projections of the pieces;
 //! - *resting on* is decided by the vertical gap between pieces whose projections overlap. A mug is on a saucer even
-//! though the saucer's rim is higher than the point of contact;
+//!   though the saucer's rim is higher than the point of contact;
 //! - *inside* is the share of an object's surface points in the other's cavity, or in its convex hull if the model has
-//! no cavity.
+//!   no cavity.
 //!
 //! [`CloudScene`] applies the same rules to point clouds, for objects that are only observed; [`observed`] makes the
 //! clouds from depth images. [`clouds`] reproduces the verdicts of two released evaluators on point clouds.

@@ -285,7 +285,7 @@ impl<'a> Exporter<'a> {
     }
 
     /// Number of selected episodes, damaged ones included.
-    pub fn len(&self) -> usize {
+    pub fn episode_count(&self) -> usize {
         self.ids.len()
     }
 

@@ -128,7 +128,7 @@ pub fn export(
     })?;
     let frames = writers.colors.frames();
     let depth_dataset = writers.publish(settings, &exporter.contract(), dataset)?;
-    let episodes = exporter.len() - left_out.len();
+    let episodes = exporter.episode_count() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
 }
 

@@ -48,7 +48,7 @@ pub fn export_v21(
     })?;
     let frames = writer.metadata.frames;
     writer.finish(dataset, &robot.name, &Origin::Exported(settings.clone()), Some(&exporter.contract()))?;
-    let episodes = exporter.len() - left_out.len();
+    let episodes = exporter.episode_count() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset: None, episodes, frames, left_out })
 }
 

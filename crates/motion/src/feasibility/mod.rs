@@ -3,7 +3,7 @@
 //! A [`PickQuery`] holds the obstacles, the object, goal poses and the arm configuration. [`PickQuery::grasps`] checks
 //! grasp candidates in order and yields the feasible ones:
 //! 1. an arm configuration is reachable and free of everything but the object, as is the pre-grasp if
-//!   [`FeasibilitySettings::tests_pregrasp`] is set;
+//!    [`FeasibilitySettings::tests_pregrasp`] is set;
 //! 2. the open fingers fit beside the object;
 //! 3. at some goal pose the same grasp can release the object, as low as possible.
 //!

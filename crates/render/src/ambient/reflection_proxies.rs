@@ -1,6 +1,11 @@
 //! Reflection proxies for wrist cameras: the metal fingers reflect the held object and their pads, and the dark gripper
 //! bounces no light onto it.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over axes and components by index are compiled for wide registers"
+)]
+
 use genmanip_core::Pose;
 use glam::Vec3;
 

@@ -1,7 +1,7 @@
 //! Segmentation from colour and depth: no learned model, no network, no ground truth.
 //!
 //! 1. `cloud`: organised point cloud with normals and the noise of the depth, which is smoothed along surfaces if
-//!   noisy.
+//!    noisy.
 //! 2. `support`: large horizontal planes; only points above them are segmented.
 //! 3. `regions`: oversegmentation into small regions of one surface and one colour.
 //! 4. `merge`: merges neighbouring regions into objects by a classifier on their border.
