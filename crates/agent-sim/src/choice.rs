@@ -180,7 +180,7 @@ impl AgentChoice {
         Ok(Self { grasps, ..self })
     }
 
-    /// Sets the standard deviation [m] of a depth of 1 m; a larger value from the world's cameras takes precedence.
+    /// Sets the standard deviation (m) of a depth of 1 m; a larger value from the world's cameras takes precedence.
     ///
     /// # Errors
     /// A number outside the valid range.
@@ -411,7 +411,7 @@ impl MaskChoice {
     }
 }
 
-/// Largest standard deviation [m] of a depth of 1 m among cameras, by their data sheets; 0 for ideal cameras.
+/// Largest standard deviation (m) of a depth of 1 m among cameras, by their data sheets; 0 for ideal cameras.
 fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
     let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
     sensors.map(|depth| depth.error_at_1_m()).fold(0.0, f64::max)

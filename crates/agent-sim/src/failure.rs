@@ -178,7 +178,7 @@ pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) 
 
 /// Minimum number of frames between the fingers that counts as held; half a second at 60 Hz.
 const HELD_FRAMES: usize = 30;
-/// Increase [m] of the commanded width within [`OPENING_FRAMES`] that counts as opening.
+/// Increase (m) of the commanded width within [`OPENING_FRAMES`] that counts as opening.
 const OPENING_M: f32 = 0.001;
 /// Number of frames after the last contact within which an opening command must come; otherwise the object was lost.
 const OPENING_FRAMES: usize = 12;

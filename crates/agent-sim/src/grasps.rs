@@ -8,7 +8,7 @@ use genmanip_core::Grasp;
 use super::Truth;
 use super::failure::FailureClass;
 
-/// Offset [m] of a wrong grasp against its approach direction: a depth error of half a mug.
+/// Offset (m) of a wrong grasp against its approach direction: a depth error of half a mug.
 const SHORT_M: f64 = 0.06;
 
 /// Grasp source whose first proposals of an episode all close short of the object, as with a depth error.

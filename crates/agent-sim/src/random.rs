@@ -5,7 +5,7 @@ use genmanip_core::Seed;
 use rand::RngExt;
 use serde_json::json;
 
-/// Height [m] of a path above the table, and at its ends; the same as the oracle's.
+/// Height (m) of a path above the table, and at its ends; the same as the oracle's.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
 

@@ -143,7 +143,7 @@ pub struct WithTruth {
 /// Snapshots of the agent before each turn, in order.
 pub type Turns = Arc<Mutex<Vec<Agent>>>;
 
-/// Tolerance [m] within which gripper widths are equal.
+/// Tolerance (m) within which gripper widths are equal.
 const SAME_WIDTH_M: f32 = 1e-4;
 
 impl WithTruth {

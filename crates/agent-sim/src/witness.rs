@@ -235,7 +235,7 @@ fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> O
     Some((*relation, others.into_iter().find(|relation| other(relation))))
 }
 
-/// Horizontal distance [m] between a point and a box; 0 inside.
+/// Horizontal distance (m) between a point and a box; 0 inside.
 pub(super) fn distance(bounds: &Aabb, point: DVec3) -> f64 {
     (point.clamp(bounds.min, bounds.max) - point).truncate().length()
 }
@@ -354,7 +354,7 @@ pub struct GraspWitness {
     memory: Arc<Mutex<Memory>>,
 }
 
-/// Half extents [m] of the volume between the finger pads, across and along the fingers; the pads of the built-in
+/// Half extents (m) of the volume between the finger pads, across and along the fingers; the pads of the built-in
 /// gripper are 2 cm wide and 2 cm long.
 const CLOSING_HALF_M: [f64; 2] = [0.011, 0.011];
 

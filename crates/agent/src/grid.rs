@@ -9,9 +9,9 @@ pub struct Grid {
     pub rows: u32,
     /// Number of columns.
     pub columns: u32,
-    /// Image width [px].
+    /// Image width (px).
     pub width: u32,
-    /// Image height [px].
+    /// Image height (px).
     pub height: u32,
 }
 
@@ -36,7 +36,7 @@ impl Grid {
         (0..rows).flat_map(move |row| (0..columns).map(move |column| Cell { row, column }))
     }
 
-    /// Left, top, right and bottom edge of a cell [px]; pixel k covers k to k + 1.
+    /// Left, top, right and bottom edge of a cell (px); pixel k covers k to k + 1.
     pub fn edges(&self, cell: Cell) -> [f64; 4] {
         let x = |column: u32| f64::from(column) * f64::from(self.width) / f64::from(self.columns);
         let y = |row: u32| f64::from(row) * f64::from(self.height) / f64::from(self.rows);

@@ -23,9 +23,9 @@ pub struct AgentSettings {
     pub reasoning: bool,
     /// Cameras whose depth is used; the first one is shown to models.
     pub cameras: Vec<String>,
-    /// Image width and height [px]; `None` for each camera's own.
+    /// Image width and height (px); `None` for each camera's own.
     pub size: Option<[u32; 2]>,
-    /// Standard deviation of a measured depth of 1 m [m]; it grows with the square of the depth. 0 for perfect depth.
+    /// Standard deviation of a measured depth of 1 m (m); it grows with the square of the depth. 0 for perfect depth.
     /// If not 0, depth is smoothed along surfaces, and points closer to the table or the robot than the error are
     /// attributed to them.
     #[serde(default, skip_serializing_if = "is_perfect")]
@@ -48,13 +48,13 @@ pub struct AgentSettings {
     pub check_splits: bool,
     /// Maximum grasps tried per pick, best first.
     pub grasps: usize,
-    /// Maximum distance of a grasp from the grab point [m].
+    /// Maximum distance of a grasp from the grab point (m).
     pub grasp_radius_m: f64,
     /// Resolution of grid cells to placement targets.
     pub cells: CellSettings,
-    /// Yaw changes of the object to try if the model does not give one [degrees].
+    /// Yaw changes of the object to try if the model does not give one (degrees).
     pub turns_deg: Vec<f64>,
-    /// Height of the table surface, world z [m].
+    /// Height of the table surface, world z (m).
     pub table_m: f64,
     /// Motion settings.
     pub motion: MotionSettings,
@@ -91,21 +91,21 @@ pub enum PathKind {
 pub struct MotionSettings {
     /// Feasibility criteria of grasps and placements.
     pub feasibility: FeasibilitySettings,
-    /// Fallback clearance if nothing else works [m].
+    /// Fallback clearance if nothing else works (m).
     pub tight_clearance_m: f64,
-    /// Fallback length of straight approach and lift motions [m].
+    /// Fallback length of straight approach and lift motions (m).
     pub short_m: f64,
     /// Maximum nodes of one RRT search. A failed search uses all of them, and a pick may try many grasps.
     pub search_nodes: usize,
     /// Maximum failed searches per pick; for placements, maximum targets with a failed search.
     pub searches: usize,
-    /// Difference between grasp width and commanded width while holding [m].
+    /// Difference between grasp width and commanded width while holding (m).
     pub squeeze_m: f64,
-    /// Minimum difference between measured and commanded width that counts as holding an object [m].
+    /// Minimum difference between measured and commanded width that counts as holding an object (m).
     pub held_m: f64,
-    /// Maximum release height above an open surface [m]; cavities allow any height.
+    /// Maximum release height above an open surface (m); cavities allow any height.
     pub max_open_release_m: f64,
-    /// Height above the receiver's rim from which the object is lowered [m].
+    /// Height above the receiver's rim from which the object is lowered (m).
     pub rim_clearance_m: f64,
     /// Fraction of the joint limits used with an empty gripper.
     pub empty_speed: f64,

@@ -16,7 +16,7 @@ use crate::settings::AgentSettings;
 const CAMERA: &str = "camera";
 /// Commands per second.
 const RATE_HZ: f64 = 60.0;
-/// Largest joint step of an arm at rest [rad].
+/// Largest joint step of an arm at rest (rad).
 const STILL_RAD: f32 = 1e-6;
 
 /// Instruction, image and robot state to plan from.
@@ -24,9 +24,9 @@ const STILL_RAD: f32 = 1e-6;
 pub struct ActQuestion {
     /// Colour and depth image; its camera pose is in the robot's base frame.
     pub image: RgbdImage,
-    /// Arm joint positions [rad].
+    /// Arm joint positions (rad).
     pub joints: Vec<f64>,
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub gripper_width_m: f64,
     /// Instruction in natural language.
     pub instruction: String,
@@ -50,22 +50,22 @@ pub struct Acted {
 pub struct ActedStep {
     /// Description of the motion.
     pub what: String,
-    /// Time since the start of the first step [s].
+    /// Time since the start of the first step (s).
     pub start_s: f64,
     /// Configurations at which the arm stops or the gripper starts to move.
     pub waypoints: Vec<Waypoint>,
-    /// Arm joint targets [rad] and gripper opening [m], one row per command.
+    /// Arm joint targets (rad) and gripper opening (m), one row per command.
     pub trajectory: Vec<Vec<f32>>,
 }
 
 /// A configuration on the trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Waypoint {
-    /// Time since the start of the first step [s].
+    /// Time since the start of the first step (s).
     pub time_s: f64,
-    /// Arm joint targets [rad].
+    /// Arm joint targets (rad).
     pub joints: Vec<f64>,
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub gripper_width_m: f64,
     /// Tool pose (TCP) in the robot's base frame; z points along the fingers, y from one finger to the other.
     pub world_from_tcp: Pose,

@@ -1,6 +1,6 @@
 //! Benchmark suites, statistics of results, comparisons, leaderboards and the report.
 //!
-//! Statistics and pages are pure functions from values to text; [`suites`], [`compare`] and [`leaderboard_files`] read
+//! Statistics and pages are pure functions from values to text; [`suites`], [`compare`](mod@compare) and [`leaderboard_files`] read
 //! and write files. Nothing here runs a policy: `genmanip-pipeline` does, also to build and to perturb suites.
 //!
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
@@ -11,7 +11,7 @@
 //! - [`leaderboard_html`]: policies on the same suites.
 //! - [`failure_page`]: failures of a policy that asks questions, with its images.
 //! - [`suites`]: suite folders: check, freeze, review, differences, training tasks.
-//! - [`compare`]: paired comparison of two evaluations of one suite.
+//! - [`compare`](mod@compare): paired comparison of two evaluations of one suite.
 
 pub mod compare;
 mod dataset_page;

@@ -12,7 +12,7 @@ use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, u
 pub struct Frame {
     /// Time since the start of the episode, s.
     pub time_s: f64,
-    /// Arm joint targets [rad] and opening width [m], as applied.
+    /// Arm joint targets (rad) and opening width (m), as applied.
     pub command: Vec<f32>,
     /// Arm joint positions, rad.
     pub joint_position: Vec<f64>,

@@ -87,7 +87,7 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Key of the proprioceptive state: arm joint positions [rad], then opening width [m].
+    /// Key of the proprioceptive state: arm joint positions (rad), then opening width (m).
     pub const STATE: &'static str = "observation.state";
 }
 

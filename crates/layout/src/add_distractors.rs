@@ -13,7 +13,7 @@ use crate::{LayoutSettings, distractors, placed_object};
 const POSES_PER_OBJECT: usize = 200;
 /// Candidates per requested object: some roll, some do not fit.
 const CANDIDATES_PER_OBJECT: usize = 6;
-/// Maximum displacement of the scenario's objects after settling [m], as for an undisturbed layout.
+/// Maximum displacement of the scenario's objects after settling (m), as for an undisturbed layout.
 const MAX_DISPLACEMENT_M: f64 = 0.001;
 
 /// Adds `count` distractors at rest, none of which the instruction could refer to; `None` if they do not fit. The

@@ -19,7 +19,7 @@ const NEGLIGIBLE_DRIFT_SHARE: f64 = 0.2;
 /// Maximum speed ratio between two intervals without acceleration. Chosen: toppling objects are several times faster,
 /// see the tests.
 const MAX_SPEEDUP: f64 = 1.5;
-/// Lever that converts angular to linear speed [m]. Chosen: half of a large object.
+/// Lever that converts angular to linear speed (m). Chosen: half of a large object.
 const LEVER_M: f64 = 0.1;
 
 /// Settles the objects without a robot; returns a rejection if they do not come to rest or fall over.
@@ -97,7 +97,7 @@ pub(crate) fn check_stability(
     Ok(())
 }
 
-/// Initial penetration and displacement of each object's origin after some time without sleeping [m].
+/// Initial penetration and displacement of each object's origin after some time without sleeping (m).
 pub(crate) fn simulate_drift(
     world: &World,
     objects: &[SceneObject],
@@ -110,7 +110,7 @@ pub(crate) fn simulate_drift(
     Ok((penetration_m, drift_m(&before, &sim.object_states())))
 }
 
-/// Displacement of each object's origin [m].
+/// Displacement of each object's origin (m).
 fn drift_m(before: &[ObjectState], after: &[ObjectState]) -> Vec<f64> {
     before.iter().zip(after).map(|(from, to)| from.pose.position.distance(to.pose.position)).collect()
 }
@@ -132,9 +132,9 @@ pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
 /// Audit of a layout: independent of the code that created it, but with the same relation checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutAudit {
-    /// Maximum initial penetration [m].
+    /// Maximum initial penetration (m).
     pub penetration_m: f64,
-    /// Maximum displacement of any object [m].
+    /// Maximum displacement of any object (m).
     pub drift_m: f64,
     /// Number of edges and states of the initial graph that were evaluated.
     pub checked: usize,

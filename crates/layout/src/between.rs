@@ -11,14 +11,14 @@ use crate::sampled_layout::OrientedObject;
 /// would be at the references themselves.
 const MIDPOINT_SHARE: f64 = 0.3;
 
-/// Distance of the farther reference behind the object between, and its tolerance [m]. Chosen: about twice the usual
+/// Distance of the farther reference behind the object between, and its tolerance (m). Chosen: about twice the usual
 /// distance between neighbours.
 const BEHIND_M: [f64; 2] = [0.22, 0.2];
 
-/// Minimum half-width of the interval of an object between two others [m]. Chosen so that rounding never empties it.
+/// Minimum half-width of the interval of an object between two others (m). Chosen so that rounding never empties it.
 const MIN_HALF_WIDTH_M: f64 = 0.005;
 
-/// Margin to the maximum angle of `between` [rad]. Chosen: the object is rarely placed exactly at the midpoint.
+/// Margin to the maximum angle of `between` (rad). Chosen: the object is rarely placed exactly at the midpoint.
 const ANGLE_MARGIN_RAD: f64 = 0.15;
 
 /// Opposite corners of where the middle of `object` may be so that the subject can stand between the two;

@@ -31,13 +31,13 @@ pub(crate) struct Context<'a> {
     pub goal_betweens: Vec<Vec<[usize; 3]>>,
     /// Goal alternatives with only directional relations, with the indices of their objects.
     pub goal_sides: Vec<(Vec<Atom>, Vec<usize>)>,
-    /// Minimum gap between a distractor and other objects in the current attempt [m].
+    /// Minimum gap between a distractor and other objects in the current attempt (m).
     pub distractor_gap_m: f64,
     /// The robot, which may occlude objects.
     pub robot: &'a Arc<RobotModel>,
     pub settings: &'a LayoutSettings,
     pub world: &'a World,
-    /// Minimum and maximum distance of a moved object from the robot's axis [m].
+    /// Minimum and maximum distance of a moved object from the robot's axis (m).
     pub reach_m: [f64; 2],
     pub relations: &'a RelationSettings,
 }
@@ -109,7 +109,7 @@ impl Context<'_> {
         self.world.surfaces.get(ground).filter(|_| ground > 0).map_or(area, |surface| surface.area(0.0))
     }
 
-    /// Height of a surface's top [m].
+    /// Height of a surface's top (m).
     pub fn height(&self, ground: usize) -> f64 {
         self.world.surfaces.get(ground).map_or(0.0, |surface| surface.top_center_m.z)
     }
@@ -120,7 +120,7 @@ impl Context<'_> {
         placement_window(relation, &bounds, size, self.relations)
     }
 
-    /// Minimum planar gap between two objects of which neither carries the other [m].
+    /// Minimum planar gap between two objects of which neither carries the other (m).
     pub fn gap(&self, a: usize, b: usize) -> f64 {
         match (self.support_of(a), self.support_of(b)) {
             (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.distractor_gap_m,

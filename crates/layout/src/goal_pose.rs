@@ -23,23 +23,23 @@ pub struct GoalPose {
     pub bounds: Aabb,
 }
 
-/// Distance between an object and the edge of its support [m]. Chosen larger than the arm's placement error.
+/// Distance between an object and the edge of its support (m). Chosen larger than the arm's placement error.
 const EDGE_M: f64 = 0.01;
 
 /// Samples of the check that a later move has space; chosen: a fifth of the samples of a move itself.
 const LATER_SAMPLES: usize = 120;
 
-/// Minimum freedom on a carrier along each axis [m], and the usable share of a cavity. Chosen because cavities are
+/// Minimum freedom on a carrier along each axis (m), and the usable share of a cavity. Chosen because cavities are
 /// modelled as boxes and often round.
 const MIN_SLACK_M: f64 = 0.003;
 const USABLE_CAVITY_SHARE: f64 = 0.8;
 
-/// Initial height above the carrier when lowering an object, and the remaining gap [m]. Chosen: any positive height
+/// Initial height above the carrier when lowering an object, and the remaining gap (m). Chosen: any positive height
 /// works, and the gap is smaller than a layout's drop height.
 const LOWERING_HEIGHT_M: f64 = 0.01;
 const RELEASE_GAP_M: f64 = 0.0005;
 
-/// Tolerance for the top of a lower object above this object's bottom [m]. Chosen larger than contact penetration.
+/// Tolerance for the top of a lower object above this object's bottom (m). Chosen larger than contact penetration.
 const BELOW_TOLERANCE_M: f64 = 0.002;
 
 /// Search for goal poses.

@@ -274,7 +274,7 @@ fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
     Ok(())
 }
 
-/// Minimum and maximum distance of a moved object from the robot's axis [m]; the whole workspace if the reach is
+/// Minimum and maximum distance of a moved object from the robot's axis (m); the whole workspace if the reach is
 /// unknown.
 fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
     let Workspace { x, y } = world.workspace;

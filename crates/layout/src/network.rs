@@ -8,7 +8,7 @@
 /// Index of the world's origin among the coordinates of a [`Network`]; object `i` has coordinate `i + 1`.
 pub(crate) const ORIGIN: usize = 0;
 
-/// Difference bounds between coordinates along one axis [m].
+/// Difference bounds between coordinates along one axis (m).
 #[derive(Clone, Debug)]
 pub(crate) struct Network {
     count: usize,

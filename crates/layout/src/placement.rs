@@ -18,30 +18,30 @@ use crate::rejection::{NamedObject, Rejection, Rejections};
 use crate::sampled_layout::{Contradiction, SampledLayout, SupportRegion};
 use crate::visibility::VisibilityCheck;
 
-/// Clearance around an object at its goal [m]. Chosen larger than `GoalPoseSettings::clearance_m`, since only bounds
+/// Clearance around an object at its goal (m). Chosen larger than `GoalPoseSettings::clearance_m`, since only bounds
 /// are compared here.
 const GOAL_CLEARANCE_M: f64 = 0.02;
 
-/// Additional reach allowed for placements [m]. Chosen: the exact check follows after settling.
+/// Additional reach allowed for placements (m). Chosen: the exact check follows after settling.
 const GOAL_REACH_M: f64 = 0.03;
 
-/// Initial height above the carrier when lowering an object onto it [m]; any positive value works.
+/// Initial height above the carrier when lowering an object onto it (m); any positive value works.
 const LOWERING_HEIGHT_M: f64 = 0.01;
 
-/// Minimum vertical gap of objects on different supports [m]. Chosen larger than contact penetration.
+/// Minimum vertical gap of objects on different supports (m). Chosen larger than contact penetration.
 const MIN_VERTICAL_GAP_M: f64 = 0.01;
 
 /// Centre distance below which two outlines certainly overlap, as a share of the mean width. Chosen: half of the value
 /// for adjacent boxes.
 const OVERLAP_SHARE: f64 = 0.25;
 
-/// Space kept in addition to the minimum gap for an object to be placed between two others [m]; chosen.
+/// Space kept in addition to the minimum gap for an object to be placed between two others (m); chosen.
 const BETWEEN_MARGIN_M: f64 = 0.005;
 
 /// Probability of backtracking to the last blocker instead of a random one. Chosen to change little without cycling.
 const LAST_BLOCKER_PROBABILITY: f64 = 0.6;
 
-/// Position of objects not placed yet, along x [m]; far from any table.
+/// Position of objects not placed yet, along x (m); far from any table.
 const PARKED_M: f64 = -10.0;
 
 /// A partial layout.

@@ -14,17 +14,17 @@ use crate::network::{Network, ORIGIN};
 /// missed once in a thousand samples.
 const MAX_HEADINGS: usize = 24;
 
-/// Maximum yaw of an articulated object from facing the robot [rad]. Chosen so that its doors stay in reach.
+/// Maximum yaw of an articulated object from facing the robot (rad). Chosen so that its doors stay in reach.
 const FACING_RAD: f64 = 0.25;
 
-/// Maximum yaw of an aligned object from the table's edges [rad]. Chosen to look placed by a person.
+/// Maximum yaw of an aligned object from the table's edges (rad). Chosen to look placed by a person.
 const ALIGNED_RAD: f64 = 0.1;
 
-/// Free space around an object in a cavity, both sides together, and above it in a covered one [m]. Chosen larger than
+/// Free space around an object in a cavity, both sides together, and above it in a covered one (m). Chosen larger than
 /// the needs of settling.
 const CAVITY_CLEARANCE_M: [f64; 2] = [0.002, 0.004];
 
-/// Distance from the edge of a support region [m], and the usable share of the rest. Chosen because regions are boxes
+/// Distance from the edge of a support region (m), and the usable share of the rest. Chosen because regions are boxes
 /// and many carriers are round.
 const EDGE_M: f64 = 0.012;
 const USABLE_SHARE: f64 = 0.75;
@@ -242,7 +242,7 @@ impl OrientedObject {
 }
 
 impl SupportRegion {
-    /// Maximum offset of an object's centre from the region's centre [m].
+    /// Maximum offset of an object's centre from the region's centre (m).
     fn max_offset(&self, half: DVec2) -> DVec2 {
         (self.area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::ZERO) * USABLE_SHARE
     }

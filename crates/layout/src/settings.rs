@@ -17,24 +17,24 @@ pub struct LayoutSettings {
     pub candidates_per_object: usize,
     /// Maximum backtracking steps per layout.
     pub max_retreats: usize,
-    /// Minimum gap between footprints on the table [m]; space for a finger.
+    /// Minimum gap between footprints on the table (m); space for a finger.
     pub min_gap_m: f64,
-    /// The same on or in a carrier [m].
+    /// The same on or in a carrier (m).
     pub min_gap_on_carrier_m: f64,
     /// Number of distractors on the table.
     pub distractors: usize,
-    /// Minimum gap between a distractor and other objects [m]; `min_gap_m` if there is too little space.
+    /// Minimum gap between a distractor and other objects (m); `min_gap_m` if there is too little space.
     pub distractor_gap_m: f64,
-    /// Margin of relations at placement [m], and its equivalent in other units (see
+    /// Margin of relations at placement (m), and its equivalent in other units (see
     /// [`genmanip_core::Unit::normalise`]); settling may reduce it.
     pub relation_margin_m: f64,
-    /// Object area within the workspace: minimum and maximum x from the robot's base [m].
+    /// Object area within the workspace: minimum and maximum x from the robot's base (m).
     pub x_m: [f64; 2],
-    /// Object area: minimum and maximum y [m].
+    /// Object area: minimum and maximum y (m).
     pub y_m: [f64; 2],
-    /// The larger area used if a layout needs more space: x [m]; limited by what the cameras see well.
+    /// The larger area used if a layout needs more space: x (m); limited by what the cameras see well.
     pub wide_x_m: [f64; 2],
-    /// The larger area: y [m].
+    /// The larger area: y (m).
     pub wide_y_m: [f64; 2],
     /// Graspability criteria of objects to be moved.
     pub grasp: FeasibilitySettings,
@@ -42,19 +42,19 @@ pub struct LayoutSettings {
     pub goal_pose: GoalPoseSettings,
     /// Criteria for joints to be movable by the arm.
     pub joint: JointSettings,
-    /// Drop height of supported objects [m].
+    /// Drop height of supported objects (m).
     pub drop_m: f64,
     /// Maximum settling time [s, simulated].
     pub settle_s: f64,
-    /// Maximum displacement while settling [m].
+    /// Maximum displacement while settling (m).
     pub max_settle_shift_m: f64,
-    /// Maximum rotation while settling [rad].
+    /// Maximum rotation while settling (rad).
     pub max_settle_tilt_rad: f64,
     /// Duration of the stability check [s, simulated]; shorter if nothing accelerates and everything is nearly still.
     pub stay_s: f64,
-    /// Maximum displacement during the stability check [m].
+    /// Maximum displacement during the stability check (m).
     pub max_drift_m: f64,
-    /// Maximum penetration after settling [m].
+    /// Maximum penetration after settling (m).
     pub max_penetration_m: f64,
     /// Minimum pixels of each task object in at least one camera.
     pub min_pixels: usize,
@@ -120,9 +120,9 @@ pub struct GoalPoseSettings {
     pub count: usize,
     /// Maximum number of samples.
     pub draws: usize,
-    /// Margin of directional relations [m]; for `between` the equivalent angle, see [`genmanip_core::Unit::normalise`].
+    /// Margin of directional relations (m); for `between` the equivalent angle, see [`genmanip_core::Unit::normalise`].
     pub margin_m: f64,
-    /// Planar clearance around the object [m].
+    /// Planar clearance around the object (m).
     pub clearance_m: f64,
 }
 

@@ -12,7 +12,7 @@ use genmanip_render::{
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
 
-/// z position of objects excluded from rendering [m], far below every image.
+/// z position of objects excluded from rendering (m), far below every image.
 const AWAY_M: f64 = -50.0;
 
 /// Renders the prompt cameras of a scene to count visible pixels.
@@ -122,7 +122,7 @@ fn pixels_per_object(image: &FrameBuffers, objects: usize) -> Vec<usize> {
     pixels
 }
 
-/// Area of an object's bounding rectangle in the image [px]; infinite if a vertex is behind the camera.
+/// Area of an object's bounding rectangle in the image (px); infinite if a vertex is behind the camera.
 fn outline_pixels(object: &PosedObject, camera: &Camera) -> f64 {
     let camera_from_world = camera.mount_from_camera.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

@@ -19,7 +19,7 @@ pub enum ChatError {
     Timeout {
         /// Address without secrets.
         url: String,
-        /// The exceeded limit [s].
+        /// The exceeded limit (s).
         limit_s: f64,
         /// Phase of the request.
         phase: String,
@@ -117,7 +117,7 @@ pub enum ChatError {
     /// The server requests a longer wait than allowed.
     #[error("the server requests a wait of {asked_s} s, more than the limit of {limit_s} s: {last}")]
     WaitTooLong {
-        /// Requested wait [s].
+        /// Requested wait (s).
         asked_s: f64,
         /// The limit.
         limit_s: f64,
@@ -147,7 +147,7 @@ pub enum ChatError {
     Unanswered {
         /// Path of the expected answer.
         path: String,
-        /// The exceeded limit [s].
+        /// The exceeded limit (s).
         limit_s: f64,
     },
     /// A question cannot be written, or an answer cannot be read.
@@ -285,7 +285,7 @@ pub enum SettingsError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a PNG or JPEG file, got {size_bytes} bytes beginning {beginning:?} in hexadecimal")]
 pub struct ImageError {
-    /// Size [bytes].
+    /// Size (bytes).
     pub size_bytes: u64,
     /// First eight bytes in hexadecimal.
     pub beginning: String,

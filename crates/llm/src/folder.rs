@@ -29,13 +29,13 @@ use crate::request::{ChatRequest, ReplySchema};
 pub struct FolderSettings {
     /// Folder of questions and answers.
     pub folder: PathBuf,
-    /// Timeout for an answer [s]; the question remains, and the next run finds its answer.
+    /// Timeout for an answer (s); the question remains, and the next run finds its answer.
     pub timeout_s: f64,
-    /// Polling interval [s].
+    /// Polling interval (s).
     pub poll_s: f64,
-    /// Time without growth after which a non-JSON file counts as a complete text answer [s].
+    /// Time without growth after which a non-JSON file counts as a complete text answer (s).
     pub settle_s: f64,
-    /// Maximum answer size [bytes].
+    /// Maximum answer size (bytes).
     pub max_answer_bytes: u64,
 }
 

@@ -39,7 +39,7 @@ pub enum RecordedPart {
 pub struct RecordedImage {
     /// Format.
     pub media_type: MediaType,
-    /// Size [bytes].
+    /// Size (bytes).
     pub size_bytes: u64,
     /// SHA-256, 64 hexadecimal digits.
     pub sha256: String,

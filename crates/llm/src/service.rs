@@ -35,17 +35,17 @@ impl<S: Service + ?Sized> Service for Box<S> {
 pub struct ServiceSettings {
     /// URL for requests, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
     pub url: String,
-    /// Connection timeout [s].
+    /// Connection timeout (s).
     pub connect_timeout_s: f64,
-    /// Timeout of one whole request [s].
+    /// Timeout of one whole request (s).
     pub total_timeout_s: f64,
-    /// Maximum request size [bytes].
+    /// Maximum request size (bytes).
     pub max_request_bytes: u64,
-    /// Maximum response size [bytes].
+    /// Maximum response size (bytes).
     pub max_body_bytes: u64,
     /// Maximum retries after a transient failure, a timeout or a broken connection.
     pub max_retries: u32,
-    /// Wait before the first retry [s]; doubles each time.
+    /// Wait before the first retry (s); doubles each time.
     pub first_backoff_s: f64,
 }
 

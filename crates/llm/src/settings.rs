@@ -23,23 +23,23 @@ pub struct ServerSettings {
     pub api_key_env: Option<String>,
     /// Allow sending the key unencrypted to another machine. (To this machine it is always allowed.)
     pub allow_key_over_http: bool,
-    /// Connection timeout [s].
+    /// Connection timeout (s).
     pub connect_timeout_s: f64,
-    /// Timeout of one whole request, including connecting [s].
+    /// Timeout of one whole request, including connecting (s).
     pub total_timeout_s: f64,
-    /// Maximum image file size [bytes]; a larger one is an error before anything is sent.
+    /// Maximum image file size (bytes); a larger one is an error before anything is sent.
     pub max_image_bytes: u64,
-    /// Maximum request body size, with images in base64 [bytes]; a larger one is an error.
+    /// Maximum request body size, with images in base64 (bytes); a larger one is an error.
     pub max_request_bytes: u64,
-    /// Maximum response size [bytes].
+    /// Maximum response size (bytes).
     pub max_body_bytes: u64,
     /// Maximum retries after a transient failure (408, 429, 5xx), a timeout or a broken connection.
     pub max_retries: u32,
-    /// Wait before the first retry [s]; doubles each time, and is shortened by up to half at random.
+    /// Wait before the first retry (s); doubles each time, and is shortened by up to half at random.
     pub first_backoff_s: f64,
-    /// Maximum such wait [s].
+    /// Maximum such wait (s).
     pub max_backoff_s: f64,
-    /// Maximum wait that a server may request (`Retry-After`) [s]; the client gives up beyond it.
+    /// Maximum wait that a server may request (`Retry-After`) (s); the client gives up beyond it.
     pub max_retry_after_s: f64,
     /// Strictest structured-output mode to try; looser ones follow if the server rejects it.
     pub structure: Structure,

@@ -2,7 +2,7 @@
 
 /// A path from rest to rest: straight edges between waypoints with corners rounded by quintic blends.
 ///
-/// The blend at waypoint `i` starts `blends[i]` [rad] before it and ends as far behind it. The robot stops at a corner
+/// The blend at waypoint `i` starts `blends[i]` (rad) before it and ends as far behind it. The robot stops at a corner
 /// without blend (0).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
@@ -64,7 +64,7 @@ impl Path {
         self.waypoints.last().map_or(&[], Vec::as_slice)
     }
 
-    /// Euclidean joint-space length [rad].
+    /// Euclidean joint-space length (rad).
     pub fn length(&self) -> f64 {
         self.waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).sum()
     }
@@ -178,7 +178,7 @@ fn weights(t: f64) -> [f64; 3] {
     [2.0 * t.powi(3) - t.powi(4), 6.0 * t * t - 4.0 * t.powi(3), 12.0 * t - 12.0 * t * t]
 }
 
-/// Euclidean distance of two configurations [rad].
+/// Euclidean distance of two configurations (rad).
 pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

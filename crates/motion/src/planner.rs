@@ -46,7 +46,7 @@ pub struct PlanningScene<'a> {
     pub attached: Option<&'a Attached>,
     /// Pairs allowed to touch.
     pub allowed: &'a Allowed,
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub gripper_width: f64,
 }
 
@@ -139,7 +139,7 @@ impl Planner {
     }
 
     /// IK solutions along a pose sequence, each nearest to the previous one and the first nearest to `from`; `None` if
-    /// a joint would move by more than `max_step` [rad] between two of them.
+    /// a joint would move by more than `max_step` (rad) between two of them.
     pub fn follow(
         &self,
         from: &[f64],
@@ -155,7 +155,7 @@ impl Planner {
             .collect()
     }
 
-    /// Collision checker with `padding` [m] (0: contact only).
+    /// Collision checker with `padding` (m) (0: contact only).
     pub fn checker<'a>(&'a self, around: &PlanningScene<'a>, padding: f64) -> Checker<'a> {
         Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
     }
@@ -265,7 +265,7 @@ impl Planner {
         grasp::cloud::cloud_grasps(target, &self.gripper, &self.settings.grasp, &self.settings.cloud)
     }
 
-    /// Gripper opening for the approach to a grasp [m].
+    /// Gripper opening for the approach to a grasp (m).
     pub fn opening(&self, grasp: &Grasp) -> f64 {
         self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
     }

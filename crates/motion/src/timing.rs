@@ -14,17 +14,17 @@ use crate::path::{CurvePoint, Path, Segment};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TimingSettings {
-    /// Sample period [s].
+    /// Sample period (s).
     pub dt: f64,
     /// Usable share of the manufacturer's velocity limits at speed 1.
     pub velocity_fraction: f64,
     /// Usable share of the manufacturer's acceleration limits at speed 1.
     pub acceleration_fraction: f64,
-    /// Length of the smoothing window [s]; bounds the jerk.
+    /// Length of the smoothing window (s); bounds the jerk.
     pub window: f64,
     /// Grid cells per straight edge (at least) and per rounded corner.
     pub cells: usize,
-    /// Maximum grid cell [rad].
+    /// Maximum grid cell (rad).
     pub longest_cell: f64,
 }
 
@@ -44,14 +44,14 @@ impl Default for TimingSettings {
 /// Joint positions at a fixed rate, starting and ending at rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trajectory {
-    /// Sample period [s].
+    /// Sample period (s).
     pub dt: f64,
     /// Joint positions, the first at time 0.
     pub configs: Vec<Vec<f64>>,
 }
 
 impl Trajectory {
-    /// Time of the last sample [s].
+    /// Time of the last sample (s).
     pub fn duration(&self) -> f64 {
         self.dt * self.configs.len().saturating_sub(1) as f64
     }

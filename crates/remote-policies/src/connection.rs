@@ -15,7 +15,7 @@ use tungstenite::{Error, HandshakeError, Message, WebSocket};
 const MAX_ANSWER_BYTES: usize = 4 << 20;
 /// Maximum nesting of a response.
 const MAX_DEPTH: usize = 32;
-/// Maximum reported length of a server's traceback [characters]; its end contains the error.
+/// Maximum reported length of a server's traceback (characters); its end contains the error.
 const MAX_TRACEBACK_CHARS: usize = 400;
 
 /// Timeouts and reconnects.
@@ -58,7 +58,7 @@ pub enum RemoteError {
     TimedOut {
         /// URL of the server.
         url: String,
-        /// Timeout [s].
+        /// Timeout (s).
         seconds: u64,
     },
     /// The server failed with a traceback.

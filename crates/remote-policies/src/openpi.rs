@@ -17,14 +17,14 @@ use crate::connection::{Connection, RemoteError, Timeouts};
 use crate::numpy::{Array, get};
 use crate::resize::{Rgb, resized_with_pad};
 
-/// Image size of all presets [px].
+/// Image size of all presets (px).
 const SIDE: usize = 224;
 /// Joint velocity of a DROID action of 1 [rad/s]: at most 0.2 rad per step at 15 Hz (`RobotIKSolver` of
 /// droid-dataset/droid).
 const DROID_RAD_S: f64 = 0.2 * 15.0;
-/// Position delta of an action of 1 in robosuite's operational space controller with LIBERO's settings [m].
+/// Position delta of an action of 1 in robosuite's operational space controller with LIBERO's settings (m).
 const LIBERO_M: f64 = 0.05;
-/// Rotation delta of an action of 1 [rad].
+/// Rotation delta of an action of 1 (rad).
 const LIBERO_RAD: f64 = 0.5;
 /// Maximum actions of a chunk.
 const MAX_ACTIONS: usize = 1000;
@@ -53,7 +53,7 @@ impl Preset {
         }
     }
 
-    /// Action rate [Hz].
+    /// Action rate (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Droid | Self::DroidJointPosition => 15.0,
@@ -295,7 +295,7 @@ pub(crate) fn libero_state(robot: &RobotModel, state: &[f64]) -> Vec<f64> {
     tool.position.to_array().into_iter().chain(turn.to_array()).chain(fingers).collect()
 }
 
-/// Rotation vector (axis times angle) with an angle of at most pi [rad].
+/// Rotation vector (axis times angle) with an angle of at most pi (rad).
 fn rotation_vector(rotation: DQuat) -> DVec3 {
     let canonical = if rotation.w < 0.0 { -rotation } else { rotation };
     canonical.to_scaled_axis()

@@ -16,9 +16,9 @@ use serde_json::{Map, Value, json};
 
 /// Program of the process.
 const PROGRAM: &str = include_str!("policy_process.py");
-/// Maximum size of a message header and of an array [bytes].
+/// Maximum size of a message header and of an array (bytes).
 const MAX_BYTES: usize = 4 << 20;
-/// Maximum reported length of a traceback [characters]; its end contains the error.
+/// Maximum reported length of a traceback (characters); its end contains the error.
 const MAX_TRACEBACK_CHARS: usize = 400;
 
 /// Class and interpreter.

@@ -6,9 +6,9 @@ const WEIGHT_BITS: u32 = 22;
 /// An 8-bit RGB image, row-major.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rgb {
-    /// Width [px].
+    /// Width (px).
     pub width: usize,
-    /// Height [px].
+    /// Height (px).
     pub height: usize,
     /// Three bytes per pixel.
     pub bytes: Vec<u8>,

@@ -18,7 +18,7 @@ use crate::openpi::{self, libero_state};
 
 /// Protocol version.
 const PROTOCOL: u64 = 1;
-/// Image size [px], as the harness renders LIBERO.
+/// Image size (px), as the harness renders LIBERO.
 const SIDE: u32 = 256;
 
 /// Observation and action format of a server.
@@ -26,7 +26,7 @@ const SIDE: u32 = 256;
 pub enum Preset {
     /// LIBERO: TCP pose deltas at 20 Hz; images `agentview` and `wrist`; 8 state values.
     Libero,
-    /// Joint targets [rad] and gripper opening [m] at 15 Hz; images named by their cameras; joint positions and opening
+    /// Joint targets (rad) and gripper opening (m) at 15 Hz; images named by their cameras; joint positions and opening
     /// as state. For servers trained on this robot.
     Joint,
 }
@@ -43,7 +43,7 @@ impl Preset {
         }
     }
 
-    /// Action rate [Hz].
+    /// Action rate (Hz).
     pub fn rate_hz(self) -> f64 {
         match self {
             Self::Libero => openpi::Preset::Libero.rate_hz(),

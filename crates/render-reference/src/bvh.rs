@@ -9,7 +9,7 @@ const LEAF: usize = 4;
 const BINS: usize = 16;
 /// Traversal stack: enough for 2³² triangles in a tree at worst twice as deep as a balanced one.
 const DEPTH: usize = 64;
-/// Smallest hit distance [m], against self-intersection; the planes of slivers are accurate to a tenth of a millimetre.
+/// Smallest hit distance (m), against self-intersection; the planes of slivers are accurate to a tenth of a millimetre.
 const NEAREST_M: f32 = 1e-4;
 
 /// Relative enlargement of triangles that closes gaps between slivers.

@@ -31,7 +31,7 @@ use lamps::Lamps;
 use samples::Samples;
 use scene::{Body, Brought, Reference};
 
-/// Height by which transparent objects are lifted [m], so that their undersides lie above the table.
+/// Height by which transparent objects are lifted (m), so that their undersides lie above the table.
 const LIFTED_M: f32 = 3e-4;
 
 /// Sampling settings.

@@ -18,7 +18,7 @@ const BRIGHTEST: f32 = 4.0;
 /// Smallest squared roughness after a scattering event: sharp caustics are found by rare paths only (Kaplanyan and
 /// Dachsbacher, "Path Space Regularization", 2013).
 const DULLEST: f32 = 0.2;
-/// Offset of ray origins from a surface [m].
+/// Offset of ray origins from a surface (m).
 const LIFT_M: f32 = 1e-4;
 
 /// Intersection of a ray with a surface.

@@ -78,7 +78,7 @@ pub struct FrameBuffers {
     pub height: u32,
     /// Colour, 8-bit sRGB, three bytes per pixel.
     pub rgb: Vec<u8>,
-    /// Distance along the optical axis at the pixel's centre [m], 0 for the background; transparent objects count as
+    /// Distance along the optical axis at the pixel's centre (m), 0 for the background; transparent objects count as
     /// solid.
     pub depth_m: Vec<f32>,
     /// [`NOTHING`], [`TABLE`], [`ROBOT`] or [`FIRST_OBJECT`]` + i` at the pixel's centre.

@@ -168,7 +168,7 @@ impl Environment {
         self.session.insert(Session { stage: stage.clone(), seed, sim, record, scene }).observation()
     }
 
-    /// Runs one control interval with a native command: arm joint targets [rad], then gripper opening [m].
+    /// Runs one control interval with a native command: arm joint targets (rad), then gripper opening (m).
     ///
     /// # Errors
     /// If the environment was not reset, the episode is over, the command has the wrong length or is not finite

@@ -14,7 +14,7 @@ use genmanip_agent::Acted;
 pub(crate) const MAX_OPEN: usize = 64;
 /// Maximum number of ended jobs kept with their images; the oldest are dropped.
 pub(crate) const MAX_ENDED: usize = 32;
-/// Maximum wait for the end of a job in a poll [s].
+/// Maximum wait for the end of a job in a poll (s).
 pub(crate) const MAX_WAIT_S: f64 = 60.0;
 
 /// State of a job.

@@ -30,7 +30,7 @@ const RECEIVE_TIMEOUT: Duration = Duration::from_secs(60);
 pub struct ServeSettings {
     /// Listening address; port 0 picks a free one. There is no authentication, so keep to this machine.
     pub address: SocketAddr,
-    /// Maximum request size [bytes].
+    /// Maximum request size in bytes.
     pub max_request_bytes: usize,
     /// Maximum number of concurrent computations; others wait.
     pub workers: usize,

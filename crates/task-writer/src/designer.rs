@@ -13,11 +13,11 @@ use crate::prompt::{PromptError, PromptSet};
 use crate::sampling::sample_objects;
 use crate::settings::{GenerationSettings, LlmSettings};
 
-/// Maximum instruction length [words].
+/// Maximum instruction length (words).
 const MAX_WORDS: usize = 30;
 /// Maximum consecutive tasks with server failures before the rest is skipped.
 const MAX_UNANSWERED: u32 = 3;
-/// Maximum length of the violation list [bytes].
+/// Maximum length of the violation list (bytes).
 const MAX_VIOLATION_BYTES: usize = 16 << 10;
 
 /// Generates `count` tasks of one kind with objects from `cards`; one outcome per task, in order.

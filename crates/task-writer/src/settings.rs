@@ -51,7 +51,7 @@ pub struct GenerationSettings {
     pub sampling: SamplingSettings,
     /// Folder with prompt files that replace built-in ones; none for the built-in ones.
     pub prompts: Option<PathBuf>,
-    /// Maximum length of an answer quoted back for repair [bytes]; longer ones are truncated.
+    /// Maximum length of an answer quoted back for repair (bytes); longer ones are truncated.
     pub max_quoted_bytes: usize,
 }
 

@@ -17,7 +17,7 @@ use genmanip_sim::EngineSettings;
 use crate::documents::read_text;
 use crate::error::RunError;
 
-/// Height of the top-down camera above the highest surface [m], and width of its view over that of the surfaces;
+/// Height of the top-down camera above the highest surface (m), and width of its view over that of the surfaces;
 /// chosen.
 const ABOVE_M: f64 = 3.0;
 const AROUND: f64 = 1.15;

@@ -24,13 +24,13 @@ use super::failure::FailureClass;
 
 /// Minimum IoU (intersection over union) with the object's ground-truth mask.
 const SAME_MASK: f64 = 0.5;
-/// Margin [m] above which a placement scores no better.
+/// Margin (m) above which a placement scores no better.
 const AMPLE_M: f64 = 0.03;
-/// Clearance [m] below which a placement counts as occupied.
+/// Clearance (m) below which a placement counts as occupied.
 const TAKEN_M: f64 = 0.01;
-/// Radius [m] within which tried grasps count towards a point.
+/// Radius (m) within which tried grasps count towards a point.
 const NEAR_POINT_M: f64 = 0.03;
-/// Height [m] of a grid path above the table, and at its ends.
+/// Height (m) of a grid path above the table, and at its ends.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
 /// Maximum path height in an answer, m.
@@ -367,7 +367,7 @@ struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// Score of a point on the table, by its margins [m]; `None` if it is unsuitable.
+    /// Score of a point on the table, by its margins (m); `None` if it is unsuitable.
     fn worth(&self, point: DVec3, room: Room) -> Option<f64> {
         let stage = self.oracle.truth.stage();
         let bounds = self.scene.bounds(self.object)?;

@@ -8,11 +8,11 @@ use super::question_kind::QuestionKind;
 use super::rejection::Rejection;
 use crate::grid::{Cell, Grid};
 
-/// Maximum length of an answer [bytes], about a hundred times a long path.
+/// Maximum length of an answer (bytes), about a hundred times a long path.
 const MAX_ANSWER_BYTES: usize = 64 << 10;
 /// Maximum number of sub-tasks and of path cells.
 const MAX_ITEMS: usize = 24;
-/// Allowed path heights above the table [m].
+/// Allowed path heights above the table (m).
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.1..=0.5;
 
 /// A valid answer.
@@ -72,9 +72,9 @@ pub struct PathAnswer {
 pub struct PathCell {
     /// The cell.
     pub cell: Cell,
-    /// Height of the carried object above the table [m].
+    /// Height of the carried object above the table (m).
     pub height_m: f64,
-    /// Yaw of the gripper relative to the grasp, counterclockwise seen from above [degrees].
+    /// Yaw of the gripper relative to the grasp, counterclockwise seen from above (degrees).
     pub yaw_deg: f64,
 }
 

@@ -114,7 +114,7 @@ fn process_reply(
     (last, is_final)
 }
 
-/// Maximum length of an answer in transcripts and retries [bytes].
+/// Maximum length of an answer in transcripts and retries (bytes).
 const MAX_KEPT_BYTES: usize = 2000;
 
 /// Truncates an answer to [`MAX_KEPT_BYTES`].

@@ -50,7 +50,7 @@ pub struct RecordedAnswer {
     /// Previously rejected answers with the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refused: Vec<[String; 2]>,
-    /// Drawn marks: centre (column, row) and area of each mask, or the points [px].
+    /// Drawn marks: centre (column, row) and area of each mask, or the points (px).
     pub marks: Vec<[f64; 3]>,
     /// Thumbnails of the images.
     pub pictures: Vec<Thumbnail>,
@@ -67,7 +67,7 @@ pub struct RecordedAnswer {
 pub struct Thumbnail {
     /// Name of the image, e.g. `masks`.
     pub name: String,
-    /// Width and height of the image [px].
+    /// Width and height of the image (px).
     pub size: [u32; 2],
     /// Three bytes per cell, row by row, 8-bit sRGB, in base64.
     pub cells: String,
@@ -80,7 +80,7 @@ pub struct Tolerance {
     pub mean: f64,
     /// Maximum difference of one cell's colour, of 255.
     pub largest: f64,
-    /// Maximum distance of a mark [px].
+    /// Maximum distance of a mark (px).
     pub mark_px: f64,
     /// Maximum relative difference of a mask's area.
     pub mark_size: f64,

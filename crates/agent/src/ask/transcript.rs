@@ -47,7 +47,7 @@ pub enum TranscriptEvent {
     Asked(Exchange),
     /// A robot action, or a failure to plan one.
     Acted {
-        /// Time since the start of the episode [s].
+        /// Time since the start of the episode (s).
         time_s: f64,
         /// Description of the action.
         what: String,

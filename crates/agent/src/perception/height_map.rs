@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-/// Cell size [m]; a pixel of the usual cameras covers 2 to 4 mm.
+/// Cell size (m); a pixel of the usual cameras covers 2 to 4 mm.
 const CELL_M: f64 = 0.005;
 
 /// Height map: the highest point in each cell of a horizontal grid.

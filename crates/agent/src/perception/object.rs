@@ -7,9 +7,9 @@ use glam::{DVec2, DVec3};
 const HULL_DIRECTIONS: usize = 80;
 /// Sampled horizontal directions for the vertices of the base.
 const BASE_DIRECTIONS: usize = 16;
-/// Objects visible down to this height stand on the table [m].
+/// Objects visible down to this height stand on the table (m).
 const ON_TABLE_M: f64 = 0.012;
-/// Minimum height of the body of a flat object [m].
+/// Minimum height of the body of a flat object (m).
 const MIN_HEIGHT_M: f64 = 0.004;
 /// Gap between the body and its support [m]: points are not that accurate.
 const ABOVE_BASE_M: f64 = 0.002;
@@ -19,15 +19,15 @@ const OUTLIER_SHARE: f64 = 0.002;
 /// An object to be moved. Its frame is upright, at the centre of its footprint, at the height of its support.
 #[derive(Clone, Debug)]
 pub struct ObservedObject {
-    /// Object points, world frame [m].
+    /// Object points, world frame (m).
     pub points: Vec<DVec3>,
     /// `world_from_object`: centre of the footprint, height of the support, no rotation.
     pub pose: Pose,
     /// Convex body that contains the points and reaches down to the base, object frame.
     pub pieces: Vec<Piece>,
-    /// Half extents along x and y [m].
+    /// Half extents along x and y (m).
     pub half: DVec2,
-    /// Height above the base [m].
+    /// Height above the base (m).
     pub height_m: f64,
 }
 

@@ -19,7 +19,7 @@ pub struct CellSettings {
     pub snap: bool,
     /// Minimum share of a cell's pixels that an object must cover for the cell to refer to it.
     pub thing_share: f64,
-    /// Clearance around the placed object [m].
+    /// Clearance around the placed object (m).
     pub clearance_m: f64,
     /// Candidate points along each side of a cell.
     pub samples: usize,
@@ -41,13 +41,13 @@ impl Default for CellSettings {
 /// A placement target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacementTarget {
-    /// Rest position of the object's footprint centre, world frame [m].
+    /// Rest position of the object's footprint centre, world frame (m).
     pub point: DVec3,
     /// Alternative free points in the same cell if the first is out of reach, nearest first.
     pub others: Vec<DVec3>,
     /// True if the receiver is hollow, so that the object may be released from any height.
     pub hollow: bool,
-    /// Height of the receiver's rim, world z [m].
+    /// Height of the receiver's rim, world z (m).
     pub rim_m: f64,
 }
 
@@ -83,30 +83,30 @@ struct Resolver<'a> {
 /// An object that may receive another.
 struct Receiver {
     heights: HeightMap,
-    /// Centre and half extents of its upper rim, world xy [m].
+    /// Centre and half extents of its upper rim, world xy (m).
     middle: DVec2,
     half: DVec2,
     top_m: f64,
     hollow: bool,
 }
 
-/// Corners of the reachable part of the table, world xy [m].
+/// Corners of the reachable part of the table, world xy (m).
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
-/// Clearance levels that rank candidate points [m]; more clearance is no better.
+/// Clearance levels that rank candidate points (m); more clearance is no better.
 const CLEARANCE_LEVELS_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
-/// Points lower than this above the target are not obstacles [m].
+/// Points lower than this above the target are not obstacles (m).
 const MIN_OBSTACLE_HEIGHT_M: f64 = 0.006;
 /// A receiver longer than this multiple of the moved object holds two of them.
 const HOLDS_TWO_RATIO: f64 = 2.2;
 /// Usable share of the free extent on a receiver.
 const USABLE_SHARE: f64 = 0.8;
-/// Maximum number of alternative points per cell, and their minimum distance [m].
+/// Maximum number of alternative points per cell, and their minimum distance (m).
 const MAX_ALTERNATIVES: usize = 3;
 const MIN_ALTERNATIVE_DISTANCE_M: f64 = 0.012;
 
-/// Minimum depth of the middle below the rim of a hollow receiver [m]; deeper than plates and boards.
+/// Minimum depth of the middle below the rim of a hollow receiver (m); deeper than plates and boards.
 const MIN_HOLLOW_DEPTH_M: f64 = 0.025;
-/// Height of the rim band as a share of the receiver's height, and its minimum [m].
+/// Height of the rim band as a share of the receiver's height, and its minimum (m).
 const RIM_SHARE: f64 = 0.25;
 const MIN_RIM_M: f64 = 0.015;
 
@@ -278,7 +278,7 @@ impl Receiver {
         Some(Self { heights, middle, half, top_m, hollow })
     }
 
-    /// Support height under a footprint at `center` [m].
+    /// Support height under a footprint at `center` (m).
     fn support_m(&self, center: DVec2, half: DVec2) -> f64 {
         // Round objects do not fill their bounding box, and cavity walls slope.
         let share = if self.hollow { 0.95 } else { 0.98 };

@@ -2,7 +2,7 @@
 
 use genmanip_core::RgbdImage;
 
-/// Filter radius [px]. Chosen: errors of stereo cameras are correlated over about three pixels, so that nine pixels
+/// Filter radius (px). Chosen: errors of stereo cameras are correlated over about three pixels, so that nine pixels
 /// reduce them to a third.
 const RADIUS: usize = 4;
 /// Maximum inverse-depth difference within one surface, in standard deviations of a single depth (three of the

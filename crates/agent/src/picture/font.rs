@@ -79,7 +79,7 @@ impl Picture {
     }
 }
 
-/// Size of a label with its background [px].
+/// Size of a label with its background (px).
 pub(super) fn label_size(text: &str, dot: f64) -> [f64; 2] {
     [(width(text) + 4.0) * dot, (LETTER[1] + 4.0) * dot]
 }

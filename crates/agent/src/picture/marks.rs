@@ -38,7 +38,7 @@ fn color(index: usize) -> Color {
     COLORS[index % COLORS.len()]
 }
 
-/// Label dot size [px], a whole number so that letters stay sharp.
+/// Label dot size (px), a whole number so that letters stay sharp.
 fn dot(picture: &Picture) -> f64 {
     (DOT * picture.unit()).round().max(1.0)
 }
@@ -270,7 +270,7 @@ fn cross(picture: &mut Picture, at: [f64; 2]) {
     }
 }
 
-/// Length of an arrow in the world [m].
+/// Length of an arrow in the world (m).
 const ARROW_M: f64 = 0.11;
 /// Position of the arrows as a share of the image's width and height: a lower corner, away from the table's centre.
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];

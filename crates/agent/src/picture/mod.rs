@@ -6,15 +6,15 @@ pub mod marks;
 /// An 8-bit sRGB image, three bytes per pixel, row-major from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Width [px].
+    /// Width (px).
     pub width: u32,
-    /// Height [px].
+    /// Height (px).
     pub height: u32,
     /// Pixel colours.
     pub rgb: Vec<u8>,
 }
 
-/// Maximum image side that is decoded [px].
+/// Maximum image side that is decoded (px).
 pub const MAX_SIDE: u32 = 8192;
 
 /// An sRGB colour.

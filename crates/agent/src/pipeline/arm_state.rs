@@ -12,15 +12,15 @@ const TABLE: &str = "table";
 pub(super) const OBJECT: &str = "the object";
 /// Obstacle name of the observed points.
 const OBSERVED_POINTS: &str = "the observed points";
-/// Half extents of the table [m], larger than the arm's reach.
+/// Half extents of the table (m), larger than the arm's reach.
 const TABLE_HALF_M: DVec3 = DVec3::new(1.2, 1.2, 0.02);
 
 /// Arm joint positions and gripper opening.
 #[derive(Clone, Debug)]
 pub(super) struct ArmState {
-    /// Joint positions [rad].
+    /// Joint positions (rad).
     pub arm: Vec<f64>,
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub width_m: f64,
 }
 

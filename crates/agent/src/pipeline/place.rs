@@ -39,7 +39,7 @@ impl HeldObject {
     }
 }
 
-/// Gripper width to command while holding [m]; smaller than the object so that the gripper applies force.
+/// Gripper width to command while holding (m); smaller than the object so that the gripper applies force.
 pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 {
     (grasp.object_from_tcp.width - motion.squeeze_m).max(0.0)
 }

@@ -3,9 +3,9 @@
 /// Pixel mask of one object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mask {
-    /// Image width [px].
+    /// Image width (px).
     pub width: u32,
-    /// Image height [px].
+    /// Image height (px).
     pub height: u32,
     /// True for pixels of the object, row-major from the top left.
     pub pixels: Vec<bool>,

@@ -4,7 +4,7 @@ use genmanip_core::{Pose, RgbdImage, RobotModel};
 use genmanip_motion::{GeometryError, triangulate};
 use glam::{DVec2, DVec3};
 
-/// Near plane [m].
+/// Near plane (m).
 const NEAR_M: f64 = 0.02;
 
 /// Triangulated collision pieces of the robot, rasterised into a silhouette.
@@ -13,10 +13,10 @@ pub struct RobotSilhouette {
     robot: RobotModel,
     /// Link index, vertices in the link frame, triangles.
     pieces: Vec<(usize, Vec<DVec3>, Vec<[u32; 3]>)>,
-    /// Depth margin in front of the pieces that still counts as the robot [m]: the pieces are approximate and depth is
+    /// Depth margin in front of the pieces that still counts as the robot (m): the pieces are approximate and depth is
     /// noisy.
     pub margin_m: f64,
-    /// Dilation of the silhouette [px], for the same reason.
+    /// Dilation of the silhouette (px), for the same reason.
     pub widened_px: usize,
 }
 
@@ -37,7 +37,7 @@ impl RobotSilhouette {
         Ok(Self { robot: robot.clone(), pieces, margin_m: 0.015, widened_px: 2 })
     }
 
-    /// True for each pixel that sees the robot at the given arm joint positions [rad] and gripper opening [m].
+    /// True for each pixel that sees the robot at the given arm joint positions (rad) and gripper opening (m).
     ///
     /// A pixel without depth counts as robot if the robot projects onto it.
     pub fn pixels(&self, arm: &[f64], gripper_width: f64, image: &RgbdImage) -> Vec<bool> {
@@ -95,7 +95,7 @@ fn fill(nearest: &mut [f32], [width, height]: [usize; 2], corners: [(DVec2, f64)
     }
 }
 
-/// Minimum filter of radius `by` [px], separable.
+/// Minimum filter of radius `by` (px), separable.
 fn widened(values: &[f32], width: usize, by: usize) -> Vec<f32> {
     let height = values.len() / width.max(1);
     let along = |values: &[f32], step: usize, position: &dyn Fn(usize) -> usize, count: usize| -> Vec<f32> {

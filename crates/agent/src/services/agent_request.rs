@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::masks::decode_image;
 use crate::ActQuestion;
 
-/// Maximum length of an instruction [bytes].
+/// Maximum length of an instruction (bytes).
 const MAX_INSTRUCTION: usize = 4096;
 
 /// Request body.
@@ -20,11 +20,11 @@ pub struct ActRequest {
     pub world_from_camera: Pose,
     /// Colour: three bytes per pixel, row by row from the top left, 8-bit sRGB, in base64.
     pub rgb: String,
-    /// Depth along the optical axis [m]: 32-bit little-endian floats in the same order, 0 for none, in base64.
+    /// Depth along the optical axis (m): 32-bit little-endian floats in the same order, 0 for none, in base64.
     pub depth_m: String,
-    /// Arm joint positions [rad].
+    /// Arm joint positions (rad).
     pub joints: Vec<f64>,
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub gripper_width_m: f64,
     /// Instruction in natural language.
     pub instruction: String,

@@ -14,9 +14,9 @@ use super::{read, transport_error};
 
 /// Maximum number of grasps accepted.
 const MAX_GRASPS: usize = 10_000;
-/// Maximum distance of a grasp from the camera [m]; larger numbers are probably millimetres.
+/// Maximum distance of a grasp from the camera (m); larger numbers are probably millimetres.
 const MAX_DISTANCE_M: f64 = 10.0;
-/// Maximum plausible gripper opening [m].
+/// Maximum plausible gripper opening (m).
 const MAX_WIDTH_M: f64 = 0.5;
 
 /// Grasp request: the target object and its surroundings, world frame.
@@ -30,7 +30,7 @@ pub struct GraspQuestion<'a> {
     pub world_from_camera: Pose,
     /// Positions of all cameras that saw the target, including that one.
     pub camera_positions: &'a [DVec3],
-    /// Height of the target's support, world z [m].
+    /// Height of the target's support, world z (m).
     pub table_height: f64,
 }
 
@@ -80,7 +80,7 @@ impl GraspSource for SampledGrasps {
     }
 }
 
-/// Request body. Points are in the camera frame [m].
+/// Request body. Points are in the camera frame (m).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GraspRequest {
@@ -91,7 +91,7 @@ pub struct GraspRequest {
     pub scene: Vec<[f32; 3]>,
     /// Camera pose; the world's z is up.
     pub world_from_camera: Pose,
-    /// Height of the target's support, world z [m].
+    /// Height of the target's support, world z (m).
     pub table_height: f64,
 }
 

@@ -14,7 +14,7 @@ use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 const MAX_MASKS: usize = 2000;
 /// IoU threshold of non-maximum suppression, as in SAM's mask generator.
 const SUPPRESSION_IOU: f64 = 0.8;
-/// Maximum image side [px].
+/// Maximum image side (px).
 const MAX_SIDE: u32 = 8192;
 
 /// Request body.
@@ -27,7 +27,7 @@ pub struct SegmentRequest {
     pub world_from_camera: Pose,
     /// Colour: three bytes per pixel, row by row from the top left, 8-bit sRGB, in base64.
     pub rgb: String,
-    /// Depth along the optical axis [m]: 32-bit little-endian floats in the same order, 0 for none, in base64.
+    /// Depth along the optical axis (m): 32-bit little-endian floats in the same order, 0 for none, in base64.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_m: Option<String>,
     /// Pixels excluded from masks.

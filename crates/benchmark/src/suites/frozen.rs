@@ -48,7 +48,7 @@ pub fn by_scenario(results: Vec<EpisodeResult>) -> BTreeMap<String, Vec<EpisodeR
     grouped
 }
 
-/// Certificate of a scenario: shortest path [m] and time [s] of the expert's verified trials.
+/// Certificate of a scenario: shortest path (m) and time (s) of the expert's verified trials.
 pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
     let verified = || trials.iter().filter(|trial| trial.success);
     let least = |value: fn(&EpisodeResult) -> f64| verified().map(value).fold(f64::INFINITY, f64::min);

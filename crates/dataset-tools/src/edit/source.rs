@@ -43,7 +43,7 @@ pub(super) struct EpisodeEntry {
     from: i64,
     /// Chunk and file index of its rows.
     data: [i64; 2],
-    /// Feature, chunk and file index, and start time [s] of each video.
+    /// Feature, chunk and file index, and start time (s) of each video.
     videos: Vec<(String, [i64; 2], f64)>,
     /// Table index and row of its entry.
     listed_in: (usize, usize),

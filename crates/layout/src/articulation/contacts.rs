@@ -15,11 +15,11 @@ pub struct JointContact {
     pub world_from_tcp: Pose,
     /// Contact point that moves with the link, TCP frame.
     pub tool_point: DVec3,
-    /// Gripper opening during the approach [m].
+    /// Gripper opening during the approach (m).
     pub open_width: f64,
-    /// Commanded gripper width while the joint moves [m].
+    /// Commanded gripper width while the joint moves (m).
     pub hold_width: f64,
-    /// Distance between gripper and link before contact [m]; 0 for a grasp.
+    /// Distance between gripper and link before contact (m); 0 for a grasp.
     pub gap_m: f64,
     /// True if the gripper need not follow the link's rotation.
     pub turns_freely: bool,
@@ -31,9 +31,9 @@ pub struct JointContact {
 
 /// Preferred approach direction: down and slightly forward. Chosen: about the gripper's direction at home.
 const PREFERRED_APPROACH: DVec3 = DVec3::new(0.35, 0.0, -0.94);
-/// Total free space between the pads and a handle, both sides [m]; chosen.
+/// Total free space between the pads and a handle, both sides (m); chosen.
 const FINGER_CLEARANCE_M: f64 = 0.016;
-/// Difference between handle width and commanded width while holding [m]; smaller is gentler; chosen.
+/// Difference between handle width and commanded width while holding (m); smaller is gentler; chosen.
 const SQUEEZE_M: f64 = 0.006;
 /// The same for a handle that pivots between the pads: a stronger grip resists the rotation and tips the object over.
 /// At 1.5 mm (15 N, about 0.5 N·m at pad friction 1) bins of 0.6 kg, which tip at 0.4 N·m, fell over; chosen.

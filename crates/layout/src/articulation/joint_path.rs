@@ -6,7 +6,7 @@ use genmanip_motion::{Allowed, Checker, CollisionWorld, Planner, PlanningScene};
 
 use super::Motion;
 
-/// Clearance between robot and object during the motion, besides the gap at the contact [m]. Chosen small, since the
+/// Clearance between robot and object during the motion, besides the gap at the contact (m). Chosen small, since the
 /// gripper works at this distance.
 const CONTACT_M: f64 = 0.0005;
 
@@ -25,9 +25,9 @@ pub(super) struct PathCheckers<'a> {
     planner: &'a Planner,
     no_contact: &'a Allowed,
     paths: &'a [JointPath],
-    /// Collision world without the object, and the clearance to it [m].
+    /// Collision world without the object, and the clearance to it (m).
     others: (&'a CollisionWorld, f64),
-    /// Gripper opening [m].
+    /// Gripper opening (m).
     pub width: f64,
     with_clearance: OnceCell<Checker<'a>>,
     along: Vec<Vec<OnceCell<Checker<'a>>>>,

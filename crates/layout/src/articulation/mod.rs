@@ -18,22 +18,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSettings {
-    /// Distance between gripper and link at the start [m]; the motion closes it.
+    /// Distance between gripper and link at the start (m); the motion closes it.
     pub gap_m: f64,
-    /// Length of straight approach and retreat [m].
+    /// Length of straight approach and retreat (m).
     pub approach_m: f64,
     /// Shares of the link's rotation that the gripper follows, in the order tried; a grasp follows all of it unless the
     /// handle pivots between the pads.
     pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,
-    /// Clearance to everything but the object while the joint moves [m].
+    /// Clearance to everything but the object while the joint moves (m).
     pub room_m: f64,
-    /// Maximum contact displacement between two checked states [m].
+    /// Maximum contact displacement between two checked states (m).
     pub step_m: f64,
-    /// Maximum rotation between two checked states [rad].
+    /// Maximum rotation between two checked states (rad).
     pub step_rad: f64,
-    /// Maximum change of an arm joint between two checked states [rad].
+    /// Maximum change of an arm joint between two checked states (rad).
     pub max_arm_step_rad: f64,
 }
 

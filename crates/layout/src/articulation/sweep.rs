@@ -13,7 +13,7 @@ use crate::obstacles;
 /// Minimum and maximum number of states checked along a joint path; chosen.
 const MIN_MAX_STEPS: [usize; 2] = [3, 60];
 
-/// Minimum lever of a contact about the joint axis [m], to avoid division by zero.
+/// Minimum lever of a contact about the joint axis (m), to avoid division by zero.
 const MIN_LEVER_M: f64 = 1e-3;
 
 /// A contact and an arm configuration that can follow it.

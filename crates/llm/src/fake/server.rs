@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// Maximum request size [bytes].
+/// Maximum request size (bytes).
 const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
 /// Socket timeout.
 const SOCKET_TIMEOUT: Duration = Duration::from_secs(10);

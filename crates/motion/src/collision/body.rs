@@ -35,7 +35,7 @@ pub enum Part {
 pub(super) struct BodyPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Required clearance [m].
+    /// Required clearance (m).
     pub(super) margin: f64,
     /// Joints that move one body relative to the other, each with its motion bound: the maximum speed of a point per
     /// unit joint velocity.
@@ -44,10 +44,10 @@ pub(super) struct BodyPair {
     pub(super) table: Option<usize>,
 }
 
-/// Maximum distance evaluated in conservative advancement [m].
+/// Maximum distance evaluated in conservative advancement (m).
 pub(super) const MAX_DISTANCE_M: f64 = 0.1;
 
-/// True if two bodies are closer than `margin` [m]; a negative margin allows that much penetration.
+/// True if two bodies are closer than `margin` (m); a negative margin allows that much penetration.
 pub(super) fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     if margin <= 0.0 {
         return matches!(bodies_separation(a, b, world_from_a, world_from_b, margin), Separation::Within(d) if d < margin);
@@ -61,7 +61,7 @@ pub(super) fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world
     })
 }
 
-/// Distance of two bodies if it is at most `margin` [m].
+/// Distance of two bodies if it is at most `margin` (m).
 pub(super) fn bodies_separation(
     a: &Body,
     b: &Body,

@@ -20,7 +20,7 @@ pub struct CollisionReport {
     pub part: String,
     /// Other body: name of an obstacle, a link or the attached object.
     pub other: String,
-    /// Distance [m]; negative is penetration depth.
+    /// Distance (m); negative is penetration depth.
     pub distance: f64,
 }
 
@@ -59,7 +59,7 @@ pub struct Checker<'a> {
 }
 
 impl<'a> Checker<'a> {
-    /// Creates a checker with a clearance of `padding` [m] from everything not allowed to touch.
+    /// Creates a checker with a clearance of `padding` (m) from everything not allowed to touch.
     pub fn new(
         robot: &'a RobotShape,
         world: &'a CollisionWorld,
@@ -259,7 +259,7 @@ impl<'a> Checker<'a> {
         moving.chain(fixed)
     }
 
-    /// Maximum distance of any point of the robot or the attached object from the base [m].
+    /// Maximum distance of any point of the robot or the attached object from the base (m).
     pub(crate) fn reach_m(&self) -> f64 {
         let from_base = |body: &Body| {
             let reachable = self.robot.reachable_ball(body);

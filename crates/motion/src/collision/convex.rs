@@ -26,7 +26,7 @@ pub struct GeometryError {
 #[derive(Clone, Debug)]
 pub(crate) struct Convex {
     pub(crate) core: Core,
-    /// Rounding radius around the core [m].
+    /// Rounding radius around the core (m).
     pub(crate) radius: f64,
     pub(crate) owner_from_core: Rigid,
     /// Bounding sphere, owner frame.
@@ -57,7 +57,7 @@ impl Ball {
         Self { center: outer_from_inner.point(self.center), radius: self.radius }
     }
 
-    /// True if two spheres certainly keep `margin` [m]; a negative margin counts as 0.
+    /// True if two spheres certainly keep `margin` (m); a negative margin counts as 0.
     #[inline]
     pub(super) fn is_apart(&self, other: &Self, margin: f64) -> bool {
         let reach = self.radius + other.radius + margin.max(0.0);

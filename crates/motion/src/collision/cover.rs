@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::convex::{Ball, Convex, Core};
 use crate::hull::convex_hull;
 
-/// Maximum overhang of a sphere before it is split: half of the body's thickness, within these bounds [m].
+/// Maximum overhang of a sphere before it is split: half of the body's thickness, within these bounds (m).
 const OVERHANG: [f64; 2] = [0.008, 0.025];
 /// Maximum split depth per body: 2^3 spheres.
 const DEPTH: usize = 3;
@@ -17,7 +17,7 @@ const DEPTH: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CoverBall {
     pub(crate) ball: Ball,
-    /// Radius around the centre that is certainly inside the body [m]; 0 if the centre is outside.
+    /// Radius around the centre that is certainly inside the body (m); 0 if the centre is outside.
     pub(crate) inner: f64,
 }
 
@@ -32,7 +32,7 @@ pub(crate) fn cover(body: &Convex) -> Vec<CoverBall> {
     balls.into_iter().map(placed).collect()
 }
 
-/// Depth of a point inside the core [m]; outside negative, at least the distance.
+/// Depth of a point inside the core (m); outside negative, at least the distance.
 fn depth_in(core: &Core, point: DVec3) -> f64 {
     match core {
         Core::Point => -point.length(),

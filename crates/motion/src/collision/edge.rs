@@ -11,7 +11,7 @@ use crate::rigid::Rigid;
 impl Checker<'_> {
     /// True if every state of a straight joint-space edge keeps its clearances.
     ///
-    /// States are sampled so that no point of the robot moves more than `spacing` [m] between them; with `spacing` at
+    /// States are sampled so that no point of the robot moves more than `spacing` (m) between them; with `spacing` at
     /// most twice the padding, nothing can be touched in between either.
     pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let steps = self.edge_steps(from, to, spacing);
@@ -97,7 +97,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Number of equal steps with at most `spacing` [m] motion of any robot point per step.
+    /// Number of equal steps with at most `spacing` (m) motion of any robot point per step.
     pub(crate) fn edge_steps(&self, from: &[f64], to: &[f64], spacing: f64) -> usize {
         let motion: f64 =
             from.iter().zip(to).zip(&self.motion_bound).map(|((a, b), bound)| (a - b).abs() * bound).sum();

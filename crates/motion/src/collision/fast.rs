@@ -34,7 +34,7 @@ pub(super) struct FastJoint {
     pub(super) is_prismatic: bool,
 }
 
-/// Clearance between a body and an obstacle [m].
+/// Clearance between a body and an obstacle (m).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FastMargin {
     /// Clear beyond this distance.
@@ -64,7 +64,7 @@ pub(super) struct FastObstacle<'a> {
 pub(super) struct FastBall {
     center: [f32; 3],
     radius: f32,
-    /// Inscribed radius around the centre [m]; 0 if unknown.
+    /// Inscribed radius around the centre (m); 0 if unknown.
     inner: f32,
 }
 
@@ -90,7 +90,7 @@ struct Near {
 pub(super) struct Scratch {
     /// Joint positions, one per joint and lane.
     pub(super) config: Vec<Lanes>,
-    /// Per body: added to the clearance [m].
+    /// Per body: added to the clearance (m).
     pub(super) inflation: Vec<f32>,
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,

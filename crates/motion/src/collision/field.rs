@@ -9,11 +9,11 @@ use glam::DVec3;
 use super::lane_geometry::{Point, ROUNDING};
 use super::lanes::{LANES, Lanes, Verdict};
 
-/// Minimum cell size [m].
+/// Minimum cell size (m).
 const CELL_M: f64 = 0.0125;
 /// Maximum number of cells; larger surfaces have larger cells.
 const MAX_CELLS: f64 = 800_000.0;
-/// Maximum gap [cells]; its square fits into a byte.
+/// Maximum gap (cells); its square fits into a byte.
 const WINDOW: usize = 16;
 
 /// Bounds on the distance to a surface.
@@ -23,7 +23,7 @@ pub(super) struct DistanceField {
     /// Cells along each axis.
     counts: [usize; 3],
     cell: f32,
-    /// Radius of the surface around its marked facets [m].
+    /// Radius of the surface around its marked facets (m).
     radius: f32,
     /// Lower bound per cell, x fastest: squared distance to the nearest marked cell [cells²].
     squared_lower: Vec<u8>,

@@ -3,7 +3,7 @@
 use super::lanes::Lanes;
 use crate::rigid::Rigid;
 
-/// Rounding error of single precision over the length of an arm [m].
+/// Rounding error of single precision over the length of an arm (m).
 pub(super) const ROUNDING: f32 = 2e-5;
 
 /// x, y and z of a point or vector, per lane.

@@ -1,6 +1,6 @@
 //! Collision checking: named obstacles, exact robot geometry, an attached object, and allowed contacts.
 //!
-//! A query asks if moving bodies keep their *clearance* [m] from obstacles and from each other, at one configuration or
+//! A query asks if moving bodies keep their *clearance* (m) from obstacles and from each other, at one configuration or
 //! everywhere along straight joint-space edges. A body is a link with collision pieces, or the attached object; the
 //! base is checked against links only, not against obstacles.
 //!

@@ -19,7 +19,7 @@ use crate::rigid::Rigid;
 const STEPS: usize = 5;
 /// Hulls with more vertices are simplified.
 const MAX_VERTICES: usize = 32;
-/// Maximum simplification error [m].
+/// Maximum simplification error (m).
 const MAX_ERROR_M: f64 = 0.0015;
 
 /// Simplified vertices of a convex body, in its owner's frame.
@@ -128,7 +128,7 @@ impl Skeleton {
     }
 }
 
-/// Simplified vertices, and how far the full hull extends beyond theirs [m].
+/// Simplified vertices, and how far the full hull extends beyond theirs (m).
 fn simplified(all: &[DVec3]) -> (Vec<DVec3>, f64) {
     let mut kept: Vec<DVec3> = Vec::new();
     for x in -1..=1 {

@@ -2,7 +2,7 @@
 //!
 //! Neighbouring links are always close; a table lookup replaces most exact distance queries.
 
-/// Lower bounds on the distance of two bodies over a grid of two joint positions [m].
+/// Lower bounds on the distance of two bodies over a grid of two joint positions (m).
 #[derive(Clone, Debug)]
 pub(crate) struct PairTable {
     axes: [Axis; 2],
@@ -43,12 +43,12 @@ impl PairTable {
         Self { axes, bounds }
     }
 
-    /// Lower bound over the whole table [m].
+    /// Lower bound over the whole table (m).
     pub(crate) fn nearest(&self) -> f64 {
         self.bounds.iter().copied().fold(f32::INFINITY, f32::min).into()
     }
 
-    /// Lower bound at a configuration [m]; `None` outside the table.
+    /// Lower bound at a configuration (m); `None` outside the table.
     pub(crate) fn bound(&self, config: impl Fn(usize) -> f64) -> Option<f64> {
         let index = |axis: &Axis| {
             let cell = (config(axis.joint) - axis.lower) / axis.cell;

@@ -59,7 +59,7 @@ impl<'a> PlacedObstacle<'a> {
             && self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
     }
 
-    /// True if a body is closer than `margin` [m] to the obstacle.
+    /// True if a body is closer than `margin` (m) to the obstacle.
     pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
         if let Some(surface) = self.surface {
             return surface.closer_than(body, world_from_body, margin, &self.relaxed_facets);
@@ -79,7 +79,7 @@ impl<'a> PlacedObstacle<'a> {
         })
     }
 
-    /// Distance of a body if it is at most `margin` [m].
+    /// Distance of a body if it is at most `margin` (m).
     pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
         if let Some(surface) = self.surface {
             return surface.separation(body, world_from_body, margin, &self.relaxed_facets);

@@ -8,7 +8,7 @@ use super::surface::{Facets, Surface};
 
 /// Maximum number of points of a cloud and of triangles of a mesh.
 const MAX_FACETS: usize = 1 << 20;
-/// Maximum distance of a point from the origin [m].
+/// Maximum distance of a point from the origin (m).
 const MAX_DISTANCE_M: f64 = 100.0;
 
 /// Error in a point cloud or triangle mesh obstacle.

@@ -22,7 +22,7 @@ impl Checker<'_> {
     /// True if straight edges keep their clearances everywhere, like `edge_is_free` for each of them.
     ///
     /// Segments with enough clearance are proven free at once by the motion of each body over half of them. Only bodies
-    /// that pass near an obstacle are followed in steps of `spacing` [m].
+    /// that pass near an obstacle are followed in steps of `spacing` (m).
     pub(crate) fn edges_are_free(&self, edges: Vec<[&[f64]; 2]>, spacing: f64) -> bool {
         let speeds: Vec<Vec<f64>> = edges.iter().map(|[from, to]| self.speeds(from, to)).collect();
         let segments_of = |edge: usize| {

@@ -23,7 +23,7 @@ struct EightPlanes {
     offset: Lanes,
 }
 
-/// Rounding error of single precision over the size of a link and its surroundings [m].
+/// Rounding error of single precision over the size of a link and its surroundings (m).
 const SINGLE: f64 = 2e-6;
 /// Normals that differ by less are one face [rad² / 2].
 const SAME_FACE: f64 = 1e-9;
@@ -134,7 +134,7 @@ impl<'a> Probe<'a> {
         inside || cores_closer_than(&at(point), core, &Core::Point, reach)
     }
 
-    /// Distance between a point, in the core frame, and the piece, both rounded, if it is at most `limit` [m].
+    /// Distance between a point, in the core frame, and the piece, both rounded, if it is at most `limit` (m).
     pub(super) fn separation_of_point(&self, point: DVec3, radius: f64, limit: f64) -> Separation {
         let rounding = self.piece.radius + radius;
         let reach = limit + rounding;
@@ -155,7 +155,7 @@ impl<'a> Probe<'a> {
         !self.is_beyond(triangle, reach) && cores_closer_than(&at(DVec3::ZERO), &self.piece.core, triangle, reach)
     }
 
-    /// Distance between a triangle, in the core frame, and the piece, if it is at most `limit` [m].
+    /// Distance between a triangle, in the core frame, and the piece, if it is at most `limit` (m).
     pub(super) fn separation_of_triangle(&self, triangle: &Triangle, limit: f64) -> Separation {
         if self.is_beyond(triangle, limit + self.piece.radius) {
             return Separation::Beyond;

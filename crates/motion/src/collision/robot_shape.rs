@@ -14,7 +14,7 @@ use super::world::Attached;
 use crate::chain::{Chain, ModelError};
 use crate::rigid::Rigid;
 
-/// Links that always stay farther apart than this are not checked against each other [m].
+/// Links that always stay farther apart than this are not checked against each other (m).
 const NEVER_NEAR_M: f64 = 0.02;
 
 /// Exact convex bodies of a robot's links and the link pairs to check.
@@ -97,7 +97,7 @@ impl RobotShape {
         &self.chain
     }
 
-    /// The links with collision pieces and the attached object, at a gripper opening [m].
+    /// The links with collision pieces and the attached object, at a gripper opening (m).
     pub(super) fn bodies<'a>(&'a self, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
         let around = |frame_from_body: &Rigid, cover: &[CoverBall]| {
             Ball::around(cover.iter().map(|ball| ball.ball.moved(frame_from_body)))
@@ -118,7 +118,7 @@ impl RobotShape {
         links.chain(carried).collect()
     }
 
-    /// Body pairs that may collide, each with a clearance of `padding` [m].
+    /// Body pairs that may collide, each with a clearance of `padding` (m).
     pub(super) fn body_pairs(&self, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
         let tested = |a: &Body, b: &Body| match (a.part, b.part) {
             (Part::Link(a), Part::Link(b)) => self.pair(a, b).is_some(),

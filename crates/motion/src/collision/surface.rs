@@ -22,7 +22,7 @@ const STACK_SIZE: usize = 64;
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     facets: Facets,
-    /// Radius around facets [m].
+    /// Radius around facets (m).
     radius: f64,
     /// Levels of the hierarchy: facets in groups of eight, then groups of groups, up to a single one.
     levels: Vec<Vec<Node>>,
@@ -281,7 +281,7 @@ impl Facets {
         }
     }
 
-    /// Cell size for which subdividing all triangles stays cheap [m].
+    /// Cell size for which subdividing all triangles stays cheap (m).
     fn smallest_cell(&self) -> f64 {
         const PIECES: f64 = 4e6;
         let Self::Triangles(triangles) = self else { return 0.0 };

@@ -19,18 +19,18 @@ use crate::collision::{Checker, Solid, SurfaceError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthSettings {
-    /// Voxel size [m]; one point per voxel is kept.
+    /// Voxel size (m); one point per voxel is kept.
     ///
     /// With radius and padding it determines how far a sharp corner of the robot can get between points: not to the
     /// surface as long as 0.7 voxels are less than radius plus padding.
     pub cell_m: f64,
-    /// Collision radius of points [m].
+    /// Collision radius of points (m).
     pub radius_m: f64,
-    /// Points within this distance of the robot or the attached object are self-filtered [m].
+    /// Points within this distance of the robot or the attached object are self-filtered (m).
     pub robot_margin_m: f64,
-    /// Points within this distance of a known obstacle are attributed to it [m].
+    /// Points within this distance of a known obstacle are attributed to it (m).
     pub known_margin_m: f64,
-    /// Standard deviation of a measured depth of 1 m [m], growing with the square of the depth; both margins grow by
+    /// Standard deviation of a measured depth of 1 m (m), growing with the square of the depth; both margins grow by
     /// four standard deviations. 0 for perfect depth.
     #[serde(default, skip_serializing_if = "is_perfect")]
     pub error_m: f64,
@@ -38,7 +38,7 @@ pub struct DepthSettings {
 
 /// Depth error bound in standard deviations; about one point in ten thousand exceeds it.
 const MAX_ERROR_SIGMAS: f64 = 4.0;
-/// Depth beyond which margins stop growing [m]; farther points are out of reach.
+/// Depth beyond which margins stop growing (m); farther points are out of reach.
 const MAX_GROWTH_DEPTH_M: f64 = 2.0;
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
@@ -62,9 +62,9 @@ pub enum DepthError {
         image: usize,
         /// Number of depths.
         got: usize,
-        /// Image width [px].
+        /// Image width (px).
         width: u32,
-        /// Image height [px].
+        /// Image height (px).
         height: u32,
     },
     /// The camera pose or projection is invalid.
@@ -90,7 +90,7 @@ pub enum DepthError {
     /// The voxel size is out of range.
     #[error("voxel size {cell_m} m: expected 0.001 to 0.1 m")]
     Cell {
-        /// Voxel size [m].
+        /// Voxel size (m).
         cell_m: f64,
     },
     /// The robot configuration in the images has the wrong length or is not finite.

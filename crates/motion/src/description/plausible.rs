@@ -15,9 +15,9 @@ pub const MAX_JOINTS: usize = 64;
 pub const MAX_PIECES: usize = 512;
 /// Maximum number of vertices of a mesh's convex hull: hull costs grow quadratically.
 pub const MAX_CORNERS: usize = 4096;
-/// Maximum distance of a vertex from the base with all joints stretched out [m].
+/// Maximum distance of a vertex from the base with all joints stretched out (m).
 pub const MAX_REACH_M: f64 = 10.0;
-/// Allowed extents of a collision piece, and coordinates of a frame in its parent frame [m].
+/// Allowed extents of a collision piece, and coordinates of a frame in its parent frame (m).
 const SIZES_M: [f64; 2] = [1e-6, 10.0];
 /// Maximum limit of a revolute joint [rad]: 16 turns either way.
 const MAX_ANGLE: f64 = 100.0;
@@ -29,7 +29,7 @@ const SPEEDS: [f64; 2] = [1e-4, 1e3];
 const MAX_CROSSING_S: f64 = 1000.0;
 /// Maximum joint effort [N·m or N].
 const MAX_EFFORT: f64 = 1e6;
-/// Maximum mass of a link [kg] and moment of inertia [kg·m²].
+/// Maximum mass of a link (kg) and moment of inertia [kg·m²].
 const MAX_MASS: f64 = 1e5;
 
 /// Likely causes of oversized values.

@@ -34,7 +34,7 @@ use crate::collision::{Allowed, Checker, CollisionWorld};
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
-/// Maximum joint motion between grasp and pre-grasp [rad]; other IK branches are farther away.
+/// Maximum joint motion between grasp and pre-grasp (rad); other IK branches are farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
 
 /// The object to be picked, at its pose.
@@ -53,9 +53,9 @@ pub struct PickedObject<'a> {
 pub struct PlaceGoal {
     /// `world_from_object` at rest.
     pub world_from_object: Pose,
-    /// Maximum release height above the goal pose [m].
+    /// Maximum release height above the goal pose (m).
     pub highest_release_m: f64,
-    /// Height above the goal pose at which the object is clear of its receiver [m]; it is lowered from there, or from
+    /// Height above the goal pose at which the object is clear of its receiver (m); it is lowered from there, or from
     /// [`FeasibilitySettings::lift_m`] if that is higher.
     pub clear_height_m: f64,
 }
@@ -71,7 +71,7 @@ pub struct PickQuery<'a> {
     pub object: PickedObject<'a>,
     /// Goal poses, one of which must allow a release; empty for none.
     pub goals: &'a [PlaceGoal],
-    /// Current arm configuration [rad]; IK solutions near it are preferred.
+    /// Current arm configuration (rad); IK solutions near it are preferred.
     pub arm: &'a [f64],
     /// Feasibility criteria.
     pub settings: &'a FeasibilitySettings,
@@ -82,11 +82,11 @@ pub struct PickQuery<'a> {
 pub struct FeasibleGrasp {
     /// The grasp, object frame; possibly the candidate rotated by half a turn.
     pub object_from_tcp: Grasp,
-    /// Arm configuration at the grasp [rad].
+    /// Arm configuration at the grasp (rad).
     pub config: Vec<f64>,
-    /// Gripper opening during the approach [m].
+    /// Gripper opening during the approach (m).
     pub opening_m: f64,
-    /// Minimum release height above a goal pose [m]; `None` without goals.
+    /// Minimum release height above a goal pose (m); `None` without goals.
     pub release_height_m: Option<f64>,
 }
 
@@ -117,7 +117,7 @@ impl<'a> PickQuery<'a> {
         PlanningScene { world: self.world, attached: None, allowed, gripper_width: opening_m }
     }
 
-    /// Gripper openings for an approach [m], preferred one first.
+    /// Gripper openings for an approach (m), preferred one first.
     fn openings(&self, grasp: &Grasp) -> impl Iterator<Item = f64> + use<> {
         let max_width = self.planner.gripper().max_width;
         let widened = self.settings.finger_room_m.map(|room| (grasp.width + room).min(max_width));
@@ -183,7 +183,7 @@ impl<'a> PickQuery<'a> {
         self.settings.object_clearance_m.is_none_or(keeps)
     }
 
-    /// Minimum release height above a goal pose [m].
+    /// Minimum release height above a goal pose (m).
     fn release_height_m(&self, grasp: &Grasp, config: &[f64], at_grasp: &Checker) -> Option<f64> {
         let (planner, settings) = (self.planner, self.settings);
         // The object will have left its current pose.
@@ -240,7 +240,7 @@ pub struct FeasibleGrasps<'a, I> {
     pending: VecDeque<FeasibleGrasp>,
     found: usize,
     rejections: GraspRejections,
-    /// Openings [m] and configurations of blocked grasps.
+    /// Openings (m) and configurations of blocked grasps.
     blocked: Vec<(f64, Vec<f64>)>,
 }
 

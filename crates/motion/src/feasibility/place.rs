@@ -22,11 +22,11 @@ pub struct PlaceQuery<'a> {
     pub pieces: &'a [Piece],
     /// Object pose in the TCP frame.
     pub tcp_from_object: Pose,
-    /// Current arm configuration [rad].
+    /// Current arm configuration (rad).
     pub arm: &'a [f64],
-    /// Current gripper opening [m].
+    /// Current gripper opening (m).
     pub held_width_m: f64,
-    /// Gripper opening for the release [m].
+    /// Gripper opening for the release (m).
     pub open_width_m: f64,
     /// Feasibility criteria.
     pub settings: &'a FeasibilitySettings,

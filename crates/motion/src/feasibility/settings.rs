@@ -19,21 +19,21 @@ pub struct FeasibilitySettings {
     pub configurations_kept: usize,
     /// Treatment of the same grasp rotated by half a turn.
     pub half_turn: HalfTurn,
-    /// Clearance of the robot to everything but the object, at grasp and release [m].
+    /// Clearance of the robot to everything but the object, at grasp and release (m).
     pub clearance_m: f64,
-    /// Clearance of the robot to the object before the gripper closes [m]; `None` lets the gripper touch the object,
+    /// Clearance of the robot to the object before the gripper closes (m); `None` lets the gripper touch the object,
     /// for grasps with known finger clearance, and arm links then keep `clearance_m` to it.
     pub object_clearance_m: Option<f64>,
-    /// Additional opening beyond the grasp width, both sides together [m], if there is space; otherwise, and if `None`,
+    /// Additional opening beyond the grasp width, both sides together (m), if there is space; otherwise, and if `None`,
     /// the opening proposed with the grasp.
     pub finger_room_m: Option<f64>,
-    /// Length of the straight approach and retreat [m].
+    /// Length of the straight approach and retreat (m).
     pub approach_m: f64,
     /// Check the pre-grasp together with the grasp; the line between them is checked when the motion is planned.
     pub tests_pregrasp: bool,
-    /// Lift height, and minimum height from which the object is lowered [m].
+    /// Lift height, and minimum height from which the object is lowered (m).
     pub lift_m: f64,
-    /// Release heights above a goal pose to try [m], lowest first.
+    /// Release heights above a goal pose to try (m), lowest first.
     pub release_heights_m: Vec<f64>,
     /// Arm configurations tried per goal pose and height.
     pub goal_configurations: usize,

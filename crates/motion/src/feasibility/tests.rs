@@ -25,7 +25,7 @@ fn cube() -> Vec<Piece> {
     cuboid(DVec3::splat(CUBE_M / 2.0))
 }
 
-/// A grasp from above, closing along an axis of the cube with yaw `yaw` [rad].
+/// A grasp from above, closing along an axis of the cube with yaw `yaw` (rad).
 fn from_above(yaw: f64) -> Grasp {
     let pose = Pose::from_position_yaw(DVec3::ZERO, yaw)
         * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };

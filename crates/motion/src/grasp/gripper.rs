@@ -10,15 +10,15 @@ use crate::rigid::Rigid;
 /// A parallel gripper for grasp sampling: exact pieces of hand and fingers, and the pads.
 #[derive(Clone, Debug)]
 pub struct Gripper {
-    /// Pad size along the closing direction, across, and along the finger [m].
+    /// Pad size along the closing direction, across, and along the finger (m).
     pub pad_size: DVec3,
-    /// Maximum opening between the pads [m].
+    /// Maximum opening between the pads (m).
     pub max_width: f64,
-    /// Extent of the fingers beyond the TCP along the approach direction [m].
+    /// Extent of the fingers beyond the TCP along the approach direction (m).
     pub tip: f64,
-    /// Distance of the palm behind the TCP [m].
+    /// Distance of the palm behind the TCP (m).
     pub palm: f64,
-    /// Extent of a finger outwards from its pad face [m].
+    /// Extent of a finger outwards from its pad face (m).
     pub finger_reach: f64,
     pub(crate) hand: Vec<Convex>,
     /// Bounds of the hand, TCP frame.

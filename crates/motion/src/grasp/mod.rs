@@ -27,35 +27,35 @@ use crate::collision::GeometryError;
 pub struct GraspSettings {
     /// Number of surface points from which lines are cast through the object.
     pub surface_points: usize,
-    /// Approach tilts about the closing direction [rad]; each is tried to both sides.
+    /// Approach tilts about the closing direction (rad); each is tried to both sides.
     pub tilts: Vec<f64>,
-    /// Maximum angle between approach and vertical [rad].
+    /// Maximum angle between approach and vertical (rad).
     pub max_tilt: f64,
-    /// The same for objects at least `tall_height` high [rad].
+    /// The same for objects at least `tall_height` high (rad).
     pub max_tilt_tall: f64,
-    /// Minimum height of objects that may be grasped from the side [m].
+    /// Minimum height of objects that may be grasped from the side (m).
     pub tall_height: f64,
     /// Friction coefficient of the antipodality check.
     pub friction: f64,
-    /// Difference between the maximum opening and the widest grasp [m].
+    /// Difference between the maximum opening and the widest grasp (m).
     pub width_clearance: f64,
-    /// Additional opening on either side during the approach [m].
+    /// Additional opening on either side during the approach (m).
     pub opening_clearance: f64,
-    /// Clearance of hand and open fingers to the object [m].
+    /// Clearance of hand and open fingers to the object (m).
     pub object_clearance: f64,
-    /// Minimum height of the gripper above the table [m].
+    /// Minimum height of the gripper above the table (m).
     pub table_clearance: f64,
-    /// Objects lower than this are also sampled with lines along the table [m].
+    /// Objects lower than this are also sampled with lines along the table (m).
     pub flat_height: f64,
     /// Maximum number of proposals checked exactly.
     pub max_assessed: usize,
     /// Maximum number of candidates.
     pub max_candidates: usize,
-    /// Candidates closer than this [m] and `same_angle` [rad] to a better one are dropped.
+    /// Candidates closer than this (m) and `same_angle` (rad) to a better one are dropped.
     pub same_distance: f64,
     /// See `same_distance`.
     pub same_angle: f64,
-    /// Distance from the centre of mass at which the lever term reaches 0 [m].
+    /// Distance from the centre of mass at which the lever term reaches 0 (m).
     pub longest_lever: f64,
     /// Weights of the score's terms.
     pub weights: GraspWeights,
@@ -118,7 +118,7 @@ pub struct GraspTarget<'a> {
     pub center_of_mass: DVec3,
     /// Object pose, world frame.
     pub world_from_object: Pose,
-    /// Height of its support, world z [m].
+    /// Height of its support, world z (m).
     pub table_height: f64,
 }
 
@@ -172,7 +172,7 @@ pub(crate) fn fitting<'a>(
 }
 
 impl GraspSettings {
-    /// Maximum angle between approach and vertical for an object of this height [rad].
+    /// Maximum angle between approach and vertical for an object of this height (rad).
     fn largest_tilt(&self, height: f64) -> f64 {
         if height >= self.tall_height { self.max_tilt_tall } else { self.max_tilt }
     }

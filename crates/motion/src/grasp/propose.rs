@@ -14,7 +14,7 @@ const FLAT_SLICES: usize = 24;
 /// A TCP pose to be checked exactly, object frame.
 pub(super) struct Proposal {
     pub(super) object_from_tcp: Pose,
-    /// Distance of the contacts along their line [m].
+    /// Distance of the contacts along their line (m).
     pub(super) width: f64,
     /// Cosine of the larger angle between closing line and surface normals.
     pub(super) antipodality: f64,

@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 
-/// Link lengths of an arm with the Panda's axes (modified Denavit-Hartenberg parameters) [m].
+/// Link lengths of an arm with the Panda's axes (modified Denavit-Hartenberg parameters) (m).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FrankaGeometry {
     base_from_shoulder: Rigid,

@@ -42,7 +42,7 @@ pub struct IkSettings {
     pub singularity_weight: f64,
 }
 
-/// Maximum limit margin of continued motions [rad]; they may come closer than new ones.
+/// Maximum limit margin of continued motions (rad); they may come closer than new ones.
 const CONTINUED_MARGIN: f64 = 0.005;
 
 /// Maximum iterations with drift.

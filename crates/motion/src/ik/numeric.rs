@@ -6,7 +6,7 @@ use crate::chain::Chain;
 use crate::linear;
 use crate::rigid::Rigid;
 
-/// Position [m] and rotation [rad] error from the current to the desired TCP pose, world axes.
+/// Position (m) and rotation (rad) error from the current to the desired TCP pose, world axes.
 pub(crate) fn tcp_error(current: &Rigid, desired: &Rigid) -> [f64; 6] {
     let linear = desired.translation - current.translation;
     let angular = rotation_vector(current, desired);

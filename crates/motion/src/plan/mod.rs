@@ -18,20 +18,20 @@ pub(crate) use straight::straight_line;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlanSettings {
-    /// Clearance to everything that must not be touched [m].
+    /// Clearance to everything that must not be touched (m).
     pub padding: f64,
-    /// Allowed penetration of start and goal [m] (physical contacts penetrate slightly).
+    /// Allowed penetration of start and goal (m) (physical contacts penetrate slightly).
     pub contact_tolerance: f64,
-    /// Maximum edge of the search tree [rad] (`rrt_range` of the paper's planner, which used 0.001).
+    /// Maximum edge of the search tree (rad) (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,
-    /// Every second sample is drawn from the bounding box of start and goals extended by this [rad]: most paths lead
+    /// Every second sample is drawn from the bounding box of start and goals extended by this (rad): most paths lead
     /// through it, and shorter ones.
     pub sample_around: f64,
     /// Maximum iterations of the search.
     pub max_iterations: usize,
-    /// Maximum motion of any robot point between states checked during the search [m].
+    /// Maximum motion of any robot point between states checked during the search (m).
     pub search_spacing: f64,
-    /// Maximum motion of any robot point between states checked in the returned path [m]; up to twice the padding
+    /// Maximum motion of any robot point between states checked in the returned path (m); up to twice the padding
     /// nothing can be touched in between.
     pub final_spacing: f64,
     /// Maximum repeated searches with denser checks after the final check finds a contact.
@@ -83,7 +83,7 @@ pub enum PlanError {
     OutsideLimits {
         /// `start` or `goal`.
         which: &'static str,
-        /// Excess [rad].
+        /// Excess (rad).
         beyond: f64,
     },
     /// The start is in collision.

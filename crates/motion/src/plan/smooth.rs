@@ -6,7 +6,7 @@ use super::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
-/// Clearance on rounded corners [m], also for relaxed pairs: the timed motion deviates from the path there by fractions
+/// Clearance on rounded corners (m), also for relaxed pairs: the timed motion deviates from the path there by fractions
 /// of a millimetre.
 const CORNER_CLEARANCE: f64 = 0.001;
 

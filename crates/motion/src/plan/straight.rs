@@ -12,11 +12,11 @@ use crate::path::{Path, lerp};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StraightSettings {
-    /// TCP distance between two IK solutions [m].
+    /// TCP distance between two IK solutions (m).
     pub step: f64,
-    /// TCP rotation between two IK solutions [rad].
+    /// TCP rotation between two IK solutions (rad).
     pub turn: f64,
-    /// Maximum joint motion between two IK solutions [rad]; more indicates a singularity or a limit.
+    /// Maximum joint motion between two IK solutions (rad); more indicates a singularity or a limit.
     pub max_joint_step: f64,
 }
 

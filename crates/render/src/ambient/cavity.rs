@@ -22,7 +22,7 @@ const HALF_OPEN: f32 = 0.75;
 /// A lit cavity of a body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cavity {
-    /// Its centre in the body's frame [m].
+    /// Its centre in the body's frame (m).
     pub middle: Vec3,
     /// Share of the sky visible from its bottom.
     pub open: f32,

@@ -19,7 +19,7 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::planar::horizontal_top;
 use crate::simd::within;
 
-/// Grid spacing for large and for small images [m]. Chosen: a sixth of the width of a small object, and about a pixel.
+/// Grid spacing for large and for small images (m). Chosen: a sixth of the width of a small object, and about a pixel.
 const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;
@@ -38,7 +38,7 @@ const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
 /// Height above the surface at which a body starts to count less for a fixed camera, and range over which it fades out
-/// [m]. Chosen: carried objects have no effect, standing ones do.
+/// (m). Chosen: carried objects have no effect, standing ones do.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
 /// Weight of a higher body for a wrist camera. Fitted likewise.
@@ -49,7 +49,7 @@ const LONGEST_M: f32 = 10.0;
 /// Ambient light on the main support surface.
 #[derive(Debug, Default)]
 pub(crate) struct IrradianceGrid {
-    /// Height of the support surface [m].
+    /// Height of the support surface (m).
     top: Option<f32>,
     grid: Option<Grid>,
     /// Surface number of the support surface; 0 without one.
@@ -63,7 +63,7 @@ pub(crate) struct IrradianceGrid {
 #[derive(Debug)]
 struct Grid {
     height: f32,
-    /// First grid point in the world [m].
+    /// First grid point in the world (m).
     first: Vec2,
     step: f32,
     /// Points per row, a multiple of [`RUN`].
@@ -124,7 +124,7 @@ impl IrradianceGrid {
 }
 
 impl IrradianceGrid {
-    /// Height of the support surface [m], if there is one.
+    /// Height of the support surface (m), if there is one.
     pub fn top(&self) -> Option<f32> {
         self.top
     }
@@ -194,7 +194,7 @@ impl IrradianceGrid {
         self.bodies = bodies;
     }
 
-    /// Factor of the ambient light at a position [m].
+    /// Factor of the ambient light at a position (m).
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32) -> Vec4 {
         let Some(grid) = &self.grid else { return Vec4::ONE };
@@ -217,7 +217,7 @@ impl IrradianceGrid {
         places.contains(&None) || self.changed_after(version, places.into_iter().flatten())
     }
 
-    /// True if the irradiance anywhere between some positions [m] changed after a version.
+    /// True if the irradiance anywhere between some positions (m) changed after a version.
     fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
         let Some(grid) = &self.grid else { return false };
         let (low, high) =
@@ -231,14 +231,14 @@ impl IrradianceGrid {
 }
 
 impl Grid {
-    /// Grid coordinates of a position [m], clamped to where they can be interpolated.
+    /// Grid coordinates of a position (m), clamped to where they can be interpolated.
     #[inline(always)]
     fn on_grid(&self, place: Vec2) -> [f32; 2] {
         let at = (place - self.first) / self.step;
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
-    /// Position [m] on the support surface seen at a pixel; `None` towards the horizon.
+    /// Position (m) on the support surface seen at a pixel; `None` towards the horizon.
     fn seen_at(&self, camera: &CameraView, pixel: Vec2) -> Option<Vec2> {
         let ray = camera.point_at(pixel, 1.0) - camera.viewpoint;
         let distance = (self.height - camera.viewpoint.z) / ray.z;
@@ -258,7 +258,7 @@ impl Grid {
         Some([runs, top as usize..bottom as usize + 2])
     }
 
-    /// First position of a run [m] and spacing along x.
+    /// First position of a run (m) and spacing along x.
     fn place_of(&self, run: usize) -> [f32; 4] {
         let per_row = self.columns / RUN;
         let (column, row) = (run % per_row * RUN, run / per_row);

@@ -25,7 +25,7 @@ const LAMP_BEYOND: f32 = 0.21;
 /// Penumbra width of a body's shadow on another body, relative to the first one's radius. Chosen: the other one is as
 /// large.
 const LAMP_BLUR: f32 = 0.3;
-/// Smallest half axis [m]. Chosen.
+/// Smallest half axis (m). Chosen.
 pub(super) const THINNEST_M: f32 = 0.005;
 /// Smallest form factor that counts. Chosen: an invisible step.
 pub(super) const LEAST: f32 = 0.01;
@@ -37,7 +37,7 @@ const FADE: f32 = 4.0;
 pub(crate) struct AoProxy {
     /// Body index.
     pub(super) body: usize,
-    /// Centre in the world [m].
+    /// Centre in the world (m).
     pub(super) center: [f32; 3],
     /// Unit axes in the world divided by the half axes.
     pub(super) axes: [[f32; 3]; 3],
@@ -45,9 +45,9 @@ pub(crate) struct AoProxy {
     pub(super) volume: f32,
     /// Mean linear colour.
     pub(super) color: [f32; 3],
-    /// Distance of the centre beyond which it has no effect [m].
+    /// Distance of the centre beyond which it has no effect (m).
     pub(super) reach: f32,
-    /// Centre in the body's frame [m].
+    /// Centre in the body's frame (m).
     pub(super) middle: Vec3,
     /// Direction to the key light in the space where the ellipsoid is the unit sphere.
     pub(super) to_lamp: [f32; 3],
@@ -64,7 +64,7 @@ pub(crate) struct AoProxy {
 }
 
 impl AoProxy {
-    /// Centre in the world [m].
+    /// Centre in the world (m).
     pub fn center(&self) -> Vec3A {
         Vec3A::from_array(self.center)
     }
@@ -74,7 +74,7 @@ impl AoProxy {
         stretched(self.axes, direction)
     }
 
-    /// Height of its lowest point [m].
+    /// Height of its lowest point (m).
     pub fn lowest(&self) -> f32 {
         let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
         self.center[2] - self.axes.into_iter().map(|axis| half(axis) * half(axis)).sum::<f32>().sqrt()
@@ -97,7 +97,7 @@ impl AoProxy {
 }
 
 /// Centre in the world and unit axes divided by the half axes, of a box or ellipsoid at a pose, from its centre and
-/// half axes in the body's frame [m].
+/// half axes in the body's frame (m).
 pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32; 3]; 3]) {
     let turn = rotation(pose);
     let center = turn * Vec3A::from(middle) + pose.position.as_vec3a();

@@ -23,7 +23,7 @@ const AROUND: f32 = 0.32;
 const KEY: f32 = 0.35;
 /// Width of a reflected edge relative to the length of the ray: fingers are of brushed metal. Fitted likewise.
 const BLUR: f32 = 0.425;
-/// Added ray length [m], and added edge width of an ellipsoid relative to its radius. Chosen: reflections of touching
+/// Added ray length (m), and added edge width of an ellipsoid relative to its radius. Chosen: reflections of touching
 /// objects are sharp, but smooth.
 const NEAR_M: f32 = 0.01;
 const EDGE: f32 = 0.05;
@@ -31,7 +31,7 @@ const EDGE: f32 = 0.05;
 /// An object close to metal that reflects it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectionProxy {
-    /// Centre in the world [m].
+    /// Centre in the world (m).
     center: [f32; 3],
     /// Unit axes in the world divided by the half sides of its box.
     axes: [[f32; 3]; 3],

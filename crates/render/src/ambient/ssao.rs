@@ -15,13 +15,13 @@ use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, whole_register
 const TAPS: usize = 8;
 /// Scale of the occlusion at strength 1. Fitted to path-traced images.
 const DARKNESS: f32 = 1.375;
-/// Height above a support surface below which taps do not occlude [m]. Chosen: thinner objects cast no visible
+/// Height above a support surface below which taps do not occlude (m). Chosen: thinner objects cast no visible
 /// occlusion.
 const FLAT_M: f32 = 0.004;
-/// Largest radius on the image [px].
+/// Largest radius on the image (px).
 pub(crate) const MAX_REACH: f32 = 64.0;
 
-/// Share of the ambient light at points. A support surface at height `ground` [m] does not occlude: its reflection is
+/// Share of the ambient light at points. A support surface at height `ground` (m) does not occlude: its reflection is
 /// part of the ambient light.
 pub(crate) fn occlude(
     points: &Points,
@@ -55,7 +55,7 @@ pub(crate) fn occlude(
 pub(crate) struct SsaoTaps {
     cosine: BatchColumn,
     sine: BatchColumn,
-    /// Offset of each tap from the point [px].
+    /// Offset of each tap from the point (px).
     dx: [BatchColumn; TAPS],
     dy: [BatchColumn; TAPS],
     index: [[u32; CHUNK]; TAPS],

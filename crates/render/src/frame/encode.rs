@@ -120,7 +120,7 @@ pub fn resize_nearest<T: Copy>(size: [u32; 2], values: &[T], new_size: [u32; 2])
         .collect())
 }
 
-/// Interval of old pixels [px].
+/// Interval of old pixels (px).
 #[derive(Clone)]
 struct Span {
     start: f32,

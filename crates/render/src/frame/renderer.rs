@@ -22,7 +22,7 @@ use crate::shadow::map::ShadowMap;
 
 /// Total pixels of the kept frame caches; the least recently used ones are dropped.
 const KEPT_PIXELS: usize = 4 << 20;
-/// Longer side of images with a coarse shadow map [px].
+/// Longer side of images with a coarse shadow map (px).
 const SMALL_PX: u32 = 128;
 /// Texels per side of the shadow map of small images.
 const SMALL_SHADOW: usize = 192;

@@ -151,7 +151,7 @@ pub(crate) struct Points {
     pub pixel: [u32; CHUNK],
     pub column: BatchColumn,
     pub row: BatchColumn,
-    /// Positions in the world [m].
+    /// Positions in the world (m).
     pub place: [BatchColumn; 3],
     /// Unit normals of the triangles towards the camera, in the world.
     pub normal: [BatchColumn; 3],

@@ -11,7 +11,7 @@ use crate::raster::{Corner, Sides, Viewpoint, VisibilityBuffer, area_of, draw_me
 use crate::scene::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::scene::mesh::{ERRORS_M, Mesh};
 
-/// Distance of the near plane [m].
+/// Distance of the near plane (m).
 pub(crate) const NEAR_M: f32 = 0.01;
 
 /// A pinhole camera at a pose, in single precision.
@@ -21,13 +21,13 @@ pub struct CameraView {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Focal lengths [px].
+    /// Focal lengths (px).
     pub focal: Vec2,
-    /// Principal point [px].
+    /// Principal point (px).
     pub center: Vec2,
     /// Pose of the camera.
     pub world_from_camera: Pose,
-    /// Optical centre in the world [m].
+    /// Optical centre in the world (m).
     pub viewpoint: Vec3A,
     /// Rotation from camera axes to the world.
     pub turn: Mat3A,
@@ -55,17 +55,17 @@ pub(crate) struct PartView {
     pub world_from_body: Mat3A,
     /// Rotation from camera axes to the body's frame.
     pub body_from_camera: Mat3A,
-    /// Optical centre in the body's frame [m].
+    /// Optical centre in the body's frame (m).
     pub viewpoint_in_body: Vec3A,
-    /// Projected vertices [px] with reversed z = 1 / depth.
+    /// Projected vertices (px) with reversed z = 1 / depth.
     corners: Vec<Corner>,
     /// True if it crosses the near plane.
     is_cut: bool,
 }
 
-/// Smallest longer side of images with full mesh detail [px].
+/// Smallest longer side of images with full mesh detail (px).
 const FULL_DETAIL_PX: usize = 256;
-/// Largest surface error of a level of detail on the image [px]. Measured: with a third of a pixel, images of 64×64 and
+/// Largest surface error of a level of detail on the image (px). Measured: with a third of a pixel, images of 64×64 and
 /// 128×72 differ from full detail by 0.7 and 0.5 levels of 255 on average.
 const LEVEL_PX: f32 = 0.35;
 

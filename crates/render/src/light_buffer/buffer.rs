@@ -30,7 +30,7 @@ pub(crate) struct LightBuffer {
     /// Tiles per row, and rows of tiles.
     pub(super) columns: usize,
     pub(super) rows: usize,
-    /// Depth along the optical axis [m], 0 for the background.
+    /// Depth along the optical axis (m), 0 for the background.
     pub depth: Vec<f32>,
     /// Visibility ids; 0 for the background.
     pub ids: Vec<u32>,
@@ -65,7 +65,7 @@ pub(crate) struct LightBuffer {
 pub(super) struct TileSummary {
     /// The one surface that it shows, or [`SEVERAL`].
     pub surface: u16,
-    /// Reach of its SSAO taps on the image [px].
+    /// Reach of its SSAO taps on the image (px).
     pub reach: u16,
     /// Its bounds on the shadow map.
     pub footprint: MapFootprint,

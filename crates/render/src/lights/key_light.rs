@@ -5,13 +5,13 @@ use glam::{Mat3A, Vec3A};
 use crate::raster::Corner;
 use crate::scene::variation::RenderVariation;
 
-/// Largest penumbra radius [texels].
+/// Largest penumbra radius (texels).
 pub(crate) const MAX_RADIUS: f32 = 30.0;
 
 /// A horizontal plane on the shadow map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plane {
-    /// Texel column and row as linear functions of world x, y [m] and 1.
+    /// Texel column and row as linear functions of world x, y (m) and 1.
     pub x: [f32; 3],
     pub y: [f32; 3],
     /// Reversed z of the plane at the first texel, and its change per column and row.
@@ -49,7 +49,7 @@ impl KeyLight {
         }
     }
 
-    /// Normal bias [m] that hides the map's texel steps, and change of reversed z per texel along both axes, of a
+    /// Normal bias (m) that hides the map's texel steps, and change of reversed z per texel along both axes, of a
     /// surface with a normal in the light's axes.
     #[inline(always)]
     pub fn lift_and_tilt(&self, [slope_x, slope_y, slope_z]: [f32; 3]) -> (f32, [f32; 2]) {
@@ -73,7 +73,7 @@ impl KeyLight {
         }
     }
 
-    /// A horizontal plane at a height [m], with normal bias in its reversed z only; `None` if it faces away from the
+    /// A horizontal plane at a height (m), with normal bias in its reversed z only; `None` if it faces away from the
     /// light.
     pub fn plane(&self, height: f32) -> Option<Plane> {
         let slope = self.light_from_world * Vec3A::Z;
@@ -101,7 +101,7 @@ impl KeyLight {
         self.spread * self.texels_per_m
     }
 
-    /// Radius of the blocker search [texels].
+    /// Radius of the blocker search (texels).
     pub fn search_radius(&self) -> f32 {
         (self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS)
     }

@@ -16,7 +16,7 @@ pub struct Lighting {
     pub to_light: Vec3A,
     /// Radiosity of a white diffuse surface that faces the key light.
     pub key: Vec3A,
-    /// Squared half angular radius of the key light [rad²]: the rotation of a mirror between reflecting its centre and
+    /// Squared half angular radius of the key light (rad²): the rotation of a mirror between reflecting its centre and
     /// its edge.
     pub key_turn_squared: f32,
     /// Factor applied before tone mapping.

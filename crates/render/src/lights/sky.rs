@@ -18,7 +18,7 @@ const ZENITH: f32 = 1.1;
 /// Share of the lit support surface seen by objects above it, which shade it, in diffuse and in specular light. Fitted
 /// to path-traced images.
 const GROUND_SEEN: [f32; 2] = [0.77, 0.85];
-/// Additional share at contact, height at which it halves [m], and its increase on sides facing the key light, since an
+/// Additional share at contact, height at which it halves (m), and its increase on sides facing the key light, since an
 /// object shades the surface behind it. Fitted likewise.
 const GROUND_NEAR: f32 = 0.6;
 const NEAR_M: f32 = 0.055;
@@ -86,7 +86,7 @@ impl Sky {
         out
     }
 
-    /// Additional ambient light from the support surface on a white diffuse surface, at a height above it [m].
+    /// Additional ambient light from the support surface on a white diffuse surface, at a height above it (m).
     #[inline(always)]
     pub fn near_ground(&self, [x, y, z]: [f32; 3], height: f32) -> [f32; 3] {
         let side = self.lamp_side[0].mul_add(x, self.lamp_side[1].mul_add(y, GROUND_NEAR));

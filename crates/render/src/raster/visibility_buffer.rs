@@ -46,8 +46,8 @@ impl Planes {
     /// Triangles of a block that may show a requested side, as bits.
     #[inline(always)]
     fn showing(&self, block: usize, viewpoint: Viewpoint, [front, back]: Sides) -> u32 {
-        /// Distance [m] of the viewer behind a plane that exceeds rounding errors at some metres (for directions: angle
-        /// [rad]).
+        /// Distance (m) of the viewer behind a plane that exceeds rounding errors at some metres (for directions: angle
+        /// (rad)).
         const SURELY: f32 = 1e-5;
         let ([x, y, z], near) = match viewpoint {
             Viewpoint::At(place) => (place, 1.0),

@@ -23,7 +23,7 @@ type TileDepths = [[f32; SIDE]; SIDE];
 pub(super) struct Coverage {
     /// Weight of the covered samples in the tent filter, 0-1.
     pub share: f32,
-    /// Offset from the pixel centre to the covered sample with the largest weight [samples].
+    /// Offset from the pixel centre to the covered sample with the largest weight (samples).
     pub sample: [i8; 2],
 }
 

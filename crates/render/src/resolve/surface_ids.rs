@@ -7,7 +7,7 @@ use crate::gbuffer::view::surface_of;
 use crate::raster::{VisibilityBuffer, read_window};
 use crate::scene::assets::TRIANGLE_BITS;
 
-/// Offsets [samples] of the eight samples around a pixel centre, and their weights in the tent filter.
+/// Offsets (samples) of the eight samples around a pixel centre, and their weights in the tent filter.
 pub(super) const AROUND: [([isize; 2], f32); 8] = [
     ([-1, -1], 0.0625),
     ([0, -1], 0.125),

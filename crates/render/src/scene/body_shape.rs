@@ -7,7 +7,7 @@ use crate::scene::mesh::Mesh;
 /// Bounding box of a body's opaque parts in its frame, and their shape class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BodyShape {
-    /// Corners [m].
+    /// Corners (m).
     pub low: Vec3,
     pub high: Vec3,
     /// True if the mesh nearly fills the corners of its bounding box.

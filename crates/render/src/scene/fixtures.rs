@@ -5,9 +5,9 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::table_tops::{TOP_SIZE_M, TableTop};
 
-/// Radius of a slab's rounded edges [m].
+/// Radius of a slab's rounded edges (m).
 const EDGE_RADIUS_M: f32 = 0.012;
-/// Half width of a leg, and distance of its centre from the slab's edges [m].
+/// Half width of a leg, and distance of its centre from the slab's edges (m).
 const LEG_HALF_M: f32 = 0.03;
 const LEG_INSET_M: f32 = 0.08;
 

@@ -9,7 +9,7 @@ use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_
 
 use crate::raster::Planes;
 
-/// Largest surface error of each level of detail [m].
+/// Largest surface error of each level of detail (m).
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
 /// Largest surface error of shadow casters in large and in small images [m]: half a texel of the shadow map.
 const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
@@ -23,7 +23,7 @@ const NORMAL_ERROR: f32 = 0.1;
 /// A mesh in the frame of its body.
 #[derive(Debug)]
 pub struct Mesh {
-    /// Vertex positions [m].
+    /// Vertex positions (m).
     pub positions: Vec<Vec3>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -32,9 +32,9 @@ pub struct Mesh {
     pub(crate) planes: Planes,
     /// Quantised normal of each triangle; anti-aliasing treats triangles of different codes as different surfaces.
     pub directions: Vec<u8>,
-    /// Centre of the bounding sphere [m].
+    /// Centre of the bounding sphere (m).
     pub bounds_center: Vec3,
-    /// Radius of the bounding sphere [m].
+    /// Radius of the bounding sphere (m).
     pub bounds_radius: f32,
     /// Watertight and consistently wound: back faces are invisible from outside.
     pub closed: bool,

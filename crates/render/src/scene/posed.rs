@@ -14,7 +14,7 @@ pub struct PosedMesh<'a> {
     pub instance: u16,
     /// Pose of the mesh in the world.
     pub world_from_mesh: Pose,
-    /// Vertices in the mesh's frame [m].
+    /// Vertices in the mesh's frame (m).
     pub positions: &'a [Vec3],
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: &'a [[u32; 3]],

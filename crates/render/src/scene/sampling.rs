@@ -8,7 +8,7 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::variation::{ObjectVariation, RenderVariation};
 use crate::scene::walls::{Room, Wall};
 
-/// Largest translation [m] and rotation [rad] of a camera per axis, by its mount. Chosen: a tripod repositioned by
+/// Largest translation (m) and rotation (rad) of a camera per axis, by its mount. Chosen: a tripod repositioned by
 /// hand, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
 /// Largest relative change of an object's colour channels, roughness and metallic parameter. Chosen: visible side by

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::patterns::Pattern::{Boards, Brushed, Checks, Concrete, Flecks, Grain, Plain, Tiles, Veins, Weave};
 use crate::scene::patterns::{Known, Patterned, patterned as top};
 
-/// Size of one texture repetition [m].
+/// Size of one texture repetition (m).
 pub(crate) const TOP_SIZE_M: f32 = 1.5;
 /// Texels per side of a texture: 1.5 mm each.
 const SIZE: u32 = 1024;

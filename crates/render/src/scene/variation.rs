@@ -22,7 +22,7 @@ pub struct RenderVariation {
     pub light_color: [f32; 3],
     /// Brightness of a white surface that faces the key light, before exposure.
     pub light_intensity: f32,
-    /// Angular radius of the key light [rad]: sets the width of penumbrae.
+    /// Angular radius of the key light (rad): sets the width of penumbrae.
     pub light_angular_radius: f32,
     /// Colour of the sky.
     pub sky_color: [f32; 3],
@@ -42,15 +42,15 @@ pub struct RenderVariation {
     pub table_color: [f32; 3],
     /// Variation of the objects' paint; `None` keeps it.
     pub objects: Option<ObjectVariation>,
-    /// Radius of the ambient occlusion [m]; 0 switches it off.
+    /// Radius of the ambient occlusion (m); 0 switches it off.
     pub occlusion_radius_m: f32,
     /// Strength of the ambient occlusion, 0-2.
     pub occlusion_strength: f32,
     /// Texels per side of the shadow map; 0 switches shadows off.
     pub shadow_resolution: u32,
-    /// Centre of the ball in which objects cast shadows, world frame [m].
+    /// Centre of the ball in which objects cast shadows, world frame (m).
     pub shadow_center: [f32; 3],
-    /// Radius of that ball [m].
+    /// Radius of that ball (m).
     pub shadow_radius_m: f32,
 }
 

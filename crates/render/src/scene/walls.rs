@@ -11,7 +11,7 @@ use crate::scene::patterns::Pattern::{
 use crate::scene::patterns::{Known, Patterned, patterned as wall};
 use crate::scene::table_tops::TableTop;
 
-/// Size of one texture repetition [m].
+/// Size of one texture repetition (m).
 pub(crate) const WALL_SIZE_M: f32 = 2.4;
 /// Texels per side of a texture: 5 mm each.
 const SIZE: u32 = 512;

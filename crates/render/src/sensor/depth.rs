@@ -13,10 +13,10 @@ const EDGE: f32 = 0.02;
 /// Probabilities that a pixel at an edge has no depth, or the depth of the other side; chosen.
 const EDGE_LOST: f32 = 0.25;
 const EDGE_MIXED: f32 = 0.25;
-/// Difference in disparity at which a nearer surface hides a pixel from the second imager [px]; on slanted surfaces
+/// Difference in disparity at which a nearer surface hides a pixel from the second imager (px); on slanted surfaces
 /// half of the neighbouring pixels differ by less.
 const HIDING_PX: f32 = 1.0;
-/// Size of patches with weaker or stronger returns [px], and their amplitude; chosen: holes of real cameras are
+/// Size of patches with weaker or stronger returns (px), and their amplitude; chosen: holes of real cameras are
 /// connected.
 const PATCH_PX: usize = 6;
 const PATCH_SHARE: f32 = 0.6;

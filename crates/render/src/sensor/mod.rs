@@ -45,7 +45,7 @@ pub fn needed(camera: &Camera, wanted: Channels) -> Channels {
     Channels { depth: depth || blurs, normal: normal || measures, parts: parts || measures || blurs, ..wanted }
 }
 
-/// Exposure time of a camera [s].
+/// Exposure time of a camera (s).
 pub fn shutter_s(camera: &Camera) -> f64 {
     camera.sensor.and_then(|sensor| sensor.color).map_or(0.0, |color| color.shutter_s)
 }

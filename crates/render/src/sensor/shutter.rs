@@ -13,13 +13,13 @@ use crate::job::{FrameBuffers, FrameState};
 use crate::scene::assets::RenderAssets;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// Motion on the image below which it stays sharp [px].
+/// Motion on the image below which it stays sharp (px).
 const SHARP_PX: f64 = 0.5;
 /// Largest number of averaged images; fewer if the motion is shorter in pixels.
 const MOST_PICTURES: usize = 16;
 /// Stride between pixels whose motion is evaluated.
 const STRIDE: usize = 3;
-/// Distance of the background [m].
+/// Distance of the background (m).
 const FAR_M: f64 = 1000.0;
 
 /// Recent states.
@@ -27,7 +27,7 @@ const FAR_M: f64 = 1000.0;
 pub struct Past<'a> {
     /// Present and earlier states, newest first; at rest before the last one.
     pub moments: &'a [FrameState],
-    /// Time between two states [s].
+    /// Time between two states (s).
     pub step_s: f64,
 }
 
@@ -66,7 +66,7 @@ pub fn moments(
     (1..count).map(|index| past.at(shutter_s * index as f64 / count as f64)).collect()
 }
 
-/// Longest motion on the image during the exposure [px].
+/// Longest motion on the image during the exposure (px).
 fn longest_way_px(
     assets: &RenderAssets,
     pinhole: &Camera,

@@ -13,10 +13,10 @@ use crate::scene::variation::RenderVariation;
 use crate::scene::walls::WALL_SIZE_M;
 use crate::shading::tone_map::tone_map;
 
-/// Corners of the room in the world [m]. Chosen around the default cameras, with the floor of the default world.
+/// Corners of the room in the world (m). Chosen around the default cameras, with the floor of the default world.
 const LOW: Vec3A = Vec3A::new(-1.9, -2.7, -0.75);
 const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
-/// Distance [m] within which a room darkens towards its edges, and by how much. Chosen.
+/// Distance (m) within which a room darkens towards its edges, and by how much. Chosen.
 const EDGE: (f32, f32) = (0.35, 0.3);
 /// Brightness of the ceiling relative to the ambient light. Chosen.
 const CEILING: f32 = 0.7;

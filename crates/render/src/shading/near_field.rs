@@ -12,7 +12,7 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
 use crate::simd::{BatchColumn, CHUNK, dot};
 
-/// Adds the light of the support surface, `viewpoint_height` [m] below the camera, on objects close above it.
+/// Adds the light of the support surface, `viewpoint_height` (m) below the camera, on objects close above it.
 #[inline(always)]
 pub(super) fn ground_bounce<const LANES: usize>(
     light: &PartLight<'_>,

@@ -38,7 +38,7 @@ pub(crate) struct PartLight<'a> {
     pub glossy: Glossy,
     /// Irradiance grid, on the main support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
-    /// Height of the support surface that reflects light onto it [m], and its lit share, 0-1.
+    /// Height of the support surface that reflects light onto it (m), and its lit share, 0-1.
     pub ground: Option<f32>,
     pub ground_lit: f32,
     pub cavity: Option<Cavity>,

@@ -20,7 +20,7 @@ pub(super) struct ShadingPoints {
     /// Shadow mask and ambient occlusion.
     pub shadow: BatchColumn,
     pub ambient: BatchColumn,
-    /// Positions in the body's frame [m].
+    /// Positions in the body's frame (m).
     pub place: [BatchColumn; 3],
     /// Interpolated normals, not normalised, and texture coordinates.
     pub normal: [BatchColumn; 3],

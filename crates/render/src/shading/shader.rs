@@ -19,7 +19,7 @@ use crate::simd::{BatchColumn, CHUNK, REGISTER};
 pub(crate) struct ShadingPoint {
     /// Visibility id.
     pub id: u32,
-    /// Image position [px]; integers at pixel centres.
+    /// Image position (px); integers at pixel centres.
     pub x: f32,
     pub y: f32,
     pub depth: f32,

@@ -25,7 +25,7 @@ const FLAT_M: f32 = 2e-4;
 /// Smallest share of the bounding rectangle of the topmost triangles that they must fill. Chosen: legs are no
 /// receivers.
 const LEAST_COVER: f32 = 0.5;
-/// Map size [texels] below which a cell is one texel, otherwise 2×2. Chosen: a cell is as large as a pixel of the
+/// Map size (texels) below which a cell is one texel, otherwise 2×2. Chosen: a cell is as large as a pixel of the
 /// default static camera.
 const LARGE_MAP: usize = 512;
 
@@ -41,9 +41,9 @@ pub(crate) struct PlanarReceivers {
 /// Horizontal top of a fixture.
 #[derive(Debug)]
 pub(crate) struct PlanarReceiver {
-    /// Height in the world [m].
+    /// Height in the world (m).
     height: f32,
-    /// Cell column and row as linear functions of world x, y [m] and 1.
+    /// Cell column and row as linear functions of world x, y (m) and 1.
     cell_from_world: [[f32; 3]; 2],
     cells: SummedAreaTable,
     /// First block of 8×8 cells on the map, and number of blocks along both axes.
@@ -53,7 +53,7 @@ pub(crate) struct PlanarReceiver {
     share: Vec<f32>,
     /// Range of the shadow mask by block.
     range: Vec<[f32; 2]>,
-    /// Distance [cells] from each block within which occluders affect it.
+    /// Distance (cells) from each block within which occluders affect it.
     reach: Vec<usize>,
     /// Version of the shadow map in which each block last changed.
     changed_in: Vec<u64>,
@@ -176,13 +176,13 @@ impl PlanarReceiver {
         }
     }
 
-    /// True if a point at a height [m] may lie on the receiver.
+    /// True if a point at a height (m) may lie on the receiver.
     #[inline(always)]
     pub fn holds(&self, height: f32) -> bool {
         (height - self.height).abs() < FLAT_M
     }
 
-    /// Blocks read by pixels at some world positions [m].
+    /// Blocks read by pixels at some world positions (m).
     pub fn blocks_of(&self, places: impl Iterator<Item = Vec2>) -> Blocks {
         let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
         for place in places {

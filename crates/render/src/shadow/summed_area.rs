@@ -30,7 +30,7 @@ pub(super) struct SummedAreaTable {
     side: usize,
     /// Reversed z of the plane at the first texel, and its change per column and row.
     reversed_z: [f32; 3],
-    /// Margin [cells], whole tiles of the map.
+    /// Margin (cells), whole tiles of the map.
     margin: usize,
     /// First column and row with the margin; cells outside the map are empty.
     first: [isize; 2],
@@ -42,7 +42,7 @@ pub(super) struct SummedAreaTable {
     sums: Vec<u64>,
     /// First column and row of the window, and its columns.
     window: [usize; 3],
-    /// Half side of the blocker search [cells].
+    /// Half side of the blocker search (cells).
     search: usize,
     /// Penumbra radius per metre of occluder distance [texels/m].
     radius_per_m: f32,
@@ -146,7 +146,7 @@ impl SummedAreaTable {
         self.sums[bottom + side] + self.sums[top] - self.sums[bottom] - self.sums[top + side]
     }
 
-    /// Shadow mask at the cell centres of a summed block, and the distance [cells] within which cells were read.
+    /// Shadow mask at the cell centres of a summed block, and the distance (cells) within which cells were read.
     pub fn shares(&self, column: usize, row: usize) -> ([[f32; TILE]; TILE], usize) {
         let [x, y] = [column + self.margin, row + self.margin];
         let around = |half: usize| unpack(self.within([x - half, y - half], TILE + 2 * half)).0;

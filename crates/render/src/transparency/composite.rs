@@ -15,7 +15,7 @@ use crate::simd::{BatchColumn, CHUNK, ZERO, lerp, within};
 
 /// Number of glass interfaces that tint light near a contact (4: two cup walls; also fits solid feet).
 const LIT_THROUGH: f32 = 4.0;
-/// Distance from an object beyond which light is no longer tinted [m]. Chosen.
+/// Distance from an object beyond which light is no longer tinted (m). Chosen.
 const LIT_THROUGH_M: f32 = 0.02;
 
 /// Transparent pixels of a frame, grouped by surfaces; memory is kept from frame to frame.

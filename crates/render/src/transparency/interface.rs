@@ -31,7 +31,7 @@ pub(crate) struct LayerSample {
 pub(super) struct Interface {
     /// True if its mesh is closed (a solid object).
     pub is_solid: bool,
-    /// Image position [px], depth [m] and coverage.
+    /// Image position (px), depth (m) and coverage.
     pub place: [BatchColumn; 2],
     pub depth: BatchColumn,
     pub coverage: BatchColumn,

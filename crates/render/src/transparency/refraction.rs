@@ -25,7 +25,7 @@ pub(super) struct RefractedRays {
     /// Environment in their direction, and its weight where a ray leaves the reach of the image.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
-    /// Distance from the far interface to the opaque surface, along the optical axis [m].
+    /// Distance from the far interface to the opaque surface, along the optical axis (m).
     pub gap: BatchColumn,
     /// True if the object refracts.
     pub are_bent: bool,

@@ -10,7 +10,7 @@ use crate::scene::assets::RenderAssets;
 pub(crate) struct TransparentBuffers {
     /// Farthest back faces, with complemented reversed z, and nearest front faces.
     pub layers: [VisibilityBuffer; 2],
-    /// Bounds of the visible transparent parts [px].
+    /// Bounds of the visible transparent parts (px).
     pub areas: Vec<Rectangle>,
     /// By tile: true if a transparent part may cover samples of it or next to it; empty before the first frame.
     reached: Vec<bool>,

@@ -20,7 +20,7 @@ use genmanip_workspace::RunError;
 pub(super) const NAME: &str = "turntable";
 /// Usual size, pixels.
 const SIZE_PX: [u32; 2] = [1280, 720];
-/// Distance [m] from the camera to the target point; with the field of view, objects and arm are never cropped.
+/// Distance (m) from the camera to the target point; with the field of view, objects and arm are never cropped.
 const DISTANCE_M: f64 = 2.0;
 /// Elevation of the camera, rad; chosen: 30 degrees, over the far edge of a box and under the gripper.
 const ELEVATION: f64 = 0.52;

@@ -13,7 +13,7 @@ pub(super) struct OrganizedCloud {
     pub width: usize,
     /// True for pixels with depth.
     pub is_seen: Vec<bool>,
-    /// Points, world frame [m].
+    /// Points, world frame (m).
     pub points: Vec<Vec3>,
     /// Unit normals towards the camera, world frame; zero without depth.
     pub normals: Vec<Vec3>,
@@ -21,7 +21,7 @@ pub(super) struct OrganizedCloud {
     pub noise: f32,
     /// Camera position, world frame.
     pub camera: Vec3,
-    /// Smaller focal length of both axes [px].
+    /// Smaller focal length of both axes (px).
     pub focal_px: f32,
 }
 
@@ -47,12 +47,12 @@ impl OrganizedCloud {
         Self { width, is_seen, points, normals, noise, camera, focal_px }
     }
 
-    /// Standard deviation of the depth at a point [m].
+    /// Standard deviation of the depth at a point (m).
     pub fn depth_noise_m(&self, point: Vec3) -> f32 {
         self.noise * point.distance_squared(self.camera)
     }
 
-    /// Distance between neighbouring pixels on a surface that faces the camera [m].
+    /// Distance between neighbouring pixels on a surface that faces the camera (m).
     pub fn footprint_m(&self, point: Vec3) -> f32 {
         point.distance(self.camera) / self.focal_px
     }
@@ -78,7 +78,7 @@ fn inverse_depth_noise(inverse: &[f32], width: usize) -> f32 {
     1.4826 * *median / 6.0_f32.sqrt()
 }
 
-/// Smoothing radius [px].
+/// Smoothing radius (px).
 const SMOOTHING_PX: usize = 4;
 /// Noise reduction factor of smoothing near edges; larger on planes, see the test below.
 const SMOOTHING_GAIN: f32 = 6.0;

@@ -18,7 +18,7 @@ struct Region {
     perimeter: f32,
     /// Number of pixel edges to the support.
     support_edges: f32,
-    /// Sum of the angles between normals [`BEND_PX`] apart [rad], and their number; negative for concave regions.
+    /// Sum of the angles between normals [`BEND_PX`] apart (rad), and their number; negative for concave regions.
     bend_rad: f32,
     bends: f32,
 }
@@ -27,10 +27,10 @@ struct Region {
 #[derive(Clone, Debug, Default)]
 struct Border {
     edges: f32,
-    /// Number of edges with a depth discontinuity, and the sum of the discontinuities [m].
+    /// Number of edges with a depth discontinuity, and the sum of the discontinuities (m).
     steps: f32,
     step_m: f32,
-    /// Number of concave and convex edges without a discontinuity, and the sum of the concave angles [rad].
+    /// Number of concave and convex edges without a discontinuity, and the sum of the concave angles (rad).
     concave: f32,
     /// Number of concave edges with two steep sides.
     steep: f32,
@@ -291,7 +291,7 @@ impl Graph {
         self.regions.len()
     }
 
-    /// Area of a region [px].
+    /// Area of a region (px).
     pub fn pixels(&self, region: u32) -> f64 {
         f64::from(self.regions[region as usize].pixels)
     }
@@ -317,9 +317,9 @@ pub fn merge_probability(features: &Features) -> f64 {
 
 /// Minimum depth discontinuity as a multiple of the distance of neighbouring points.
 const STEP_FOOTPRINTS: f32 = 1.5;
-/// Minimum angle between normals at a concave or convex edge [rad].
+/// Minimum angle between normals at a concave or convex edge (rad).
 const MIN_BEND_RAD: f32 = 0.26;
-/// Distance over which angles between normals are measured [px].
+/// Distance over which angles between normals are measured (px).
 const BEND_PX: usize = 3;
 /// Maximum vertical component of the normal of a steep surface.
 const MAX_STEEP_NORMAL_Z: f32 = 0.35;

@@ -21,7 +21,7 @@ use regions::{NONE, RegionSettings, regions};
 /// Segmentation settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RgbdSettings {
-    /// Minimum height of an object above its support [m].
+    /// Minimum height of an object above its support (m).
     pub min_height_m: f32,
     /// The same in standard deviations of the measured height.
     pub min_height_sigmas: f32,
@@ -29,7 +29,7 @@ pub struct RgbdSettings {
     pub min_probability: f64,
     /// The same when segmenting one object into parts.
     pub min_probability_within_object: f64,
-    /// Minimum mask area [px].
+    /// Minimum mask area (px).
     pub min_area_px: usize,
 }
 

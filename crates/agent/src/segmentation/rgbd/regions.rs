@@ -10,13 +10,13 @@ use super::cloud::OrganizedCloud;
 /// Oversegmentation settings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RegionSettings {
-    /// Distance from the tangent plane with dissimilarity 1 [m].
+    /// Distance from the tangent plane with dissimilarity 1 (m).
     pub step_m: f32,
     /// The same in standard deviations of the depth.
     pub step_sigmas: f32,
-    /// Concave angle with dissimilarity 1 [rad].
+    /// Concave angle with dissimilarity 1 (rad).
     pub concave_rad: f32,
-    /// Convex angle with dissimilarity 1 [rad].
+    /// Convex angle with dissimilarity 1 (rad).
     pub convex_rad: f32,
     /// Brightness difference with dissimilarity 1.
     pub brightness: f32,
@@ -109,13 +109,13 @@ fn dissimilarity(cloud: &OrganizedCloud, colors: &[Vec3], one: usize, other: usi
     (step * step).max(bend * bend).min(4.0) + brightness * brightness + hue * hue
 }
 
-/// Smaller distance of either point from the other's tangent plane [m].
+/// Smaller distance of either point from the other's tangent plane (m).
 fn tangent_distance_m(cloud: &OrganizedCloud, one: usize, other: usize) -> f32 {
     let apart = cloud.points[other] - cloud.points[one];
     apart.dot(cloud.normals[one]).abs().min(apart.dot(cloud.normals[other]).abs())
 }
 
-/// Angle between the normals [rad]; negative if concave.
+/// Angle between the normals (rad); negative if concave.
 pub(super) fn normal_angle(cloud: &OrganizedCloud, one: usize, other: usize) -> f32 {
     let (a, b) = (cloud.normals[one], cloud.normals[other]);
     let angle = a.dot(b).clamp(-1.0, 1.0).acos();

@@ -6,13 +6,13 @@ use super::cloud::OrganizedCloud;
 
 /// Cosine of the maximum tilt of a horizontal surface, 25 degrees: normals of noisy depth are that inaccurate.
 const MIN_NORMAL_Z: f32 = 0.9;
-/// Bin size of the height histogram [m].
+/// Bin size of the height histogram (m).
 const BIN_M: f32 = 0.005;
-/// Height range of the histogram [m], limited by the robot's reach.
+/// Height range of the histogram (m), limited by the robot's reach.
 const HEIGHTS_M: [f32; 2] = [-0.5, 1.2];
 /// Minimum area of a support [m²]; larger than any tray or board.
 const MIN_AREA_M2: f32 = 0.15;
-/// Cell size of a plane's occupancy grid [m].
+/// Cell size of a plane's occupancy grid (m).
 const CELL_M: f32 = 0.05;
 /// Cells along either axis, centred at the robot's base.
 const CELLS: usize = 80;
@@ -28,7 +28,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Height of a point above the plane [m]; `None` outside its extent.
+    /// Height of a point above the plane (m); `None` outside its extent.
     pub fn height_of(&self, point: Vec3) -> Option<f32> {
         let is_over = cell_of(point).is_some_and(|cell| self.visible_cells[cell]);
         is_over.then(|| point.z - self.height - self.slope.dot(point.truncate()))

@@ -15,7 +15,7 @@ pub(super) struct Cloud {
     pub(super) coarse: Vec<DVec3>,
     /// Estimate of the centre of mass: mean of the completed surface.
     pub(super) center: DVec3,
-    /// Root mean square distance of the target's points from `center` [m].
+    /// Root mean square distance of the target's points from `center` (m).
     pub(super) spread: f64,
     pub(super) table_height: f64,
     /// Occlusion model.
@@ -24,7 +24,7 @@ pub(super) struct Cloud {
 
 /// Minimum number of points.
 const MIN_POINTS: usize = 12;
-/// Minimum second principal extent of a surface [m].
+/// Minimum second principal extent of a surface (m).
 const MIN_EXTENT_M: f64 = 0.001;
 
 pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings) -> Result<Cloud, CloudError> {

@@ -32,7 +32,7 @@ pub struct CloudTarget<'a> {
     pub cameras: &'a [DVec3],
     /// Points of obstacles; the table may be omitted.
     pub scene: &'a [DVec3],
-    /// Height of the table, world z [m].
+    /// Height of the table, world z (m).
     pub table_height: f64,
 }
 
@@ -70,7 +70,7 @@ pub enum CloudError {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CloudSettings {
-    /// Voxel size of downsampling [m].
+    /// Voxel size of downsampling (m).
     pub voxel: f64,
     /// Maximum target points; above it, voxels are enlarged, since large objects need less detail.
     pub most_points: usize,
@@ -78,17 +78,17 @@ pub struct CloudSettings {
     pub hidden_share: f64,
     /// Number of rolls over half a turn when approaching from above; two more follow the target's axes.
     pub rolls: usize,
-    /// Tilts of the other approaches from vertical [rad].
+    /// Tilts of the other approaches from vertical (rad).
     pub tilts: Vec<f64>,
-    /// Tip depths below the top of a strip to try [m].
+    /// Tip depths below the top of a strip to try (m).
     pub depths: Vec<f64>,
-    /// Minimum height of the gripper above the table [m].
+    /// Minimum height of the gripper above the table (m).
     pub table_clearance: f64,
-    /// Clearance on either side between open pads and target, widest first [m].
+    /// Clearance on either side between open pads and target, widest first (m).
     pub opening_clearances: Vec<f64>,
-    /// Clearance of the hand to everything [m].
+    /// Clearance of the hand to everything (m).
     pub hand_clearance: f64,
-    /// Difference between the maximum opening and the widest grasp [m].
+    /// Difference between the maximum opening and the widest grasp (m).
     pub width_clearance: f64,
     /// Maximum number of candidates.
     pub max_candidates: usize,
@@ -120,7 +120,7 @@ impl Default for CloudSettings {
 pub struct CloudGrasp {
     /// TCP pose in the world frame, contact distance, and success probability.
     pub grasp: Grasp,
-    /// Gripper opening for the approach [m].
+    /// Gripper opening for the approach (m).
     pub opening: f64,
     /// Features of the success model.
     pub features: Features,

@@ -88,7 +88,7 @@ impl Occlusion {
         rotated.into_iter().chain(axes.into_iter().filter(|axis| axis.dot(towards) > 0.5)).collect()
     }
 
-    /// Depth of a point behind the nearest observed surface [m], for the camera with the best view.
+    /// Depth of a point behind the nearest observed surface (m), for the camera with the best view.
     fn depth_behind(&self, point: DVec3) -> f64 {
         let depth_behind =
             self.views.iter().map(|view| view.depth_behind(point).into_iter().fold(f64::NEG_INFINITY, f64::max));
@@ -111,9 +111,9 @@ impl Mirror {
 /// Plane offsets from the centroid, in steps of [`OFFSET_M`].
 const OFFSETS: std::ops::RangeInclusive<i32> = -6..=15;
 const OFFSET_M: f64 = 0.003;
-/// Maximum depth behind an observed surface that counts as a match [m].
+/// Maximum depth behind an observed surface that counts as a match (m).
 const MATCH_M: f64 = 0.005;
-/// Minimum depth behind an observed surface of a new point [m]; others would only cost time.
+/// Minimum depth behind an observed surface of a new point (m); others would only cost time.
 const HIDDEN_M: f64 = 0.003;
 /// Minimum improvement of the match share to prefer another direction.
 const MIN_IMPROVEMENT: f64 = 0.05;
@@ -128,11 +128,11 @@ struct DepthBuffer {
     camera: DVec3,
     axes: [DVec3; 3],
     distance: f64,
-    /// Nearest depth along the camera axis, of target and scene [m].
+    /// Nearest depth along the camera axis, of target and scene (m).
     nearest: Vec<[f32; 2]>,
 }
 
-/// Cells per side of the depth buffer, and their size at the target [m].
+/// Cells per side of the depth buffer, and their size at the target (m).
 const CELLS: usize = 160;
 const CELL_M: f64 = 0.003;
 
@@ -175,7 +175,7 @@ impl DepthBuffer {
         Some((place(x)?, place(y)?, range))
     }
 
-    /// Depth of a point behind target and scene [m]; negative if they are behind or beside it.
+    /// Depth of a point behind target and scene (m); negative if they are behind or beside it.
     fn depth_behind(&self, point: DVec3) -> [f64; 2] {
         let Some((column, row, range)) = self.cell(point) else { return [f64::NEG_INFINITY; 2] };
         self.nearest[row * CELLS + column].map(|nearest| range - f64::from(nearest))
@@ -189,7 +189,7 @@ struct HeightGrid {
     highest: Vec<f32>,
 }
 
-/// Cells per side of the height grid, and their size [m].
+/// Cells per side of the height grid, and their size (m).
 const GRID_CELLS: usize = 80;
 const GRID_CELL_M: f64 = 0.005;
 
@@ -220,7 +220,7 @@ impl HeightGrid {
         Some(place(point.y - self.corner.y)? * GRID_CELLS + place(point.x - self.corner.x)?)
     }
 
-    /// Depth of a point below the highest observed point [m].
+    /// Depth of a point below the highest observed point (m).
     fn above(&self, point: DVec3) -> f64 {
         self.cell(point).map_or(f64::NEG_INFINITY, |cell| f64::from(self.highest[cell]) - point.z)
     }

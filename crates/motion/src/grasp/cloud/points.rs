@@ -10,7 +10,7 @@ pub(super) struct Seen {
     pub(super) guessed: bool,
 }
 
-/// A point in gripper coordinates: along closing, across, along approach [m]; in 32 bits for memory bandwidth.
+/// A point in gripper coordinates: along closing, across, along approach (m); in 32 bits for memory bandwidth.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Local {
     pub(super) c: f32,

@@ -7,21 +7,21 @@ use super::filter::Cloud;
 use super::points::Local;
 use crate::grasp::Gripper;
 
-/// Points within this distance of the outermost one are in contact [m].
+/// Points within this distance of the outermost one are in contact (m).
 const CONTACT_M: f64 = 0.0015;
-/// Points within this distance of the outermost one determine the contact's slope [m].
+/// Points within this distance of the outermost one determine the contact's slope (m).
 const SLOPE_M: f64 = 0.004;
 
 /// Contact patch of one pad.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    /// Position along the closing direction [m].
+    /// Position along the closing direction (m).
     pub(super) c: f64,
-    /// Lateral offset of the patch from the pad's centre [m].
+    /// Lateral offset of the patch from the pad's centre (m).
     h: f64,
-    /// Distance of the patch's centre behind the tips [m].
+    /// Distance of the patch's centre behind the tips (m).
     depth: f64,
-    /// Extents of the patch across and along the finger [m].
+    /// Extents of the patch across and along the finger (m).
     size: [f64; 2],
     /// Tangent of the angle between surface and pad, from a plane fit near the contact.
     slope: f64,

@@ -8,14 +8,14 @@ use super::points::Local;
 use super::score::{Contacts, Features};
 use super::{CloudGrasp, CloudSettings, Gripper, tcp_pose};
 
-/// Cell size along the closing direction and across it [m].
+/// Cell size along the closing direction and across it (m).
 const CELL: f64 = 0.002;
 const ROW: f64 = 0.003;
-/// Distance between strips [rows].
+/// Distance between strips (rows).
 const STRIDE: usize = 2;
-/// Distance of a pad's centre from its contact [m].
+/// Distance of a pad's centre from its contact (m).
 const PAD_MIDDLE_M: f64 = 0.005;
-/// Minimum height of the target above the tips [m].
+/// Minimum height of the target above the tips (m).
 const MIN_GRASP_HEIGHT_M: f64 = 0.0015;
 
 /// Height field towards the gripper.
@@ -322,7 +322,7 @@ fn runs(nearest: &[f32], level: f64, slot: usize) -> Vec<(usize, usize)> {
     runs
 }
 
-/// Extent of a finger outwards from its pad face [m].
+/// Extent of a finger outwards from its pad face (m).
 fn finger_thickness(gripper: &Gripper) -> f64 {
     gripper.finger_reach
 }
