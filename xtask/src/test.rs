@@ -179,7 +179,7 @@ fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.
 fn tests(workspace: &Workspace) -> Result<Outcome> {
-    let mut command = with_python(workspace, workspace.cargo(["test", "--release", "--workspace"]));
+    let mut command = with_python(workspace, workspace.cargo(["test", "--release", "--workspace", "--no-fail-fast"]));
     let line = process::shown(&command);
     eprintln!("$ {line}");
     let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| process::cannot_start(&line, &error))?;
