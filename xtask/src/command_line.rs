@@ -4,8 +4,21 @@
 pub const SUBCOMMANDS: [&str; 7] = ["setup", "demo", "install", "test", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
-pub const PHASES: [&str; 12] =
-    ["setup", "fmt", "tidy", "deny", "typos", "clippy", "doc", "build", "link check", "bytes", "python", "test"];
+pub const PHASES: [&str; 13] = [
+    "setup",
+    "fmt",
+    "tidy",
+    "deny",
+    "typos",
+    "clippy",
+    "doc",
+    "build",
+    "link check",
+    "bytes",
+    "python",
+    "docs",
+    "test",
+];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.
 const OPTIONS: [&str; 4] = ["--packs", "--interop", "--cluster", "--s3"];
