@@ -1,7 +1,7 @@
 //! Command-line arguments.
 
 use genmanip_assets::CATALOGUES;
-use genmanip_terminal::parse;
+use genmanip_terminal::{GlobalArguments, parse};
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
@@ -38,18 +38,9 @@ mod world;
 #[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
                         130 stopped by a second Ctrl-C. Data goes to stdout, talk to stderr.")]
 pub struct Arguments {
-    /// Print data as JSON on stdout
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// Print errors only: no progress, no log
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
-    /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
-    #[arg(long, value_name = "DIR", global = true)]
-    pub packs: Option<PathBuf>,
-    /// Folder with robot files of your own; without: GENMANIP_ROBOTS, or `robots` in the current folder if it is there
-    #[arg(long, value_name = "DIR", global = true)]
-    pub robots: Option<PathBuf>,
+    /// Options of every subcommand
+    #[command(flatten)]
+    pub global: GlobalArguments,
     /// Subcommand
     #[command(subcommand)]
     pub command: Command,

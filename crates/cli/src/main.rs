@@ -6,7 +6,7 @@ mod launch;
 
 use std::process::ExitCode;
 
-use genmanip_terminal::{ExitStatus, Failed, Printer, packs_folder, robots_folder};
+use genmanip_terminal::{ExitStatus, Failed, Printer};
 
 use args::{Arguments, Command, GraspsCommand, TaskCommand};
 
@@ -15,10 +15,7 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    genmanip_terminal::run(arguments.json, arguments.quiet, |printer| {
-        if let Some(folder) = robots_folder(arguments.robots.as_ref()) {
-            genmanip_workspace::robots::open(&folder)?;
-        }
+    genmanip_terminal::run(&arguments.global, |printer| {
         open_packs(&arguments)?;
         run(&arguments, printer)
     })
@@ -27,8 +24,8 @@ fn main() -> ExitCode {
 /// Makes imported objects known before anything asks for one; importing itself starts from what its own pack holds.
 fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
     let is_importing = matches!(&arguments.command, Command::Assets { command: args::AssetsCommand::Import(_) });
-    let folder = packs_folder(arguments.packs.as_ref());
-    if is_importing || (arguments.packs.is_none() && !folder.is_dir()) {
+    let folder = arguments.global.packs_folder();
+    if is_importing || (arguments.global.packs.is_none() && !folder.is_dir()) {
         return Ok(());
     }
     genmanip_import::packs::open(&folder)?;
@@ -36,7 +33,7 @@ fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
 }
 
 fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let packs = packs_folder(arguments.packs.as_ref());
+    let packs = arguments.global.packs_folder();
     match &arguments.command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
         Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),

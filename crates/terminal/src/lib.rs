@@ -12,5 +12,5 @@ mod stop;
 
 pub use error::{ExitStatus, Failed};
 pub use printer::{List, Printer};
-pub use program::{arguments, environment, packs_folder, robot_help, robots_folder, run};
+pub use program::{GlobalArguments, arguments, environment, robot_help, run};
 pub use stop::on_interrupt;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::{Args, CommandFactory, FromArgMatches};
 
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -18,10 +18,44 @@ pub fn arguments<A: CommandFactory + FromArgMatches>() -> Result<A, ExitCode> {
     matches.map_err(|error| report(&error))
 }
 
-/// Runs a program with a printer, and prints its error if it failed.
-pub fn run(json: bool, quiet: bool, body: impl FnOnce(&Printer) -> Result<ExitStatus, Failed>) -> ExitCode {
-    let printer = Printer::new(json, quiet);
-    match body(&printer).and_then(|status| printer.finish().map(|()| status)) {
+/// Options of every subcommand of the programs.
+#[derive(Debug, Args)]
+pub struct GlobalArguments {
+    /// Print data as JSON on stdout
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print errors only: no progress, no log
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Folder with packs of imported objects [default: GENMANIP_PACKS, or `packs` in the current folder if it exists]
+    #[arg(long, value_name = "DIR", global = true)]
+    pub packs: Option<PathBuf>,
+    /// Folder with your robot files [default: GENMANIP_ROBOTS, or `robots` in the current folder if it exists]
+    #[arg(long, value_name = "DIR", global = true)]
+    pub robots: Option<PathBuf>,
+}
+
+impl GlobalArguments {
+    /// The folder of imported packs: as given, else `GENMANIP_PACKS`, else `packs` in the current folder.
+    pub fn packs_folder(&self) -> PathBuf {
+        let named = self.packs.clone().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
+        named.unwrap_or_else(|| "packs".into())
+    }
+
+    /// The folder of the user's robots: as given, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it
+    /// exists.
+    fn robots_folder(&self) -> Option<PathBuf> {
+        let named = self.robots.clone().or_else(|| std::env::var_os("GENMANIP_ROBOTS").map(Into::into));
+        named.or_else(|| Some(PathBuf::from("robots")).filter(|folder| folder.is_dir()))
+    }
+}
+
+/// Runs a program with a printer and the user's robots, and prints its error if it failed.
+pub fn run(global: &GlobalArguments, body: impl FnOnce(&Printer) -> Result<ExitStatus, Failed>) -> ExitCode {
+    let printer = Printer::new(global.json, global.quiet);
+    let opened = global.robots_folder().map_or(Ok(()), |folder| genmanip_workspace::robots::open(&folder).map(drop));
+    let outcome = opened.map_err(Failed::from).and_then(|()| body(&printer));
+    match outcome.and_then(|status| printer.finish().map(|()| status)) {
         Ok(status) => status.into(),
         Err(failed) => {
             printer.error(&failed);
@@ -33,18 +67,6 @@ pub fn run(json: bool, quiet: bool, body: impl FnOnce(&Printer) -> Result<ExitSt
 /// An environment variable; `None` if it is empty.
 pub fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.is_empty())
-}
-
-/// The folder of imported packs: as given, else `GENMANIP_PACKS`, else `packs` in the current folder.
-pub fn packs_folder(named: Option<&PathBuf>) -> PathBuf {
-    let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
-    named.unwrap_or_else(|| "packs".into())
-}
-
-/// The folder of the user's robots: as given, else `GENMANIP_ROBOTS`, else `robots` in the current folder if it exists.
-pub fn robots_folder(named: Option<&PathBuf>) -> Option<PathBuf> {
-    let named = named.cloned().or_else(|| std::env::var_os("GENMANIP_ROBOTS").map(Into::into));
-    named.or_else(|| Some(PathBuf::from("robots")).filter(|folder| folder.is_dir()))
 }
 
 /// Help text of an option that takes the name of a robot, with the built-in names.

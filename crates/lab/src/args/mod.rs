@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use genmanip_assets::CATALOGUES;
-use genmanip_terminal::parse;
+use genmanip_terminal::{GlobalArguments, parse};
 
 pub use motion::*;
 pub use suites::*;
@@ -18,18 +18,9 @@ mod suites;
 #[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
                         130 stopped by a second Ctrl-C. Data goes to stdout, the log to stderr.")]
 pub struct Arguments {
-    /// Print data as JSON on stdout
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// No progress, no log; errors only
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
-    /// Folder with packs of imported objects [default: GENMANIP_PACKS, or `packs` in the current folder if it exists]
-    #[arg(long, value_name = "DIR", global = true)]
-    pub packs: Option<PathBuf>,
-    /// Folder with your robot files [default: GENMANIP_ROBOTS, or `robots` in the current folder if it exists]
-    #[arg(long, value_name = "DIR", global = true)]
-    pub robots: Option<PathBuf>,
+    /// Options of every subcommand
+    #[command(flatten)]
+    pub global: GlobalArguments,
     /// The measurement
     #[command(subcommand)]
     pub command: LabCommand,
