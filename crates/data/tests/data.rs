@@ -6,7 +6,6 @@
 mod mcap;
 mod synthetic;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -21,7 +20,7 @@ use genmanip_data::{
     hdf5, zarr,
 };
 use serde_json::{Value, json};
-use synthetic::{attach_images, episode, image, result, robot, scenario};
+use synthetic::{attach_images, episode, image, result, robot, scenario, tree};
 
 /// Control steps of the three exported episodes; the last one is not a multiple of four.
 const STEPS: [usize; 3] = [48, 60, 37];
@@ -42,23 +41,6 @@ fn filled_store(root: &Path) -> EpisodeStore {
 
 fn export(store: &EpisodeStore, target: &Path, settings: &LerobotSettings) -> Result<ExportReport, DataError> {
     lerobot::export(store, &Selection::Verified, &robot(), settings, target)
-}
-
-/// Contents of all files below a folder.
-fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    let mut folders = vec![root.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                files.insert(path.strip_prefix(root).unwrap().to_owned(), fs::read(&path).unwrap());
-            }
-        }
-    }
-    files
 }
 
 #[test]

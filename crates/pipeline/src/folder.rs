@@ -304,6 +304,11 @@ impl RunFolder {
         Self { path: path.to_owned(), timings: Mutex::new(timings) }
     }
 
+    /// Path of the run.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// A path inside the run.
     pub fn join(&self, name: &str) -> PathBuf {
         self.path.join(name)

@@ -1,5 +1,9 @@
 //! Synthetic episodes in which all numbers differ, and images computed by a formula.
 
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
     AssetRef, Camera, CameraMount, Correction, Document, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame,
@@ -212,4 +216,21 @@ pub fn attach_images(store: &EpisodeStore, number: usize, frames: usize, fps: u3
         })
         .collect();
     store.attach_tracks(&result(number, frames, true).id, &tracks).unwrap();
+}
+
+/// Contents of all files below a folder.
+pub fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.insert(path.strip_prefix(root).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
 }

@@ -11,7 +11,7 @@ use genmanip_data::DataError;
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::table::Table;
 
-/// One depth image in so many is decoded; checksums are verified for all.
+/// Sampling interval of decoded depth images; checksums are verified for all.
 const DECODED_EVERY: usize = 64;
 
 pub(super) fn check(metadata: &Metadata, findings: &mut Findings) {

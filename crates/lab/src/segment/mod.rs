@@ -28,7 +28,7 @@ const MIN_PIXELS: usize = 200;
 const FOUND_IOU: f64 = 0.5;
 /// Number of worst views saved as images.
 const DRAWN: usize = 24;
-/// Tasks designed per scene, since some have no layout with so many objects.
+/// Tasks designed per scene, since some have no layout with the requested number of objects.
 const SPARE: usize = 2;
 
 /// Settings of the measurement.

@@ -124,7 +124,6 @@ pub fn collect(
         settings: &settings,
         resources,
         folder: &folder,
-        path,
         store: &store,
         options,
         writes_dataset: wants_dataset,

@@ -1,7 +1,6 @@
 //! Makes the attempts of a run: a fixed number per task, or as many as a number of verified demonstrations needs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -27,8 +26,6 @@ pub(super) struct Runner<'a> {
     pub settings: &'a PipelineSettings,
     pub resources: Resources<'a>,
     pub folder: &'a RunFolder,
-    /// Path of that folder.
-    pub path: &'a Path,
     pub store: &'a EpisodeStore,
     pub options: CollectOptions,
     /// True if a dataset follows, which needs disk space again.
@@ -57,14 +54,14 @@ impl Runner<'_> {
     /// When an episode or a file broke; finished episodes are kept.
     pub fn fixed(&self, per_task: usize) -> Result<Made, RunError> {
         let mut attempts = Planned::all(self.tasks.entries(), per_task, self.options.shard);
-        let (mut known, damaged) = self.known(&attempts)?;
+        let (mut known, damaged) = self.known(self.folder.survey(self.store)?, &attempts)?;
         attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id));
         let mut outcomes = Outcomes::new();
         let left = left(&attempts, &mut known, self.folder, self.store, self.settings, &mut outcomes);
         self.progress.begin("collecting", attempts.len());
         // Outcomes of earlier calls are counted, not reported again.
         outcomes.iter().for_each(|_| self.progress.advance());
-        let estimate = Estimate::new(self.path, left.len(), self.writes_dataset);
+        let estimate = Estimate::new(self.folder.path(), left.len(), self.writes_dataset);
         let has_made = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
         self.progress.end();
         Ok(Made { attempts, outcomes, damaged, has_made, has_changed: !left.is_empty() })
@@ -81,20 +78,20 @@ impl Runner<'_> {
     pub fn until_verified(&self, count: usize) -> Result<Made, RunError> {
         let tasks = self.tasks.entries();
         let survey = self.folder.survey(self.store)?;
-        let verified = |known: &[Known]| known.iter().filter(|known| known.outcome.success).count();
-        if verified(&survey.sound) > count {
-            let what = format!("the run has {} verified demonstrations already", verified(&survey.sound));
+        let verified = survey.sound.iter().filter(|known| known.outcome.success).count();
+        if verified > count {
+            let what = format!("the run has {verified} verified demonstrations already");
             return Err(RunError::input(what).with_hint("ask for at least as many, or choose another --out folder"));
         }
         let reach = survey.sound.len() + survey.damaged.len() + survey.strangers.len() + count;
-        let (mut known, damaged) = self.known(&Planned::in_rounds(tasks, 0..reach))?;
+        let (mut known, damaged) = self.known(survey, &Planned::in_rounds(tasks, 0..reach))?;
         if let Some((id, why)) = damaged.first() {
             return Err(RunError::input(format!("episode {id} is damaged: {why}"))
                 .with_hint("start again with --repair: damaged episodes are set aside and made anew"));
         }
         let (mut attempts, mut outcomes, mut has_made, mut has_changed) = (Vec::new(), Outcomes::new(), false, false);
         let successes = |outcomes: &Outcomes| outcomes.values().filter(|outcome| outcome.success).count();
-        let estimate = Estimate::new(self.path, count - verified(&survey.sound), self.writes_dataset);
+        let estimate = Estimate::new(self.folder.path(), count - verified, self.writes_dataset);
         self.progress.begin("collecting verified demonstrations", count);
         loop {
             let missing = count - successes(&outcomes);
@@ -120,8 +117,11 @@ impl Runner<'_> {
 
     /// Sound episodes of the run by id, and damaged ones among `attempts`; with `repair` these are set aside first.
     #[expect(clippy::type_complexity, reason = "two lists, taken apart at once")]
-    fn known(&self, attempts: &[Planned]) -> Result<(BTreeMap<String, Known>, Vec<(String, String)>), RunError> {
-        let survey = self.folder.survey(self.store)?;
+    fn known(
+        &self,
+        survey: Survey,
+        attempts: &[Planned],
+    ) -> Result<(BTreeMap<String, Known>, Vec<(String, String)>), RunError> {
         let damaged = damaged(self.folder, self.store, attempts, &survey, self.options.repair, self.progress)?;
         let survey = if self.options.repair { self.folder.survey(self.store)? } else { survey };
         Ok((survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect(), damaged))

@@ -14,8 +14,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
 
 use crate::checking::{checked, consistent_episode, listed, settings, store};
-use crate::synthetic::{attach_images, robot};
-use crate::tree;
+use crate::synthetic::{attach_images, robot, tree};
 
 /// A store of six episodes, the fourth of which failed, in a temporary folder for data sets.
 struct Fixture {

@@ -14,8 +14,7 @@ use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::checking::{checked, copy, listed, settings, store};
-use crate::synthetic::robot;
-use crate::tree;
+use crate::synthetic::{robot, tree};
 
 /// A temporary folder for data sets of six episodes, the fourth of which failed.
 struct Fixture {

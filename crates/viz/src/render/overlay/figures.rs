@@ -103,7 +103,7 @@ pub(super) fn contacts(pen: &mut Pen, contacts: &[ContactReport]) {
     }
 }
 
-/// Axes of the world, the tool, the other cameras with the edges of their sights, and the image.
+/// Axes of the world, the tool, the other cameras with the edges of their view frustums, and the image.
 pub(super) fn frames(pen: &mut Pen, tool: &Pose, others: &[(String, Projection)]) {
     axes(pen, &Pose::IDENTITY, "WORLD");
     axes(pen, tool, "TOOL");
