@@ -18,7 +18,7 @@ use genmanip_rollout::{Cores, Stage};
 use super::failure::{FailureClass, Heard};
 use super::grasps::FlawedGrasps;
 use super::model::{ModelFile, SharedModel};
-use super::{Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, WithTruth, Witness};
+use super::{Annotator, Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, WithTruth};
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 
@@ -366,9 +366,9 @@ impl AgentChoice {
         let heard = Arc::new(Mutex::new(Heard::default()));
         let (mut model, mut grasps) = (model, grasps);
         if knows {
-            let witness = Witness::new(model, truth.clone(), planner, Arc::clone(&heard));
-            grasps = Arc::new(witness.of_grasps(grasps));
-            model = Arc::new(witness);
+            let annotator = Annotator::new(model, truth.clone(), planner, Arc::clone(&heard));
+            grasps = Arc::new(annotator.of_grasps(grasps));
+            model = Arc::new(annotator);
         }
         let prompts = self.prompt_set()?;
         let services = Services { model, segmenter, grasps, prompts: Arc::new(prompts) };

@@ -5,6 +5,7 @@
 //! privileged, and every result made with it is labelled `oracle`.
 
 pub mod act_on_files;
+mod annotator;
 mod choice;
 mod counterfactual;
 pub mod demonstration_grasps;
@@ -17,9 +18,9 @@ mod oracle_segmenter;
 mod random;
 mod recording;
 mod truth;
-mod witness;
 mod words;
 
+pub use annotator::{Annotator, GraspAnnotator};
 pub use choice::{AgentChoice, GraspChoice, MadeAgent, MaskChoice, ModelChoice, Transcribing, keep};
 pub use counterfactual::Counterfactual;
 pub use failure::{Blamed, FailureClass, GRASPS, Heard, Testimony, classify};
@@ -30,4 +31,3 @@ pub use oracle_segmenter::OracleSegmenter;
 pub use random::RandomMarks;
 pub use recording::Recording;
 pub use truth::{Planted, Truth, Turns, WithTruth};
-pub use witness::{GraspWitness, Witness};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::statistics::{PairedComparison, detectable_difference};
-use crate::suite::Perturbation;
+use crate::suite_format::Perturbation;
 use crate::{EvaluationReport, StatisticsSettings, compare as compare_results};
 use genmanip_core::{EpisodeResult, TaskKind, limits};
 use genmanip_workspace::text_table;

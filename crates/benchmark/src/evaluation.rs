@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, Traits, by_trait, summarise};
-use crate::suite::Perturbation;
+use crate::suite_format::Perturbation;
 
 /// Results and summary of one policy on one suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -22,7 +22,7 @@ pub mod leaderboard_files;
 pub mod report;
 pub mod rows;
 pub mod statistics;
-pub mod suite;
+pub mod suite_format;
 pub mod suites;
 
 pub use dataset_page::{FilmStrip, dataset_page};

@@ -22,7 +22,7 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::suite::{Marginal, Review, ReviewFile, SuiteFile, marginals};
+use crate::suite_format::{Marginal, Review, ReviewFile, SuiteFile, marginals};
 use genmanip_core::{TaskKind, limits};
 use genmanip_workspace::text_table;
 use serde::Serialize;

@@ -92,7 +92,7 @@ pub struct PlacedObject {
     pub looks_hash: Option<String>,
     /// `world_from_object`.
     pub pose: Pose,
-    /// Joint positions of an articulated object, in link order.
+    /// Joint positions of an articulated object, in link order: rad, or m for prismatic joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_positions: Vec<f64>,
     /// Perturbation of its physics.

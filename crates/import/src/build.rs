@@ -7,11 +7,11 @@ use genmanip_core::{
 use glam::{DVec2, DVec3, Vec2};
 
 use crate::collision::{self, Body};
-use crate::place::{self, Given};
-use crate::prior::{self, Prior};
 use crate::raw::{RawLink, RawObject};
 use crate::report::{Guess, Report};
-use crate::{ImportError, clean, mass, simplify, words};
+use crate::typical_sizes::{self, Prior};
+use crate::units_and_frame::{self, Given};
+use crate::{ImportError, clean, mass, names_and_colors, simplify};
 
 /// Default friction coefficient: between wood and rubber on dry surfaces.
 const FRICTION: f64 = 0.6;
@@ -36,20 +36,20 @@ const MAX_STATES: usize = 6;
 /// If nothing remains after cleaning, or the object encloses no volume.
 pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Result<(ObjectModel, Report), ImportError> {
     let mut guesses = Vec::new();
-    let name = words::name(file, &raw.name);
+    let name = names_and_colors::name(file, &raw.name);
     clean::clean(file, &mut raw)?;
     raw.drop_empty_root();
-    let prior = prior::of_name(&name).or_else(|| prior::of_name(&raw.name));
+    let prior = typical_sizes::of_name(&name).or_else(|| typical_sizes::of_name(&raw.name));
     guesses.push(match prior {
         Some(prior) => Guess::new("category", &prior.category, format!("the name `{name}`")),
         None => Guess::new("category", category(&name, None), "no category of the catalogue is in its name"),
     });
-    place::to_metres(&mut raw, given.scale, prior, &mut guesses);
-    place::upright(&mut raw, given.up, prior, &mut guesses);
+    units_and_frame::to_metres(&mut raw, given.scale, prior, &mut guesses);
+    units_and_frame::upright(&mut raw, given.up, prior, &mut guesses);
     if let Some(up) = given.tipped_up {
-        place::lay(&mut raw, up, &mut guesses);
+        units_and_frame::lay(&mut raw, up, &mut guesses);
     }
-    place::center(&mut raw);
+    units_and_frame::center(&mut raw);
     simplify::simplify(&mut raw);
     bound_pieces(file, raw.links.iter().map(|link| link.collision.len()).sum(), 8 * MAX_PIECES)?;
     let mut bodies: Vec<Body> = raw.links.iter().map(collision::body).collect();
@@ -68,7 +68,7 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
         return Err(ImportError::new(file, "encloses no volume, so it has no collision geometry"));
     }
     let (mut raw, bodies) = standing(raw, bodies);
-    let size = place::bounds(&raw).size().max(collision_bounds(&raw, &bodies).size());
+    let size = units_and_frame::bounds(&raw).size().max(collision_bounds(&raw, &bodies).size());
     let pieces: Vec<&[Piece]> = bodies.iter().map(|body| body.pieces.as_slice()).collect();
     let masses = mass::masses(&raw.links, &pieces, size, prior, &mut guesses);
     let friction = friction(&raw, &mut guesses);
@@ -136,7 +136,7 @@ fn collision_bounds(raw: &RawObject, bodies: &[Body]) -> Aabb {
 fn standing(mut raw: RawObject, mut bodies: Vec<Body>) -> (RawObject, Vec<Body>) {
     let low = collision_bounds(&raw, &bodies).min.z;
     let up = Pose::from_position(DVec3::Z * -low);
-    place::move_root(&mut raw, &up);
+    units_and_frame::move_root(&mut raw, &up);
     let Body { pieces, cavity, .. } = &mut bodies[0];
     for piece in pieces.iter_mut().chain(cavity) {
         piece.link_from_piece = up * piece.link_from_piece;
@@ -241,7 +241,7 @@ fn card(
     let rigid = if is_articulated { &[][..] } else { &links[0].pieces[..] };
     let cavity = links.iter().flat_map(|link| &link.cavity).next();
     let mass_kg = links.iter().map(|link| link.mass.mass_kg).sum::<f64>();
-    let colors = words::colors(raw);
+    let colors = names_and_colors::colors(raw);
     let category = category(name, prior);
     let is_metal = raw.links.iter().flat_map(|link| &link.surfaces).any(|surface| surface.material.metallic > 0.5);
     let materials = match prior {
@@ -261,12 +261,12 @@ fn card(
         can_grasp.to_string(),
         format!("{:.0} mm at its narrowest, {mass_kg:.2} kg", narrow * 1e3),
     ));
-    let shape = words::shape(size, rigid, cavity.is_some());
+    let shape = names_and_colors::shape(size, rigid, cavity.is_some());
     ObjectCard {
-        uid: format!("{}-{}", words::slug(name), &hash[..hash.len().min(6)]),
+        uid: format!("{}-{}", names_and_colors::slug(name), &hash[..hash.len().min(6)]),
         asset: AssetRef::Imported { hash: hash.to_owned() },
         name: name.to_owned(),
-        description: words::description(&category, &colors, &shape, size),
+        description: names_and_colors::description(&category, &colors, &shape, size),
         general_category: prior.map_or_else(|| "imported".into(), |prior| prior.general_category.clone()),
         category,
         colors,

@@ -20,22 +20,22 @@ pub mod formats;
 pub mod grasps;
 pub mod image;
 pub mod mass;
+pub mod names_and_colors;
 pub mod pack;
 pub mod packs;
-pub mod place;
-pub mod prior;
 pub mod raw;
 pub mod report;
 pub mod robots;
 pub mod simplify;
-pub mod words;
+pub mod typical_sizes;
+pub mod units_and_frame;
 
 use genmanip_assets::imported::Origin;
 use genmanip_core::ObjectModel;
 
 pub use error::ImportError;
 pub use files::{Files, ReadFile};
-pub use place::Given;
+pub use units_and_frame::Given;
 
 /// An imported object.
 #[derive(Clone, Debug)]

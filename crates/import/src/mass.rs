@@ -6,9 +6,9 @@ use glam::{DMat3, DVec3};
 
 use crate::collision::hull::convex_hull;
 use crate::collision::piece_volume;
-use crate::prior::Prior;
 use crate::raw::RawLink;
 use crate::report::Guess;
+use crate::typical_sizes::Prior;
 
 /// Mean density of household objects of unknown category, hollow ones included, kg/m³.
 const DENSITY: f64 = 450.0;

@@ -16,12 +16,12 @@ mod capacity;
 mod context;
 mod distractors;
 
+mod constraint_network;
 mod error;
 mod goal_pose;
 #[cfg(test)]
 mod goal_pose_tests;
 mod moves;
-mod network;
 pub mod obstacles;
 mod order;
 mod placement;

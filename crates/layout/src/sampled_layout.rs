@@ -7,8 +7,8 @@ use genmanip_core::{Aabb, Atom, Pose, Relation, Workspace};
 use genmanip_relations::placement_window;
 use rand::{Rng, RngExt};
 
+use crate::constraint_network::{Network, ORIGIN};
 use crate::context::Context;
-use crate::network::{Network, ORIGIN};
 
 /// Headings tried until an object fits into its container. Chosen: a box that fits at a quarter of all headings is
 /// missed once in a thousand samples.

@@ -20,13 +20,13 @@
 //! ```
 
 mod cassette;
+mod cost_ledger;
 mod dialect;
 mod error;
 pub mod fake;
 pub mod files;
 mod folder;
 mod http;
-mod ledger;
 mod lines;
 mod message;
 mod model;
@@ -41,11 +41,11 @@ mod settings;
 mod transport;
 
 pub use cassette::{Cassette, CassetteChat, CassetteMode, CassetteSettings, read as read_cassette};
+pub use cost_ledger::{Cost, Ledger, ModelUsage, Price};
 pub use dialect::Dialect;
 pub use error::{ChatError, ImageError, NearestCassette, SettingsError};
 pub use folder::{FolderChat, FolderMessage, FolderPart, FolderQuestion, FolderSettings};
 pub use http::HttpChat;
-pub use ledger::{Cost, Ledger, ModelUsage, Price};
 pub use message::{Image, MediaType, Message, Part, Role};
 pub use model::ChatModel;
 pub use recorded::{RecordedImage, RecordedMessage, RecordedPart, RecordedText};

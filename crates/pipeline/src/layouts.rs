@@ -18,7 +18,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 use genmanip_workspace::documents::sweep;
-use genmanip_workspace::ledger::{Entry, Ledger};
+use genmanip_workspace::resume_ledger::{Entry, Ledger};
 use genmanip_workspace::worlds;
 
 /// Output of [`lay_out`].

@@ -7,7 +7,7 @@ pub mod adapter;
 pub mod baselines;
 pub mod cloud_verdict;
 pub mod collect;
-mod cores;
+mod cpu_cores;
 pub mod driver;
 pub mod environment;
 pub mod episode_loop;
@@ -22,7 +22,7 @@ pub mod replay;
 mod settings;
 mod stage;
 
-pub use cores::{Cores, HeldCore};
+pub use cpu_cores::{Cores, HeldCore};
 pub use driver::{Driver, Turn};
 pub use environment::Environment;
 pub use episode_loop::{resume_episode, run_corrected, run_episode, run_episode_with};

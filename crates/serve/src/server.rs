@@ -9,6 +9,7 @@ use axum::body::{Body, to_bytes};
 use axum::extract::{Path, Query, Request, State};
 use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, StatusCode};
+use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -17,6 +18,7 @@ use serde_json::json;
 use tokio::runtime::{self, Runtime};
 use tokio::sync::{Semaphore, oneshot};
 
+use crate::browser_guard;
 use crate::endpoint::Work;
 use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
 use crate::request_error::RequestError;
@@ -101,7 +103,7 @@ impl Server {
             jobs: Jobs::default(),
         });
         let (stop, stopped) = oneshot::channel::<()>();
-        let service = axum::serve(socket, router(shared)).with_graceful_shutdown(async {
+        let service = axum::serve(socket, router(shared, address.ip().is_loopback())).with_graceful_shutdown(async {
             let _ = stopped.await;
         });
         let serving = std::thread::spawn(move || {
@@ -136,7 +138,7 @@ impl Drop for Server {
     }
 }
 
-fn router(shared: Arc<Shared>) -> Router {
+fn router(shared: Arc<Shared>, listens_on_loopback: bool) -> Router {
     let (path, name) = (shared.endpoint.path(), shared.endpoint.name());
     let health = move || async move { Json(json!({"service": name, "version": env!("CARGO_PKG_VERSION")})) };
     let description = openapi(&shared.endpoint);
@@ -159,6 +161,12 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/openapi.json", get(described))
         .method_not_allowed_fallback(wrong_method)
         .fallback(nothing_here)
+        .layer(middleware::from_fn(move |request: Request, next: Next| async move {
+            match browser_guard::refusal(request.headers(), listens_on_loopback) {
+                Some(reason) => error_response(StatusCode::FORBIDDEN, reason),
+                None => next.run(request).await,
+            }
+        }))
         .with_state(shared)
 }
 

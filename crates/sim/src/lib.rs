@@ -13,7 +13,7 @@
 mod body;
 mod contact;
 mod drive;
-mod engine;
+mod engine_settings;
 mod error;
 mod mjcf;
 mod model;
@@ -26,7 +26,7 @@ mod xml;
 
 pub use body::BodyId;
 pub use contact::ContactReport;
-pub use engine::EngineSettings;
+pub use engine_settings::EngineSettings;
 pub use error::SimError;
 pub use model::Model;
 pub use scene_object::SceneObject;

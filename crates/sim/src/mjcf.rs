@@ -13,7 +13,7 @@ use genmanip_core::{MassProperties, Material, Piece, Pose, RobotModel, Shape, Su
 
 use crate::SceneObject;
 use crate::drive::setpoint_from_width;
-use crate::engine::CheckedSettings;
+use crate::engine_settings::CheckedSettings;
 use crate::xml::Element;
 
 pub(crate) use objects::{object_body, object_free_joint, object_joint};

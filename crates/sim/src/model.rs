@@ -8,7 +8,7 @@ use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
 use crate::body::BodyId;
-use crate::engine::CheckedSettings;
+use crate::engine_settings::CheckedSettings;
 use crate::scene_object::SceneObject;
 use crate::{ENGINE, SimError, engine_version, mjcf};
 

@@ -11,8 +11,8 @@ use genmanip_layout::Move;
 use genmanip_relations::{PosedScene, judge_atom};
 
 use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
+use crate::annotator::distance;
 use crate::failure::FailureClass;
-use crate::witness::distance;
 
 /// Answer that ignores the requested format.
 const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";

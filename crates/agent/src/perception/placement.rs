@@ -1,4 +1,4 @@
-//! Resolution of grid cells to placement targets.
+//! Conversion of a grid cell that the model named into a place for the object.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::{HeightMap, ObservedObject, SegmentedViews, View};
 use crate::grid::{Cell, Grid};
 use crate::segmentation::Mask;
 
-/// Resolution of grid cells to placement targets.
+/// Settings for converting a named grid cell into a place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CellSettings {
@@ -82,11 +82,14 @@ struct Resolver<'a> {
 
 /// An object that may receive another.
 struct Receiver {
+    /// Heights of its observed points, world z (m).
     heights: HeightMap,
     /// Centre and half extents of its upper rim, world xy (m).
     middle: DVec2,
     half: DVec2,
+    /// Height of its rim, world z (m).
     top_m: f64,
+    /// True if its middle lies lower than its rim, as in a bowl.
     hollow: bool,
 }
 
@@ -178,6 +181,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn on_table(&self, pixels: &[usize]) -> Option<PlacementTarget> {
+        // 15 mm (chosen): more than the noise of depth cameras at arm's length, less than most objects' height.
         let is_table = |pixel: &usize| {
             let own = self.view.masks.get(self.moved).is_some_and(|mask| mask.pixels[*pixel]);
             own || self.view.image.point(*pixel).is_some_and(|point| (point.z - self.table_m).abs() < 0.015)
@@ -273,6 +277,7 @@ impl Receiver {
             all.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
         let heights = HeightMap::new(outer_low, outer_high, points.iter().copied());
         let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        // Chosen: the floor of a cavity is the lower part of its middle third; the quantile skips stray low pixels.
         let floor_m = heights.quantile(middle, half * 0.35, 0.3);
         let hollow = floor_m.is_some_and(|floor_m| floor_m < top_m - MIN_HOLLOW_DEPTH_M);
         Some(Self { heights, middle, half, top_m, hollow })
@@ -280,7 +285,8 @@ impl Receiver {
 
     /// Support height under a footprint at `center` (m).
     fn support_m(&self, center: DVec2, half: DVec2) -> f64 {
-        // Round objects do not fill their bounding box, and cavity walls slope.
+        // Round objects do not fill their bounding box, and cavity walls slope. Quantiles skip stray pixels, of which
+        // there are more at the walls of a cavity.
         let share = if self.hollow { 0.95 } else { 0.98 };
         let inside = half.min(self.half) * if self.hollow { 0.7 } else { 0.9 };
         self.heights.quantile(center, inside, share).unwrap_or(self.top_m)

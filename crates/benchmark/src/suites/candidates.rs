@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::suite::{BuildStep, balanced_traits};
+use crate::suite_format::{BuildStep, balanced_traits};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split;
 use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::suite::{Marginal, SuiteFile, marginals, sha256, template};
+use crate::suite_format::{Marginal, SuiteFile, marginals, sha256, template};
 use crate::suite_hash;
 use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
 use genmanip_core::{Scenario, limits};

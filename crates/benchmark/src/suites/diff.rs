@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use crate::suite::{FrozenFile, SuiteEntry};
+use crate::suite_format::{FrozenFile, SuiteEntry};
 use serde::Serialize;
 
 use super::open;

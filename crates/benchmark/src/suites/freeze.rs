@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use crate::suite::{FrozenFile, SuiteEntry, SuiteFile, sha256};
+use crate::suite_format::{FrozenFile, SuiteEntry, SuiteFile, sha256};
 use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
 use genmanip_core::{Document, Scenario};
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::suite::{BuildStep, Certificate, Perturbation, SuiteEntry, SuiteFile};
+use crate::suite_format::{BuildStep, Certificate, Perturbation, SuiteEntry, SuiteFile};
 use crate::suite_hash;
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 

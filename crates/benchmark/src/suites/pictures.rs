@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::suite::sha256;
+use crate::suite_format::sha256;
 use genmanip_core::Scenario;
 use genmanip_rollout::collect::in_parallel;
 

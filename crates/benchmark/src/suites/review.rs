@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::suite::{Review, ReviewFile, ReviewVerdict};
+use crate::suite_format::{Review, ReviewFile, ReviewVerdict};
 use genmanip_core::{Document, limits};
 
 use super::open;

@@ -6,7 +6,7 @@ use genmanip_workspace::task_files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::suite::BuildStep;
+use crate::suite_format::BuildStep;
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split;
 use genmanip_core::{Document, ObjectCard, Scenario, Seed, Task};

@@ -4,7 +4,7 @@ use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use genmanip_benchmark::suite::ReviewVerdict;
+use genmanip_benchmark::suite_format::ReviewVerdict;
 use genmanip_benchmark::suites::{self, Axis};
 
 /// Subcommands of `suite`.

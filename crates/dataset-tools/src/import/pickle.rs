@@ -167,7 +167,8 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// All numbers of a scalar, array or nested list, flattened; the flag is true if all are single precision.
+    /// All numbers of a scalar, array or nested list, flattened; the flag is false if a Python float or an array of
+    /// another type than float32 is among them.
     pub(super) fn numbers(self) -> Option<(Vec<f64>, bool)> {
         let (mut numbers, mut is_single, mut visited) = (Vec::new(), true, 0);
         self.gather(&mut visited, 0, &mut numbers, &mut is_single)?;
@@ -175,8 +176,8 @@ impl<'a> Value<'a> {
     }
 
     fn gather(self, visited: &mut usize, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
-        /// Maximum numbers, and nested lists, per value: a pose has 16. Bounds the expansion of lists that share
-        /// elements.
+        /// Maximum count of numbers per value (a pose has 16); half the maximum count of visited nodes, which bounds the
+        /// expansion of lists that share elements.
         const MOST: usize = 256;
         *visited += 1;
         if *visited > 2 * MOST {

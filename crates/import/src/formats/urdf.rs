@@ -9,8 +9,8 @@ use super::xml::{self, Element};
 use super::{mesh, obj, solid};
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::place::transformed_mass;
 use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::units_and_frame::transformed_mass;
 
 /// Default damping and dry friction of a joint, N·m·s/rad and N·m, or N·s/m and N: a door or drawer that stays where
 /// it is left.

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::place::lying_from_standing;
 use crate::report::Guess;
+use crate::units_and_frame::lying_from_standing;
 use crate::{Given, Imported, pack};
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;

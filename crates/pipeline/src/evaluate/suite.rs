@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_benchmark::statistics::Traits;
-use genmanip_benchmark::suite::{Perturbation, SuiteEntry};
+use genmanip_benchmark::suite_format::{Perturbation, SuiteEntry};
 use genmanip_benchmark::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Atom, Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};

@@ -27,7 +27,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::RunError;
 use genmanip_workspace::documents;
 use genmanip_workspace::documents::sweep;
-use genmanip_workspace::ledger::{Entry, Ledger};
+use genmanip_workspace::resume_ledger::{Entry, Ledger};
 
 /// Result of [`report_full`].
 #[derive(Clone, Debug, PartialEq, Eq)]

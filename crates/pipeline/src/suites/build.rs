@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::suite::{BuildStep, Candidate, SuiteEntry, SuiteFile, select, sha256, template};
+use genmanip_benchmark::suite_format::{BuildStep, Candidate, SuiteEntry, SuiteFile, select, sha256, template};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, World};
 use genmanip_layout::LayoutSettings;
 

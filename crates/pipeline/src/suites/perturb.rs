@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_benchmark::suite::{BuildStep, Perturbation, SuiteEntry, SuiteFile, sha256};
+use genmanip_benchmark::suite_format::{BuildStep, Perturbation, SuiteEntry, SuiteFile, sha256};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 use genmanip_layout::{LayoutSettings, audit};
 use genmanip_rollout::collect::in_parallel;

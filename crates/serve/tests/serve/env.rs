@@ -19,7 +19,8 @@ fn ask(server: &Server, request: &serde_json::Value, action: Option<Vec<f64>>) -
     map.extend(action.map(|action| ("action".into(), Array::vector(action).value())));
     rmpv::encode::write_value(&mut body, &Value::Map(map)).unwrap();
     let mut stream = TcpStream::connect(server.address()).unwrap();
-    let head = format!("POST /env HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", body.len());
+    let head =
+        format!("POST /env HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", body.len());
     stream.write_all(head.as_bytes()).unwrap();
     stream.write_all(&body).unwrap();
     let mut bytes = Vec::new();

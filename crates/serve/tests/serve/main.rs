@@ -89,23 +89,38 @@ fn bad_requests_are_refused_with_their_place() {
     assert!(flat.contains("422: segmentation needs colour and depth of 4 pixels"), "{flat}");
     assert!(ask(json!({"rgb": "A".repeat(20_000)})).contains("answered 413"), "too large");
     let deep = "[".repeat(5000);
-    let head =
-        format!("POST /segment HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {}\r\n\r\n", deep.len());
+    let head = format!(
+        "POST /segment HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-length: {}\r\n\r\n",
+        deep.len()
+    );
     assert!(bare(&server, &(head + &deep)).0.contains("400"), "nested too deeply");
 }
 
 #[test]
 fn a_service_says_what_it_is() {
     let server = server(1000);
-    let (status, body) = bare(&server, "GET /health HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n");
+    let (status, body) = bare(&server, "GET /health HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
     assert_eq!(
         (status.as_str(), serde_json::from_str::<Value>(&body).unwrap()["service"].clone()),
         ("HTTP/1.1 200 OK", json!("segment"))
     );
-    let (_, body) = bare(&server, "GET /openapi.json HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n");
+    let (_, body) = bare(&server, "GET /openapi.json HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
     let described: Value = serde_json::from_str(&body).unwrap();
     assert_eq!(described, openapi(&Endpoint::Segment(RgbdSegmenter::default())));
     let asked = &described["paths"]["/segment"]["post"]["requestBody"]["content"]["application/json"]["schema"];
     assert!(asked["properties"]["depth_m"].is_object(), "{asked}");
-    assert!(bare(&server, "GET /segment HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").0.contains("405"));
+    assert!(bare(&server, "GET /segment HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").0.contains("405"));
+}
+
+#[test]
+fn pages_of_other_sites_are_refused() {
+    let server = server(1000);
+    for (headers, status) in [
+        ("host: localhost\r\n", "200"),
+        ("host: localhost\r\norigin: https://example.org\r\n", "403"),
+        ("host: rebound.example.org\r\n", "403"),
+    ] {
+        let (answered, body) = bare(&server, &format!("GET /health HTTP/1.1\r\n{headers}connection: close\r\n\r\n"));
+        assert!(answered.contains(status), "{headers:?}: {answered} {body}");
+    }
 }

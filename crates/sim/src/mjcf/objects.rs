@@ -6,7 +6,7 @@ use genmanip_core::{JointKind, MassProperties, ObjectModel};
 
 use super::{Parts, color, geom, inertial, mesh, with_pose};
 use crate::SceneObject;
-use crate::engine::CheckedSettings;
+use crate::engine_settings::CheckedSettings;
 use crate::xml::Element;
 
 pub(crate) fn object_body(object: &str, link: &str) -> String {

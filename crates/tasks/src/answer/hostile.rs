@@ -59,7 +59,7 @@ const MAX_FUZZED_BYTES: usize = 1 << 16;
 /// Maximum size of the fuzzer's corpus.
 const MAX_KEPT: usize = 2000;
 
-/// Worst cases of the maximum length, with names.
+/// Worst cases with their names, most of them of [`MAX_ANSWER_BYTES`].
 pub fn worst_cases() -> Vec<(&'static str, String)> {
     let most = MAX_ANSWER_BYTES;
     let filled = |unit: &str, around: usize| unit.repeat((most - around) / unit.len());

@@ -13,7 +13,7 @@ use super::things::{is_movable, things};
 enum Purpose {
     /// Any card with an entry in `things.json`.
     Any,
-    /// Objects to move; with a relation, only those that some card can hold in it.
+    /// Objects to move; with a support relation, only those that some card can carry in it.
     Mover(Option<Relation>),
     /// Objects that hold something in this support relation.
     Carrier(Relation),
@@ -21,7 +21,7 @@ enum Purpose {
     Host(*const ObjectCard, Relation),
     /// Objects that the given card can hold.
     Item(*const ObjectCard, Relation),
-    /// Fillers from these general categories; the list is identified by its address and length.
+    /// Fillers, objects without a part in the goal, from these general categories; the list is identified by its address and length.
     Filler(*const &'static str, usize),
 }
 

@@ -35,9 +35,9 @@ pub use necessity::{Clue, clues_at_places, is_needless};
 pub struct Reading {
     /// Noun phrases and the ids of their referents, in the order of the sentence.
     pub phrases: Vec<(String, Vec<String>)>,
-    /// Groups of ids of identical copies, each of which a phrase leaves open; the goal names the first of each group.
+    /// For each phrase that fits several identical copies, their ids; the goal names the first.
     pub choices: Vec<Vec<String>>,
-    /// Alternatives of conditions.
+    /// Goal in disjunctive normal form: alternatives of conditions that must all hold.
     pub goal: Vec<Vec<ReadAtom>>,
 }
 
@@ -165,7 +165,7 @@ pub fn intended(task: &Task) -> Vec<String> {
     ids.into_iter().collect()
 }
 
-/// Number of these objects to which the instruction refers uniquely.
+/// Number of [`intended`] objects to which the instruction refers uniquely; not all of them if it states another goal.
 pub fn resolved(task: &Task) -> usize {
     let intended = intended(task);
     match read(&task.instruction, &task.objects, &task.scene_graph) {
@@ -173,7 +173,7 @@ pub fn resolved(task: &Task) -> usize {
         Ok(_) if check(task).is_ok() => intended.len(),
         Ok(reading) => {
             let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
-            // All phrases resolve, but to another goal; only objects that the task means are counted.
+            // All phrases resolve, but to another goal: at least one object does not count.
             let found = intended.iter().filter(|id| meant.contains(id)).count();
             found.min(intended.len().saturating_sub(1))
         }

@@ -3,8 +3,8 @@
 use genmanip_core::{Atom, Task};
 
 use super::colors::{CONFLICT, INK, MUTED};
+use super::floor_plan::{LayoutPicture, plan_drawing};
 use super::graph::graph_drawing;
-use super::plan::{LayoutPicture, plan_drawing};
 use super::svg::{Anchor, Canvas, Svg, wrap};
 
 const MARGIN: f64 = 16.0;

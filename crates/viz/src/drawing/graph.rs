@@ -3,7 +3,7 @@
 use genmanip_core::{Atom, GraphEdge, Relation, Task};
 
 use super::colors::{CONFLICT, GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
-use super::place::{Tie, Wish, cells};
+use super::graph_layout::{Tie, Wish, cells};
 use super::route::{LABEL_SIZE, Routed, Shape, Wire, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Svg, text_width, wrap};
 

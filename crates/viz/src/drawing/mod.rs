@@ -4,9 +4,9 @@
 
 mod colors;
 mod explain;
+mod floor_plan;
 mod graph;
-mod place;
-mod plan;
+mod graph_layout;
 mod route;
 mod svg;
 #[cfg(test)]
@@ -14,7 +14,7 @@ mod tests;
 
 pub use colors::color_of_word;
 pub use explain::{Refusal, explain_svg};
+pub use floor_plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, layout_svg};
 pub use graph::graph_svg;
 pub use graph::letter;
-pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, layout_svg};
 pub use svg::Svg;

@@ -4,8 +4,8 @@ use genmanip_core::{
 };
 use proptest::prelude::*;
 
+use super::floor_plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, PlanScene, layout_svg};
 use super::graph::{Panel, graph_svg};
-use super::plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, PlanScene, layout_svg};
 use super::svg::{Area, text_width, wrap};
 
 fn card(uid: &str, name: &str) -> ObjectCard {

@@ -10,8 +10,8 @@ use crate::collision::piece_volume;
 use crate::files::{Files, shortened};
 use crate::formats::solid;
 use crate::formats::xml::Element;
-use crate::place::transformed_mass;
 use crate::raw::{MAX_LINKS, RawCollision, RawLink, RawMesh, Surface};
+use crate::units_and_frame::transformed_mass;
 
 /// Geom groups 0, 1 and 2 are visible.
 const MAX_VISIBLE_GROUP: f64 = 2.5;

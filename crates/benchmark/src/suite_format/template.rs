@@ -15,7 +15,7 @@ const FRAME: [&str; 74] = [
 /// first, the request alone.
 ///
 /// ```
-/// # use genmanip_benchmark::suite::template;
+/// # use genmanip_benchmark::suite_format::template;
 /// assert_eq!(template("Put the red mug into the wooden box."), "put the _ into the _");
 /// assert_eq!(template("Soup is ready. Could you put what I need on the mat?"), template("could you put what I need on the tray"));
 /// ```

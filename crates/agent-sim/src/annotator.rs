@@ -1,6 +1,6 @@
 //! Judgement of each answer against the simulator's ground truth: input of the failure attribution.
 //!
-//! A [`Witness`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
+//! A [`Annotator`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
 //! was correct in the current state. It does not know the errors that an oracle injects, so that its labels can be
 //! tested against them.
 
@@ -22,7 +22,7 @@ use super::failure::{FailureClass, GRASPS, Heard, Testimony};
 use super::words;
 
 /// Model wrapper that forwards questions and records the correctness of the answers.
-pub struct Witness {
+pub struct Annotator {
     model: Arc<dyn VisionModel>,
     truth: Truth,
     planner: Arc<Planner>,
@@ -46,16 +46,16 @@ struct Memory {
     ask: usize,
 }
 
-impl Witness {
+impl Annotator {
     /// Wraps `model`; judgements are added to `heard` with each answer.
     pub fn new(model: Arc<dyn VisionModel>, truth: Truth, planner: &Arc<Planner>, heard: Arc<Mutex<Heard>>) -> Self {
         Self { model, truth, planner: Arc::clone(planner), heard, memory: Arc::default() }
     }
 
-    /// Wraps the agent's grasp source, sharing this witness's records.
-    pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspWitness {
+    /// Wraps the agent's grasp source, sharing this annotator's records.
+    pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspAnnotator {
         let (truth, heard, memory) = (self.truth.clone(), Arc::clone(&self.heard), Arc::clone(&self.memory));
-        GraspWitness { source, truth, heard, memory }
+        GraspAnnotator { source, truth, heard, memory }
     }
 
     fn testify(&self, question: &Question, answer: &Answer) -> (Option<FailureClass>, String) {
@@ -280,7 +280,7 @@ fn aimed_at(atom: &Atom, id: &str) -> Atom {
     }
 }
 
-impl VisionModel for Witness {
+impl VisionModel for Annotator {
     fn answer(&self, question: &Question) -> Result<ModelReply, ServiceError> {
         self.answer_each(&[question]).remove(0)
     }
@@ -296,7 +296,7 @@ impl VisionModel for Witness {
     }
 }
 
-impl Witness {
+impl Annotator {
     fn hear(&self, question: &Question, answered: &ModelReply) {
         self.hear_of_split(question);
         let round = {
@@ -347,7 +347,7 @@ impl Witness {
 }
 
 /// Grasp-source wrapper that records the correctness of proposed grasps.
-pub struct GraspWitness {
+pub struct GraspAnnotator {
     source: Arc<dyn GraspSource>,
     truth: Truth,
     heard: Arc<Mutex<Heard>>,
@@ -358,7 +358,7 @@ pub struct GraspWitness {
 /// gripper are 2 cm wide and 2 cm long.
 const CLOSING_HALF_M: [f64; 2] = [0.011, 0.011];
 
-impl GraspSource for GraspWitness {
+impl GraspSource for GraspAnnotator {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let grasps = self.source.grasps(question)?;
         let Memory { rounds, taken, subtask, ask, .. } = lock(&self.memory).clone();

@@ -3,9 +3,9 @@
 use genmanip_core::{Aabb, Joint, JointKind, MassProperties, Piece, Pose, Shape};
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::prior::Prior;
 use crate::raw::{RawCollision, RawObject, Unit, Up};
 use crate::report::Guess;
+use crate::typical_sizes::Prior;
 
 /// Plausible longest side of a tabletop object, m: from a chess piece to a tall cabinet.
 const TABLETOP_M: [f64; 2] = [0.03, 1.0];
@@ -228,11 +228,11 @@ fn scale_piece(piece: &mut Piece, scale: f64) {
 mod tests {
     use super::*;
     use crate::clean::tests::{cuboid, object};
-    use crate::prior;
+    use crate::typical_sizes;
 
     #[test]
     fn units_are_found_from_sizes() {
-        let mug = prior::of_name("mug");
+        let mug = typical_sizes::of_name("mug");
         for (longest, is_metric, prior, scale) in [
             (0.1, true, None, 1.0),
             (10.0, false, mug, 0.01),
@@ -266,7 +266,7 @@ mod tests {
         // A carton lies as stably as it stands: the typical height decides.
         let mut carton = object(cuboid(DVec3::ZERO, DVec3::new(0.07, 0.07, 0.2)));
         carton.up = Up::Unknown;
-        upright(&mut carton, None, prior::of_name("milk carton"), &mut guesses);
+        upright(&mut carton, None, typical_sizes::of_name("milk carton"), &mut guesses);
         assert_eq!(guesses[1].value, "+z", "{guesses:?}");
     }
 }
