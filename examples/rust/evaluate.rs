@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip::pipeline::PolicyFactory;
 use genmanip::pipeline::evaluate::{EvaluateOptions, Suite, evaluate, table};
-use genmanip::workspace::Silent;
+use genmanip::workspace::NoProgress;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let suite = Suite::of_scenarios(&[scenarios])?;
     let policies = [PolicyFactory::resolve("expert")?, PolicyFactory::resolve("do_nothing:seconds=1")?];
     let options = EvaluateOptions { out: Some(out.clone()), workers: 2, ..EvaluateOptions::default() };
-    let reports = evaluate(&suite, &policies, &options, &Silent, &AtomicBool::new(false))?;
+    let reports = evaluate(&suite, &policies, &options, &NoProgress, &AtomicBool::new(false))?;
     std::fs::write(out.join("table.txt"), table(&reports))?;
     Ok(())
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use genmanip::core::glam::DVec3;
 use genmanip::core::{Piece, Pose, Seed, Shape};
 use genmanip::import::robots;
-use genmanip::motion::{Allowed, CollisionWorld, Planner, PlannerSettings, PlanningScene};
+use genmanip::motion::{AllowedCollisions, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
@@ -18,7 +18,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut world = CollisionWorld::default();
     let block = Piece::at(DVec3::new(0.5, 0.0, 0.2), Shape::Box { half_extents: DVec3::new(0.1, 0.1, 0.2) });
     world.add("block", &[block], &Pose::IDENTITY)?;
-    let scene = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: 0.0 };
+    let scene =
+        PlanningScene { world: &world, attached: None, allowed: &AllowedCollisions::none(), gripper_width: 0.0 };
     let (mut start, mut goal) = (robot.home.clone(), robot.home.clone());
     (start[0], goal[0]) = (1.0, -1.0);
     let path = planner.plan_joint(&scene, &start, &[goal], Seed::new(7))?;

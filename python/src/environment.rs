@@ -4,23 +4,23 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use genmanip_pipeline::evaluate::Suite;
-use genmanip_pipeline::sessions::{self, Outcome, Session, SessionSettings};
+use genmanip_pipeline::sessions::{self, Session, SessionSettings, StepOutcome};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::{error, json, read_json};
-use crate::observation::{dictionary, glance, picture};
+use crate::observation::{dictionary, observe_privileged, picture};
 
 /// Scenes in which episodes start; environments share one.
 #[pyclass(frozen, module = "genmanip")]
-pub struct Scenes(pub Arc<sessions::Scenes>);
+pub struct SceneSource(pub Arc<sessions::SceneSource>);
 
 #[pymethods]
-impl Scenes {
+impl SceneSource {
     /// Of a frozen suite, a run, or scenario files.
     #[staticmethod]
     fn suite(py: Python, path: PathBuf) -> PyResult<Self> {
-        let scenes = py.detach(|| sessions::Scenes::of_suite(&Suite::at(&path)?));
+        let scenes = py.detach(|| sessions::SceneSource::of_suite(&Suite::at(&path)?));
         Ok(Self(Arc::new(scenes.map_err(error)?)))
     }
 
@@ -28,7 +28,7 @@ impl Scenes {
     #[staticmethod]
     #[pyo3(signature = (paths, world=None))]
     fn tasks(py: Python, paths: Vec<PathBuf>, world: Option<PathBuf>) -> PyResult<Self> {
-        let scenes = py.detach(|| sessions::Scenes::of_tasks(&paths, world.as_deref()));
+        let scenes = py.detach(|| sessions::SceneSource::of_tasks(&paths, world.as_deref()));
         Ok(Self(Arc::new(scenes.map_err(error)?)))
     }
 
@@ -42,8 +42,8 @@ impl Scenes {
     }
 
     /// Most objects that any of them has.
-    fn most_objects(&self) -> usize {
-        self.0.most_objects()
+    fn max_objects(&self) -> usize {
+        self.0.max_objects()
     }
 
     /// `(name, lower, upper, fastest)` of the arm's joints, rad and rad/s, then of the opening between the fingers, m.
@@ -56,7 +56,7 @@ impl Scenes {
 
 /// A moment to go back to.
 #[pyclass(frozen, module = "genmanip")]
-pub struct Saved(sessions::Saved);
+pub struct SessionState(sessions::SessionState);
 
 /// An environment that a program drives.
 #[pyclass(frozen, module = "genmanip._genmanip")]
@@ -71,10 +71,10 @@ impl Env {
 }
 
 /// Reward, score, success, terminated, truncated, and why the action was refused.
-pub type Told = (f64, f64, bool, bool, bool, Option<String>);
+pub type StepTuple = (f64, f64, bool, bool, bool, Option<String>);
 
-pub fn told(outcome: Outcome) -> Told {
-    let Outcome { reward, verdict, terminated, truncated, refused, .. } = outcome;
+pub fn step_tuple(outcome: StepOutcome) -> StepTuple {
+    let StepOutcome { reward, verdict, terminated, truncated, refused, .. } = outcome;
     (reward, verdict.score, verdict.success, terminated, truncated, refused)
 }
 
@@ -82,7 +82,7 @@ pub fn told(outcome: Outcome) -> Told {
 impl Env {
     /// Settings are those of a session, as JSON.
     #[new]
-    fn new(scenes: &Scenes, settings: &str) -> PyResult<Self> {
+    fn new(scenes: &SceneSource, settings: &str) -> PyResult<Self> {
         let settings: SessionSettings = read_json("settings of the environment", settings)?;
         Ok(Self { session: Mutex::new(Session::new(Arc::clone(&scenes.0), settings)) })
     }
@@ -92,8 +92,8 @@ impl Env {
         py.detach(|| self.session().reset(index, seed)).map_err(error)
     }
 
-    fn step(&self, py: Python, action: Vec<f32>) -> PyResult<Told> {
-        Ok(told(py.detach(|| self.session().step(&action)).map_err(error)?))
+    fn step(&self, py: Python, action: Vec<f32>) -> PyResult<StepTuple> {
+        Ok(step_tuple(py.detach(|| self.session().step(&action)).map_err(error)?))
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -101,8 +101,8 @@ impl Env {
     }
 
     /// As `observe`, less which object is grasped: for loops that count microseconds.
-    fn glance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        glance(py, &py.detach(|| self.session().glance()).map_err(error)?)
+    fn observe_privileged<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        observe_privileged(py, &py.detach(|| self.session().observe_privileged()).map_err(error)?)
     }
 
     #[pyo3(signature = (camera, size=None))]
@@ -137,11 +137,11 @@ impl Env {
         json(&py.detach(|| self.session().finish(policy)).map_err(error)?)
     }
 
-    fn save(&self, py: Python) -> PyResult<Saved> {
-        Ok(Saved(py.detach(|| self.session().save()).map_err(error)?))
+    fn save(&self, py: Python) -> PyResult<SessionState> {
+        Ok(SessionState(py.detach(|| self.session().save()).map_err(error)?))
     }
 
-    fn restore(&self, py: Python, saved: &Saved) -> PyResult<()> {
+    fn restore(&self, py: Python, saved: &SessionState) -> PyResult<()> {
         py.detach(|| self.session().restore(&saved.0)).map_err(error)
     }
 }

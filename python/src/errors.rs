@@ -2,7 +2,7 @@
 
 use std::error::Error as _;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -15,7 +15,7 @@ create_exception!(
 );
 
 /// The error with those behind it, and its hint on a line of its own.
-pub fn raised(error: &RunError) -> PyErr {
+pub fn raised(error: &WorkspaceError) -> PyErr {
     let mut text = error.to_string();
     let mut next = error.source();
     while let Some(cause) = next {
@@ -29,7 +29,7 @@ pub fn raised(error: &RunError) -> PyErr {
 }
 
 /// As [`raised`], for `map_err`.
-pub fn error(error: RunError) -> PyErr {
+pub fn error(error: WorkspaceError) -> PyErr {
     raised(&error)
 }
 

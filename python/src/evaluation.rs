@@ -11,8 +11,8 @@ use genmanip_core::{
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::{self as run, EvaluateOptions, Suite};
 use genmanip_pipeline::policies::{POLICIES, PolicyContext, read_spec};
-use genmanip_workspace::RunError;
-use genmanip_workspace::Silent;
+use genmanip_workspace::NoProgress;
+use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -45,7 +45,7 @@ pub fn evaluate(
             workers: workers::workers(workers),
             ..EvaluateOptions::default()
         };
-        run::evaluate(&suite_of, &factories, &options, &Silent, stop)
+        run::evaluate(&suite_of, &factories, &options, &NoProgress, stop)
     })?;
     json(&reports.iter().map(Document::to_value).collect::<Vec<_>>())
 }
@@ -62,9 +62,9 @@ fn factory(given: &Bound<'_, PyAny>) -> PyResult<PolicyFactory> {
     }
     let (name, make): (String, Py<PyAny>) = given.extract()?;
     let label = name.clone();
-    let make = move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    let make = move |_: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let made = Python::attach(|py| PythonPolicy::new(&label, make.bind(py)));
-        let made = made.map_err(|error| RunError::input(format!("policy {label} cannot be made: {error}")))?;
+        let made = made.map_err(|error| WorkspaceError::input(format!("policy {label} cannot be made: {error}")))?;
         Ok(Box::new(made))
     };
     PolicyFactory::of(&name, make).map_err(error)
@@ -93,10 +93,10 @@ impl Policy for PythonPolicy {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         Python::attach(|py| {
-            let told = PyDict::new(py);
-            told.set_item("instruction", &start.instruction)?;
-            told.set_item("seed", start.seed.to_string())?;
-            self.object.bind(py).call_method1("reset", (told,)).map(|_| ())
+            let step_tuple = PyDict::new(py);
+            step_tuple.set_item("instruction", &start.instruction)?;
+            step_tuple.set_item("seed", start.seed.to_string())?;
+            self.object.bind(py).call_method1("reset", (step_tuple,)).map(|_| ())
         })
         .map_err(failed)
     }
@@ -128,7 +128,10 @@ fn failed(error: PyErr) -> PolicyError {
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs work without Python's lock; Ctrl-C tells it to stop, and is raised when it has.
-pub fn interruptible<T: Send>(py: Python, work: impl FnOnce(&AtomicBool) -> Result<T, RunError> + Send) -> PyResult<T> {
+pub fn interruptible<T: Send>(
+    py: Python,
+    work: impl FnOnce(&AtomicBool) -> Result<T, WorkspaceError> + Send,
+) -> PyResult<T> {
     let stop = AtomicBool::new(false);
     let mut interrupted = Ok(());
     let result = std::thread::scope(|scope| {
@@ -145,6 +148,6 @@ pub fn interruptible<T: Send>(py: Python, work: impl FnOnce(&AtomicBool) -> Resu
     interrupted?;
     match result {
         Ok(result) => result.map_err(error),
-        Err(_) => Err(error(RunError::input("the work ended unexpectedly; its message is above"))),
+        Err(_) => Err(error(WorkspaceError::input("the work ended unexpectedly; its message is above"))),
     }
 }

@@ -20,9 +20,9 @@ use pyo3::prelude::*;
 fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("Error", module.py().get_type::<errors::Error>())?;
-    module.add_class::<environment::Scenes>()?;
+    module.add_class::<environment::SceneSource>()?;
     module.add_class::<environment::Env>()?;
-    module.add_class::<environment::Saved>()?;
+    module.add_class::<environment::SessionState>()?;
     module.add_class::<pool::Pool>()?;
     module.add_class::<projection::Projection>()?;
     module.add_function(wrap_pyfunction!(engine, module)?)?;

@@ -36,7 +36,10 @@ pub fn poses<'py>(py: Python<'py>, objects: &[ObjectState]) -> PyResult<Bound<'p
 }
 
 /// Entries without simulator ground truth, then the poses of objects.
-pub fn glance<'py>(py: Python<'py>, (seen, objects): &(Observation, Vec<ObjectState>)) -> PyResult<Bound<'py, PyDict>> {
+pub fn observe_privileged<'py>(
+    py: Python<'py>,
+    (seen, objects): &(Observation, Vec<ObjectState>),
+) -> PyResult<Bound<'py, PyDict>> {
     let dictionary = dictionary(py, seen)?;
     dictionary.set_item("objects", poses(py, objects)?)?;
     Ok(dictionary)

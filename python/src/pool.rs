@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::{ObjectState, Observation};
 use genmanip_pipeline::sessions::{Session, SessionSettings};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::environment::{Scenes, Told, told};
+use crate::environment::{SceneSource, StepTuple, step_tuple};
 use crate::errors::{error, read_json};
-use crate::observation::glance;
+use crate::observation::observe_privileged;
 
 /// Environments of the same scenes and settings.
 #[pyclass(frozen, module = "genmanip._genmanip")]
@@ -28,12 +28,12 @@ enum Order {
 }
 
 type Seen = (Observation, Vec<ObjectState>);
-type Done = Result<(Option<Told>, Seen), RunError>;
+type Done = Result<(Option<StepTuple>, Seen), WorkspaceError>;
 
 #[pymethods]
 impl Pool {
     #[new]
-    fn new(scenes: &Scenes, settings: &str, count: usize, threads: usize) -> PyResult<Self> {
+    fn new(scenes: &SceneSource, settings: &str, count: usize, threads: usize) -> PyResult<Self> {
         let settings: SessionSettings = read_json("settings of the environments", settings)?;
         let session = |_| Mutex::new(Session::new(Arc::clone(&scenes.0), settings.clone()));
         Ok(Self { sessions: (0..count).map(session).collect(), threads: threads.max(1) })
@@ -46,10 +46,10 @@ impl Pool {
         py: Python<'py>,
         actions: Vec<Vec<f32>>,
         resets: Vec<Option<(usize, Option<u64>)>>,
-    ) -> PyResult<(Vec<Option<Told>>, Bound<'py, PyList>)> {
+    ) -> PyResult<(Vec<Option<StepTuple>>, Bound<'py, PyList>)> {
         let (count, given) = (self.sessions.len(), actions.len());
         if given != count || resets.len() != count {
-            return Err(error(RunError::input(format!("expected {count} actions, got {given}"))));
+            return Err(error(WorkspaceError::input(format!("expected {count} actions, got {given}"))));
         }
         let order = |(action, reset)| match reset {
             Some((index, seed)) => Order::Reset(index, seed),
@@ -61,7 +61,7 @@ impl Pool {
         for done in done {
             let (outcome, observation) = done.map_err(error)?;
             outcomes.push(outcome);
-            seen.push(glance(py, &observation)?);
+            seen.push(observe_privileged(py, &observation)?);
         }
         Ok((outcomes, PyList::new(py, seen)?))
     }
@@ -102,18 +102,18 @@ impl Pool {
             work(0);
         });
         let done = done.into_iter().map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
-        done.map(|slot| slot.unwrap_or_else(|| Err(RunError::input("an environment was not stepped")))).collect()
+        done.map(|slot| slot.unwrap_or_else(|| Err(WorkspaceError::input("an environment was not stepped")))).collect()
     }
 
     fn one(&self, index: usize, order: &Order) -> Done {
         let mut session = self.sessions[index].lock().unwrap_or_else(PoisonError::into_inner);
         let outcome = match order {
-            Order::Step(action) => Some(told(session.step(action)?)),
+            Order::Step(action) => Some(step_tuple(session.step(action)?)),
             Order::Reset(index, seed) => {
                 session.reset(*index, *seed)?;
                 None
             }
         };
-        Ok((outcome, session.glance()?))
+        Ok((outcome, session.observe_privileged()?))
     }
 }

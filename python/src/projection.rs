@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Distortion, Intrinsics, Pose, Projection as Core};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 
 use crate::errors::error;
@@ -25,7 +25,7 @@ impl Projection {
         world_from_camera: [[f64; 4]; 4],
         distortion: Option<[f64; 5]>,
     ) -> PyResult<Self> {
-        let refused = |what: &str, hint: &str| error(RunError::input(what).with_hint(hint));
+        let refused = |what: &str, hint: &str| error(WorkspaceError::input(what).with_hint(hint));
         let [[fx, skew, cx], [down, fy, cy], last] = k;
         let numbers = k.iter().flatten().chain(world_from_camera.iter().flatten());
         if !numbers.chain(distortion.iter().flatten()).all(|number| number.is_finite()) {

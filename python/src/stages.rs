@@ -13,8 +13,8 @@ use genmanip_pipeline::collect::CollectOptions;
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_workspace::RunError;
-use genmanip_workspace::Silent;
+use genmanip_workspace::NoProgress;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::designed_tasks::{Design, design_into};
 use pyo3::prelude::*;
 
@@ -40,7 +40,7 @@ pub fn design(py: Python, out: PathBuf, kinds: Vec<String>, count: usize, seed: 
         design_into(
             &out,
             &Design { kinds: &kinds, count, cards, seed, settings: Default::default(), fill: false },
-            &Silent,
+            &NoProgress,
         )
     });
     json(&rows.map_err(error)?)
@@ -64,7 +64,7 @@ pub fn layout(
         let world = worlds::read_world_with(world.as_deref(), robot.as_deref())?;
         let output = LayoutOutput { folder: out, explain: false };
         let (settings, seed, workers) = (LayoutSettings::default(), Seed::new(seed), workers::workers(workers));
-        lay_out(&tasks, count, &world, &settings, seed, &output, workers, &Silent, stop, &mut |_| {})
+        lay_out(&tasks, count, &world, &settings, seed, &output, workers, &NoProgress, stop, &mut |_| {})
     })?;
     json(&rows)
 }
@@ -93,7 +93,7 @@ pub fn collect(
             PipelineSettings { images, keep_failed, corrects: corrections, ..PipelineSettings::in_world(world) };
         let run = Run::new(tasks, episodes, settings, Seed::new(seed));
         let options = CollectOptions { workers: workers::workers(workers), ..CollectOptions::default() };
-        genmanip_pipeline::collect::collect(&out, run, options, &Silent, stop)
+        genmanip_pipeline::collect::collect(&out, run, options, &NoProgress, stop)
     })?;
     json(&collected.rows)
 }
@@ -115,12 +115,12 @@ pub fn dataset_actions(py: Python<'_>, folder: PathBuf, episode: i64) -> PyResul
     let actions = py.detach(|| {
         let opened = LerobotDataset::open(&folder).map_err(unreadable)?;
         let row = opened.episodes().iter().find(|row| row.index == episode);
-        let none = || error(RunError::input(format!("the data set has no episode {episode}")));
+        let none = || error(WorkspaceError::input(format!("the data set has no episode {episode}")));
         opened.actions(row.ok_or_else(none)?).map_err(unreadable)
     })?;
     array(py, &actions.concat(), &[actions.len(), actions.first().map_or(0, Vec::len)])
 }
 
 fn unreadable(cause: genmanip_data::DataError) -> PyErr {
-    error(RunError::input("the data set cannot be read").because(cause))
+    error(WorkspaceError::input("the data set cannot be read").because(cause))
 }

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 const MANIFEST: &str = "crates/import/testdata/packs.txt";
 /// Shares that must be reached: of files that come in and rest, and of what the hand could hold that was held.
-const LEAST_IMPORTED: f64 = 0.95;
-const LEAST_HELD: f64 = 0.80;
+const MIN_IMPORTED: f64 = 0.95;
+const MIN_HELD: f64 = 0.80;
 
 /// A wheel with the files that are imported of it.
 struct Wheel {
@@ -51,15 +51,10 @@ pub fn run(workspace: &Workspace) -> Result {
     }
     println!("{:<22} {sum}", "together");
     let share = |part: usize, of: usize| part as f64 / of.max(1) as f64;
-    if share(sum.rests.min(sum.imported), sum.files) < LEAST_IMPORTED || share(sum.held, sum.could_be_held) < LEAST_HELD
-    {
+    if share(sum.rests.min(sum.imported), sum.files) < MIN_IMPORTED || share(sum.held, sum.could_be_held) < MIN_HELD {
         return Err(Problem {
             what: "too few of the files come in and rest, or too few of their objects are held".into(),
-            expected: format!(
-                "{:.0} % that come in and rest, {:.0} % held",
-                100.0 * LEAST_IMPORTED,
-                100.0 * LEAST_HELD
-            ),
+            expected: format!("{:.0} % that come in and rest, {:.0} % held", 100.0 * MIN_IMPORTED, 100.0 * MIN_HELD),
             hint: format!("the lists in {} say why", place.join("imported").display()),
         });
     }

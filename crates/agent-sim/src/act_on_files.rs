@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_agent::ask::TranscriptRecorder;
-use genmanip_agent::picture::Picture;
+use genmanip_agent::image::RgbImage;
 use genmanip_agent::{ActQuestion, Acted, Agent, plan_pick_and_place};
 use genmanip_core::limits::Limit;
 use genmanip_core::{Intrinsics, Pose, RgbdImage, Seed, limits};
@@ -13,7 +13,7 @@ use genmanip_motion::Planner;
 use serde::Deserialize;
 
 use crate::{AgentChoice, keep};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Size limit of a colour or depth image file.
@@ -52,12 +52,15 @@ struct CameraFile {
 ///
 /// # Errors
 /// Files that cannot be used together, an agent that needs the simulator, and a model that does not answer.
-pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Result<Acted, RunError> {
+pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Result<Acted, WorkspaceError> {
     let image = read(files)?;
     let dof = planner.robot().arm_dof();
     if files.joints.len() != dof || !files.joints.iter().all(|joint| joint.is_finite()) {
-        return Err(RunError::input(format!("{} joint positions, and the arm has {dof} joints", files.joints.len()))
-            .with_hint("expected --joints with one number per joint, rad, separated by commas"));
+        return Err(WorkspaceError::input(format!(
+            "{} joint positions, and the arm has {dof} joints",
+            files.joints.len()
+        ))
+        .with_hint("expected --joints with one number per joint, rad, separated by commas"));
     }
     let question = ActQuestion {
         image,
@@ -69,30 +72,30 @@ pub fn act(choice: &AgentChoice, planner: &Arc<Planner>, files: &ActFiles) -> Re
     let (mut agent, transcribed): (Agent, TranscriptRecorder) = choice.for_one_image(planner)?;
     let acted = plan_pick_and_place(&mut agent, &transcribed, planner, &question);
     keep(&transcribed, 0, &files.out)?;
-    let acted = acted.map_err(|error| RunError::broken("the agent cannot act on these files", error))?;
-    let text = serde_json::to_string_pretty(&acted).map_err(|error| RunError::broken("cannot write", error))?;
+    let acted = acted.map_err(|error| WorkspaceError::broken("the agent cannot act on these files", error))?;
+    let text = serde_json::to_string_pretty(&acted).map_err(|error| WorkspaceError::broken("cannot write", error))?;
     documents::write_file(&files.out.join("motions.json"), text.as_bytes())?;
     Ok(acted)
 }
 
-fn read(files: &ActFiles) -> Result<RgbdImage, RunError> {
+fn read(files: &ActFiles) -> Result<RgbdImage, WorkspaceError> {
     let text = documents::read_text(&files.camera, limits::CAMERAS)?;
     let camera: CameraFile = serde_json::from_str(&text).map_err(|error| {
-        RunError::file("read", &files.camera, error)
+        WorkspaceError::file("read", &files.camera, error)
             .with_hint("expected {\"intrinsics\": {…}, \"world_from_camera\": {\"position_m\", \"orientation_wxyz\"}}")
     })?;
     let Intrinsics { width, height, .. } = camera.intrinsics;
     let of_size = |path: &Path, found: (u32, u32)| match found == (width, height) {
         true => Ok(()),
-        false => Err(RunError::input(format!("{} has {} x {} pixels", path.display(), found.0, found.1))
+        false => Err(WorkspaceError::input(format!("{} has {} x {} pixels", path.display(), found.0, found.1))
             .with_hint(format!("expected {width} x {height}, as the camera's intrinsics say"))),
     };
     let bytes = documents::read_bytes(&files.depth, PICTURE)?;
     let (columns, rows, depth_mm) =
-        decode_depth_png(&bytes).map_err(|error| RunError::file("read", &files.depth, error))?;
+        decode_depth_png(&bytes).map_err(|error| WorkspaceError::file("read", &files.depth, error))?;
     of_size(&files.depth, (columns, rows))?;
     let bytes = documents::read_bytes(&files.rgb, PICTURE)?;
-    let picture = Picture::of_png(&bytes).map_err(|error| RunError::file("read", &files.rgb, error))?;
+    let picture = RgbImage::of_png(&bytes).map_err(|error| WorkspaceError::file("read", &files.rgb, error))?;
     of_size(&files.rgb, (picture.width, picture.height))?;
     let depth_m = depth_mm.into_iter().map(|depth| f32::from(depth) / 1000.0).collect();
     let image =
@@ -102,7 +105,7 @@ fn read(files: &ActFiles) -> Result<RgbdImage, RunError> {
     let Intrinsics { fx, fy, cx, cy, .. } = camera.intrinsics;
     let is_projection = fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite();
     if !(is_pose && is_projection) {
-        return Err(RunError::input(format!("{} is no camera", files.camera.display()))
+        return Err(WorkspaceError::input(format!("{} is no camera", files.camera.display()))
             .with_hint("expected a unit quaternion, finite numbers and positive focal lengths"));
     }
     Ok(image)

@@ -1,6 +1,6 @@
 //! Judgement of each answer against the simulator's ground truth: input of the failure attribution.
 //!
-//! A [`Annotator`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
+//! An [`Annotator`] wraps the agent's model, forwards questions and answers unchanged, and records for each answer if it
 //! was correct in the current state. It does not know the errors that an oracle injects, so that its labels can be
 //! tested against them.
 
@@ -17,16 +17,16 @@ use genmanip_layout::Move;
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom};
 
-use super::Truth;
-use super::failure::{FailureClass, GRASPS, Heard, Testimony};
+use super::GroundTruth;
+use super::failure::{AnswerJudgement, EpisodeJudgements, FailureClass, GRASPS};
 use super::words;
 
 /// Model wrapper that forwards questions and records the correctness of the answers.
 pub struct Annotator {
     model: Arc<dyn VisionModel>,
-    truth: Truth,
+    truth: GroundTruth,
     planner: Arc<Planner>,
-    heard: Arc<Mutex<Heard>>,
+    judgements: Arc<Mutex<EpisodeJudgements>>,
     memory: Arc<Mutex<Memory>>,
 }
 
@@ -47,15 +47,20 @@ struct Memory {
 }
 
 impl Annotator {
-    /// Wraps `model`; judgements are added to `heard` with each answer.
-    pub fn new(model: Arc<dyn VisionModel>, truth: Truth, planner: &Arc<Planner>, heard: Arc<Mutex<Heard>>) -> Self {
-        Self { model, truth, planner: Arc::clone(planner), heard, memory: Arc::default() }
+    /// Wraps `model`; judgements are added to `judgements` with each answer.
+    pub fn new(
+        model: Arc<dyn VisionModel>,
+        truth: GroundTruth,
+        planner: &Arc<Planner>,
+        judgements: Arc<Mutex<EpisodeJudgements>>,
+    ) -> Self {
+        Self { model, truth, planner: Arc::clone(planner), judgements, memory: Arc::default() }
     }
 
     /// Wraps the agent's grasp source, sharing this annotator's records.
     pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspAnnotator {
-        let (truth, heard, memory) = (self.truth.clone(), Arc::clone(&self.heard), Arc::clone(&self.memory));
-        GraspAnnotator { source, truth, heard, memory }
+        let (truth, judgements, memory) = (self.truth.clone(), Arc::clone(&self.judgements), Arc::clone(&self.memory));
+        GraspAnnotator { source, truth, judgements, memory }
     }
 
     fn testify(&self, question: &Question, answer: &Answer) -> (Option<FailureClass>, String) {
@@ -81,7 +86,7 @@ impl Annotator {
             },
             Answer::Check(answer) => {
                 let holds = self.truth.verdict().success;
-                lock(&self.heard).checks[usize::from(holds)][usize::from(answer.finished)] += 1;
+                lock(&self.judgements).checks[usize::from(holds)][usize::from(answer.finished)] += 1;
                 let wrong = (holds != answer.finished).then_some(FailureClass::Checker);
                 (wrong, format!("said finished: {}, the goal holds: {holds}", answer.finished))
             }
@@ -167,13 +172,13 @@ impl Annotator {
     /// Marks the latest decomposition as wrong, unless it already is.
     fn blame_split(&self, evidence: String) {
         let split = lock(&self.memory).split;
-        let mut heard = lock(&self.heard);
-        let is_split = |testimony: &&mut Testimony| {
-            Some(testimony.ask) == split && testimony.stage == QuestionKind::Decompose.name()
+        let mut judgements = lock(&self.judgements);
+        let is_split = |judgement: &&mut AnswerJudgement| {
+            Some(judgement.ask) == split && judgement.stage == QuestionKind::Decompose.name()
         };
-        let testimony = heard.testimonies.iter_mut().find(is_split);
-        if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
-            (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);
+        let judgement = judgements.judgements.iter_mut().find(is_split);
+        if let Some(judgement) = judgement.filter(|judgement| judgement.wrong.is_none()) {
+            (judgement.wrong, judgement.evidence) = (Some(FailureClass::Decomposition), evidence);
         }
     }
 
@@ -186,7 +191,7 @@ impl Annotator {
     ) -> (Option<FailureClass>, String) {
         let Marks::Grid { targets, .. } = &question.marks else { return (None, String::new()) };
         let taken = lock(&self.memory).taken;
-        lock(&self.heard).sent.extend(taken.map(|object| (question.ask, object)));
+        lock(&self.judgements).sent.extend(taken.map(|object| (question.ask, object)));
         let (Some(point), Some(object)) = (targets.get(&cell), taken) else { return (None, String::new()) };
         let steps: Vec<Move> = self.undone(scene).into_iter().filter(|step| step.object == object).collect();
         if steps.is_empty() {
@@ -198,7 +203,7 @@ impl Annotator {
         };
         let is_right = steps.iter().any(|step| would_hold(&step.atoms));
         if let Some((meant, came)) = came_to(&steps, is_right, &would_hold) {
-            lock(&self.heard).placed.push((meant, came));
+            lock(&self.judgements).placed.push((meant, came));
         }
         if is_right {
             return (None, format!("{} would serve in {cell}", self.truth.stage().name(object)));
@@ -251,7 +256,7 @@ fn put(scene: &PosedScene, object: usize, point: DVec3) -> PosedScene {
 
 /// True if a condition would hold. For support relations the object may still fall or tip, so only the horizontal
 /// position is checked.
-fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &Truth) -> bool {
+fn is_met(after: &PosedScene, atom: &Atom, point: DVec3, truth: &GroundTruth) -> bool {
     match atom {
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
             let bounds = after.index_of(reference).and_then(|carrier| after.bounds(carrier));
@@ -316,10 +321,10 @@ impl Annotator {
             Err(complaint) => (Some(FailureClass::Format), complaint.to_string()),
         };
         let (stage, subtask) = (question.stage.name(), question.instruction.clone());
-        let mut heard = lock(&self.heard);
-        heard.answers.insert(question.ask, answered.text.clone());
-        heard.testimonies.push(Testimony { ask: question.ask, round, stage, subtask, wrong, evidence });
-        drop(heard);
+        let mut judgements = lock(&self.judgements);
+        judgements.answers.insert(question.ask, answered.text.clone());
+        judgements.judgements.push(AnswerJudgement { ask: question.ask, round, stage, subtask, wrong, evidence });
+        drop(judgements);
         if let Ok(Answer::Check(answer)) = answer {
             let mut memory = lock(&self.memory);
             memory.open = memory.open.saturating_sub(1);
@@ -342,15 +347,15 @@ impl Annotator {
         };
         let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());
         let (stage, subtask) = (QuestionKind::Decompose.name(), String::new());
-        lock(&self.heard).testimonies.push(Testimony { ask, round, stage, subtask, wrong, evidence });
+        lock(&self.judgements).judgements.push(AnswerJudgement { ask, round, stage, subtask, wrong, evidence });
     }
 }
 
 /// Grasp-source wrapper that records the correctness of proposed grasps.
 pub struct GraspAnnotator {
     source: Arc<dyn GraspSource>,
-    truth: Truth,
-    heard: Arc<Mutex<Heard>>,
+    truth: GroundTruth,
+    judgements: Arc<Mutex<EpisodeJudgements>>,
     memory: Arc<Mutex<Memory>>,
 }
 
@@ -373,7 +378,7 @@ impl GraspSource for GraspAnnotator {
             })
         };
         let sound = grasps.iter().filter(|grasp| holds(grasp)).count();
-        let testimony = Testimony {
+        let judgement = AnswerJudgement {
             ask,
             round: rounds,
             stage: GRASPS,
@@ -381,7 +386,7 @@ impl GraspSource for GraspAnnotator {
             wrong: (sound == 0).then_some(FailureClass::GraspProposal),
             evidence: format!("{sound} of {} proposed grasps have the thing between the fingers", grasps.len()),
         };
-        lock(&self.heard).testimonies.push(testimony);
+        lock(&self.judgements).judgements.push(judgement);
         Ok(grasps)
     }
 }

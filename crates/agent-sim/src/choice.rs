@@ -15,15 +15,17 @@ use genmanip_llm::{HttpService, ServiceSettings};
 use genmanip_motion::Planner;
 use genmanip_rollout::{Cores, Stage};
 
-use super::failure::{FailureClass, Heard};
+use super::failure::{EpisodeJudgements, FailureClass};
 use super::grasps::FlawedGrasps;
 use super::model::{ModelFile, SharedModel};
-use super::{Annotator, Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, WithTruth};
-use genmanip_workspace::RunError;
+use super::{
+    Annotator, ErrorInjection, GroundTruth, GroundTruthFeed, Oracle, OracleMasks, RandomMarks, Recording, TurnSnapshots,
+};
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Maximum depth error at 1 m, m: beyond it, objects are indistinguishable from the table.
-const MOST_DEPTH_ERROR_M: f64 = 0.05;
+const MAX_DEPTH_ERROR_M: f64 = 0.05;
 
 /// Agent configuration, from which the agent of any episode is made.
 #[derive(Clone)]
@@ -37,7 +39,7 @@ pub struct AgentChoice {
     /// Grasp source.
     pub grasps: GraspChoice,
     /// Error injection of the oracle.
-    pub dials: Dials,
+    pub dials: ErrorInjection,
     /// True to judge answers against the ground truth without an oracle, too; results are then labelled `oracle`. With
     /// an oracle they always are.
     pub is_analysed: bool,
@@ -89,11 +91,11 @@ impl GraspChoice {
     ///
     /// # Errors
     /// An unknown name, or an unusable URL.
-    pub fn named(name: &str, known: &[&str]) -> Result<Self, RunError> {
+    pub fn named(name: &str, known: &[&str]) -> Result<Self, WorkspaceError> {
         match (name, name.strip_prefix("http:")) {
             ("rgbd", _) => Ok(Self::Rgbd),
             (_, Some(url)) => Ok(Self::Http(Arc::new(ServiceGrasps::new(http(url)?)))),
-            _ => Err(RunError::unknown("source of grasps", "sources of grasps", name, known)),
+            _ => Err(WorkspaceError::unknown("source of grasps", "sources of grasps", name, known)),
         }
     }
 
@@ -113,11 +115,11 @@ pub struct MadeAgent {
     /// Transcript of questions, answers and actions.
     pub transcribed: TranscriptRecorder,
     /// Ground truth of the oracle services, if any.
-    pub truth: Option<Truth>,
+    pub truth: Option<GroundTruth>,
     /// Judgements of its answers; empty without ground truth.
-    pub heard: Arc<Mutex<Heard>>,
+    pub judgements: Arc<Mutex<EpisodeJudgements>>,
     /// Snapshots of the agent before each turn, if they are kept.
-    pub turns: Option<Turns>,
+    pub turns: Option<TurnSnapshots>,
 }
 
 impl AgentChoice {
@@ -128,7 +130,7 @@ impl AgentChoice {
             model: ModelChoice::Oracle,
             masks: MaskChoice::Oracle,
             grasps: GraspChoice::Rgbd,
-            dials: Dials::default(),
+            dials: ErrorInjection::default(),
             is_analysed: false,
             keeps_turns: false,
             answers: None,
@@ -142,16 +144,16 @@ impl AgentChoice {
     ///
     /// # Errors
     /// An unknown name, or an unusable settings file.
-    pub fn named(model: &str, masks: &str, path: &str, preset: &str) -> Result<Self, RunError> {
+    pub fn named(model: &str, masks: &str, path: &str, preset: &str) -> Result<Self, WorkspaceError> {
         let preset = match preset {
             "full" => Preset::Full,
             "paper" => Preset::Paper,
-            _ => return Err(RunError::unknown("preset", "presets", preset, &["full", "paper"])),
+            _ => return Err(WorkspaceError::unknown("preset", "presets", preset, &["full", "paper"])),
         };
         let path = match path {
             "p2p" => PathKind::P2p,
             "grid" => PathKind::Grid,
-            _ => return Err(RunError::unknown("path", "paths", path, &["p2p", "grid"])),
+            _ => return Err(WorkspaceError::unknown("path", "paths", path, &["p2p", "grid"])),
         };
         let model = match model {
             "oracle" => ModelChoice::Oracle,
@@ -165,7 +167,7 @@ impl AgentChoice {
             (_, Some(url)) => MaskChoice::Http(Arc::new(ServiceMasks::new(http(url)?))),
             _ => {
                 let known = ["oracle", "rgbd", "http:URL"];
-                return Err(RunError::unknown("source of masks", "sources of masks", masks, &known));
+                return Err(WorkspaceError::unknown("source of masks", "sources of masks", masks, &known));
             }
         };
         Ok(Self { model, masks, ..Self::oracle(preset, path) })
@@ -175,7 +177,7 @@ impl AgentChoice {
     ///
     /// # Errors
     /// An unknown name, or an unusable URL.
-    pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
+    pub fn with_grasps(self, name: &str) -> Result<Self, WorkspaceError> {
         let grasps = GraspChoice::named(name, &["rgbd", "http:URL"])?;
         Ok(Self { grasps, ..self })
     }
@@ -184,10 +186,12 @@ impl AgentChoice {
     ///
     /// # Errors
     /// A number outside the valid range.
-    pub fn with_depth_error(mut self, error_m: f64) -> Result<Self, RunError> {
-        if !(0.0..=MOST_DEPTH_ERROR_M).contains(&error_m) {
-            let what = format!("depth error of {error_m} m: expected 0 to {MOST_DEPTH_ERROR_M} m at a distance of 1 m");
-            return Err(RunError::input(what).with_hint("0.0036 is that of a RealSense D435, 0.0014 that of a D415"));
+    pub fn with_depth_error(mut self, error_m: f64) -> Result<Self, WorkspaceError> {
+        if !(0.0..=MAX_DEPTH_ERROR_M).contains(&error_m) {
+            let what = format!("depth error of {error_m} m: expected 0 to {MAX_DEPTH_ERROR_M} m at a distance of 1 m");
+            return Err(
+                WorkspaceError::input(what).with_hint("0.0036 is that of a RealSense D435, 0.0014 that of a D415")
+            );
         }
         self.settings.depth_error_m = error_m;
         Ok(self)
@@ -197,9 +201,9 @@ impl AgentChoice {
     ///
     /// # Errors
     /// No folder for the model `recorded`.
-    pub fn with_answers(self, folder: Option<PathBuf>) -> Result<Self, RunError> {
+    pub fn with_answers(self, folder: Option<PathBuf>) -> Result<Self, WorkspaceError> {
         if folder.is_none() && matches!(self.model, ModelChoice::Recorded) {
-            return Err(RunError::input("recorded answers lie in a folder, and none is named")
+            return Err(WorkspaceError::input("recorded answers lie in a folder, and none is named")
                 .with_hint("expected agent:vlm=recorded,answers=FOLDER"));
         }
         Ok(Self { answers: folder, ..self })
@@ -214,13 +218,13 @@ impl AgentChoice {
     ///
     /// # Errors
     /// An unknown stage, or a share outside of 0 to 1.
-    pub fn add_error(&mut self, text: &str) -> Result<(), RunError> {
+    pub fn add_error(&mut self, text: &str) -> Result<(), WorkspaceError> {
         let (name, share) = text.split_once('=').unwrap_or((text, ""));
         let known = QuestionKind::ALL.map(QuestionKind::name);
         let stage = QuestionKind::ALL.into_iter().find(|stage| stage.name() == name);
-        let stage = stage.ok_or_else(|| RunError::unknown("stage", "stages", name, &known))?;
+        let stage = stage.ok_or_else(|| WorkspaceError::unknown("stage", "stages", name, &known))?;
         let share = share.parse().ok().filter(|share| (0.0..=1.0).contains(share)).ok_or_else(|| {
-            RunError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
+            WorkspaceError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
         })?;
         self.dials.rates.insert(stage, share);
         Ok(())
@@ -264,8 +268,8 @@ impl AgentChoice {
         planner: &Arc<Planner>,
         grasps: &GraspLibrary,
         cores: Option<&Arc<Cores>>,
-    ) -> Result<MadeAgent, RunError> {
-        let truth = Truth::new(stage);
+    ) -> Result<MadeAgent, WorkspaceError> {
+        let truth = GroundTruth::new(stage);
         let oracle = match self.model {
             ModelChoice::Oracle => Some(Arc::new(self.oracle_of(&truth, planner, grasps)?)),
             _ => None,
@@ -283,7 +287,7 @@ impl AgentChoice {
         oracle: Option<Arc<Oracle>>,
         scenario: &Scenario,
         cores: Option<&Arc<Cores>>,
-    ) -> Result<Arc<dyn VisionModel>, RunError> {
+    ) -> Result<Arc<dyn VisionModel>, WorkspaceError> {
         let model: Option<Arc<dyn VisionModel>> = match &self.model {
             ModelChoice::Oracle => oracle.map(|oracle| oracle as Arc<dyn VisionModel>),
             ModelChoice::Chat(shared) => Some(Arc::new(shared.service(cores))),
@@ -293,7 +297,7 @@ impl AgentChoice {
         match (&self.answers, model) {
             (Some(folder), model) => Ok(Arc::new(Recording::open(folder, &scenario.id, model)?)),
             (None, Some(model)) => Ok(model),
-            (None, None) => Err(RunError::input("nobody answers the agent's questions")),
+            (None, None) => Err(WorkspaceError::input("nobody answers the agent's questions")),
         }
     }
 
@@ -301,10 +305,15 @@ impl AgentChoice {
     ///
     /// # Errors
     /// Grasps that were tried with other physics.
-    pub fn oracle_of(&self, truth: &Truth, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<Oracle, RunError> {
+    pub fn oracle_of(
+        &self,
+        truth: &GroundTruth,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+    ) -> Result<Oracle, WorkspaceError> {
         let tried = truth.stage().models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
         let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
-        let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
+        let tried = tried.map_err(|error| WorkspaceError::broken("the oracle cannot be made", error))?;
         Ok(Oracle::new(truth.clone(), planner, tried, self.dials.clone()))
     }
 
@@ -312,10 +321,10 @@ impl AgentChoice {
     ///
     /// # Errors
     /// Oracle services, which need the simulator; an unusable prompt file or setting.
-    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, TranscriptRecorder), RunError> {
+    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, TranscriptRecorder), WorkspaceError> {
         let needs_simulator = |what: &str| {
             let hint = "expected --vlm FILE, and --masks rgbd or http:URL";
-            Err(RunError::input(format!("{what} are the simulator's, and here is none")).with_hint(hint))
+            Err(WorkspaceError::input(format!("{what} are the simulator's, and here is none")).with_hint(hint))
         };
         let model: Arc<dyn VisionModel> = match &self.model {
             ModelChoice::Chat(shared) => Arc::new(shared.service(None)),
@@ -332,12 +341,12 @@ impl AgentChoice {
         let transcribed = TranscriptRecorder::new(true);
         let services = Services { model, segmenter, grasps: self.grasp_source(planner), prompts };
         let agent = Agent::new(self.settings.clone().for_one_image(), services, planner, transcribed.clone());
-        Ok((agent.map_err(|error| RunError::broken("the agent cannot be made", error))?, transcribed))
+        Ok((agent.map_err(|error| WorkspaceError::broken("the agent cannot be made", error))?, transcribed))
     }
 
-    fn prompt_set(&self) -> Result<PromptSet, RunError> {
+    fn prompt_set(&self) -> Result<PromptSet, WorkspaceError> {
         PromptSet::load(self.prompts.as_deref())
-            .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))
+            .map_err(|error| WorkspaceError::input("the agent's prompts cannot be used").because(error))
     }
 
     /// Makes the agent of one episode with a given model.
@@ -347,9 +356,9 @@ impl AgentChoice {
     pub fn make_asking(
         &self,
         model: Arc<dyn VisionModel>,
-        truth: Truth,
+        truth: GroundTruth,
         planner: &Arc<Planner>,
-    ) -> Result<MadeAgent, RunError> {
+    ) -> Result<MadeAgent, WorkspaceError> {
         let is_served = matches!(self.model, ModelChoice::Oracle) || matches!(self.masks, MaskChoice::Oracle);
         let knows = is_served || self.is_analysed;
         let segmenter: Arc<dyn Segmenter> = match &self.masks {
@@ -363,10 +372,10 @@ impl AgentChoice {
             let (truth, asks) = (truth.clone(), transcribed.clone());
             grasps = Arc::new(FlawedGrasps { source: grasps, truth, asks });
         }
-        let heard = Arc::new(Mutex::new(Heard::default()));
+        let judgements = Arc::new(Mutex::new(EpisodeJudgements::default()));
         let (mut model, mut grasps) = (model, grasps);
         if knows {
-            let annotator = Annotator::new(model, truth.clone(), planner, Arc::clone(&heard));
+            let annotator = Annotator::new(model, truth.clone(), planner, Arc::clone(&judgements));
             grasps = Arc::new(annotator.of_grasps(grasps));
             model = Arc::new(annotator);
         }
@@ -376,15 +385,15 @@ impl AgentChoice {
         let depth_error_m = told_m.max(self.settings.depth_error_m);
         let settings = AgentSettings { depth_error_m, ..self.settings.clone() };
         let agent = Agent::new(settings, services, planner, transcribed.clone())
-            .map_err(|error| RunError::broken("the agent cannot be made", error))?
+            .map_err(|error| WorkspaceError::broken("the agent cannot be made", error))?
             .named(self.name());
         if !knows {
-            return Ok(MadeAgent { policy: Box::new(agent), transcribed, truth: None, heard, turns: None });
+            return Ok(MadeAgent { policy: Box::new(agent), transcribed, truth: None, judgements, turns: None });
         }
-        let turns = self.keeps_turns.then(Turns::default);
+        let turns = self.keeps_turns.then(TurnSnapshots::default);
         let jams = self.dials.once == Some(FailureClass::GraspExecution);
-        let policy = WithTruth::new(agent, truth.clone()).jamming(jams).remembered_in(turns.clone());
-        Ok(MadeAgent { policy: Box::new(policy), transcribed, truth: Some(truth), heard, turns })
+        let policy = GroundTruthFeed::new(agent, truth.clone()).with_jam(jams).with_snapshots(turns.clone());
+        Ok(MadeAgent { policy: Box::new(policy), transcribed, truth: Some(truth), judgements, turns })
     }
 }
 
@@ -418,15 +427,15 @@ fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
 }
 
 /// Client of a service; checks the URL but sends nothing.
-fn http(url: &str) -> Result<HttpService, RunError> {
+fn http(url: &str) -> Result<HttpService, WorkspaceError> {
     // Accepts `http:URL` and plain `http://…`.
     let url = if url.starts_with("//") { format!("http:{url}") } else { url.to_owned() };
     HttpService::new(ServiceSettings::at(&url))
-        .map_err(|error| RunError::input(format!("the service {url} cannot be asked")).because(error))
+        .map_err(|error| WorkspaceError::input(format!("the service {url} cannot be asked")).because(error))
 }
 
 /// Policy wrapper that writes the agent's transcript after each turn.
-pub struct Transcribing {
+pub struct TranscriptWriter {
     policy: Box<dyn Policy>,
     transcribed: TranscriptRecorder,
     folder: PathBuf,
@@ -434,14 +443,14 @@ pub struct Transcribing {
     written: usize,
 }
 
-impl Transcribing {
+impl TranscriptWriter {
     /// Writes into `folder`.
     pub fn new(made: MadeAgent, folder: PathBuf) -> Self {
         Self { policy: made.policy, transcribed: made.transcribed, folder, written: 0 }
     }
 }
 
-impl Policy for Transcribing {
+impl Policy for TranscriptWriter {
     fn spec(&self) -> PolicySpec {
         self.policy.spec()
     }
@@ -463,11 +472,11 @@ impl Policy for Transcribing {
 ///
 /// # Errors
 /// A file that cannot be written, or an image that cannot be encoded.
-pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, RunError> {
+pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, WorkspaceError> {
     let pictures = transcribed.pictures();
     for (name, picture) in pictures.iter().skip(first) {
         let path = folder.join(name);
-        let png = picture.png().map_err(|error| RunError::file("write", &path, error))?;
+        let png = picture.png().map_err(|error| WorkspaceError::file("write", &path, error))?;
         documents::write_file(&path, &png)?;
     }
     documents::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())?;

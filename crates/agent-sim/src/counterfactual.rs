@@ -9,15 +9,15 @@ use genmanip_agent::ask::{ModelReply, Question, ServiceError, VisionModel};
 use genmanip_agent::services::GraspSource;
 
 use super::choice::MadeAgent;
-use super::failure::{Blamed, FailureClass};
-use super::{Oracle, WithTruth};
+use super::failure::{AttributedFailure, FailureClass};
+use super::{GroundTruthFeed, Oracle};
 
 /// Episode to be resumed with a corrected answer.
 pub struct Counterfactual {
     /// Turn before which the episode resumes, from 0.
     pub turn: usize,
     /// Agent before that turn; the answers before the blamed one are replayed.
-    pub policy: WithTruth,
+    pub policy: GroundTruthFeed,
     is_same: Arc<AtomicBool>,
 }
 
@@ -33,7 +33,7 @@ impl MadeAgent {
     /// `then`, grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
     pub fn corrected(
         &self,
-        blamed: &Blamed,
+        blamed: &AttributedFailure,
         oracle: &Arc<Oracle>,
         then: Arc<dyn VisionModel>,
         source: Arc<dyn GraspSource>,
@@ -42,7 +42,7 @@ impl MadeAgent {
         let truth = self.truth.clone()?;
         let turns = self.turns.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
         let turn = turns.iter().rposition(|agent| agent.asks() <= ask)?;
-        let told = self.heard.lock().unwrap_or_else(PoisonError::into_inner).answers.clone();
+        let told = self.judgements.lock().unwrap_or_else(PoisonError::into_inner).answers.clone();
         let is_same = Arc::new(AtomicBool::new(false));
         let replaced = (blamed.class != FailureClass::GraspProposal).then_some(ask);
         let model =
@@ -50,7 +50,7 @@ impl MadeAgent {
         let before = &turns[turn];
         let services = Services { model: Arc::new(model), grasps: source, ..before.services().clone() };
         let (agent, _) = before.branch(services);
-        Some(Counterfactual { turn, policy: WithTruth::new(agent, truth), is_same })
+        Some(Counterfactual { turn, policy: GroundTruthFeed::new(agent, truth), is_same })
     }
 }
 

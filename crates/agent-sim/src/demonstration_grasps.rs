@@ -9,13 +9,13 @@ use genmanip_rollout::collect::MESH;
 use genmanip_rollout::expert::{GraspProposer, ObservedObject};
 
 use crate::GraspChoice;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Grasp source of the expert by name: `mesh` (`None`: grasps from geometry), `rgbd` or `http:URL`.
 ///
 /// # Errors
 /// An unknown name, or an unusable URL.
-pub fn choice(name: &str) -> Result<Option<GraspChoice>, RunError> {
+pub fn choice(name: &str) -> Result<Option<GraspChoice>, WorkspaceError> {
     if name == MESH {
         return Ok(None);
     }

@@ -64,12 +64,12 @@ impl FailureClass {
     }
 }
 
-/// The stage of a [`Testimony`] about proposed grasps, which no model answers.
+/// The stage of a [`AnswerJudgement`] about proposed grasps, which no model answers.
 pub const GRASPS: &str = "grasp";
 
 /// Judgement of one answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Testimony {
+pub struct AnswerJudgement {
     /// Number of the ask; of proposed grasps, that of the ask before them.
     pub ask: usize,
     /// Number of decompositions so far.
@@ -86,9 +86,9 @@ pub struct Testimony {
 
 /// Judgements and answers of one episode.
 #[derive(Clone, Debug, Default)]
-pub struct Heard {
+pub struct EpisodeJudgements {
     /// In the order of the asks.
-    pub testimonies: Vec<Testimony>,
+    pub judgements: Vec<AnswerJudgement>,
     /// Every answer, by the number of its ask.
     pub answers: BTreeMap<usize, String>,
     /// Placed objects, by the number of the ask that chose the target.
@@ -102,7 +102,7 @@ pub struct Heard {
 
 /// Attributed cause of a failed episode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Blamed {
+pub struct AttributedFailure {
     /// The class.
     pub class: FailureClass,
     /// Ask with the wrong answer, if an answer caused the failure.
@@ -111,25 +111,25 @@ pub struct Blamed {
     pub evidence: String,
 }
 
-impl Heard {
+impl EpisodeJudgements {
     /// Objects placed since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
-        let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == QuestionKind::Decompose.name());
+        let split = self.judgements.iter().rev().find(|judgement| judgement.stage == QuestionKind::Decompose.name());
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
     }
 
     /// Latest judgement per stage and sub-task: a repeated answer, or one of a later round, replaces the earlier one,
     /// because the closed loop could correct it.
-    fn last(&self) -> Vec<&Testimony> {
+    fn last(&self) -> Vec<&AnswerJudgement> {
         let mut rounds: BTreeMap<&str, usize> = BTreeMap::new();
-        for testimony in &self.testimonies {
-            rounds.insert(testimony.stage, testimony.round);
+        for judgement in &self.judgements {
+            rounds.insert(judgement.stage, judgement.round);
         }
-        let mut last: BTreeMap<(&str, &str), &Testimony> = BTreeMap::new();
-        for testimony in
-            self.testimonies.iter().filter(|testimony| rounds.get(testimony.stage) == Some(&testimony.round))
+        let mut last: BTreeMap<(&str, &str), &AnswerJudgement> = BTreeMap::new();
+        for judgement in
+            self.judgements.iter().filter(|judgement| rounds.get(judgement.stage) == Some(&judgement.round))
         {
-            last.insert((testimony.stage, &testimony.subtask), testimony);
+            last.insert((judgement.stage, &judgement.subtask), judgement);
         }
         last.into_values().collect()
     }
@@ -138,42 +138,42 @@ impl Heard {
 /// Class of a failed episode: that of the first uncorrected wrong answer, else the failure of execution.
 ///
 /// `failure` is the agent's own report, `frames` the recording. Of several wrong answers the first counts.
-pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) -> Blamed {
+pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, frames: &[Frame]) -> AttributedFailure {
     let said = failure.map(|failure| (failure.stage.as_str(), failure.cause.as_str()));
     let words = failure.map_or_else(String::new, ToString::to_string);
     if let Some((_, FailedStage::SERVICE)) = said {
-        return Blamed { class: FailureClass::Service, ask: None, evidence: words };
+        return AttributedFailure { class: FailureClass::Service, ask: None, evidence: words };
     }
     let ended_in = |stage: &str| said.is_some_and(|(said, _)| said == stage);
-    let wrong = heard.last().into_iter().filter_map(|testimony| Some((testimony.wrong?, testimony)));
+    let wrong = judgements.last().into_iter().filter_map(|judgement| Some((judgement.wrong?, judgement)));
     // A wrong target is irrelevant if the object was lost before it got there.
-    let was_carried = |ask: usize| heard.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
+    let was_carried = |ask: usize| judgements.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
     let is_plan = |class: FailureClass| {
         matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
     };
     let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == "check");
-    let wrong = wrong.filter(|(class, testimony)| !has_tried || !is_plan(*class) || was_carried(testimony.ask));
+    let wrong = wrong.filter(|(class, judgement)| !has_tried || !is_plan(*class) || was_carried(judgement.ask));
     // A format error counts only if it ended the episode.
-    let wrong = wrong.filter(|(class, testimony)| *class != FailureClass::Format || ended_in(testimony.stage));
-    if let Some((class, testimony)) = wrong.min_by_key(|(_, testimony)| testimony.ask) {
+    let wrong = wrong.filter(|(class, judgement)| *class != FailureClass::Format || ended_in(judgement.stage));
+    if let Some((class, judgement)) = wrong.min_by_key(|(_, judgement)| judgement.ask) {
         let class = match (class, said) {
             // "No mask fits" is a grounding error, not a format error.
             (FailureClass::Format, Some(("object", "not_found"))) => FailureClass::GraspGrounding,
             (class, _) => class,
         };
-        let evidence = format!("ask {} ({}): {}", testimony.ask, testimony.stage, testimony.evidence);
-        return Blamed { class, ask: Some(testimony.ask), evidence };
+        let evidence = format!("ask {} ({}): {}", judgement.ask, judgement.stage, judgement.evidence);
+        return AttributedFailure { class, ask: Some(judgement.ask), evidence };
     }
     let (class, evidence) = match said {
         Some(("object", _)) => (FailureClass::GraspGrounding, words),
         Some((GRASPS, "none" | "unsuited")) => (FailureClass::GraspProposal, words),
         Some((GRASPS | "execute", _)) => (FailureClass::GraspExecution, words),
-        _ => match heard.sent_last().find_map(|object| lost(object, frames)) {
+        _ => match judgements.sent_last().find_map(|object| lost(object, frames)) {
             Some(how) => (FailureClass::GraspExecution, how),
             None => (FailureClass::PlanMotion, words),
         },
     };
-    Blamed { class, ask: None, evidence }
+    AttributedFailure { class, ask: None, evidence }
 }
 
 /// Minimum number of frames between the fingers that counts as held; half a second at 60 Hz.
@@ -203,11 +203,17 @@ mod tests {
     use super::*;
 
     /// Description, judgements, reported failure, expected class and expected ask.
-    type Case<'a> = (&'a str, Vec<Testimony>, Option<&'a FailedStage>, FailureClass, Option<usize>);
+    type Case<'a> = (&'a str, Vec<AnswerJudgement>, Option<&'a FailedStage>, FailureClass, Option<usize>);
 
-    fn said(ask: usize, round: usize, stage: QuestionKind, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
+    fn said(
+        ask: usize,
+        round: usize,
+        stage: QuestionKind,
+        subtask: &str,
+        wrong: Option<FailureClass>,
+    ) -> AnswerJudgement {
         let (stage, subtask) = (stage.name(), subtask.to_owned());
-        Testimony { ask, round, stage, subtask, wrong, evidence: String::new() }
+        AnswerJudgement { ask, round, stage, subtask, wrong, evidence: String::new() }
     }
 
     #[test]
@@ -253,9 +259,9 @@ mod tests {
             ("form counts where it ended the episode", vec![format(4)], Some(&rounds), FailureClass::Format, Some(4)),
             ("and nowhere else", vec![format(4)], None, FailureClass::PlanMotion, None),
         ];
-        for (what, testimonies, failure, class, ask) in cases {
-            let heard = Heard { testimonies, ..Heard::default() };
-            let blamed = classify(&heard, failure, &[]);
+        for (what, judgements, failure, class, ask) in cases {
+            let judgements = EpisodeJudgements { judgements, ..EpisodeJudgements::default() };
+            let blamed = classify(&judgements, failure, &[]);
             assert_eq!((blamed.class, blamed.ask), (class, ask), "{what}");
         }
     }
@@ -279,7 +285,7 @@ mod tests {
             let held = (0..held).map(|_| frame(true, 0.02));
             held.chain((0..60).map(|_| frame(false, after))).collect()
         };
-        let sent = Heard { sent: [(3, 2)].into(), ..Heard::default() };
+        let sent = EpisodeJudgements { sent: [(3, 2)].into(), ..EpisodeJudgements::default() };
         let cases = [
             (run(100, 0.08), FailureClass::PlanMotion),
             (run(100, 0.02), FailureClass::GraspExecution),
@@ -289,11 +295,12 @@ mod tests {
             assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
         }
         // Placements before a new decomposition do not count.
-        let anew = Heard { testimonies: vec![said(9, 1, QuestionKind::Decompose, "", None)], ..sent.clone() };
+        let anew =
+            EpisodeJudgements { judgements: vec![said(9, 1, QuestionKind::Decompose, "", None)], ..sent.clone() };
         assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
         // A wrong target counts only if the object was carried there.
         let wrong = said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation));
-        let misplaced = Heard { testimonies: vec![wrong], ..sent };
+        let misplaced = EpisodeJudgements { judgements: vec![wrong], ..sent };
         assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);
         assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, FailureClass::GraspExecution);
     }

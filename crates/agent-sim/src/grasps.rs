@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
 use genmanip_core::Grasp;
 
-use super::Truth;
+use super::GroundTruth;
 use super::failure::FailureClass;
 
 /// Offset (m) of a wrong grasp against its approach direction: a depth error of half a mug.
@@ -14,7 +14,7 @@ const SHORT_M: f64 = 0.06;
 /// Grasp source whose first proposals of an episode all close short of the object, as with a depth error.
 pub(super) struct FlawedGrasps {
     pub source: Arc<dyn GraspSource>,
-    pub truth: Truth,
+    pub truth: GroundTruth,
     /// Recorder that knows the number of the preceding ask.
     pub asks: genmanip_agent::ask::TranscriptRecorder,
 }
@@ -24,15 +24,15 @@ impl GraspSource for FlawedGrasps {
         let mut grasps = self.source.grasps(question)?;
         // A repeated question after the same ask gets the same error.
         let last = self.asks.asks().saturating_sub(1);
-        let planted = self.truth.planted();
-        if grasps.is_empty() || planted.first().is_some_and(|planted| planted.ask != last) {
+        let injected = self.truth.injected();
+        if grasps.is_empty() || injected.first().is_some_and(|injected| injected.ask != last) {
             return Ok(grasps);
         }
         for grasp in &mut grasps {
             grasp.pose.position -= grasp.approach() * SHORT_M;
         }
-        if planted.is_empty() {
-            self.truth.plant(last, FailureClass::GraspProposal);
+        if injected.is_empty() {
+            self.truth.record_injected(last, FailureClass::GraspProposal);
         }
         Ok(grasps)
     }

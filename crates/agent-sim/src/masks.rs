@@ -2,20 +2,20 @@
 
 use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
-use super::Truth;
+use super::GroundTruth;
 use crate::oracle_segmenter::OracleSegmenter;
 
 /// Minimum mask area, pixels: smaller masks are not visible to any model.
-const FEWEST_PIXELS: usize = 20;
+const MIN_PIXELS: usize = 20;
 
 /// Segmenter with the ground-truth masks of all objects; results made with it are labelled `oracle`.
 pub struct OracleMasks {
-    truth: Truth,
+    truth: GroundTruth,
 }
 
 impl OracleMasks {
     /// Segmenter for the episode of `truth`.
-    pub fn new(truth: Truth) -> Self {
+    pub fn new(truth: GroundTruth) -> Self {
         Self { truth }
     }
 }
@@ -27,7 +27,7 @@ impl Segmenter for OracleMasks {
             found: "another one".into(),
         })?;
         let mut masks = OracleSegmenter.segment(&SegmentQuestion { image: &known, ..question.clone() })?;
-        masks.retain(|mask| mask.area() >= FEWEST_PIXELS);
+        masks.retain(|mask| mask.area() >= MIN_PIXELS);
         // Sorted by position in the image, so that mask numbers reveal nothing about the scenario.
         masks.sort_by_key(|mask| mask.indices().next());
         Ok(masks)

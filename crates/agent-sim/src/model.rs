@@ -16,7 +16,7 @@ use genmanip_llm::{
 use genmanip_rollout::Cores;
 use serde::Deserialize;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// The settings file of a model: the tables `server`, `folder`, `cassettes` and `prices`, as for task design.
@@ -38,10 +38,10 @@ impl ModelFile {
     ///
     /// # Errors
     /// An unreadable or invalid file; values are never shown, since the file may contain a key.
-    pub fn read(path: &Path) -> Result<Self, RunError> {
+    pub fn read(path: &Path) -> Result<Self, WorkspaceError> {
         let text = documents::read_text(path, limits::SETTINGS)?;
         let unusable =
-            |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
+            |error| WorkspaceError::input(format!("{} holds no settings of a model", path.display())).because(error);
         let file: Self = genmanip_llm::from_toml(&text).map_err(unusable)?;
         file.check().map_err(unusable)?;
         Ok(file)
@@ -58,7 +58,7 @@ impl ModelFile {
 pub struct SharedModel {
     chat: Box<dyn ChatModel>,
     server: ServerSettings,
-    account: Arc<Account>,
+    account: Arc<UsageAccount>,
 }
 
 impl SharedModel {
@@ -66,9 +66,9 @@ impl SharedModel {
     ///
     /// # Errors
     /// An invalid setting, or a missing key.
-    pub fn open(file: &ModelFile) -> Result<Self, RunError> {
+    pub fn open(file: &ModelFile) -> Result<Self, WorkspaceError> {
         let price = file.prices.get(&file.server.model).cloned();
-        let account = Arc::new(Account { price, ..Account::default() });
+        let account = Arc::new(UsageAccount { price, ..UsageAccount::default() });
         let paid = Arc::clone(&account);
         let chat: Result<Box<dyn ChatModel>, SettingsError> = match &file.folder {
             Some(folder) if file.cassettes.mode != CassetteMode::Replay => FolderChat::new(folder.clone())
@@ -79,12 +79,12 @@ impl SharedModel {
             })
             .map(|chat| Box::new(chat) as Box<dyn ChatModel>),
         };
-        let chat = chat.map_err(|error| RunError::input("the model cannot be used").because(error))?;
+        let chat = chat.map_err(|error| WorkspaceError::input("the model cannot be used").because(error))?;
         Ok(Self { chat, server: file.server.clone(), account })
     }
 
     /// Usage and cost so far.
-    pub fn account(&self) -> &Arc<Account> {
+    pub fn account(&self) -> &Arc<UsageAccount> {
         &self.account
     }
 
@@ -140,7 +140,7 @@ impl Lending {
 /// Model with a cost limit; replayed answers do not reach it and are free.
 struct Paid<M> {
     model: M,
-    account: Arc<Account>,
+    account: Arc<UsageAccount>,
 }
 
 impl<M: ChatModel> ChatModel for Paid<M> {
@@ -154,21 +154,21 @@ impl<M: ChatModel> ChatModel for Paid<M> {
 
 /// Usage and cost of a model.
 #[derive(Debug, Default)]
-pub struct Account {
+pub struct UsageAccount {
     price: Option<Price>,
     /// Cost limit, in the currency of the price.
     limit: Mutex<Option<f64>>,
     ledger: Mutex<Ledger>,
 }
 
-impl Account {
+impl UsageAccount {
     /// Stops new requests once the cost reaches `limit`; pending requests are completed.
     ///
     /// # Errors
     /// A model without a price, whose cost is unknown.
-    pub fn set_limit(&self, limit: f64) -> Result<(), RunError> {
+    pub fn set_limit(&self, limit: f64) -> Result<(), WorkspaceError> {
         if self.price.is_none() {
-            return Err(RunError::input("the settings of the model say no price, so its cost cannot be limited")
+            return Err(WorkspaceError::input("the settings of the model say no price, so its cost cannot be limited")
                 .with_hint("expected [prices.\"MODEL\"] with input_per_million and output_per_million"));
         }
         *self.limit.lock().unwrap_or_else(PoisonError::into_inner) = Some(limit);
@@ -176,7 +176,7 @@ impl Account {
     }
 
     /// Answers, tokens and cost so far, as text; empty before the first answer.
-    pub fn in_words(&self) -> String {
+    pub fn describe(&self) -> String {
         let ledger = self.ledger();
         let Some((_, sums)) = ledger.models.iter().next() else { return String::new() };
         let mut words = format!("{} asks", sums.answers + sums.replayed);
@@ -247,7 +247,7 @@ mod tests {
         let error = ask(&model, "third").unwrap_err().to_string();
         assert_eq!(error, "the cost of 2.00 USD has reached the limit of 1.50");
         assert!(ask(&model, "first").is_ok(), "what is recorded costs nothing");
-        assert_eq!(model.account().in_words(), "3 asks (1 recorded), 200 + 20 tokens, 2.00 USD");
+        assert_eq!(model.account().describe(), "3 asks (1 recorded), 200 + 20 tokens, 2.00 USD");
         assert_eq!(server.seen().len(), 2);
         // A price is needed for a limit.
         let unpriced = ModelFile { prices: BTreeMap::new(), ..file };

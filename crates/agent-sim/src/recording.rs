@@ -8,7 +8,7 @@ use genmanip_agent::ask::{
 };
 use genmanip_core::{Document, limits};
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Recorded answers of one episode, in front of a model or alone.
@@ -28,18 +28,18 @@ impl Recording {
     ///
     /// # Errors
     /// A file that cannot be read, or is of another scenario.
-    pub fn open(folder: &Path, scenario: &str, model: Option<Arc<dyn VisionModel>>) -> Result<Self, RunError> {
+    pub fn open(folder: &Path, scenario: &str, model: Option<Arc<dyn VisionModel>>) -> Result<Self, WorkspaceError> {
         let path = folder.join(format!("{scenario}.json"));
         let kept = match path.exists() {
             false => RecordedAnswers { scenario: scenario.into(), answers: Vec::new() },
             true => {
                 let text = documents::read_text(&path, limits::CASSETTE)?;
-                RecordedAnswers::from_json(&text).map_err(|error| RunError::file("read", &path, error))?
+                RecordedAnswers::from_json(&text).map_err(|error| WorkspaceError::file("read", &path, error))?
             }
         };
         if kept.scenario != scenario {
             let found = &kept.scenario;
-            return Err(RunError::input(format!("{} holds answers of scenario {found}", path.display()))
+            return Err(WorkspaceError::input(format!("{} holds answers of scenario {found}", path.display()))
                 .with_hint(format!("expected those of {scenario}")));
         }
         Ok(Self { model, path, tolerance: Tolerance::default(), kept: Mutex::new(kept) })

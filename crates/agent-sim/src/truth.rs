@@ -17,7 +17,7 @@ use super::failure::FailureClass;
 
 /// Current ground truth, shared by the oracle services of one episode.
 #[derive(Clone)]
-pub struct Truth {
+pub struct GroundTruth {
     stage: Stage,
     now: Arc<Mutex<Now>>,
 }
@@ -28,31 +28,31 @@ pub(super) struct Now {
     pub state: Option<PrivilegedState>,
     images: Vec<RgbdImage>,
     pub seed: Option<Seed>,
-    pub planted: Vec<Planted>,
+    pub injected: Vec<InjectedError>,
 }
 
 /// Injected error; hidden from the failure attribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Planted {
+pub struct InjectedError {
     /// Number of the ask; for errors outside answers, the number of the preceding ask.
     pub ask: usize,
     /// Failure class that the error should cause.
     pub class: FailureClass,
 }
 
-impl Truth {
+impl GroundTruth {
     /// Ground truth of an episode on a stage.
     pub fn new(stage: &Stage) -> Self {
         Self { stage: stage.clone(), now: Arc::default() }
     }
 
     /// Errors injected so far.
-    pub fn planted(&self) -> Vec<Planted> {
-        self.now().planted.clone()
+    pub fn injected(&self) -> Vec<InjectedError> {
+        self.now().injected.clone()
     }
 
-    pub(super) fn plant(&self, ask: usize, class: FailureClass) {
-        self.now().planted.push(Planted { ask, class });
+    pub(super) fn record_injected(&self, ask: usize, class: FailureClass) {
+        self.now().injected.push(InjectedError { ask, class });
     }
 
     pub(super) fn stage(&self) -> &Stage {
@@ -131,36 +131,36 @@ impl Truth {
 }
 
 /// Policy wrapper that updates the ground truth of the oracle services before each turn and hides it from the agent.
-pub struct WithTruth {
+pub struct GroundTruthFeed {
     agent: Agent,
-    truth: Truth,
+    truth: GroundTruth,
     /// True while a finger jam is still to be injected.
     jams: bool,
     /// Snapshots of the agent before each turn, if they are kept.
-    turns: Option<Turns>,
+    turns: Option<TurnSnapshots>,
 }
 
 /// Snapshots of the agent before each turn, in order.
-pub type Turns = Arc<Mutex<Vec<Agent>>>;
+pub type TurnSnapshots = Arc<Mutex<Vec<Agent>>>;
 
 /// Tolerance (m) within which gripper widths are equal.
 const SAME_WIDTH_M: f32 = 1e-4;
 
-impl WithTruth {
+impl GroundTruthFeed {
     /// Wraps an agent whose services share `truth`.
-    pub fn new(agent: Agent, truth: Truth) -> Self {
+    pub fn new(agent: Agent, truth: GroundTruth) -> Self {
         Self { agent, truth, jams: false, turns: None }
     }
 
     /// Injects an execution error: at the first grasp the fingers stay open.
     #[must_use]
-    pub fn jamming(self, jams: bool) -> Self {
+    pub fn with_jam(self, jams: bool) -> Self {
         Self { jams, ..self }
     }
 
     /// Stores a snapshot of the agent before each turn in `turns`.
     #[must_use]
-    pub fn remembered_in(self, turns: Option<Turns>) -> Self {
+    pub fn with_snapshots(self, turns: Option<TurnSnapshots>) -> Self {
         Self { turns, ..self }
     }
 
@@ -181,7 +181,7 @@ impl WithTruth {
     }
 }
 
-impl Policy for WithTruth {
+impl Policy for GroundTruthFeed {
     fn spec(&self) -> PolicySpec {
         let mut spec = PolicySpec { privileged: true, ..self.agent.spec() };
         for camera in &mut spec.cameras {
@@ -214,7 +214,7 @@ impl Policy for WithTruth {
         let mut chunk = self.agent.act(&seen)?;
         if self.jams && Self::jam(&mut chunk.actions) {
             self.jams = false;
-            self.truth.plant(self.agent.asks(), FailureClass::GraspExecution);
+            self.truth.record_injected(self.agent.asks(), FailureClass::GraspExecution);
         }
         Ok(chunk)
     }

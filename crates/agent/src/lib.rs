@@ -8,7 +8,7 @@
 //! - [`Agent`] is the whole pipeline as a [`Policy`](genmanip_core::Policy).
 //! - [`plan_pick_and_place`] plans one pick and one placement from a single image, for a real camera and arm.
 //! - [`ask`] sends questions to a vision-language model and accepts only answers that name marks drawn on the images.
-//! - [`picture`] draws the marks; [`grid`] labels the cells of an image.
+//! - [`image`] draws the marks; [`grid`] labels the cells of an image.
 //! - [`segmentation`] finds the objects in an image; [`perception`] locates them in 3D.
 //! - [`services`] requests masks and grasps from other programs and documents those requests.
 //!
@@ -16,8 +16,8 @@
 
 pub mod ask;
 pub mod grid;
+pub mod image;
 pub mod perception;
-pub mod picture;
 mod pipeline;
 pub mod segmentation;
 pub mod services;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use genmanip_core::{
-    AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp, Upgrade,
+    AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, Upgrade, VerifiedGrasp,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -55,7 +55,7 @@ pub struct ObjectGrasps {
     pub physics_hash: String,
     /// Grasps in the object frame, highest success rate first.
     #[serde(with = "rows")]
-    pub grasps: Vec<TriedGrasp>,
+    pub grasps: Vec<VerifiedGrasp>,
 }
 
 /// Tried grasps by robot name and object physics.
@@ -97,7 +97,7 @@ impl GraspLibrary {
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] if the object's or the robot's physics have changed since.
-    pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
+    pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[VerifiedGrasp], AssetError> {
         if let Some(expected) = self.robots.get(&robot.name) {
             let got = robot.physics_hash();
             if *expected != got {
@@ -128,17 +128,17 @@ impl GraspLibrary {
 }
 
 /// Grasps tried at run time, by the physics hashes of robot and object.
-static CACHE: Mutex<BTreeMap<(String, String), &'static [TriedGrasp]>> = Mutex::new(BTreeMap::new());
+static CACHE: Mutex<BTreeMap<(String, String), &'static [VerifiedGrasp]>> = Mutex::new(BTreeMap::new());
 
 /// Caches grasps tried at run time for every [`GraspLibrary`], for objects missing from its files; existing entries
 /// are kept. Leaks at most one list per object for the lifetime of the program.
-pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<TriedGrasp>) {
+pub fn cache_grasps(robot_hash: &str, physics_hash: &str, grasps: Vec<VerifiedGrasp>) {
     let mut known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());
 }
 
 /// Grasps cached by [`cache_grasps`].
-pub fn cached_grasps(robot_hash: &str, physics_hash: &str) -> Option<&'static [TriedGrasp]> {
+pub fn cached_grasps(robot_hash: &str, physics_hash: &str) -> Option<&'static [VerifiedGrasp]> {
     let known = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     known.get(&(robot_hash.to_owned(), physics_hash.to_owned())).copied()
 }
@@ -187,7 +187,7 @@ impl GraspFile {
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] if the object has changed since the trials.
-    pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
+    pub fn of(&self, model: &ObjectModel) -> Result<Option<&[VerifiedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
         if !model.has_physics(&object.physics_hash) {
             return Err(stale(model, &object.physics_hash));
@@ -218,20 +218,20 @@ mod rows {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    use super::{Grasp, Pose, TriedGrasp};
+    use super::{Grasp, Pose, VerifiedGrasp};
 
     type Row = [f64; 10];
 
-    pub fn serialize<S: Serializer>(grasps: &[TriedGrasp], serializer: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer>(grasps: &[VerifiedGrasp], serializer: S) -> Result<S::Ok, S::Error> {
         grasps.iter().map(to_row).collect::<Vec<Row>>().serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<TriedGrasp>, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<VerifiedGrasp>, D::Error> {
         let rows = Vec::<Row>::deserialize(deserializer)?;
         rows.iter().enumerate().map(|(index, row)| from_row(index, row).map_err(D::Error::custom)).collect()
     }
 
-    fn to_row(tried: &TriedGrasp) -> Row {
+    fn to_row(tried: &VerifiedGrasp) -> Row {
         let Grasp { pose, width, score } = &tried.grasp;
         let ([x, y, z], [rx, ry, rz]) = (pose.position.to_array(), pose.rotation.to_scaled_axis().to_array());
         // Rounded to 0.01 mm; reading and writing again gives the same bytes.
@@ -240,7 +240,7 @@ mod rows {
         [x, y, z, rx, ry, rz, width, score, f64::from(tried.held), f64::from(tried.trials)]
     }
 
-    fn from_row(index: usize, row: &Row) -> Result<TriedGrasp, String> {
+    fn from_row(index: usize, row: &Row) -> Result<VerifiedGrasp, String> {
         let &[x, y, z, rx, ry, rz, width, score, held, trials] = row;
         let counts = held >= 0.0 && held <= trials && held.fract() == 0.0 && trials.fract() == 0.0 && trials < 1e6;
         if !(0.0..=1.0).contains(&width) || !(0.0..=1.0).contains(&score) || !counts {
@@ -250,6 +250,6 @@ mod rows {
             ));
         }
         let pose = Pose::new(DVec3::new(x, y, z), DQuat::from_scaled_axis(DVec3::new(rx, ry, rz)));
-        Ok(TriedGrasp { grasp: Grasp { pose, width, score }, trials: trials as u32, held: held as u32 })
+        Ok(VerifiedGrasp { grasp: Grasp { pose, width, score }, trials: trials as u32, held: held as u32 })
     }
 }

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     for task in &tasks {
         std::fs::write(folder.join(format!("{}-graph.svg", task.id)), graph_svg(task).as_str())?;
-        let layout = layout_svg(&support::layout_picture(task));
+        let layout = layout_svg(&support::top_view(task));
         std::fs::write(folder.join(format!("{}-layout.svg", task.id)), layout.as_str())?;
     }
     std::fs::write(

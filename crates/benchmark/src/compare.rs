@@ -9,7 +9,7 @@ use genmanip_core::{EpisodeResult, TaskKind, limits};
 use genmanip_workspace::text_table;
 use serde::Serialize;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Numbers of scenarios for which the detectable difference is reported.
@@ -56,10 +56,10 @@ pub struct PowerRow {
 ///
 /// # Errors
 /// If a file is not an evaluation, the two are of different suites, or no episode is in both.
-pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError> {
-    let read = |path: &Path| -> Result<EvaluationReport, RunError> {
+pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, WorkspaceError> {
+    let read = |path: &Path| -> Result<EvaluationReport, WorkspaceError> {
         if path.is_dir() {
-            return Err(RunError::input(format!("{} is a folder", path.display()))
+            return Err(WorkspaceError::input(format!("{} is a folder", path.display()))
                 .with_hint("name an evaluation, such as RUN/evaluation/expert.json"));
         }
         documents::read_document(path, limits::EVALUATION)
@@ -68,13 +68,17 @@ pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError
     if origin(&reports[0]) != origin(&reports[1]) {
         let of = |report: &EvaluationReport| format!("suite {} ({})", report.suite, report.suite_hash);
         let [ours, theirs] = [of(&reports[0]), of(&reports[1])];
-        return Err(RunError::input(format!("{} is of {ours}, {} of {theirs}", first.display(), second.display()))
-            .with_hint("evaluate both policies on the same scenarios: only then can episodes be paired"));
+        return Err(WorkspaceError::input(format!(
+            "{} is of {ours}, {} of {theirs}",
+            first.display(),
+            second.display()
+        ))
+        .with_hint("evaluate both policies on the same scenarios: only then can episodes be paired"));
     }
     compare_reports(&reports).map_err(|error| match error {
-        None => RunError::input(format!("no episode is in both {} and {}", first.display(), second.display()))
+        None => WorkspaceError::input(format!("no episode is in both {} and {}", first.display(), second.display()))
             .with_hint("expected evaluations with the same scenarios and seeds"),
-        Some(error) => RunError::broken("the evaluations cannot be compared", error),
+        Some(error) => WorkspaceError::broken("the evaluations cannot be compared", error),
     })
 }
 
@@ -130,7 +134,7 @@ fn arm(report: &EvaluationReport) -> String {
 }
 
 /// Text summary.
-pub fn in_words(comparison: &Comparison) -> String {
+pub fn describe(comparison: &Comparison) -> String {
     let all = &comparison.overall;
     let oracle = |index: usize| if comparison.oracle[index] { " (oracle)" } else { "" };
     let mut text = format!(
@@ -153,7 +157,7 @@ pub fn in_words(comparison: &Comparison) -> String {
     if all.unpaired > 0 {
         text += &format!("{} episodes of only one of them are left out\n", all.unpaired);
     }
-    text + &power_in_words(&comparison.power)
+    text + &describe_power(&comparison.power)
 }
 
 fn row(name: &str, pair: &PairedComparison) -> Vec<String> {
@@ -206,7 +210,7 @@ impl std::fmt::Display for Short {
     }
 }
 
-fn power_in_words(power: &[PowerRow]) -> String {
+fn describe_power(power: &[PowerRow]) -> String {
     let head = ["scenarios", "difference found four times in five"];
     let mut rows = vec![head.map(String::from).to_vec()];
     for row in power {

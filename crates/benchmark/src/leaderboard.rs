@@ -12,7 +12,7 @@ use genmanip_viz::markup::escape;
 
 /// One suite with the evaluations on it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Board {
+pub struct Leaderboard {
     /// Name of the suite.
     pub suite: String,
     /// Hash of its scenarios.
@@ -45,12 +45,12 @@ pub struct Entry {
 }
 
 /// Sorts evaluations into one board per suite; boards and equal entries keep the order of the reports.
-pub fn boards(reports: &[EvaluationReport]) -> Vec<Board> {
-    let mut boards: Vec<Board> = Vec::new();
+pub fn boards(reports: &[EvaluationReport]) -> Vec<Leaderboard> {
+    let mut boards: Vec<Leaderboard> = Vec::new();
     for report in reports {
         let at = boards.iter().position(|board| board.suite_hash == report.suite_hash).unwrap_or_else(|| {
             let (suite, suite_hash) = (report.suite.clone(), report.suite_hash.clone());
-            boards.push(Board { suite, suite_hash, fair: Vec::new(), oracle: Vec::new() });
+            boards.push(Leaderboard { suite, suite_hash, fair: Vec::new(), oracle: Vec::new() });
             boards.len() - 1
         });
         let side = if report.oracle { &mut boards[at].oracle } else { &mut boards[at].fair };
@@ -117,14 +117,14 @@ fn cells(entries: &[Entry], style: &Style) -> (Vec<String>, Vec<Vec<String>>) {
 }
 
 /// The two tables of a board with their titles; empty ones are omitted.
-fn tables(board: &Board) -> impl Iterator<Item = (&'static str, &[Entry])> {
+fn tables(board: &Leaderboard) -> impl Iterator<Item = (&'static str, &[Entry])> {
     [("Policies", board.fair.as_slice()), ("With simulator truth (oracle)", board.oracle.as_slice())]
         .into_iter()
         .filter(|(_, entries)| !entries.is_empty())
 }
 
 /// The boards as Markdown.
-pub fn leaderboard_markdown(boards: &[Board]) -> String {
+pub fn leaderboard_markdown(boards: &[Leaderboard]) -> String {
     let safe: fn(&str) -> String = |text| text.replace('|', "\\|").replace(['\n', '\r'], " ");
     let style = Style {
         text: safe,
@@ -148,7 +148,7 @@ pub fn leaderboard_markdown(boards: &[Board]) -> String {
 }
 
 /// The boards as the text of an HTML file: no external resource, complete without scripts.
-pub fn leaderboard_html(boards: &[Board]) -> String {
+pub fn leaderboard_html(boards: &[Leaderboard]) -> String {
     let style = Style { text: escape, rate: rate_bar };
     let mut html = format!(
         concat!(

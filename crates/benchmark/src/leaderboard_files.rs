@@ -6,7 +6,7 @@ use crate::EvaluationReport;
 use genmanip_core::limits;
 
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Maximum depth of the search; a run's evaluations are two levels below the folder of runs.
@@ -18,7 +18,7 @@ const DEPTH: usize = 4;
 ///
 /// # Errors
 /// If the folder cannot be listed, or holds no evaluation.
-pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, RunError> {
+pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, WorkspaceError> {
     let mut files = Vec::new();
     // A run's folder of evaluations also holds other files.
     list(folder, !folder.join("run.json").is_file(), DEPTH, &mut files)?;
@@ -32,19 +32,19 @@ pub fn evaluations_below(folder: &Path, progress: &dyn Progress) -> Result<Vec<E
         }
     }
     if reports.is_empty() {
-        return Err(RunError::input(format!("there is no evaluation below {}", folder.display()))
+        return Err(WorkspaceError::input(format!("there is no evaluation below {}", folder.display()))
             .with_hint("expected RUN/evaluation/*.json, as `genmanip evaluate` writes them"));
     }
     Ok(reports)
 }
 
-fn list(folder: &Path, is_meant: bool, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), RunError> {
+fn list(folder: &Path, is_meant: bool, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), WorkspaceError> {
     let entries = std::fs::read_dir(folder).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
-    for entry in entries.map_err(|error| RunError::file("list", folder, error))? {
+    for entry in entries.map_err(|error| WorkspaceError::file("list", folder, error))? {
         let (path, name) = (entry.path(), entry.file_name());
         let is_hidden = name.to_string_lossy().starts_with('.');
         // Links are not followed, so no folder is visited twice.
-        let kind = entry.file_type().map_err(|error| RunError::file("list", &path, error))?;
+        let kind = entry.file_type().map_err(|error| WorkspaceError::file("list", &path, error))?;
         if is_hidden {
             continue;
         }

@@ -28,8 +28,10 @@ pub mod suites;
 pub use dataset_page::{FilmStrip, dataset_page};
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
-pub use leaderboard::{Board, Entry, boards, leaderboard_html, leaderboard_markdown};
-pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
+pub use leaderboard::{Entry, Leaderboard, boards, leaderboard_html, leaderboard_markdown};
+pub use report::{
+    AttemptRow, EpisodeImage, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html,
+};
 pub use rows::{EpisodeRow, Outcome, TaskRow};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,

@@ -28,14 +28,14 @@ use genmanip_workspace::text_table;
 use serde::Serialize;
 
 pub use assets::SuiteAssets;
-pub use check::{Checked, check, in_words as check_in_words};
-pub use diff::{Difference, diff, in_words as diff_in_words};
+pub use check::{SuiteCheck, check, describe as describe_check};
+pub use diff::{Difference, describe as describe_diff, diff};
 pub use freeze::{freeze, freeze_images};
 pub use perturb::Axis;
-pub use review::{in_words as review_in_words, review, reviews};
+pub use review::{describe as describe_review, review, reviews};
 pub use training::{Training, TrainingOptions, shared, training};
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Kinds of tasks in a suite: those of the paper's benchmark.
@@ -78,10 +78,10 @@ pub fn parse_folder(text: &str) -> Result<PathBuf, String> {
 ///
 /// # Errors
 /// If there is none, or it is damaged.
-pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
+pub fn open(folder: &Path) -> Result<SuiteFile, WorkspaceError> {
     let path = folder.join("suite.json");
     if !path.is_file() {
-        return Err(RunError::input(format!("there is no suite at {}", folder.display()))
+        return Err(WorkspaceError::input(format!("there is no suite at {}", folder.display()))
             .with_hint("expected a folder with suite.json, as `genmanip suite build --out DIR` makes it"));
     }
     documents::read_document(&path, limits::SUITE)
@@ -94,7 +94,7 @@ pub fn scenario_file(folder: &Path, id: &str) -> PathBuf {
 
 /// Summary of a suite.
 #[derive(Clone, Debug, Serialize)]
-pub struct Shown {
+pub struct SuiteOverview {
     /// Its file.
     #[serde(flatten)]
     pub file: SuiteFile,
@@ -108,14 +108,14 @@ pub struct Shown {
 ///
 /// # Errors
 /// As [`open`].
-pub fn show(folder: &Path) -> Result<Shown, RunError> {
+pub fn show(folder: &Path) -> Result<SuiteOverview, WorkspaceError> {
     let file = open(folder)?;
     let marginals = marginals(file.scenarios.iter().map(|entry| &entry.traits));
-    Ok(Shown { file, marginals, reviews: reviews(folder)?.reviews })
+    Ok(SuiteOverview { file, marginals, reviews: reviews(folder)?.reviews })
 }
 
 /// Text summary.
-pub fn show_in_words(shown: &Shown) -> String {
+pub fn describe_suite(shown: &SuiteOverview) -> String {
     let file = &shown.file;
     let mut text = format!(
         "{} ({}): {} scenarios, seed {}, genmanip {}, {}\n\n",
@@ -151,7 +151,7 @@ pub fn show_in_words(shown: &Shown) -> String {
         spread.entry(&marginal.name).or_default().push(cell);
     }
     if !shown.reviews.is_empty() {
-        text += &format!("\n{}", review_in_words(&ReviewFile { reviews: shown.reviews.clone() }));
+        text += &format!("\n{}", describe_review(&ReviewFile { reviews: shown.reviews.clone() }));
     }
     text += "\nspread\n";
     for (name, cells) in spread {

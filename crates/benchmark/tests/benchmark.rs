@@ -185,8 +185,8 @@ fn a_control_that_succeeds_is_a_warning() {
     let mut tasks = support::tasks();
     tasks.truncate(1);
     let mut input = support::report_input(tasks);
-    let control = input.summaries.iter_mut().find(|summary| summary.policy == "do_nothing").unwrap();
-    control.success.successes = 1;
+    let baseline = input.summaries.iter_mut().find(|summary| summary.policy == "do_nothing").unwrap();
+    baseline.success.successes = 1;
     let text = check_report(&report_html(&input, &ReportSettings::default()).unwrap(), 15_000_000);
     assert!(text.contains("The baseline policy do_nothing succeeded in 1 episode"), "{text}");
 }

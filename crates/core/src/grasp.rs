@@ -36,7 +36,7 @@ impl Grasp {
 
 /// A grasp with the results of its physics trials.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TriedGrasp {
+pub struct VerifiedGrasp {
     /// The grasp, in the object's frame.
     pub grasp: Grasp,
     /// Number of trials.
@@ -45,7 +45,7 @@ pub struct TriedGrasp {
     pub held: u32,
 }
 
-impl TriedGrasp {
+impl VerifiedGrasp {
     /// Success rate over the trials, 0-1.
     pub fn share(&self) -> f64 {
         f64::from(self.held) / f64::from(self.trials.max(1))

@@ -18,6 +18,7 @@
 //! ```
 
 pub mod action;
+mod appearance;
 pub mod asset;
 pub mod camera;
 mod distortion;
@@ -32,7 +33,6 @@ mod interchange;
 mod intrinsics;
 pub mod json;
 pub mod limits;
-mod look;
 pub mod mesh;
 pub mod names;
 pub mod object;
@@ -56,6 +56,7 @@ pub use action::{
     ActionContract, ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec,
     Interpolation, RotationEncoding,
 };
+pub use appearance::{AppearanceFactor, AppearanceRandomisation};
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount};
 pub use distortion::Distortion;
@@ -66,12 +67,11 @@ pub use episode::{
     GripperPhase, NotRun, ObjectState, StrayContact,
 };
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
-pub use grasp::{Grasp, TriedGrasp};
+pub use grasp::{Grasp, VerifiedGrasp};
 pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MAX_ALTERNATIVES, MAX_INTERCHANGEABLE};
 pub use intrinsics::Intrinsics;
-pub use look::{Look, Vary};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{
     Annotations, CavitySize, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel,

@@ -7,8 +7,8 @@ use std::path::{Component, Path, PathBuf};
 use serde_json::Value;
 
 use crate::DataError;
-use crate::files::{self, is_own_file, is_own_folder, names, remove, write_new};
-use crate::partial::beside;
+use crate::files::{self, is_file_no_follow, is_folder_no_follow, names, remove, write_new};
+use crate::partial::temporary_path;
 
 /// A folder that becomes visible under its name only when it is complete.
 ///
@@ -57,7 +57,7 @@ impl AtomicFolder {
     }
 
     fn begin(target: &Path, on_conflict: OnConflict) -> Result<Self, DataError> {
-        let folder = beside(target);
+        let folder = temporary_path(target);
         fs::create_dir(&folder).map_err(DataError::io("create the folder", &folder))?;
         Ok(Self { target: target.to_owned(), folder, on_conflict, published: false })
     }
@@ -113,7 +113,7 @@ impl AtomicFolder {
                     return Err(DataError::Exists { path: self.target.clone() });
                 }
                 Err(_) => {
-                    let old = beside(&self.target);
+                    let old = temporary_path(&self.target);
                     match fs::rename(&self.target, &old) {
                         Ok(()) => outdated.push(old),
                         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
@@ -167,14 +167,14 @@ pub fn prepare_parent(path: &Path) -> Result<(), DataError> {
 /// True if two folders contain the same files with the same bytes.
 fn is_same(left: &Path, right: &Path) -> Result<bool, DataError> {
     let both = names(left)?;
-    if !is_own_folder(right) || both != names(right)? {
+    if !is_folder_no_follow(right) || both != names(right)? {
         return Ok(false);
     }
     for name in both {
         let (left, right) = (left.join(&name), right.join(&name));
-        let is_same = match is_own_folder(&left) {
+        let is_same = match is_folder_no_follow(&left) {
             true => is_same(&left, &right)?,
-            false => is_own_file(&right) && has_same_bytes(&left, &right)?,
+            false => is_file_no_follow(&right) && has_same_bytes(&left, &right)?,
         };
         if !is_same {
             return Ok(false);

@@ -11,7 +11,7 @@ use std::time::SystemTime;
 use genmanip_core::limits::Limit;
 
 use crate::DataError;
-use crate::partial::{self, beside, is_abandoned};
+use crate::partial::{self, is_abandoned, temporary_path};
 
 /// Reads a file given by the user; symbolic links are followed.
 ///
@@ -26,7 +26,7 @@ pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
+pub fn read_no_follow(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
     let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
     read_checked(path, &about, limit)
 }
@@ -34,8 +34,8 @@ pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
 /// Opens a file written by a run for streaming; the reader ends at the limit.
 ///
 /// # Errors
-/// As [`read_own`].
-pub fn open_own(path: &Path, limit: Limit) -> Result<impl Read + use<>, DataError> {
+/// As [`read_no_follow`].
+pub fn open_no_follow(path: &Path, limit: Limit) -> Result<impl Read + use<>, DataError> {
     let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
     Ok(BufReader::with_capacity(BUFFER_BYTES, open_checked(path, &about, limit)?.take(limit.bytes)))
 }
@@ -96,12 +96,12 @@ fn check_is_file(path: &Path, about: &Metadata) -> Result<(), DataError> {
 }
 
 /// True for a regular file; false for a link to one.
-pub fn is_own_file(path: &Path) -> bool {
+pub fn is_file_no_follow(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|about| about.is_file())
 }
 
 /// True for a folder; false for a link to one.
-pub fn is_own_folder(path: &Path) -> bool {
+pub fn is_folder_no_follow(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|about| about.is_dir())
 }
 
@@ -155,7 +155,7 @@ pub fn write_as_of(path: &Path, bytes: &[u8], time: Option<SystemTime>) -> Resul
 /// # Errors
 /// If no file can be written there.
 pub fn now_in(folder: &Path) -> Result<SystemTime, DataError> {
-    let probe = beside(&folder.join("clock"));
+    let probe = temporary_path(&folder.join("clock"));
     let dated = write_new(&probe, b"").and_then(|()| fs::metadata(&probe)?.modified());
     let _ = fs::remove_file(&probe);
     dated.map_err(DataError::io("write", &probe))
@@ -206,7 +206,7 @@ fn write_temporary(path: &Path, write: &mut WritePieces) -> Result<PathBuf, Data
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
     }
-    let temporary = beside(path);
+    let temporary = temporary_path(path);
     let written = write_new_with(&temporary, write);
     written.map(|()| temporary.clone()).map_err(|error| {
         let _ = fs::remove_file(&temporary);
@@ -237,7 +237,7 @@ impl Writing {
         if let Some(parent) = target.parent().filter(|parent| !parent.as_os_str().is_empty()) {
             fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
         }
-        let temporary = beside(target);
+        let temporary = temporary_path(target);
         let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
         let file = file.map_err(DataError::io("write", &temporary))?;
         Ok(Self { target: target.to_owned(), temporary, file, is_finished: false })
@@ -328,7 +328,7 @@ pub fn names(folder: &Path) -> Result<Vec<String>, DataError> {
 
 /// Removes a file, a link or a folder tree; links are not followed.
 pub fn remove(path: &Path) -> Result<(), DataError> {
-    let removed = if is_own_folder(path) { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    let removed = if is_folder_no_follow(path) { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     match removed {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(DataError::io("remove", path)(error)),
         _ => Ok(()),
@@ -362,7 +362,7 @@ mod tests {
             let error = read(&path, SMALL).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
-        assert!(read_own(&at("link"), SMALL).unwrap_err().to_string().contains("found a symbolic link"));
+        assert!(read_no_follow(&at("link"), SMALL).unwrap_err().to_string().contains("found a symbolic link"));
     }
 
     #[test]
@@ -391,7 +391,7 @@ mod tests {
         write(&link, b"new").unwrap();
         assert_eq!((fs::read(&outside).unwrap(), fs::read(&link).unwrap()), (b"mine".to_vec(), b"new".to_vec()));
         write(Path::new("/dev/null"), b"gone").unwrap();
-        assert!(!is_own_file(Path::new("/dev/null")), "it is still a device");
+        assert!(!is_file_no_follow(Path::new("/dev/null")), "it is still a device");
         let error = write(Path::new("/dev/full"), b"gone").unwrap_err();
         assert!(error.to_string().contains("cannot write"), "{error}");
 

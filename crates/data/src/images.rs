@@ -17,7 +17,7 @@ pub fn variation_seed(episode: Seed) -> Seed {
 }
 
 /// Appearance-randomisation seed of an episode by index; 0 is that of `collect`.
-pub fn look_seed(episode: Seed, look: u64) -> Seed {
+pub fn appearance_seed(episode: Seed, look: u64) -> Seed {
     let usual = variation_seed(episode);
     if look == 0 { usual } else { usual.fork_index(look) }
 }

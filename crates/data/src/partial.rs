@@ -14,13 +14,13 @@ use sha2::{Digest, Sha256};
 const MARK: &str = ".partial-";
 
 /// A temporary name beside `target`, unique among all writers on all hosts.
-pub fn beside(target: &Path) -> PathBuf {
+pub fn temporary_path(target: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     // File names are limited to 255 bytes, some of which the suffix needs.
     let name: String = name.chars().take(200).collect();
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    target.with_file_name(format!(".{name}{MARK}{}-{number}", Writer::of_this_program().in_words()))
+    target.with_file_name(format!(".{name}{MARK}{}-{number}", Writer::of_this_program().encode()))
 }
 
 /// True for a temporary name of any writer.
@@ -65,7 +65,7 @@ impl Writer {
         })
     }
 
-    fn in_words(&self) -> String {
+    fn encode(&self) -> String {
         format!("{}-{}-{}-{}", self.host, self.boot, self.pid, self.start)
     }
 
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn names_are_hidden_different_and_short_enough() {
         let target = Path::new("somewhere").join("é".repeat(120));
-        let (a, b) = (beside(&target), beside(&target));
+        let (a, b) = (temporary_path(&target), temporary_path(&target));
         assert_ne!(a, b);
         for path in [a, b] {
             let name = path.file_name().unwrap().to_str().unwrap();

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::atomic_write::AtomicFolder;
-use crate::files::{self, is_own_file, is_own_folder, read_own};
+use crate::files::{self, is_file_no_follow, is_folder_no_follow, read_no_follow};
 use crate::inventory::{FileInventory, Inspected};
 use crate::manifest::{FileHash, Manifest, check_bytes};
 use crate::{DataError, frames};
@@ -116,7 +116,7 @@ impl EpisodeStore {
     pub fn open(root: impl Into<PathBuf>) -> Result<Self, DataError> {
         let root = root.into();
         let path = root.join("store.json");
-        let text = match read_own(&path, limits::STORE_MARK) {
+        let text = match read_no_follow(&path, limits::STORE_MARK) {
             Err(error) if error.is_missing() => return Err(DataError::NotAStore { path: root }),
             text => text?,
         };
@@ -154,7 +154,7 @@ impl EpisodeStore {
     /// True if the store has an attempt with this id, with or without frames.
     pub fn contains(&self, id: &str) -> bool {
         let folder = self.root.join(id);
-        check_name(id).is_ok() && is_own_folder(&folder) && is_own_file(&folder.join(EPISODE))
+        check_name(id).is_ok() && is_folder_no_follow(&folder) && is_file_no_follow(&folder.join(EPISODE))
     }
 
     /// True if the folder of an attempt exists, even if damaged.
@@ -185,7 +185,7 @@ impl EpisodeStore {
             files::names(&folder)?.into_iter().partition(|name| name.starts_with('.'));
         for name in names {
             let group = folder.join(&name);
-            if !is_own_folder(&group) {
+            if !is_folder_no_follow(&group) {
                 continue;
             }
             let manifest = read_manifest(&group)?;
@@ -303,7 +303,7 @@ impl EpisodeStore {
     /// If the record is missing or cannot be read.
     pub fn record_hash(&self, id: &str) -> Result<String, DataError> {
         check_name(id)?;
-        let bytes = read_own(&self.root.join(id).join(EPISODE), limits::EPISODE_RECORD)?;
+        let bytes = read_no_follow(&self.root.join(id).join(EPISODE), limits::EPISODE_RECORD)?;
         Ok(FileHash::of(EPISODE, &bytes).sha256)
     }
 
@@ -374,7 +374,10 @@ impl EpisodeStore {
     /// True if an episode has a group of files.
     pub fn has_group(&self, id: &str, group: &str) -> bool {
         let folder = self.root.join(id).join(group);
-        self.contains(id) && check_name(group).is_ok() && is_own_folder(&folder) && is_own_file(&folder.join(FILES))
+        self.contains(id)
+            && check_name(group).is_ok()
+            && is_folder_no_follow(&folder)
+            && is_file_no_follow(&folder.join(FILES))
     }
 
     /// Reads one file of an episode and checks its hash: `notes.txt`, or `images_15hz/static.h264` in a group.
@@ -509,7 +512,7 @@ fn read_checked(folder: &Path, files: &[FileHash], name: &str, limit: Limit) -> 
         return Err(DataError::NoAttachment { name: name.into(), path: folder.to_owned() });
     };
     check_size(folder, expected)?;
-    check_bytes(&path, expected, read_own(&path, limit)?)
+    check_bytes(&path, expected, read_no_follow(&path, limit)?)
 }
 
 fn read_manifest(group: &Path) -> Result<Manifest, DataError> {
@@ -520,7 +523,7 @@ fn read_manifest(group: &Path) -> Result<Manifest, DataError> {
 }
 
 fn read_document<D: Document>(path: &Path) -> Result<D, DataError> {
-    parse(path, &read_own(path, limits::EPISODE_RECORD)?)
+    parse(path, &read_no_follow(path, limits::EPISODE_RECORD)?)
 }
 
 fn parse<D: Document>(path: &Path, bytes: &[u8]) -> Result<D, DataError> {

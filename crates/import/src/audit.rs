@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 
 use genmanip_viz::object_images;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Plausible mean densities of household objects, kg/m³: from foam and empty cartons to solid brass.
 const DENSITY: [f64; 2] = [25.0, 9000.0];
 /// Plausible sliding friction coefficients between dry household surfaces.
 const FRICTION: [f64; 2] = [0.2, 1.1];
 /// Plausible longest side of a tabletop object, m.
-const LONGEST_M: [f64; 2] = [0.015, 0.45];
+const LONGEST_SIDE_M: [f64; 2] = [0.015, 0.45];
 /// Plausible pixels along a texture's longer side.
 const PIXELS: [u32; 2] = [16, 1024];
 /// Plausible roughness; below the minimum is a mirror.
@@ -54,7 +54,7 @@ type BySource<'a> = BTreeMap<String, Vec<(&'a str, Measures)>>;
 ///
 /// # Errors
 /// If an object cannot be built.
-pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, RunError> {
+pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, WorkspaceError> {
     let mut findings = Vec::new();
     // Values by category.
     let mut measured: BTreeMap<&str, BySource> = BTreeMap::new();
@@ -130,7 +130,7 @@ pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
     };
     check("density", density(model), DENSITY, " kg/m³");
     check("friction", model.friction, FRICTION, "");
-    check("longest side", model.card.size_m.max_element(), LONGEST_M, " m");
+    check("longest side", model.card.size_m.max_element(), LONGEST_SIDE_M, " m");
     for part in model.links.iter().flat_map(|link| &link.visual) {
         let material = &part.material;
         if let Some(texture) = &material.texture {

@@ -7,19 +7,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps};
 use genmanip_core::limits;
-use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
+use genmanip_core::{Document, ObjectModel, Seed, VerifiedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::grasp_trial::{
     GraspTrials, MAX_FAILED_GRASPS, RobustnessSettings, TrialError, ViewSettings, WANTED_GRASPS, robust_grasps,
-    tried_grasps,
+    verified_grasps,
 };
 use genmanip_workspace::text_table;
 use serde::Serialize;
 use serde_json::json;
 
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 
@@ -79,7 +79,7 @@ pub fn bake(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Baked, RunError> {
+) -> Result<Baked, WorkspaceError> {
     let BakeSettings { trying, brief, generator, catalog } = settings;
     let settings = PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() };
     let (planner, robot) = (worlds::planner(world, &settings)?, worlds::robot(world)?);
@@ -117,7 +117,7 @@ pub fn bake(
         GraspTrials { catalogue, planner, robot, world: Arc::new(world.clone()), view: ViewSettings::default() };
     progress.begin("trying grasps", missing.len());
     let file = Mutex::new((GraspFile { made_by: made_by.clone(), objects: kept }, Ok(())));
-    let finished = |model: &ObjectModel, grasps: Vec<TriedGrasp>| {
+    let finished = |model: &ObjectModel, grasps: Vec<VerifiedGrasp>| {
         let mut guard = file.lock().unwrap_or_else(PoisonError::into_inner);
         let object = ObjectGrasps { physics_hash: model.physics_hash(), grasps };
         guard.0.objects.insert(model.card.uid.clone(), object);
@@ -131,14 +131,14 @@ pub fn bake(
     let tried = in_parallel(&missing, workers, stop, &|model| -> Result<(), TrialError> {
         let seed = made_by.seed.fork(&model.card.uid);
         let grasps = match brief {
-            false => tried_grasps(&trials, model, trying, seed),
+            false => verified_grasps(&trials, model, trying, seed),
             true => robust_grasps(&trials, model, trying, WANTED_GRASPS, MAX_FAILED_GRASPS, seed),
         };
         finished(model, grasps?);
         Ok(())
     });
     tried.map_err(|error| {
-        RunError::broken("baking stopped", error).with_hint("finished objects are kept; start again to continue")
+        WorkspaceError::broken("baking stopped", error).with_hint("finished objects are kept; start again to continue")
     })?;
     progress.end();
     let (file, written) = file.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -155,16 +155,16 @@ fn empty(made_by: &GraspProvenance) -> GraspFile {
 ///
 /// # Errors
 /// If it cannot be read or is not a valid file.
-pub fn read(path: &Path) -> Result<GraspFile, RunError> {
+pub fn read(path: &Path) -> Result<GraspFile, WorkspaceError> {
     GraspFile::from_json(&documents::read_text(path, limits::GRASPS)?).map_err(|error| {
-        RunError::input(format!("{} is not a valid {} file", path.display(), GraspFile::SCHEMA))
+        WorkspaceError::input(format!("{} is not a valid {} file", path.display(), GraspFile::SCHEMA))
             .because(error)
             .with_hint("expected a file that `genmanip grasps bake` wrote")
     })
 }
 
 /// The given objects, or all graspable ones.
-fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectModel>>, RunError> {
+fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectModel>>, WorkspaceError> {
     let all = catalogue.cards().iter().filter(|card| card.can_grasp && !card.is_articulated);
     let wanted: Vec<&String> =
         if uids.is_empty() { all.map(|card| &card.uid).collect() } else { uids.iter().collect() };
@@ -173,9 +173,9 @@ fn graspable(catalogue: &Catalogue, uids: &[String]) -> Result<Vec<Arc<ObjectMod
         .map(|uid| {
             let model = catalogue
                 .build(uid)
-                .map_err(|error| RunError::input(format!("unknown object {uid}")).because(error))?;
+                .map_err(|error| WorkspaceError::input(format!("unknown object {uid}")).because(error))?;
             if !model.card.can_grasp || model.card.is_articulated {
-                return Err(RunError::input(format!("object {uid} ({}) cannot be grasped", model.card.name))
+                return Err(WorkspaceError::input(format!("object {uid} ({}) cannot be grasped", model.card.name))
                     .with_hint("expected a rigid object that fits an 8 cm gripper"));
             }
             Ok(model)

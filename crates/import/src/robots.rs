@@ -8,7 +8,7 @@ use genmanip_core::limits;
 use genmanip_data::files;
 use genmanip_motion::description::{MeshFile, read_robot};
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Reads the robot of a folder (its only URDF, or the one named like the folder), or of a URDF file.
@@ -18,7 +18,7 @@ use genmanip_workspace::documents;
 ///
 /// # Errors
 /// If there is no such file, there are several, or the planner cannot use it.
-pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, RunError> {
+pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, WorkspaceError> {
     let urdf = if path.is_dir() { only_urdf(path)? } else { path.to_owned() };
     let folder = urdf.parent().unwrap_or(Path::new("")).to_owned();
     let text = documents::read_text(&urdf, limits::ROBOT)?;
@@ -30,29 +30,29 @@ pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, RunError> {
     let mut mesh = |name: &str| read_mesh(&folder, name);
     read_robot(&text, rules.map(String::as_str), tip, &mut mesh).map_err(|error| {
         let hint = error.hint();
-        RunError::input(format!("{} is not a robot that can be used for planning", urdf.display()))
+        WorkspaceError::input(format!("{} is not a robot that can be used for planning", urdf.display()))
             .because(error)
             .with_hint(hint)
     })
 }
 
-fn only_urdf(folder: &Path) -> Result<PathBuf, RunError> {
+fn only_urdf(folder: &Path) -> Result<PathBuf, WorkspaceError> {
     let found = with_extension(folder, "urdf")?;
     let named = folder.canonicalize().ok().and_then(|folder| Some(folder.file_name()?.to_owned()));
     let same = |file: &&PathBuf| file.file_stem() == named.as_deref();
     match found.as_slice() {
         [only] => Ok(only.clone()),
         several => several.iter().find(same).cloned().ok_or_else(|| {
-            RunError::input(format!("{} contains {} URDF files", folder.display(), several.len()))
+            WorkspaceError::input(format!("{} contains {} URDF files", folder.display(), several.len()))
                 .with_hint("expected one, or one named like the folder; or give the file itself")
         }),
     }
 }
 
-fn with_extension(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, RunError> {
+fn with_extension(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, WorkspaceError> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let unreadable =
-        |error: std::io::Error| RunError::file("read", folder, error).with_hint("expected the folder of a robot");
+        |error: std::io::Error| WorkspaceError::file("read", folder, error).with_hint("expected the folder of a robot");
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::ask::TranscriptEvent;
-use genmanip_agent_sim::{AgentChoice, Blamed, classify, keep};
+use genmanip_agent_sim::{AgentChoice, AttributedFailure, classify, keep};
 use genmanip_benchmark::failure_page;
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
@@ -100,7 +100,7 @@ struct Played {
     result: EpisodeResult,
     asks: usize,
     cpu_s: f64,
-    blame: Option<Blamed>,
+    blame: Option<AttributedFailure>,
 }
 
 /// Runs the agent once on each task; one thread.
@@ -147,7 +147,7 @@ pub fn measure(
                 }
                 measured.kinds.entry(task.kind.name()).or_default().add(&played);
                 measured.total.add(&played);
-                if let Some(Blamed { class, evidence, .. }) = &played.blame {
+                if let Some(AttributedFailure { class, evidence, .. }) = &played.blame {
                     progress.note(&format!("{} {}: {evidence}", played.result.id, class.name()));
                 }
             }
@@ -196,14 +196,14 @@ fn play(
         keep(&made.transcribed, 0, &folder.join(&result.id))?;
     }
     let asks = transcript.moments.iter().filter(|moment| matches!(moment, TranscriptEvent::Asked(_))).count();
-    let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let judgements = made.judgements.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let blame = (!result.success).then(|| {
-        let blamed = classify(&heard, transcript.failure.as_ref(), &frames);
+        let blamed = classify(&judgements, transcript.failure.as_ref(), &frames);
         let said = transcript.failure.as_ref().map(ToString::to_string);
         let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
-        Blamed { evidence: format!("{}; {}", blamed.evidence, said.unwrap_or(judged)), ..blamed }
+        AttributedFailure { evidence: format!("{}; {}", blamed.evidence, said.unwrap_or(judged)), ..blamed }
     });
-    gathered.add(task.kind, &result, (&heard, blame.as_ref()), &made.transcribed);
+    gathered.add(task.kind, &result, (&judgements, blame.as_ref()), &made.transcribed);
     Ok(Ok(Played { result, asks, cpu_s, blame }))
 }
 
@@ -220,7 +220,7 @@ impl Counted {
         self.score = self.scores / count;
         self.asks_per_episode = self.asks as f64 / count;
         self.cpu_s_per_episode = self.cpu_s / count;
-        if let Some(Blamed { class, evidence, .. }) = &played.blame {
+        if let Some(AttributedFailure { class, evidence, .. }) = &played.blame {
             *self.failures.entry(class.name().into()).or_default() += 1;
             let samples = self.evidence.entry(class.name().into()).or_default();
             if samples.len() < SAMPLES {
@@ -231,7 +231,7 @@ impl Counted {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let Measured { vlm, masks, path, preset, oracle, .. } = measured;
     let head = ["kind", "episodes", "success", "95 %", "score", "asks", "CPU s", "failures"];
     let mut rows = vec![head.map(String::from).to_vec()];

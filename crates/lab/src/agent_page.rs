@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_agent::ask::{TranscriptEvent, TranscriptRecorder};
-use genmanip_agent_sim::{Blamed, FailureClass, Heard};
+use genmanip_agent_sim::{AttributedFailure, EpisodeJudgements, FailureClass};
 use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
 use genmanip_core::{EpisodeResult, TaskKind};
 
@@ -22,16 +22,16 @@ impl Gathered {
         &mut self,
         kind: TaskKind,
         result: &EpisodeResult,
-        (heard, blamed): (&Heard, Option<&Blamed>),
+        (judgements, blamed): (&EpisodeJudgements, Option<&AttributedFailure>),
         transcribed: &TranscriptRecorder,
     ) {
         let (episodes, causes) = self.kinds.entry(kind.name()).or_default();
         *episodes += 1;
-        for (meant, came) in &heard.placed {
+        for (meant, came) in &judgements.placed {
             let came = came.map_or("nothing", |relation| relation.name());
             *self.relations.entry((meant.name().to_owned(), came.to_owned())).or_default() += 1;
         }
-        for (row, counts) in self.checks.iter_mut().zip(heard.checks) {
+        for (row, counts) in self.checks.iter_mut().zip(judgements.checks) {
             row.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
         }
         let Some(blamed) = blamed else { return };
@@ -61,7 +61,7 @@ impl Gathered {
     }
 }
 
-fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &TranscriptRecorder) -> FailureCase {
+fn case(result: &EpisodeResult, blamed: &AttributedFailure, transcribed: &TranscriptRecorder) -> FailureCase {
     let transcript = transcribed.transcript();
     let pictures: BTreeMap<String, Vec<u8>> =
         transcribed.pictures().into_iter().filter_map(|(name, picture)| Some((name, picture.png().ok()?))).collect();

@@ -190,7 +190,7 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], amount: Amount, seed: Seed, 
 }
 
 /// Text summary.
-pub fn in_words(measurement: &Measurement) -> String {
+pub fn describe(measurement: &Measurement) -> String {
     let mut lines = vec![["worst case", "bytes", "verdict", "ms"].map(String::from).to_vec()];
     for row in &measurement.worst_cases {
         lines.push(vec![row.name.clone(), row.bytes.to_string(), row.verdict.into(), format!("{:.2}", row.cpu_ms)]);

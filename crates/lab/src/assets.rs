@@ -511,7 +511,7 @@ fn start_ms() -> f64 {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let Measured { objects, failed, build_cpu_s, distinct_descriptions, drift_mm_max, penetration_mm_max, .. } =
         measured;
     let share = |part: usize, of: usize| format!("{part} of {of} ({:.1} %)", 100.0 * part as f64 / of.max(1) as f64);

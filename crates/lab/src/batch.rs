@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_agent::ask::{ChatService, ModelReply, Question, ServiceError, VisionModel};
-use genmanip_agent_sim::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
+use genmanip_agent_sim::{AgentChoice, GroundTruth, ModelFile, Oracle, SharedModel};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
 use genmanip_llm::fake::{Behaviour, FakeServer, SeenRequest};
 use genmanip_llm::{ServerSettings, Structure};
@@ -133,7 +133,7 @@ pub fn measure(
         let id = case.id.clone();
         CLOCK.set(Some(Box::new(cpu_clock())));
         let broke = |error: LabError| RolloutError::Spec { policy: "agent".into(), reason: error.to_string() };
-        let truth = Truth::new(stage);
+        let truth = GroundTruth::new(stage);
         let oracle = Arc::new(choice.oracle_of(&truth, &planner, resources.grasps).map_err(broke)?);
         let service = shared.service(Some(&cores));
         let parameters = Map::from_iter([("user".to_owned(), Value::from(id.clone()))]);
@@ -282,7 +282,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let Measured { episodes, success, lost, wall_s, cpu_s, least_s, ratio, requests, .. } = measured;
     let faults: usize = measured.faults.values().sum();
     let memory = measured.memory_mb.map_or_else(String::new, |mb| format!(", {mb:.0} MiB"));

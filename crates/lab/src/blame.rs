@@ -10,7 +10,7 @@ use std::sync::{Arc, PoisonError};
 use genmanip_agent::PathKind;
 use genmanip_agent::ask::VisionModel;
 use genmanip_agent::services::GraspSource;
-use genmanip_agent_sim::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
+use genmanip_agent_sim::{AgentChoice, ErrorInjection, FailureClass, ModelChoice, classify};
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_core::{Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
@@ -238,7 +238,8 @@ impl Replaced {
 
 /// The agent with one injected error per episode.
 fn flawed(choice: &AgentChoice, class: FailureClass) -> AgentChoice {
-    let mut choice = AgentChoice { dials: Dials { once: Some(class), ..Dials::default() }, ..choice.clone() };
+    let mut choice =
+        AgentChoice { dials: ErrorInjection { once: Some(class), ..ErrorInjection::default() }, ..choice.clone() };
     if class == FailureClass::PlanMotion {
         // Only a path over the grid has motion answers.
         choice.settings.path = PathKind::Grid;
@@ -267,7 +268,7 @@ fn play(
     let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else { return Ok(None) };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot()).map_err(broke)?;
     let choice = AgentChoice { is_analysed: true, keeps_turns: true, ..choice.clone() };
-    let truth = genmanip_agent_sim::Truth::new(&stage);
+    let truth = genmanip_agent_sim::GroundTruth::new(&stage);
     let oracle = Arc::new(choice.oracle_of(&truth, resources.planner, resources.grasps)?);
     let model = choice.answering(Some(Arc::clone(&oracle)), &stage.scenario, None)?;
     let mut made = choice.make_asking(Arc::clone(&model), truth.clone(), resources.planner)?;
@@ -286,12 +287,12 @@ fn play(
         }
         episode => episode.map_err(broke)?,
     };
-    let is_flawed = !truth.planted().is_empty();
+    let is_flawed = !truth.injected().is_empty();
     if episode.result.success {
         return Ok(Some(Played { is_flawed, failure: None, fails_anyway: false, snapped: None }));
     }
-    let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    let blamed = classify(&heard, made.transcribed.transcript().failure.as_ref(), &episode.frames);
+    let judgements = made.judgements.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let blamed = classify(&judgements, made.transcribed.transcript().failure.as_ref(), &episode.frames);
     let honest = Arc::new(oracle.honest());
     // The recorded answers cover only the episode as it was.
     let then = match &choice.model {
@@ -318,7 +319,7 @@ fn play(
         let again = run_episode(&stage, made.policy.as_mut(), &id, attempt.seed, &settings.rollout).map_err(broke)?;
         Ok(again.result.success)
     };
-    let mut other = AgentChoice { dials: Dials::default(), keeps_turns: false, ..choice.clone() };
+    let mut other = AgentChoice { dials: ErrorInjection::default(), keeps_turns: false, ..choice.clone() };
     let fails_anyway = is_flawed && !succeeds(&other)?;
     let mut snapped = None;
     if !is_flawed && !choice.settings.cells.snap {
@@ -330,7 +331,7 @@ fn play(
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let share = |share: &Share| match share.of {
         0 => "–".to_owned(),
         of => {
@@ -397,7 +398,7 @@ pub fn in_words(measured: &Measured) -> String {
 #[cfg(test)]
 mod tests {
     use genmanip_assets::worlds::default_world;
-    use genmanip_workspace::Silent;
+    use genmanip_workspace::NoProgress;
 
     use super::*;
 
@@ -408,8 +409,8 @@ mod tests {
         let classes = vec![FailureClass::GraspGrounding, FailureClass::GraspExecution, FailureClass::PlanLocation];
         let kinds = vec![TaskKind::Spatial];
         let arguments = BlameArguments { choice, kinds, classes, per_class: 1, natural: 0 };
-        let measured = measure(&arguments, &default_world(), Seed::new(7), &Silent).unwrap();
-        assert_eq!((measured.labels_right.count, measured.labels_right.of), (3, 3), "{}", in_words(&measured));
+        let measured = measure(&arguments, &default_world(), Seed::new(7), &NoProgress).unwrap();
+        assert_eq!((measured.labels_right.count, measured.labels_right.of), (3, 3), "{}", describe(&measured));
         let outcome = |class: FailureClass| {
             let replaced = &measured.injected[class.name()].replaced;
             (replaced.no_answer, replaced.same_answer, replaced.flips.count)

@@ -23,7 +23,7 @@ use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
     readers, relations, render, rendered, scale, segment, statistics, suite,
 };
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 use crate::args::{self, LabCommand};
 use genmanip_terminal::Printer;
@@ -35,12 +35,12 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Blame(arguments) => {
             let world = worlds::read_world(arguments.world.as_deref())?;
             let measured = blame::measure(&blame_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &blame::in_words(&measured));
+            printer.data(&measured, &blame::describe(&measured));
         }
         LabCommand::Agent(arguments) => {
             let world = worlds::read_world(arguments.world.as_deref())?;
             let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &agent::in_words(&measured));
+            printer.data(&measured, &agent::describe(&measured));
         }
         LabCommand::Batch(arguments) => {
             let world = worlds::read_world(arguments.world.as_deref())?;
@@ -48,17 +48,17 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let workers = workers::workers(arguments.workers);
             let batch = BatchArguments { count, at_once, workers, latency_s: latency, faults };
             let measured = batch::measure(&batch, &world, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &batch::in_words(&measured));
+            printer.data(&measured, &batch::describe(&measured));
         }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &answers::in_words(&measured));
+            printer.data(&measured, &answers::describe(&measured));
         }
         LabCommand::Design(arguments) => {
             let measured =
                 design::measure(catalogue(&arguments.catalog).cards(), arguments.count, Seed::new(arguments.seed))?;
-            printer.data(&measured, &design::in_words(&measured));
+            printer.data(&measured, &design::describe(&measured));
         }
         LabCommand::Environment(arguments) => {
             let measured = match &arguments.store {
@@ -69,7 +69,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                     environment::measure(&tasks, Seed::new(arguments.seed), printer)?
                 }
             };
-            printer.data(&measured, &environment::in_words(&measured));
+            printer.data(&measured, &environment::describe(&measured));
         }
         LabCommand::Data(arguments) => {
             // Synthetic episodes use the layouts of a few tasks in turn.
@@ -87,21 +87,21 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 let _ = std::fs::remove_dir_all(&temporary);
             }
             let measured = measured?;
-            printer.data(&measured, &data::in_words(&measured));
+            printer.data(&measured, &data::describe(&measured));
         }
         LabCommand::Fit(arguments) => {
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;
-            printer.data(&measured, &fit::in_words(&measured));
+            printer.data(&measured, &fit::describe(&measured));
         }
         LabCommand::Hostile(arguments) => {
             let stop = genmanip_terminal::on_interrupt();
             let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer, &stop)?;
-            printer.data(&measured, &hostile::in_words(&measured));
+            printer.data(&measured, &hostile::describe(&measured));
         }
         LabCommand::Grasp(arguments) => {
             let measured =
                 grasp::measure(&grasp_arguments(arguments)?, &default_world(), Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &grasp::in_words(&measured));
+            printer.data(&measured, &grasp::describe(&measured));
         }
         LabCommand::Expert(arguments) => {
             let tasks = match arguments.tasks.as_slice() {
@@ -110,7 +110,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             };
             let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &expert::in_words(&measured));
+            printer.data(&measured, &expert::describe(&measured));
         }
         LabCommand::Assets(arguments) => {
             let own = arguments.families.as_deref().map(genmanip_viz::object_images::read_families).transpose()?;
@@ -121,27 +121,27 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 None => assets::Objects::New { families, chosen: arguments.family.as_deref(), count: arguments.count },
             };
             let measured = assets::measure(&objects, seed, workers, printer)?;
-            printer.data(&measured, &assets::in_words(&measured));
+            printer.data(&measured, &assets::describe(&measured));
         }
         LabCommand::Layout(arguments) => {
             let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
             let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &layout::in_words(&measured));
+            printer.data(&measured, &layout::describe(&measured));
         }
         LabCommand::Scale(arguments) => {
             let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
-            printer.data(&measured, &scale::in_words(&measured));
+            printer.data(&measured, &scale::describe(&measured));
         }
         LabCommand::Suite(arguments) => {
             let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
             let measured = suite::measure(&arguments.suite, arguments.episodes, seed, workers, printer)?;
-            printer.data(&measured, &suite::in_words(&measured));
+            printer.data(&measured, &suite::describe(&measured));
         }
         LabCommand::Readers(arguments) => read_cards(arguments, printer)?,
         LabCommand::Statistics(arguments) => {
             let measured = statistics::measure(arguments.repetitions, Seed::new(arguments.seed));
-            printer.data(&measured, &statistics::in_words(&measured));
+            printer.data(&measured, &statistics::describe(&measured));
         }
         LabCommand::Render(arguments) => {
             let seed = Seed::new(arguments.seed);
@@ -150,14 +150,14 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             if arguments.baselines {
                 measured.vs = render::measure_baselines(&arguments.python, seed, printer)?;
             }
-            printer.data(&measured, &render::in_words(&measured));
+            printer.data(&measured, &render::describe(&measured));
         }
         LabCommand::Segment(arguments) => {
             segment_of(arguments, printer)?;
         }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
-            printer.data(&measured, &motion::in_words(&measured));
+            printer.data(&measured, &motion::describe(&measured));
         }
     }
     Ok(ExitStatus::Done)
@@ -166,12 +166,12 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
 fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Result<(), Failed> {
     if let (Some(cases), Some(profile)) = (&arguments.cases, &arguments.profile) {
         let measured = relations::measure(cases, profile)?;
-        printer.data(&measured, &relations::in_words(&measured));
+        printer.data(&measured, &relations::describe(&measured));
         return Ok(());
     }
     let tasks = task_files::read_tasks(std::slice::from_ref(&arguments.tasks))?;
     let measured = rendered::measure(&tasks, &default_world(), arguments.count, Seed::new(arguments.seed), printer)?;
-    printer.data(&measured, &rendered::in_words(&measured));
+    printer.data(&measured, &rendered::describe(&measured));
     Ok(())
 }
 
@@ -184,12 +184,12 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
     let (world, seed, rgbd) = (default_world(), Seed::new(arguments.seed), RgbdSegmenter::default());
     if arguments.fit {
         let fitted = segment::fit::fit_weights(&asked, &rgbd, &world, seed, printer)?;
-        printer.data(&fitted, &segment::fit::in_words(&fitted));
+        printer.data(&fitted, &segment::fit::describe(&fitted));
         return Ok(());
     }
     let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
     let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
-    printer.data(&measured, &segment::in_words(&measured));
+    printer.data(&measured, &segment::describe(&measured));
     Ok(())
 }
 
@@ -199,7 +199,7 @@ fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Resul
         (Some(suite), _) => readers::About::Starts(suite),
         (None, Some(ends)) => readers::About::Ends(ends, arguments.count),
         // clap asks for one of them.
-        (None, None) => return Err(RunError::input("neither --suite nor --ends").into()),
+        (None, None) => return Err(WorkspaceError::input("neither --suite nor --ends").into()),
     };
     let seed = Seed::new(arguments.seed);
     match &arguments.out {
@@ -210,7 +210,7 @@ fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Resul
         }
         None => {
             let compared = readers::compare(about, seed, &arguments.answers)?;
-            printer.data(&compared, &readers::in_words(&compared));
+            printer.data(&compared, &readers::describe(&compared));
         }
     }
     Ok(())
@@ -278,7 +278,7 @@ fn blame_arguments(arguments: &args::BlameArguments) -> Result<BlameArguments, F
     let named = |name: &String| {
         let class = known.iter().copied().find(|class| class.name() == name);
         let names: Vec<&str> = known.iter().map(|class| class.name()).collect();
-        class.ok_or_else(|| RunError::unknown("class", "classes", name, &names))
+        class.ok_or_else(|| WorkspaceError::unknown("class", "classes", name, &names))
     };
     let classes = arguments.classes.iter().map(named).collect::<Result<Vec<_>, _>>()?;
     let is_oracle = matches!(choice.model, ModelChoice::Oracle);

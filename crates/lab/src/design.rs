@@ -20,7 +20,7 @@ pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<DesignR
 }
 
 /// Text summary.
-pub fn in_words(report: &DesignReport) -> String {
+pub fn describe(report: &DesignReport) -> String {
     let mut rows = vec![["", "count", "quota"].map(String::from).to_vec()];
     for (name, occurrence) in report.kinds.iter().chain(&report.relations) {
         rows.push(vec![name.clone(), occurrence.count.to_string(), format!("{:.1}", occurrence.quota)]);

@@ -222,7 +222,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let rate = |steps_per_s: f64| format!("{steps_per_s:.0} steps/s");
     let said = |holds: bool| if holds { "yes" } else { "no" }.to_owned();
     let rows = [

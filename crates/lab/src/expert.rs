@@ -159,7 +159,7 @@ impl Yield {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let head = ["kind", "verified", "tasks solved", "per core-hour", "worst stray", "causes of failed attempts"];
     let mut rows = vec![head.map(String::from).to_vec()];
     for (kind, counted) in measured.kinds.iter().chain([(&"all", &measured.total)]) {

@@ -206,7 +206,7 @@ fn reliability(weights: &[f64], samples: &[Sample]) -> Reliability {
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let mut text = format!("fitted to {} trials\n", report.trials);
     for (name, value) in names().iter().zip(vector(&report.weights, &names()).iter().skip(1)) {
         text += &format!("  {name:<8} {value:6.2}\n");

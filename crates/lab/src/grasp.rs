@@ -9,7 +9,9 @@ use std::sync::Arc;
 use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_motion::PlannerSettings;
-use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
+use genmanip_rollout::grasp_trial::{
+    CandidateChoice, GraspTrials, Trial, TrialClass, TrialEnding, TrialView, ViewSettings,
+};
 use genmanip_workspace::Progress;
 use serde::Serialize;
 
@@ -24,11 +26,11 @@ const BINS: usize = 10;
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraspArguments {
     /// Source of the target's cloud.
-    pub view: View,
+    pub view: TrialView,
     /// Selection of the candidate.
-    pub pick: Pick,
+    pub pick: CandidateChoice,
     /// Classes of objects.
-    pub classes: Vec<Class>,
+    pub classes: Vec<TrialClass>,
     /// Trials per class.
     pub count: u64,
     /// File for one line of JSON per trial.
@@ -41,17 +43,17 @@ pub struct Report {
     /// Seed of objects, views and noise.
     pub seed: u64,
     /// Source of the target's cloud.
-    pub view: View,
+    pub view: TrialView,
     /// Selection of the candidate.
-    pub pick: Pick,
+    pub pick: CandidateChoice,
     /// By class of objects.
-    pub classes: BTreeMap<Class, Tally>,
+    pub classes: BTreeMap<TrialClass, Tally>,
     /// CPU time of the sampler.
     pub cpu_ms: CpuTimes,
     /// Calibration of the scores.
     pub calibration: Calibration,
     /// Number of failed trials by outcome.
-    pub failures: BTreeMap<Ending, usize>,
+    pub failures: BTreeMap<TrialEnding, usize>,
     /// CPU time of everything, including physics, s.
     pub cpu_s: f64,
 }
@@ -70,7 +72,7 @@ pub struct Tally {
     /// Share of the trials that held.
     pub share: f64,
     /// Failed trials by outcome.
-    pub failures: BTreeMap<Ending, usize>,
+    pub failures: BTreeMap<TrialEnding, usize>,
     /// Names of objects that were not held, with counts.
     pub missed: BTreeMap<String, usize>,
 }
@@ -145,16 +147,16 @@ pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> 
         .map_err(|error| LabError::input(format!("`{name}` is not a valid choice")).because(error))
 }
 
-fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Report {
-    let mut classes: BTreeMap<Class, Tally> = BTreeMap::new();
+fn report(seed: u64, view: TrialView, pick: CandidateChoice, trials: &[Trial], cpu_s: f64) -> Report {
+    let mut classes: BTreeMap<TrialClass, Tally> = BTreeMap::new();
     let mut failures = BTreeMap::new();
-    let mut names: BTreeMap<Class, BTreeSet<&str>> = BTreeMap::new();
+    let mut names: BTreeMap<TrialClass, BTreeSet<&str>> = BTreeMap::new();
     for trial in trials {
         let tally = classes.entry(trial.class).or_default();
         names.entry(trial.class).or_default().insert(&trial.object);
         tally.attempts += 1;
         tally.proposed += usize::from(trial.candidates > 0);
-        if trial.ending == Ending::Held {
+        if trial.ending == TrialEnding::Held {
             tally.held += 1;
         } else {
             *tally.failures.entry(trial.ending).or_default() += 1;
@@ -176,12 +178,12 @@ fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Re
 }
 
 fn calibration(trials: &[Trial]) -> Calibration {
-    let outcome = |trial: &Trial| Some((trial.grasp.as_ref()?.score, trial.ending == Ending::Held));
+    let outcome = |trial: &Trial| Some((trial.grasp.as_ref()?.score, trial.ending == TrialEnding::Held));
     Calibration::of(&trials.iter().filter_map(outcome).collect::<Vec<_>>(), BINS)
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let mut text = String::from("class     objects  attempts  proposed  held  share\n");
     for (class, tally) in &report.classes {
         text += &format!(

@@ -231,7 +231,7 @@ impl Measured {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
     let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));
     let mut text = format!(

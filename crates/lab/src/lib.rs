@@ -33,5 +33,5 @@ pub mod suite;
 
 pub use clock::cpu_clock;
 /// Error of a measurement.
-pub use genmanip_workspace::RunError as LabError;
+pub use genmanip_workspace::WorkspaceError as LabError;
 pub use program::program;

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use genmanip_agent::picture::{Picture, marks};
+use genmanip_agent::image::{RgbImage, marks};
 use genmanip_agent::segmentation::Mask;
 use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
 use genmanip_benchmark::suites;
@@ -222,7 +222,7 @@ pub fn compare(about: About, seed: Seed, answers: &[PathBuf]) -> Result<Report, 
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let mut rows = vec![["reader".to_owned(), "agree".to_owned()]];
     rows.extend(report.readers.iter().map(|reader| [reader.file.display().to_string(), reader.agree.to_string()]));
     rows.push(["all".into(), report.agree.to_string()]);
@@ -362,7 +362,7 @@ fn listed(moves: &BTreeSet<Move>) -> String {
 }
 
 /// Image and sentence of a card.
-fn draw(subject: &Subject) -> Result<(Picture, String), LabError> {
+fn draw(subject: &Subject) -> Result<(RgbImage, String), LabError> {
     match subject {
         Subject::Start(path) => {
             let stage = scenarios::read_stage(path)?;
@@ -399,7 +399,7 @@ fn start(stage: &Stage) -> Moment {
 }
 
 /// Camera image with numbered objects and arrows of the robot's directions.
-fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<Picture, LabError> {
+fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<RgbImage, LabError> {
     let (arm, width, objects) = moment;
     let channels = ImageChannels { rgb: true, depth: true, ids: true, ..ImageChannels::default() };
     let request = CameraRequest { name: camera.into(), size: Some(SIZE_PX), channels };
@@ -420,8 +420,8 @@ fn view(stage: &Stage, camera: &str, moment: &Moment) -> Result<Picture, LabErro
     marked(&image, &masks)
 }
 
-fn marked(image: &RgbdImage, masks: &[Mask]) -> Result<Picture, LabError> {
-    let plain = Picture::new(image.width(), image.height(), image.rgb.clone())
+fn marked(image: &RgbdImage, masks: &[Mask]) -> Result<RgbImage, LabError> {
+    let plain = RgbImage::new(image.width(), image.height(), image.rgb.clone())
         .ok_or_else(|| LabError::input("a view without pixels"))?;
     let mut picture = marks::masks(&plain, masks);
     // The table top is at z = 0.
@@ -430,8 +430,8 @@ fn marked(image: &RgbdImage, masks: &[Mask]) -> Result<Picture, LabError> {
 }
 
 /// Images of equal width stacked vertically.
-fn stacked(views: &[Picture]) -> Picture {
+fn stacked(views: &[RgbImage]) -> RgbImage {
     let width = views.first().map_or(0, |view| view.width);
     let height = views.iter().map(|view| view.height).sum();
-    Picture { width, height, rgb: views.iter().flat_map(|view| view.rgb.iter().copied()).collect() }
+    RgbImage { width, height, rgb: views.iter().flat_map(|view| view.rgb.iter().copied()).collect() }
 }

@@ -41,7 +41,7 @@ fn compatibility(profile: &str) -> Result<Profile, LabError> {
 }
 
 /// Text summary.
-pub fn in_words(comparison: &Comparison) -> String {
+pub fn describe(comparison: &Comparison) -> String {
     let mut text = format!(
         "cases         {} of {} agree, {} excluded\ngoals         {} of {} agree\narticulation  {} of {} agree\n\
          speed         {:.0} calls per CPU second\n",

@@ -30,7 +30,7 @@ pub use judge::{Flip, judge};
 /// Objects on the table, four rows of four, each with a texture.
 const OBJECTS: usize = 16;
 /// Maximum side of an object seen from above, m; objects on the grid do not touch.
-const LARGEST_M: f64 = 0.12;
+const MAX_SIDE_M: f64 = 0.12;
 /// Frames between two waypoints, and of a pause while the fingers close or open: about 5 s at 15 Hz.
 const MOVE: usize = 12;
 const PAUSE: usize = 5;
@@ -223,7 +223,7 @@ const GRID: Grid = Grid { columns: 4, from_m: [0.32, -0.3], step_m: [0.14, 0.2],
 fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<ObjectModel>>, LabError> {
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
-    let fits = |size: DVec3| size.x.max(size.y) <= LARGEST_M;
+    let fits = |size: DVec3| size.x.max(size.y) <= MAX_SIDE_M;
     let mut uids: Vec<&str> = catalogue
         .cards()
         .iter()
@@ -312,7 +312,7 @@ fn episode(
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let mut rows = vec![["pixels", "static, ms", "wrist, ms", "first, ms"].map(String::from).to_vec()];
     for (size, cost) in &report.sizes {
         let numbers = [cost.ms_static, cost.ms_wrist, cost.ms_first_frame].map(|ms| format!("{ms:.2}"));
@@ -331,5 +331,5 @@ pub fn in_words(report: &Report) -> String {
         report.episode_frames_per_s,
         100.0 * report.reuse_share,
         if report.identical_with_reuse { "with the same bytes" } else { "but the bytes differ" },
-    ) + &report.vs.as_ref().map_or_else(String::new, baselines::in_words)
+    ) + &report.vs.as_ref().map_or_else(String::new, baselines::describe)
 }

@@ -264,7 +264,7 @@ fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
 }
 
 /// Text summary.
-pub fn in_words(agreement: &Agreement) -> String {
+pub fn describe(agreement: &Agreement) -> String {
     let mut lines = vec![["kind", "agree", "compared", "of them true", "excluded"].map(String::from).to_vec()];
     for (kind, tally) in &agreement.by_relation {
         let numbers = [tally.agreed, tally.compared, tally.hold, tally.excluded].map(|number| number.to_string());

@@ -172,7 +172,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
             fs::write(scenarios.join(format!("{name}.json")), scenario.to_json()).map_err(unwritable)?;
         }
         if let Some(&seconds) = seconds.get(source) {
-            target.time_attempt(&name, seconds);
+            target.set_attempt_time(&name, seconds);
         }
         progress.advance();
     }
@@ -181,7 +181,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let rows = [
         ["episodes".into(), measured.episodes.to_string()],
         ["report, CPU time".into(), format!("{:.1} s", measured.report_cpu_s)],

@@ -194,7 +194,7 @@ fn differences(rng: &mut impl Rng, episodes: usize, first: f64, second: f64) -> 
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let head = ["intervals of 95 %", "settings", "mean coverage", "least", "where"];
     let mut rows = vec![head.map(String::from).to_vec()];
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);

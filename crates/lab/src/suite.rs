@@ -78,7 +78,7 @@ pub fn measure(
 }
 
 /// Text summary.
-pub fn in_words(report: &Report) -> String {
+pub fn describe(report: &Report) -> String {
     let mut rows = vec![["type", "scenarios"].map(String::from).to_vec()];
     rows.extend(report.per_type.iter().map(|(kind, count)| vec![kind.clone(), count.to_string()]));
     let mut text = format!(

@@ -6,7 +6,7 @@ use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
 /// Maximum horizontal extent of a distractor (m). Chosen: visible in the image but not in the way.
-const LARGEST_M: f64 = 0.2;
+const MAX_EXTENT_M: f64 = 0.2;
 
 /// Samples up to `count` different assets.
 pub(crate) fn sample(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) -> Vec<AssetRef> {
@@ -35,7 +35,7 @@ fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
         && nodes.any(|(node, other)| in_goal(&node.id) && other.general_category == card.general_category);
     let instruction_words: Vec<String> = words(&task.instruction).collect();
     let described = descriptions(card).any(|word| instruction_words.contains(&word));
-    let fits = card.size_m.truncate().max_element() <= LARGEST_M && !card.is_articulated;
+    let fits = card.size_m.truncate().max_element() <= MAX_EXTENT_M && !card.is_articulated;
     fits && !known().any(is_alike) && !serves_the_need && !described
 }
 

@@ -44,7 +44,7 @@ use context::{Context, GoalRegion};
 use genmanip_assets::{AssetError, AssetSource, GraspLibrary};
 use genmanip_core::{
     AssetHashes, Atom, Goal, ObjectModel, PhysicsFactors, PlacedObject, Relation, RobotModel, Scenario, Seed, Task,
-    TriedGrasp, Workspace, World,
+    VerifiedGrasp, Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_relations::{
@@ -221,7 +221,7 @@ fn accept(
     context: &Context,
     scene: &mut PosedScene,
     planner: &Planner,
-    known_grasps: &[&[TriedGrasp]],
+    known_grasps: &[&[VerifiedGrasp]],
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),

@@ -1,7 +1,7 @@
 //! Collision world of the support surfaces and the objects at their current poses.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Grasp, ObjectModel, Seed, TriedGrasp};
+use genmanip_core::{Grasp, ObjectModel, Seed, VerifiedGrasp};
 use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_relations::PosedScene;
 
@@ -48,11 +48,11 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
 ///
 /// # Errors
 /// Fails if a collision piece is not finite or has no size.
-pub fn tried_grasps(
+pub fn verified_grasps(
     planner: &Planner,
     scene: &PosedScene,
     object: usize,
-    known: &[TriedGrasp],
+    known: &[VerifiedGrasp],
 ) -> Result<Vec<Grasp>, GeometryError> {
     if known.is_empty() {
         return Ok(Vec::new());

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, World};
+use genmanip_core::{Goal, Grasp, Pose, Seed, VerifiedGrasp, World};
 use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
 use genmanip_relations::{PosedObject, PosedScene};
 
@@ -28,7 +28,7 @@ pub(crate) struct ReachCheck<'a> {
     /// Layout settings.
     pub settings: &'a LayoutSettings,
     /// Known grasps of each object.
-    pub known_grasps: &'a [&'a [TriedGrasp]],
+    pub known_grasps: &'a [&'a [VerifiedGrasp]],
     /// Random stream of this attempt.
     pub seed: Seed,
 }
@@ -118,7 +118,7 @@ impl ReachCheck<'_> {
         };
         let any_feasible = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
         let known = known_grasps.get(index).copied().unwrap_or_default();
-        Ok(any_feasible(obstacles::tried_grasps(planner, scene, index, known)?)
+        Ok(any_feasible(obstacles::verified_grasps(planner, scene, index, known)?)
             || any_feasible(obstacles::generated_grasps(planner, scene, index, seed.fork("reach"))?))
     }
 }

@@ -25,8 +25,8 @@ mod test_robot;
 
 pub use chain::{Chain, ModelError};
 pub use collision::{
-    Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, Part, RobotError, RobotShape,
-    SurfaceError, triangulate,
+    AllowedCollisions, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, MovingBody, RobotError,
+    RobotShape, SurfaceError, triangulate,
 };
 pub use depth::{DepthError, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};

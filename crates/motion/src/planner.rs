@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{
-    Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, RobotError, RobotShape,
+    AllowedCollisions, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, RobotError, RobotShape,
 };
 use crate::depth::{self, DepthError, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
@@ -45,7 +45,7 @@ pub struct PlanningScene<'a> {
     /// The object held by the gripper.
     pub attached: Option<&'a Attached>,
     /// Pairs allowed to touch.
-    pub allowed: &'a Allowed,
+    pub allowed: &'a AllowedCollisions,
     /// Gripper opening (m).
     pub gripper_width: f64,
 }
@@ -54,10 +54,10 @@ pub struct PlanningScene<'a> {
 ///
 /// ```no_run
 /// # use genmanip_core::{Pose, RobotModel, Seed};
-/// # use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene, CollisionWorld};
+/// # use genmanip_motion::{AllowedCollisions, Planner, PlannerSettings, PlanningScene, CollisionWorld};
 /// # fn go(robot: std::sync::Arc<RobotModel>, world: CollisionWorld, tcp: Pose) -> Result<(), Box<dyn std::error::Error>> {
 /// let planner = Planner::new(robot.clone(), PlannerSettings::default())?;
-/// let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: 0.08 };
+/// let around = PlanningScene { world: &world, attached: None, allowed: &AllowedCollisions::none(), gripper_width: 0.08 };
 /// let goals = planner.ik(&tcp, &robot.home);
 /// let path = planner.plan_joint(&around, &robot.home, &goals, Seed::new(1))?;
 /// let trajectory = planner.time(&path, 1.0);

@@ -10,10 +10,10 @@ use serde::Serialize;
 use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::policies::PolicyFactory;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Settings that can be ablated, with their values; the first word is the name of the policy's argument.
-pub const DIALS: [(&str, &[&str]); 6] = [
+pub const ABLATIONS: [(&str, &[&str]); 6] = [
     ("ctof", &["yes"]),
     ("path", &["grid"]),
     ("loop", &["open"]),
@@ -68,7 +68,7 @@ pub fn ablate(
     options: &EvaluateOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<Ablation>, RunError> {
+) -> Result<Option<Ablation>, WorkspaceError> {
     let changes = changes(arguments, dials)?;
     let policy = |change: &String| {
         let parts: Vec<&str> = [arguments, change].into_iter().filter(|part| !part.is_empty()).collect();
@@ -90,16 +90,17 @@ pub fn ablate(
 }
 
 /// The changes, none first.
-fn changes(arguments: &str, dials: &[String]) -> Result<Vec<String>, RunError> {
-    let known: Vec<&str> = DIALS.iter().map(|(name, _)| *name).collect();
+fn changes(arguments: &str, dials: &[String]) -> Result<Vec<String>, WorkspaceError> {
+    let known: Vec<&str> = ABLATIONS.iter().map(|(name, _)| *name).collect();
     if let Some(unknown) = dials.iter().find(|dial| !known.contains(&dial.as_str())) {
-        return Err(RunError::unknown("setting", "settings", unknown, &known));
+        return Err(WorkspaceError::unknown("setting", "settings", unknown, &known));
     }
     let mut changes = vec![String::new()];
-    for (name, values) in DIALS.iter().filter(|(name, _)| dials.is_empty() || dials.iter().any(|dial| dial == name)) {
+    for (name, values) in ABLATIONS.iter().filter(|(name, _)| dials.is_empty() || dials.iter().any(|dial| dial == name))
+    {
         let is_set = arguments.split(',').any(|part| part.split('=').next() == Some(name));
         if is_set && !dials.is_empty() {
-            return Err(RunError::input(format!("`{name}` is both set and to be changed"))
+            return Err(WorkspaceError::input(format!("`{name}` is both set and to be changed"))
                 .with_hint("leave it out of --agent, or out of --vary"));
         }
         changes.extend(values.iter().filter(|_| !is_set).map(|value| format!("{name}={value}")));
@@ -107,7 +108,7 @@ fn changes(arguments: &str, dials: &[String]) -> Result<Vec<String>, RunError> {
     Ok(changes)
 }
 
-fn row(change: String, label: &str, results: &[EpisodeResult], base: &[EpisodeResult]) -> Result<Row, RunError> {
+fn row(change: String, label: &str, results: &[EpisodeResult], base: &[EpisodeResult]) -> Result<Row, WorkspaceError> {
     let settings = StatisticsSettings::default();
     let successes = results.iter().filter(|result| result.success).count();
     let count = results.len().max(1) as f64;
@@ -115,7 +116,7 @@ fn row(change: String, label: &str, results: &[EpisodeResult], base: &[EpisodeRe
         true => None,
         false => {
             let paired = compare(results, base, &settings);
-            Some(paired.map_err(|error| RunError::broken("the evaluations cannot be compared", error))?)
+            Some(paired.map_err(|error| WorkspaceError::broken("the evaluations cannot be compared", error))?)
         }
     };
     Ok(Row {
@@ -132,7 +133,7 @@ fn row(change: String, label: &str, results: &[EpisodeResult], base: &[EpisodeRe
 }
 
 /// The table in words.
-pub fn in_words(ablation: &Ablation) -> String {
+pub fn describe(ablation: &Ablation) -> String {
     let head = ["change", "episodes", "success", "95 %", "score", "difference", "only this, only as it is", "p"];
     let mut rows = vec![head.map(String::from).to_vec()];
     let percent = |share: f64| format!("{:.1}", 100.0 * share);

@@ -19,7 +19,7 @@ use genmanip_rollout::images::{self, ImageSettings};
 use crate::folder::RunFolder;
 use genmanip_viz::replay;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Formats by name.
 pub const FORMATS: [(&str, Format); 6] = [
@@ -97,7 +97,7 @@ pub fn export(
     options: &ExportOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<ExportReport>, RunError> {
+) -> Result<Option<ExportReport>, WorkspaceError> {
     let (folder, run) = RunFolder::open(path)?;
     let store = folder.store()?;
     let rows = ExportSettings {
@@ -115,13 +115,13 @@ pub fn export(
     for target in [lerobot::depth_path(&target), target.clone()] {
         lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
             let hint = "choose another --out, or move what is there away";
-            RunError::input("the data set has no place").because(error).with_hint(hint)
+            WorkspaceError::input("the data set has no place").because(error).with_hint(hint)
         })?;
     }
     let selection = if options.keep_failed { Selection::Recorded } else { Selection::Verified };
-    let ids = selection.ids(&store).map_err(|error| RunError::broken("cannot read the episodes", error))?;
+    let ids = selection.ids(&store).map_err(|error| WorkspaceError::broken("cannot read the episodes", error))?;
     if ids.is_empty() {
-        return Err(RunError::input(format!("{} has no episode to export", path.display()))
+        return Err(WorkspaceError::input(format!("{} has no episode to export", path.display()))
             .with_hint("collect some first; failed ones are exported with --keep-failed"));
     }
     let pictures = ImageSettings {
@@ -137,7 +137,7 @@ pub fn export(
     let robot = worlds::robot(&run.settings.world)?;
     let exported = options.format.write(&store, &selection, &robot, &settings, &target).map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
-        RunError::broken("cannot write the dataset", error).with_hint(hint)
+        WorkspaceError::broken("cannot write the dataset", error).with_hint(hint)
     })?;
     for (id, why) in &exported.left_out {
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
@@ -146,7 +146,7 @@ pub fn export(
 }
 
 /// Refuses columns that a format has no place for.
-fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -> Result<(), RunError> {
+fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -> Result<(), WorkspaceError> {
     let asks = |columns| rows.columns.contains(&columns);
     let what = match options.format {
         Format::Lerobot => return Ok(()),
@@ -155,7 +155,7 @@ fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -
         _ => return Ok(()),
     };
     let hint = "take --to lerobot; boxes also fit into lerobot-v2.1, zarr and hdf5";
-    Err(RunError::input(format!("{format} has no place for {what}")).with_hint(hint))
+    Err(WorkspaceError::input(format!("{format} has no place for {what}")).with_hint(hint))
 }
 
 /// Refuses cameras that the world of an episode does not have, before anything is drawn; what is damaged is named by
@@ -164,7 +164,7 @@ pub(crate) fn check_cameras(
     store: &EpisodeStore,
     ids: impl IntoIterator<Item = impl AsRef<str>>,
     cameras: &[String],
-) -> Result<(), RunError> {
+) -> Result<(), WorkspaceError> {
     for id in ids {
         let id = id.as_ref();
         let world = match store.read_scenario(id) {
@@ -175,9 +175,9 @@ pub(crate) fn check_cameras(
         };
         if let Some(unknown) = cameras.iter().find(|camera| world.camera(camera).is_none()) {
             let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
-            let error = RunError::unknown("camera", "cameras", unknown, &known);
+            let error = WorkspaceError::unknown("camera", "cameras", unknown, &known);
             let hint = error.hint().unwrap_or_default();
-            return Err(RunError::input(format!("episode {id} cannot be drawn")).because(error).with_hint(hint));
+            return Err(WorkspaceError::input(format!("episode {id} cannot be drawn")).because(error).with_hint(hint));
         }
     }
     Ok(())
@@ -192,7 +192,7 @@ pub(crate) fn draw_missing(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(), RunError> {
+) -> Result<(), WorkspaceError> {
     let (fps, cameras) = (pictures.fps, &pictures.cameras);
     let lacks_masks = |id: &str| with_masks && !store.has_masks(id, fps, cameras);
     let is_missing = |id: &&String| !store.has_tracks(id, fps, cameras) || lacks_masks(id);
@@ -217,21 +217,21 @@ pub(crate) fn draw_missing(
             Err(error) => return Err(replay::unreadable(id, error)),
         }
         progress.advance();
-        Ok::<_, RunError>(())
+        Ok::<_, WorkspaceError>(())
     })?;
     progress.end();
     Ok(())
 }
 
-fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), WorkspaceError> {
     let id = &episode.result.id;
     let masks = images::render_masks(&replay::stage(episode)?, episode, pictures)
-        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
-    let failed = |error: DataError| RunError::broken(format!("cannot keep the masks of {id}"), error);
+        .map_err(|error| WorkspaceError::broken(format!("cannot draw {id}"), error))?;
+    let failed = |error: DataError| WorkspaceError::broken(format!("cannot keep the masks of {id}"), error);
     store.attach_masks(id, &masks).map_err(failed)
 }
 
-fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), WorkspaceError> {
     let id = &episode.result.id;
     // Those that are there are drawn again, since the tracks of a rate are kept together.
     let is_wanted = |name: &&String| {
@@ -239,9 +239,9 @@ fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Re
     };
     let known = episode.scenario.world.cameras.iter().map(|camera| &camera.name);
     let cameras = known.filter(|name| is_wanted(name)).cloned().collect();
-    let failed = |error: DataError| RunError::broken(format!("cannot keep the pictures of {id}"), error);
+    let failed = |error: DataError| WorkspaceError::broken(format!("cannot keep the pictures of {id}"), error);
     let tracks =
         images::render_tracks(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
-            .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+            .map_err(|error| WorkspaceError::broken(format!("cannot draw {id}"), error))?;
     store.attach_tracks(id, &tracks).map_err(failed)
 }

@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::index::{INDEX, Survey};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::difference::{first_difference, listed};
 use genmanip_workspace::documents::{self, sweep, unwritable};
 use genmanip_workspace::shard::{Manifest, Shard};
@@ -99,8 +99,8 @@ impl Run {
     }
 
     /// Reads a record that a run wrote itself, task by task.
-    fn read(path: &Path) -> Result<Self, RunError> {
-        let file = files::open_own(path, limits::RUN).map_err(|error| documents::unreadable(path, error))?;
+    fn read(path: &Path) -> Result<Self, WorkspaceError> {
+        let file = files::open_no_follow(path, limits::RUN).map_err(|error| documents::unreadable(path, error))?;
         let (mut spool, mut refused) = (Spool::in_folder(&std::env::temp_dir()), None);
         let record = long_from_reader::<RunRecord>(file, |task| {
             spool.add(task).map_err(|error| {
@@ -112,8 +112,11 @@ impl Run {
         if let Some(error) = refused {
             return Err(error);
         }
-        let record =
-            record.map_err(|source| RunError::Document { path: path.to_owned(), schema: RunRecord::SCHEMA, source })?;
+        let record = record.map_err(|source| WorkspaceError::Document {
+            path: path.to_owned(),
+            schema: RunRecord::SCHEMA,
+            source,
+        })?;
         let Run { seed, episodes_per_task, settings, engine, genmanip_version, .. } = record;
         Ok(Self { seed, episodes_per_task, tasks: spool.finish(), settings, engine, genmanip_version })
     }
@@ -122,9 +125,9 @@ impl Run {
     ///
     /// # Errors
     /// When a task cannot be read again.
-    pub fn hash(&self) -> Result<String, RunError> {
+    pub fn hash(&self) -> Result<String, WorkspaceError> {
         let mut hasher = Hashing(Sha256::new());
-        self.write(&mut hasher).map_err(|error| RunError::broken("cannot read the tasks again", error))?;
+        self.write(&mut hasher).map_err(|error| WorkspaceError::broken("cannot read the tasks again", error))?;
         Ok(hasher.in_hex())
     }
 
@@ -132,11 +135,11 @@ impl Run {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub(crate) fn hash_of(record: &Path) -> Result<String, RunError> {
-        let unreadable = |error| RunError::of_file("read", record, error);
+    pub(crate) fn hash_of(record: &Path) -> Result<String, WorkspaceError> {
+        let unreadable = |error| WorkspaceError::of_file("read", record, error);
         let mut hasher = Hashing(Sha256::new());
-        let mut file = files::open_own(record, limits::RUN).map_err(unreadable)?;
-        io::copy(&mut file, &mut hasher).map_err(|error| RunError::file("read", record, error))?;
+        let mut file = files::open_no_follow(record, limits::RUN).map_err(unreadable)?;
+        io::copy(&mut file, &mut hasher).map_err(|error| WorkspaceError::file("read", record, error))?;
         Ok(hasher.in_hex())
     }
 }
@@ -187,8 +190,8 @@ impl RunFolder {
     /// same run, or fail with the first difference.
     ///
     /// # Errors
-    /// [`RunError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
-    pub fn begin(path: &Path, run: &Run) -> Result<Self, RunError> {
+    /// [`WorkspaceError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
+    pub fn begin(path: &Path, run: &Run) -> Result<Self, WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
             check_unowned(path)?;
@@ -201,7 +204,7 @@ impl RunFolder {
         if Run::hash_of(&file)? != run.hash()? {
             let known = Run::read(&file)?;
             if known != *run {
-                return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run)? });
+                return Err(WorkspaceError::AnotherRun { path: path.to_owned(), difference: difference(&known, run)? });
             }
         }
         let folder = Self::at(path);
@@ -214,7 +217,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// As [`RunFolder::begin`].
-    pub(crate) fn begin_shard(path: &Path, run: &Run) -> Result<Self, RunError> {
+    pub(crate) fn begin_shard(path: &Path, run: &Run) -> Result<Self, WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
             check_unowned(path)?;
@@ -225,7 +228,7 @@ impl RunFolder {
                 files::create_with(&shared, &mut |out| run.write(out)).map_err(|error| unwritable(&shared, error))?;
             }
             if Run::hash_of(&shared)? == hash {
-                std::fs::create_dir_all(path).map_err(|error| RunError::file("create", path, error))?;
+                std::fs::create_dir_all(path).map_err(|error| WorkspaceError::file("create", path, error))?;
                 if std::fs::hard_link(&shared, &file).is_ok() {
                     return Ok(Self::at(path));
                 }
@@ -238,12 +241,12 @@ impl RunFolder {
     /// Says which part of the run lies here, all of it without a shard, or sees that it is this one.
     ///
     /// # Errors
-    /// [`RunError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
-    pub(crate) fn claim(&self, shard: Option<Shard>) -> Result<(), RunError> {
-        let in_words = |shard: Option<Shard>| shard.map_or("the whole run".to_owned(), |shard| shard.to_string());
+    /// [`WorkspaceError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
+    pub(crate) fn claim(&self, shard: Option<Shard>) -> Result<(), WorkspaceError> {
+        let describe = |shard: Option<Shard>| shard.map_or("the whole run".to_owned(), |shard| shard.to_string());
         let other = |found: Option<Shard>| {
-            let difference = format!("it is {}, not {}", in_words(found), in_words(shard));
-            Err(RunError::AnotherRun { path: self.path.clone(), difference })
+            let difference = format!("it is {}, not {}", describe(found), describe(shard));
+            Err(WorkspaceError::AnotherRun { path: self.path.clone(), difference })
         };
         let path = self.join(SHARD);
         match (Self::manifest(&self.path)?.map(|manifest| manifest.shard), shard) {
@@ -263,16 +266,16 @@ impl RunFolder {
     ///
     /// # Errors
     /// When `shard.json` is there and is no such document.
-    pub(crate) fn manifest(path: &Path) -> Result<Option<Manifest>, RunError> {
+    pub(crate) fn manifest(path: &Path) -> Result<Option<Manifest>, WorkspaceError> {
         let file = path.join(SHARD);
-        is_there(&file).then(|| documents::read_own_document(&file, limits::IDENTITY)).transpose()
+        is_there(&file).then(|| documents::read_document_no_follow(&file, limits::IDENTITY)).transpose()
     }
 
     /// Opens a part of a run whose record is known.
     ///
     /// # Errors
     /// When the folder has links inside.
-    pub(crate) fn open_part(path: &Path) -> Result<Self, RunError> {
+    pub(crate) fn open_part(path: &Path) -> Result<Self, WorkspaceError> {
         check_links(path)?;
         Ok(Self::at(path))
     }
@@ -281,18 +284,18 @@ impl RunFolder {
     ///
     /// # Errors
     /// When it cannot be removed.
-    pub(crate) fn sweep(&self) -> Result<(), RunError> {
+    pub(crate) fn sweep(&self) -> Result<(), WorkspaceError> {
         ["", "scenarios", "evaluation"].iter().try_for_each(|name| sweep(&self.path.join(name)))
     }
 
     /// Opens a run made before.
     ///
     /// # Errors
-    /// [`RunError::NoRun`], when `run.json` is no such document, or the folder has links inside.
-    pub fn open(path: &Path) -> Result<(Self, Run), RunError> {
+    /// [`WorkspaceError::NoRun`], when `run.json` is no such document, or the folder has links inside.
+    pub fn open(path: &Path) -> Result<(Self, Run), WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
-            return Err(RunError::NoRun { path: path.to_owned() });
+            return Err(WorkspaceError::NoRun { path: path.to_owned() });
         }
         check_links(path)?;
         Ok((Self::at(path), Run::read(&file)?))
@@ -300,7 +303,8 @@ impl RunFolder {
 
     fn at(path: &Path) -> Self {
         // Wall-clock figures are worth no refusal.
-        let timings = documents::read_own_document(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
+        let timings =
+            documents::read_document_no_follow(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
         Self { path: path.to_owned(), timings: Mutex::new(timings) }
     }
 
@@ -318,10 +322,10 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the folder of episodes holds something else or cannot be written.
-    pub fn store(&self) -> Result<EpisodeStore, RunError> {
+    pub fn store(&self) -> Result<EpisodeStore, WorkspaceError> {
         let root = self.join("episodes");
         EpisodeStore::create(&root).map_err(|error| {
-            RunError::input(format!("cannot use {}", root.display()))
+            WorkspaceError::input(format!("cannot use {}", root.display()))
                 .because(error)
                 .with_hint("check that the folder is writable and belongs to this run")
         })
@@ -331,22 +335,22 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the store cannot be listed.
-    pub fn survey(&self, store: &EpisodeStore) -> Result<Survey, RunError> {
+    pub fn survey(&self, store: &EpisodeStore) -> Result<Survey, WorkspaceError> {
         Survey::of(&self.path, store)
     }
 
     /// Records the wall-clock time of an attempt, s.
-    pub fn time_attempt(&self, id: &str, seconds: f64) {
+    pub fn set_attempt_time(&self, id: &str, seconds: f64) {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).attempts.insert(id.to_owned(), seconds);
     }
 
     /// Records the wall-clock time of a phase, s.
-    pub fn time_phase(&self, phase: &str, seconds: f64) {
+    pub fn set_phase_time(&self, phase: &str, seconds: f64) {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).phases.insert(phase.to_owned(), seconds);
     }
 
     /// Adds to the wall-clock time of a phase, s: a run that was interrupted sums all its parts.
-    pub fn lengthen_phase(&self, phase: &str, seconds: f64) {
+    pub fn add_phase_time(&self, phase: &str, seconds: f64) {
         let mut timings = self.timings.lock().unwrap_or_else(PoisonError::into_inner);
         *timings.phases.entry(phase.to_owned()).or_default() += seconds;
     }
@@ -359,8 +363,8 @@ impl RunFolder {
     /// Writes the figures.
     ///
     /// # Errors
-    /// [`RunError::File`].
-    pub fn save_timings(&self) -> Result<(), RunError> {
+    /// [`WorkspaceError::File`].
+    pub fn save_timings(&self) -> Result<(), WorkspaceError> {
         documents::write_file(&self.join("timings.json"), self.timings().to_json().as_bytes())
     }
 }
@@ -387,12 +391,12 @@ const OWN: [&str; 11] = [
 ];
 
 /// Refuses a folder that holds what a run writes, but no record of one.
-fn check_unowned(path: &Path) -> Result<(), RunError> {
+fn check_unowned(path: &Path) -> Result<(), WorkspaceError> {
     match OWN.iter().find(|name| is_there(&path.join(name))) {
         // The record may have been made by another program in between; then what lies here is that run's.
         Some(name) if !is_there(&path.join(RECORD)) => {
             let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
-            Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"))
+            Err(WorkspaceError::input(what).with_hint("choose an empty --out folder, or move what is there away"))
         }
         _ => Ok(()),
     }
@@ -403,11 +407,11 @@ fn is_there(path: &Path) -> bool {
 }
 
 /// A run keeps everything in its own folder: what is written through a link would end up in somebody else's.
-fn check_links(path: &Path) -> Result<(), RunError> {
+fn check_links(path: &Path) -> Result<(), WorkspaceError> {
     let inside = OWN.iter().chain([&RECORD]).map(|name| path.join(name));
     let kept = list_folders(&path.join("evaluation")).into_iter().flat_map(|label| [label.join("episodes"), label]);
     match inside.chain(kept).find(|path| path.is_symlink()) {
-        Some(link) => Err(RunError::input(format!("{} is a symbolic link", link.display()))
+        Some(link) => Err(WorkspaceError::input(format!("{} is a symbolic link", link.display()))
             .with_hint("a run keeps everything in its own folder; link to the whole run instead")),
         None => Ok(()),
     }
@@ -424,7 +428,7 @@ fn list_folders(path: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// When a task cannot be read again.
-pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, RunError> {
+pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, WorkspaceError> {
     if known.seed != asked.seed {
         return Ok(format!("its seed is {}, not {}", known.seed, asked.seed));
     }

@@ -16,7 +16,7 @@ use genmanip_rollout::collect::in_parallel;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::workers;
 
 /// File of the index in the folder of a run.
@@ -24,7 +24,7 @@ pub(crate) const INDEX: &str = "index.jsonl";
 
 /// A sound attempt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Known {
+pub struct IndexedAttempt {
     /// Its id.
     pub id: String,
     /// Id of its task.
@@ -39,7 +39,7 @@ pub struct Known {
     parts: Option<FileInventory>,
 }
 
-impl Known {
+impl IndexedAttempt {
     fn of(inspected: Inspected) -> Self {
         let Inspected { result, recorded, has_scenario, inventory: parts } = inspected;
         let outcome = Outcome::of(&result);
@@ -56,7 +56,7 @@ impl Known {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Attempts that look sound, sorted by id.
-    pub sound: Vec<Known>,
+    pub sound: Vec<IndexedAttempt>,
     /// Ids of damaged ones, with what is wrong.
     pub damaged: Vec<(String, String)>,
     /// Names of other entries of the store; they are neither read nor changed.
@@ -77,18 +77,18 @@ impl Survey {
     ///
     /// # Errors
     /// When the store cannot be listed.
-    pub(crate) fn of(path: &Path, store: &EpisodeStore) -> Result<Self, RunError> {
+    pub(crate) fn of(path: &Path, store: &EpisodeStore) -> Result<Self, WorkspaceError> {
         // What is written from now on is younger than the index made here.
         let now = files::now_in(path).ok();
-        let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
+        let listing = store.list().map_err(|error| WorkspaceError::broken("cannot list the episodes", error))?;
         let file = path.join(INDEX);
         let Index { mut known, made } = Index::read(&file).unwrap_or_default();
         let looks = in_parallel(&listing.ids, workers::workers(None), &AtomicBool::new(false), &|id| {
             let parts = known.get(id).and_then(|known| known.parts.as_ref());
             if parts.is_some_and(|parts| store.is_unchanged(id, parts, made)) {
-                return Ok::<_, RunError>(None);
+                return Ok::<_, WorkspaceError>(None);
             }
-            Ok(Some(store.inspect(id).map(Known::of).map_err(|error| error.to_string())))
+            Ok(Some(store.inspect(id).map(IndexedAttempt::of).map_err(|error| error.to_string())))
         })?;
         let mut survey = Self { strangers: listing.foreign, ..Self::default() };
         let mut is_current = true;
@@ -129,15 +129,15 @@ impl Head {
     }
 }
 
-fn bytes(sound: &[Known]) -> Vec<u8> {
-    let line = |known: &Known| serde_json::to_string(known).unwrap_or_default() + "\n";
+fn bytes(sound: &[IndexedAttempt]) -> Vec<u8> {
+    let line = |known: &IndexedAttempt| serde_json::to_string(known).unwrap_or_default() + "\n";
     let lines: String = sound.iter().filter(|known| known.is_settled()).map(line).collect();
     let head = serde_json::to_string(&Head::of(lines.as_bytes())).unwrap_or_default();
     format!("{head}\n{lines}").into_bytes()
 }
 
 struct Index {
-    known: BTreeMap<String, Known>,
+    known: BTreeMap<String, IndexedAttempt>,
     made: SystemTime,
 }
 
@@ -151,14 +151,15 @@ impl Index {
     /// The index in a file; `None` when it is missing, of another version or not as it was written.
     fn read(path: &Path) -> Option<Self> {
         let made = std::fs::symlink_metadata(path).ok()?.modified().ok()?;
-        let bytes = files::read_own(path, limits::INDEX).ok()?;
+        let bytes = files::read_no_follow(path, limits::INDEX).ok()?;
         let end = bytes.iter().position(|byte| *byte == b'\n')?;
         let (head, lines) = (&bytes[..end], &bytes[end + 1..]);
         if serde_json::from_slice::<Head>(head).ok()? != Head::of(lines) {
             return None;
         }
         let lines = lines.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
-        let known = lines.map(|line| serde_json::from_slice::<Known>(line).ok().map(|known| (known.id.clone(), known)));
+        let known = lines
+            .map(|line| serde_json::from_slice::<IndexedAttempt>(line).ok().map(|known| (known.id.clone(), known)));
         Some(Self { known: known.collect::<Option<_>>()?, made })
     }
 }

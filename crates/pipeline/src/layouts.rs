@@ -9,13 +9,13 @@ use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::{Attempt, Resources, in_parallel_each};
 use genmanip_viz::Svg;
-use genmanip_workspace::{MOST_ROWS, attention, text_table};
+use genmanip_workspace::{MAX_ROWS, attention, text_table};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use genmanip_viz::scene_images;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::documents::sweep;
 use genmanip_workspace::resume_ledger::{Entry, Ledger};
@@ -64,7 +64,7 @@ pub fn lay_out(
     progress: &dyn Progress,
     stop: &AtomicBool,
     each: &mut (dyn FnMut(&LaidOut) + Send),
-) -> Result<Vec<LaidOut>, RunError> {
+) -> Result<Vec<LaidOut>, WorkspaceError> {
     let planner = worlds::planner(world, &PlannerSettings::default())?;
     let resources = Resources::builtin(&planner);
     let attempts = Attempt::all(tasks, count, seed);
@@ -72,7 +72,7 @@ pub fn lay_out(
     let ledger = Ledger::open(&output.folder.join("layouts.jsonl"))?;
     let shared = serde_json::to_string(&(world, settings, env!("CARGO_PKG_VERSION"))).unwrap_or_default();
     progress.begin("laying out", attempts.len());
-    let lay_out = |attempt: &Attempt| -> Result<(Entry, LaidOut), RunError> {
+    let lay_out = |attempt: &Attempt| -> Result<(Entry, LaidOut), WorkspaceError> {
         let key = key(attempt, &shared);
         let known = ledger.known(&attempt.id());
         let row = match known.filter(|entry| entry.key == key).and_then(|entry| finished(attempt, output, entry)) {
@@ -112,7 +112,7 @@ fn key(attempt: &Attempt, shared: &str) -> String {
 fn finished(attempt: &Attempt, output: &LayoutOutput, entry: &Entry) -> Option<LaidOut> {
     let path = output.folder.join(format!("{}.json", attempt.id()));
     let picture = path.with_extension("svg");
-    let is_there = |path: &PathBuf| files::is_own_file(path);
+    let is_there = |path: &PathBuf| files::is_file_no_follow(path);
     let whole = (entry.refused.is_some() || is_there(&path)) && (!output.explain || is_there(&picture));
     whole.then(|| LaidOut {
         task: attempt.task.id.clone(),
@@ -129,9 +129,9 @@ fn one(
     resources: Resources,
     world: &World,
     settings: &LayoutSettings,
-) -> Result<LaidOut, RunError> {
+) -> Result<LaidOut, WorkspaceError> {
     let (task, path) = (attempt.task, output.folder.join(format!("{}.json", attempt.id())));
-    let draw = |drawing: &dyn Fn() -> Result<Svg, RunError>| -> Result<Option<String>, RunError> {
+    let draw = |drawing: &dyn Fn() -> Result<Svg, WorkspaceError>| -> Result<Option<String>, WorkspaceError> {
         let picture = path.with_extension("svg");
         if output.explain {
             documents::write_file(&picture, drawing()?.as_str().as_bytes())?;
@@ -145,7 +145,9 @@ fn one(
             let picture = draw(&|| scene_images::explained(&scenario, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: Some(path.display().to_string()), refused: None, picture })
         }
-        Err(error) if error.is_defect() => Err(RunError::broken(format!("laying out {} stopped", attempt.id()), error)),
+        Err(error) if error.is_defect() => {
+            Err(WorkspaceError::broken(format!("laying out {} stopped", attempt.id()), error))
+        }
         Err(error) => {
             let picture = draw(&|| scene_images::explained_refusal(task, &error, world, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: None, refused: Some(error.to_string()), picture })
@@ -153,12 +155,12 @@ fn one(
     }
 }
 
-/// The rows as a table; above [`MOST_ROWS`], unless `each` is asked for, how many there are and those refused.
+/// The rows as a table; above [`MAX_ROWS`], unless `each` is asked for, how many there are and those refused.
 pub fn table(rows: &[LaidOut], each: bool) -> String {
     let line = |row: &LaidOut| {
         vec![row.task.clone(), row.scenario.clone().or_else(|| row.refused.clone()).unwrap_or_default()]
     };
-    if each || rows.len() <= MOST_ROWS {
+    if each || rows.len() <= MAX_ROWS {
         let head = ["task", "scenario"].map(String::from).to_vec();
         return text_table(&[head].into_iter().chain(rows.iter().map(line)).collect::<Vec<_>>());
     }

@@ -11,7 +11,7 @@
 //! - [`report`]: input of the HTML page and the page itself.
 //! - [`layouts`], [`plan`]: tasks laid out into scenario files, single motions of the arm.
 //!
-//! Every stage is a function from input, settings and seed to a result or a [`genmanip_workspace::RunError`];
+//! Every stage is a function from input, settings and seed to a result or a [`genmanip_workspace::WorkspaceError`];
 //! it reports to a [`genmanip_workspace::Progress`] and prints nothing.
 
 pub mod ablate;
@@ -31,5 +31,5 @@ pub mod sessions;
 pub mod suites;
 
 pub use folder::{Run, RunFolder, Timings};
-pub use index::{Known, Survey};
+pub use index::{IndexedAttempt, Survey};
 pub use policies::PolicyFactory;

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use crate::collect::{CollectOptions, Collected, collect, share};
 use crate::folder::{Run, RunFolder, difference};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::shard::{Manifest, Shard};
 
 /// Maximum number of missing items in a message.
@@ -29,10 +29,10 @@ pub fn merge(
     options: CollectOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Collected, RunError> {
+) -> Result<Collected, WorkspaceError> {
     let parts = open_all(shards)?;
     let Some(first) = parts.first() else {
-        return Err(RunError::input("there is no shard to merge")
+        return Err(WorkspaceError::input("there is no shard to merge")
             .with_hint("name folders that `genmanip collect --shard` made, or the folder they lie in"));
     };
     let (_, run) = RunFolder::open(&first.path)?;
@@ -40,7 +40,7 @@ pub fn merge(
     if (&genmanip_version, &engine) != (&run.genmanip_version, &run.engine) {
         let what = format!("the shards were made by version {} with {}", run.genmanip_version, run.engine);
         let hint = format!("merge them with that version; this is {genmanip_version} with {engine}");
-        return Err(RunError::input(what).with_hint(hint));
+        return Err(WorkspaceError::input(what).with_hint(hint));
     }
     let found = parts.iter().map(|part| part.look(&run)).collect::<Result<Vec<_>, _>>()?;
     let count = first.manifest.shard.count();
@@ -49,7 +49,7 @@ pub fn merge(
         let named: Vec<&str> = missing.iter().take(NAMED).map(String::as_str).collect();
         let more = missing.len().saturating_sub(NAMED);
         let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-        return Err(RunError::input(format!("not all of the run is there: {}{more}", named.join("; ")))
+        return Err(WorkspaceError::input(format!("not all of the run is there: {}{more}", named.join("; ")))
             .with_hint("start those shards again to finish them, or make what is missing here with --finish"));
     }
     let folder = RunFolder::begin(out, &run)?;
@@ -60,17 +60,17 @@ pub fn merge(
         let from = part.folder.store()?;
         for id in &part.sound {
             store.take(&from, id).map_err(|error| {
-                RunError::broken(format!("cannot take {id} of {}", part.shard), error)
+                WorkspaceError::broken(format!("cannot take {id} of {}", part.shard), error)
                     .with_hint("what was merged is kept; start again to continue")
             })?;
             progress.advance();
         }
         let timings = part.folder.timings();
-        timings.attempts.iter().for_each(|(id, seconds)| folder.time_attempt(id, *seconds));
+        timings.attempts.iter().for_each(|(id, seconds)| folder.set_attempt_time(id, *seconds));
     }
     progress.end();
     let seconds = |part: &Found| part.folder.timings().phases.get("collect").copied().unwrap_or(0.0);
-    folder.time_phase("collect", found.iter().map(seconds).sum());
+    folder.set_phase_time("collect", found.iter().map(seconds).sum());
     folder.save_timings()?;
     collect(out, run, CollectOptions { shard: None, ..options }, progress, stop)
 }
@@ -92,14 +92,14 @@ struct Found {
 
 impl Part {
     /// Lists the attempts of a shard; rejects attempts that belong to other shards.
-    fn look(&self, run: &Run) -> Result<Found, RunError> {
+    fn look(&self, run: &Run) -> Result<Found, WorkspaceError> {
         let shard = self.manifest.shard;
         let own: BTreeSet<String> = share(run, Some(shard)).collect();
         let folder = RunFolder::open_part(&self.path)?;
         let survey = folder.survey(&folder.store()?)?;
         if let Some(known) = survey.sound.iter().find(|known| !own.contains(&known.id)) {
             let what = format!("{} holds {}, which is no attempt of {shard}", self.path.display(), known.id);
-            return Err(RunError::input(what).with_hint("move it away; nothing was merged"));
+            return Err(WorkspaceError::input(what).with_hint("move it away; nothing was merged"));
         }
         let sound = survey.sound.into_iter().filter(|known| known.is_settled()).map(|known| known.id).collect();
         Ok(Found { shard, folder, sound, damaged: survey.damaged.into_iter().collect() })
@@ -107,7 +107,7 @@ impl Part {
 }
 
 /// The shards in folders, ordered, each once and all of one run.
-fn open_all(paths: &[PathBuf]) -> Result<Vec<Part>, RunError> {
+fn open_all(paths: &[PathBuf]) -> Result<Vec<Part>, WorkspaceError> {
     let mut parts = Vec::new();
     for path in paths {
         parts.extend(if path.join("run.json").exists() { vec![path.clone()] } else { folders_in(path)? });
@@ -127,33 +127,37 @@ fn open_all(paths: &[PathBuf]) -> Result<Vec<Part>, RunError> {
         } else {
             continue;
         };
-        return Err(RunError::input(refused).with_hint("name the shards of one run, each once; nothing was merged"));
+        return Err(
+            WorkspaceError::input(refused).with_hint("name the shards of one run, each once; nothing was merged")
+        );
     }
     Ok(parts)
 }
 
-fn open(path: PathBuf) -> Result<Part, RunError> {
+fn open(path: PathBuf) -> Result<Part, WorkspaceError> {
     let manifest = RunFolder::manifest(&path)?.ok_or_else(|| {
         let what = format!("{} is no shard of a run", path.display());
-        RunError::input(what).with_hint("merge takes folders that `genmanip collect --shard I/N` made")
+        WorkspaceError::input(what).with_hint("merge takes folders that `genmanip collect --shard I/N` made")
     })?;
     let record = path.join("run.json");
     if Run::hash_of(&record)? != manifest.run {
         let what = format!("{} is not the run that its shard.json names", record.display());
-        return Err(RunError::input(what).with_hint("copy the shard again from where it was made"));
+        return Err(WorkspaceError::input(what).with_hint("copy the shard again from where it was made"));
     }
     Ok(Part { path, manifest })
 }
 
 /// Folders of shards in a folder.
-fn folders_in(path: &Path) -> Result<Vec<PathBuf>, RunError> {
-    let entries = std::fs::read_dir(path).map_err(|error| RunError::file("list", path, error))?;
+fn folders_in(path: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
+    let entries = std::fs::read_dir(path).map_err(|error| WorkspaceError::file("list", path, error))?;
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
     let mut shards: Vec<PathBuf> = paths.filter(|path| path.join("shard.json").exists()).collect();
     shards.sort();
     if shards.is_empty() {
         let what = format!("there is no shard in {}", path.display());
-        return Err(RunError::input(what).with_hint("merge takes folders that `genmanip collect --shard I/N` made"));
+        return Err(
+            WorkspaceError::input(what).with_hint("merge takes folders that `genmanip collect --shard I/N` made")
+        );
     }
     Ok(shards)
 }
@@ -182,7 +186,7 @@ mod tests {
     use genmanip_rollout::collect::PipelineSettings;
 
     use super::*;
-    use genmanip_workspace::Silent;
+    use genmanip_workspace::NoProgress;
     use genmanip_workspace::task_files;
     use genmanip_workspace::task_spool::Tasks;
 
@@ -219,7 +223,7 @@ mod tests {
             (vec![&empty], "there is no shard in"),
         ] {
             let shards: Vec<PathBuf> = shards.into_iter().cloned().collect();
-            let merged = merge(&shards, &out, false, options, &Silent, &AtomicBool::new(false));
+            let merged = merge(&shards, &out, false, options, &NoProgress, &AtomicBool::new(false));
             let error = merged.expect_err(expected);
             assert!(error.to_string().contains(expected) && error.hint().is_some(), "{expected} in {error}");
             assert!(!out.exists(), "{expected}: nothing may be made");

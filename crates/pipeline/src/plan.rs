@@ -4,14 +4,14 @@ use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, Seed};
 use genmanip_layout::obstacles;
 use genmanip_motion::{
-    Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
+    AllowedCollisions, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
     PlanningScene,
 };
 use genmanip_rollout::Stage;
 use serde::Serialize;
 
-use genmanip_viz::motion_images::Drawn;
-use genmanip_workspace::RunError;
+use genmanip_viz::motion_images::MotionView;
+use genmanip_workspace::WorkspaceError;
 
 /// Settings of the grasp search: a dozen reachable grasps, each with the nearer of two half-turns of the gripper.
 fn feasibility() -> FeasibilitySettings {
@@ -93,11 +93,11 @@ pub fn plan(
     request: &MotionRequest,
     seed: Seed,
     clock: &mut dyn FnMut() -> f64,
-) -> Result<PlannedMotion, RunError> {
+) -> Result<PlannedMotion, WorkspaceError> {
     let start = joints("--from", request.from.as_deref(), stage)?.unwrap_or_else(|| stage.robot.home.clone());
     let most = stage.robot.gripper.max_width;
     if !(0.0..=most).contains(&request.gripper_width_m) {
-        return Err(RunError::input(format!("--gripper {} m is not possible", request.gripper_width_m))
+        return Err(WorkspaceError::input(format!("--gripper {} m is not possible", request.gripper_width_m))
             .with_hint(format!("expected 0 to {most} m")));
     }
     let goal = goal(&request.target, stage, planner, &start, seed)?;
@@ -110,7 +110,7 @@ pub fn plan(
     let dt_s = planner.settings().timing.dt;
     Ok(PlannedMotion {
         scenario: stage.scenario.id.clone(),
-        goal: request.target.in_words(),
+        goal: request.target.describe(),
         solved: planned.is_ok(),
         failure: planned.as_ref().err().map(ToString::to_string),
         planning_ms,
@@ -143,8 +143,8 @@ impl PlannedMotion {
     }
 
     /// Trajectory as an image or a video shows it.
-    pub fn drawn<'a>(&'a self, stage: &'a Stage, planner: &Planner) -> Drawn<'a> {
-        Drawn {
+    pub fn drawn<'a>(&'a self, stage: &'a Stage, planner: &Planner) -> MotionView<'a> {
+        MotionView {
             stage,
             configs: &self.trajectory,
             tcp: self.trajectory.iter().map(|config| planner.tcp_pose(config).position).collect(),
@@ -155,7 +155,7 @@ impl PlannedMotion {
 }
 
 impl Target {
-    fn in_words(&self) -> String {
+    fn describe(&self) -> String {
         let numbers = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         match self {
             Self::Object(object) => format!("a grasp of {object}"),
@@ -175,7 +175,7 @@ fn paths(
     seed: Seed,
 ) -> Result<(Vec<Path>, f64), PlanError> {
     let world = obstacles::around(stage.start(), None);
-    let nothing = Allowed::none();
+    let nothing = AllowedCollisions::none();
     let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
         Goal::Configurations(goals) => {
@@ -213,7 +213,7 @@ fn timed(planner: &Planner, paths: &[Path], start: &[f64]) -> Vec<Vec<f64>> {
     configs
 }
 
-fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: Seed) -> Result<Goal, RunError> {
+fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: Seed) -> Result<Goal, WorkspaceError> {
     let wanted = match target {
         Target::Joints(given) => {
             let configuration = joints("--joints", Some(given), stage)?;
@@ -227,7 +227,7 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     let Some(index) = (0..ids.len()).find(named) else {
         let known: Vec<String> =
             ids.iter().enumerate().map(|(index, id)| format!("{id} ({})", stage.name(index))).collect();
-        return Err(RunError::input(format!("there is no object `{wanted}` in {}", stage.scenario.id))
+        return Err(WorkspaceError::input(format!("there is no object `{wanted}` in {}", stage.scenario.id))
             .with_hint(format!("objects are {}", known.join(", "))));
     };
     let scene = stage.start();
@@ -236,32 +236,31 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     let object = picked_object(stage, index);
     let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
     let candidates = obstacles::generated_grasps(planner, scene, index, seed)
-        .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
+        .map_err(|error| WorkspaceError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
     Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
 }
 
 /// The tcp at a point, the hand pointing down.
-fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> Result<Goal, RunError> {
+fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> Result<Goal, WorkspaceError> {
     let &[x, y, z] = position_m else {
-        return Err(
-            RunError::input(format!("--to has {} numbers", position_m.len())).with_hint("expected x,y,z in metres")
-        );
+        return Err(WorkspaceError::input(format!("--to has {} numbers", position_m.len()))
+            .with_hint("expected x,y,z in metres"));
     };
     let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
     let world_from_tcp = Pose::from_position_yaw(DVec3::new(x, y, z), yaw_rad) * down;
     let goals = planner.ik(&world_from_tcp, start);
     if goals.is_empty() {
-        return Err(RunError::input(format!("the hand, pointing down, does not get to ({x}, {y}, {z})"))
+        return Err(WorkspaceError::input(format!("the hand, pointing down, does not get to ({x}, {y}, {z})"))
             .with_hint("positions are metres in the robot's base frame: x ahead, y to its left, z above the table"));
     }
     Ok(Goal::Configurations(goals))
 }
 
 /// Joint positions as the user gave them.
-fn joints(option: &str, given: Option<&[f64]>, stage: &Stage) -> Result<Option<Vec<f64>>, RunError> {
+fn joints(option: &str, given: Option<&[f64]>, stage: &Stage) -> Result<Option<Vec<f64>>, WorkspaceError> {
     let (Some(given), expected) = (given, stage.robot.arm_dof()) else { return Ok(None) };
     if given.len() != expected || !given.iter().all(|q| q.is_finite()) {
-        return Err(RunError::input(format!("{option} has {} numbers", given.len()))
+        return Err(WorkspaceError::input(format!("{option} has {} numbers", given.len()))
             .with_hint(format!("expected {expected} joint positions in rad, separated by commas")));
     }
     Ok(Some(given.to_vec()))

@@ -22,8 +22,8 @@ use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 
 use crate::remote;
-use genmanip_agent_sim::{Account, AgentChoice, ModelChoice, Transcribing};
-use genmanip_workspace::RunError;
+use genmanip_agent_sim::{AgentChoice, ModelChoice, TranscriptWriter, UsageAccount};
+use genmanip_workspace::WorkspaceError;
 
 pub use arguments::PolicyArgument;
 use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
@@ -122,65 +122,65 @@ pub const POLICIES: [PolicyEntry; 11] = [
     },
 ];
 
-fn expert(_given: &Given) -> Result<Prepared, RunError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn expert(_given: &Given) -> Result<Prepared, WorkspaceError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(expert_of(episode)?))
     }))
 }
 
-fn random(given: &Given) -> Result<Prepared, RunError> {
+fn random(given: &Given) -> Result<Prepared, WorkspaceError> {
     let duration_s = given.number("seconds", 0.0..=600.0)?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(RandomActions::new(episode.stage, duration_s)))
     }))
 }
 
-fn blind(_given: &Given) -> Result<Prepared, RunError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn blind(_given: &Given) -> Result<Prepared, WorkspaceError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(Blind::new(episode.stage, expert_of(episode)?)))
     }))
 }
 
-fn clumsy(_given: &Given) -> Result<Prepared, RunError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn clumsy(_given: &Given) -> Result<Prepared, WorkspaceError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(Clumsy::new(episode.stage, expert_of(episode)?)))
     }))
 }
 
-fn expert_of(episode: &PolicyContext) -> Result<Expert, RunError> {
+fn expert_of(episode: &PolicyContext) -> Result<Expert, WorkspaceError> {
     Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone())
-        .map_err(|error| RunError::broken("the expert cannot be made", error))
+        .map_err(|error| WorkspaceError::broken("the expert cannot be made", error))
 }
 
-fn replay(_given: &Given) -> Result<Prepared, RunError> {
-    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn replay(_given: &Given) -> Result<Prepared, WorkspaceError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let recorded = episode.recorded.ok_or_else(|| {
-            RunError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
+            WorkspaceError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
                 .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
         })?;
         Ok(Box::new(OpenLoop::replay(recorded)))
     }))
 }
 
-fn playback(given: &Given) -> Result<Prepared, RunError> {
+fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
     let Some(folder) = given.folder("dataset") else {
-        return Err(RunError::input("policy playback needs a dataset")
+        return Err(WorkspaceError::input("policy playback needs a dataset")
             .with_hint("expected playback:dataset=FOLDER, a dataset as `genmanip export` and `collect` write them"));
     };
     let unreadable = |error: DataError| {
-        RunError::input(format!("cannot play {} back", folder.display()))
+        WorkspaceError::input(format!("cannot play {} back", folder.display()))
             .because(error)
             .with_hint("name a dataset that `genmanip export --to lerobot` or `collect` wrote")
     };
     let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
         if contract.robot != episode.stage.robot.name {
             let what = format!("the dataset has actions of robot `{}`", contract.robot);
             let hint = format!("scenario {scenario} has robot `{}`", episode.stage.robot.name);
-            return Err(RunError::input(what).with_hint(hint));
+            return Err(WorkspaceError::input(what).with_hint(hint));
         }
-        let not_run = |reason| RunError::Unreachable { policy: "playback".into(), reason };
+        let not_run = |reason| WorkspaceError::Unreachable { policy: "playback".into(), reason };
         let rows = dataset.episodes().iter().find(|row| row.scenario_id == *scenario);
         let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
         let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
@@ -188,14 +188,14 @@ fn playback(given: &Given) -> Result<Prepared, RunError> {
     }))
 }
 
-fn do_nothing(given: &Given) -> Result<Prepared, RunError> {
+fn do_nothing(given: &Given) -> Result<Prepared, WorkspaceError> {
     let duration_s = given.number("seconds", 0.0..=600.0)?;
-    Ok(Prepared::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    Ok(Prepared::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(Box::new(DoNothing { duration_s }))
     }))
 }
 
-fn agent(given: &Given) -> Result<Prepared, RunError> {
+fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
     let mut choice =
         AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?
             .with_grasps(given.text("grasps"))?
@@ -206,7 +206,7 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
     match given.text("loop") {
         "closed" => {}
         "open" => choice.settings = choice.settings.open_loop(),
-        other => return Err(RunError::unknown("loop", "loops", other, &["closed", "open"])),
+        other => return Err(WorkspaceError::unknown("loop", "loops", other, &["closed", "open"])),
     }
     choice.prompts = given.folder("prompts");
     let transcripts = given.folder("transcripts");
@@ -227,32 +227,32 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
         ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
         ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => None,
     };
-    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
         Ok(match &transcripts {
-            Some(folder) => Box::new(Transcribing::new(made, folder.join(&episode.stage.scenario.id))),
+            Some(folder) => Box::new(TranscriptWriter::new(made, folder.join(&episode.stage.scenario.id))),
             None => made.policy,
         })
     });
     Ok(Prepared { account, ..prepared })
 }
 
-fn openpi(given: &Given) -> Result<Prepared, RunError> {
+fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
     let settings = remote::settings(&remote::Named {
         url: given.text("url"),
         preset: given.text("preset"),
         exterior: given.text("exterior"),
         wrist: given.text("wrist"),
         execute: given.text("execute"),
-        timeout_s: given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?,
+        timeout_s: given.number("timeout_s", 0.1..=remote::MAX_WAIT_S)?,
     })?;
-    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(remote::openpi(&settings, episode.planner.robot(), episode.cores))
     }))
 }
 
-fn vla_eval(given: &Given) -> Result<Prepared, RunError> {
-    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+fn vla_eval(given: &Given) -> Result<Prepared, WorkspaceError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::MAX_WAIT_S)?;
     let (url, preset) = (given.text("url"), given.text("preset"));
     let settings = remote::vla_eval_settings(url, preset, [given.text("exterior"), given.text("wrist")], patience_s)?;
     Ok(Prepared::new(move |episode: &PolicyContext| {
@@ -260,8 +260,8 @@ fn vla_eval(given: &Given) -> Result<Prepared, RunError> {
     }))
 }
 
-fn python(given: &Given) -> Result<Prepared, RunError> {
-    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+fn python(given: &Given) -> Result<Prepared, WorkspaceError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::MAX_WAIT_S)?;
     let processes = remote::processes(given.text("class"), given.text("python"), patience_s)?;
     Ok(Prepared::new(move |episode: &PolicyContext| remote::python(&processes, episode.cores)))
 }
@@ -279,7 +279,7 @@ pub struct PolicyEntry {
     /// True if it runs when no policy is named; policies that call services do not.
     pub is_usual: bool,
     /// Checks the arguments, once.
-    prepare: fn(&Given) -> Result<Prepared, RunError>,
+    prepare: fn(&Given) -> Result<Prepared, WorkspaceError>,
 }
 
 /// Inputs from which a policy is made for one episode.
@@ -299,17 +299,17 @@ pub struct PolicyContext<'a> {
     pub cores: Option<&'a Arc<Cores>>,
 }
 
-type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync>;
+type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync>;
 
 /// A policy whose arguments were checked.
 struct Prepared {
     make: Make,
     /// Of the service that it asks and that may cost money.
-    account: Option<Arc<Account>>,
+    account: Option<Arc<UsageAccount>>,
 }
 
 impl Prepared {
-    fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static) -> Self {
+    fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static) -> Self {
         Self { make: Box::new(make), account: None }
     }
 }
@@ -326,12 +326,12 @@ impl PolicyFactory {
     /// From `NAME` or `NAME:key=value,key=value`.
     ///
     /// # Errors
-    /// [`RunError::UnknownName`] for the policy or one of its arguments; what is wrong with a value.
-    pub fn resolve(text: &str) -> Result<Self, RunError> {
+    /// [`WorkspaceError::UnknownName`] for the policy or one of its arguments; what is wrong with a value.
+    pub fn resolve(text: &str) -> Result<Self, WorkspaceError> {
         let (name, arguments) = text.split_once(':').unwrap_or((text, ""));
         let known = POLICIES.each_ref().map(|entry| entry.name);
         let entry = POLICIES.iter().find(|entry| entry.name == name);
-        let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
+        let entry = entry.ok_or_else(|| WorkspaceError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
         let prepared = (entry.prepare)(&given)?;
         Ok(Self { name: entry.name.into(), label: given.label(), needs_record: entry.needs_record, prepared })
@@ -343,10 +343,10 @@ impl PolicyFactory {
     /// A name that cannot stand in the name of a file.
     pub fn of(
         name: &str,
-        make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static,
-    ) -> Result<Self, RunError> {
-        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits_label) || name.len() > MOST_NAME {
-            return Err(RunError::input(format!("`{name}` cannot be the name of a policy")).with_hint(
+        make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static,
+    ) -> Result<Self, WorkspaceError> {
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits_label) || name.len() > MAX_NAME_BYTES {
+            return Err(WorkspaceError::input(format!("`{name}` cannot be the name of a policy")).with_hint(
                 "it names a file: letters, digits and -_.+=@, no dot at the beginning, at most 100 of them",
             ));
         }
@@ -358,7 +358,7 @@ impl PolicyFactory {
     ///
     /// # Errors
     /// None, as long as the defaults are sound.
-    pub fn all(is_recorded: bool) -> Result<Vec<Self>, RunError> {
+    pub fn all(is_recorded: bool) -> Result<Vec<Self>, WorkspaceError> {
         let usable = POLICIES.iter().filter(|entry| entry.is_usual && (is_recorded || !entry.needs_record));
         usable.map(|entry| Self::resolve(entry.name)).collect()
     }
@@ -381,21 +381,21 @@ impl PolicyFactory {
     /// The policy for one episode.
     ///
     /// # Errors
-    /// When it cannot work on this episode; [`RunError::Unreachable`] when it runs elsewhere and cannot be reached.
-    pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
+    /// When it cannot work on this episode; [`WorkspaceError::Unreachable`] when it runs elsewhere and cannot be reached.
+    pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> {
         (self.prepared.make)(episode)
     }
 
     /// The error as the episode loop reports it: not run if the policy cannot be reached, else an unsupported contract.
-    pub(crate) fn refusal(&self, error: RunError) -> RolloutError {
+    pub(crate) fn refusal(&self, error: WorkspaceError) -> RolloutError {
         match error {
-            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
             error => RolloutError::Spec { policy: self.label().into(), reason: error.to_string() },
         }
     }
 
     /// Requests and cost of its service so far, if it calls one that may cost money.
-    pub fn account(&self) -> Option<&Arc<Account>> {
+    pub fn account(&self) -> Option<&Arc<UsageAccount>> {
         self.prepared.account.as_ref()
     }
 }
@@ -419,7 +419,7 @@ pub fn describe() -> String {
 }
 
 /// Longest name of a policy of the calling program, bytes.
-const MOST_NAME: usize = 100;
+const MAX_NAME_BYTES: usize = 100;
 
 /// True if a character may occur in a label, which names a file.
 fn fits_label(c: char) -> bool {
@@ -434,7 +434,7 @@ struct Given {
 }
 
 impl Given {
-    fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, RunError> {
+    fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, WorkspaceError> {
         let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
         let mut given = Self { policy: entry.name, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
@@ -444,26 +444,29 @@ impl Given {
                 continue;
             }
             let Some((key, value)) = part.split_once('=') else {
-                return Err(RunError::input(format!("`{part}` is no argument of policy {}", entry.name))
+                return Err(WorkspaceError::input(format!("`{part}` is no argument of policy {}", entry.name))
                     .with_hint(format!("expected {}:key=value,key=value", entry.name)));
             };
             let known: Vec<&str> = entry.arguments.iter().map(|argument| argument.name).collect();
             if known.is_empty() {
-                return Err(RunError::input(format!("policy {} takes no arguments, not even `{key}`", entry.name))
-                    .with_hint(format!("expected {} alone", entry.name)));
+                return Err(WorkspaceError::input(format!(
+                    "policy {} takes no arguments, not even `{key}`",
+                    entry.name
+                ))
+                .with_hint(format!("expected {} alone", entry.name)));
             }
             let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
-                return Err(RunError::unknown("policy argument", "arguments", key, &known));
+                return Err(WorkspaceError::unknown("policy argument", "arguments", key, &known));
             };
             *slot = (slot.0, value.to_owned(), value != slot.1);
         }
         Ok(given)
     }
 
-    fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
+    fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, WorkspaceError> {
         let text = self.text(name);
         text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
-            RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
+            WorkspaceError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
                 "expected a number from {} to {}",
                 range.start(),
                 range.end()
@@ -475,11 +478,11 @@ impl Given {
         self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value)
     }
 
-    fn is_yes(&self, name: &str) -> Result<bool, RunError> {
+    fn is_yes(&self, name: &str) -> Result<bool, WorkspaceError> {
         match self.text(name) {
             "yes" => Ok(true),
             "no" => Ok(false),
-            other => Err(RunError::input(format!("policy {}: {name}={other} is not possible", self.policy))
+            other => Err(WorkspaceError::input(format!("policy {}: {name}={other} is not possible", self.policy))
                 .with_hint("expected yes or no")),
         }
     }

@@ -12,12 +12,12 @@ use genmanip_rollout::Cores;
 
 use serde_json::Value;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Environment variable that holds the server's API key, if it wants one.
 const KEY: &str = "OPENPI_API_KEY";
 /// A policy waits no longer than this for a server that is there, s.
-pub(crate) const LONGEST_WAIT_S: f64 = 3600.0;
+pub(crate) const MAX_WAIT_S: f64 = 3600.0;
 
 /// Arguments of an openpi policy server.
 pub(crate) struct Named<'a> {
@@ -34,13 +34,13 @@ pub(crate) struct Named<'a> {
 ///
 /// # Errors
 /// A URL that is none, an unknown preset, and a number of steps that is none.
-pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, RunError> {
-    let input = |what: String, hint: &str| Err(RunError::input(what).with_hint(hint));
+pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, WorkspaceError> {
+    let input = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
     let Named { url, preset, exterior, wrist, execute, timeout_s } = *named;
     check_url("openpi", url)?;
     let known = Preset::ALL.map(Preset::name);
     let preset = Preset::ALL.into_iter().find(|it| it.name() == preset);
-    let preset = preset.ok_or_else(|| RunError::unknown("preset", "presets", named.preset, &known))?;
+    let preset = preset.ok_or_else(|| WorkspaceError::unknown("preset", "presets", named.preset, &known))?;
     let execute_steps = match execute.parse::<usize>() {
         _ if execute.is_empty() => None,
         Ok(steps @ 1..=1000) => Some(steps),
@@ -75,11 +75,11 @@ pub(crate) fn vla_eval_settings(
     preset: &str,
     [exterior, wrist]: [&str; 2],
     patience_s: f64,
-) -> Result<VlaEvalSettings, RunError> {
+) -> Result<VlaEvalSettings, WorkspaceError> {
     check_url("vla-eval", url)?;
     let known = vla_eval::Preset::ALL.map(vla_eval::Preset::name);
     let found = vla_eval::Preset::ALL.into_iter().find(|it| it.name() == preset);
-    let preset = found.ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))?;
+    let preset = found.ok_or_else(|| WorkspaceError::unknown("preset", "presets", preset, &known))?;
     let timeouts = Timeouts { answer: Duration::from_secs_f64(patience_s), ..Timeouts::default() };
     Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), timeouts })
 }
@@ -104,11 +104,11 @@ fn lending(policy: impl Policy + 'static, cores: Option<&Arc<Cores>>) -> Box<dyn
 ///
 /// # Errors
 /// A class that cannot be one.
-pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Arc<Processes>, RunError> {
+pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Arc<Processes>, WorkspaceError> {
     let is_name = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
     let is_class = |(module, name): (&str, &str)| module.split('.').all(is_name) && is_name(name);
     if !class.split_once(':').is_some_and(is_class) {
-        return Err(RunError::input(format!("policy python: `{class}` names no class"))
+        return Err(WorkspaceError::input(format!("policy python: `{class}` names no class"))
             .with_hint("expected python:MODULE:CLASS, e.g. python:my_policy:MyPolicy for MyPolicy in my_policy.py"));
     }
     let answer = Duration::from_secs_f64(patience_s);
@@ -116,12 +116,15 @@ pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Ar
 }
 
 /// The policy for one episode, which lends its core while it waits for its process; it is called as its class.
-pub(crate) fn python(processes: &Arc<Processes>, cores: Option<&Arc<Cores>>) -> Result<Box<dyn Policy>, RunError> {
+pub(crate) fn python(
+    processes: &Arc<Processes>,
+    cores: Option<&Arc<Cores>>,
+) -> Result<Box<dyn Policy>, WorkspaceError> {
     let class = &processes.settings().class;
     let name = class.rsplit(':').next().unwrap_or(class);
     let policy = processes.policy(|given| read_spec(name, given)).map_err(|error| match error {
-        PolicyError::Unreachable(reason) => RunError::Unreachable { policy: class.clone(), reason },
-        error => RunError::input(format!("policy {class}: {error}"))
+        PolicyError::Unreachable(reason) => WorkspaceError::Unreachable { policy: class.clone(), reason },
+        error => WorkspaceError::input(format!("policy {class}: {error}"))
             .with_hint("the class needs spec(), reset(start) and act(observation)"),
     })?;
     Ok(lending(policy, cores))
@@ -174,12 +177,12 @@ impl<P: Policy> Policy for Lending<P> {
 }
 
 /// Rejects a URL that is not a websocket address.
-fn check_url(policy: &str, url: &str) -> Result<(), RunError> {
+fn check_url(policy: &str, url: &str) -> Result<(), WorkspaceError> {
     match url.strip_prefix("ws://") {
         Some(rest) if !rest.is_empty() => Ok(()),
         _ => {
             let what = format!("policy {policy}: url={url} is not possible");
-            Err(RunError::input(what).with_hint("expected ws://HOST:PORT"))
+            Err(WorkspaceError::input(what).with_hint("expected ws://HOST:PORT"))
         }
     }
 }

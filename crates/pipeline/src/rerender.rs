@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection};
-use genmanip_render::Vary;
+use genmanip_render::AppearanceFactor;
 use genmanip_rollout::images::ImageSettings;
 use sha2::{Digest, Sha256};
 
 use crate::export::{check_cameras, draw_missing};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds;
 
 /// Options of [`rerender`].
@@ -21,7 +21,7 @@ pub struct RerenderOptions {
     /// Index of the appearance of each episode; 0 is the one that `collect` renders with the same randomisation.
     pub look: u64,
     /// Randomised aspects of the appearance.
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
     /// Cameras instead of the data set's; none to keep them.
     pub cameras: Vec<String>,
     /// Number of rendering threads.
@@ -40,9 +40,9 @@ pub fn rerender(
     out: &Path,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<ExportReport>, RunError> {
+) -> Result<Option<ExportReport>, WorkspaceError> {
     let unfit = |error: DataError| {
-        RunError::input(format!("cannot draw {} again", dataset.display())).because(error).with_hint(
+        WorkspaceError::input(format!("cannot draw {} again", dataset.display())).because(error).with_hint(
             "it takes a LeRobot v3.0 dataset that `collect` or `export --to lerobot` made, with its extras/record",
         )
     };
@@ -51,7 +51,7 @@ pub fn rerender(
     let record = EpisodeStore::open(dataset.join(lerobot::RECORD)).map_err(unfit)?;
     for target in [lerobot::depth_path(out), out.to_owned()] {
         lerobot::check_owner(&target, None).map_err(|error| {
-            RunError::input("the data set has no place").because(error).with_hint("choose another --out")
+            WorkspaceError::input("the data set has no place").because(error).with_hint("choose another --out")
         })?;
     }
     let ids: Vec<String> = known.episodes().iter().map(|episode| episode.store_id.clone()).collect();
@@ -62,7 +62,7 @@ pub fn rerender(
         ..settings.export.clone()
     };
     if rows.cameras.is_empty() {
-        return Err(RunError::input(format!("{} has no pictures", dataset.display())).with_hint("name --cameras"));
+        return Err(WorkspaceError::input(format!("{} has no pictures", dataset.display())).with_hint("name --cameras"));
     }
     let pictures = ImageSettings {
         cameras: rows.cameras.clone(),
@@ -72,12 +72,13 @@ pub fn rerender(
         ..ImageSettings::default()
     };
     let Some(first) = ids.first() else {
-        return Err(RunError::input(format!("{} has no episode", dataset.display())));
+        return Err(WorkspaceError::input(format!("{} has no episode", dataset.display())));
     };
     let world = record.read(first).map_err(unfit)?.scenario.world;
     check_cameras(&record, &ids, &rows.cameras)?;
     let drawing = drawing_folder(out, &record, &ids, &pictures)?;
-    let store = EpisodeStore::create(&drawing).map_err(|error| RunError::broken("cannot begin to draw", error))?;
+    let store =
+        EpisodeStore::create(&drawing).map_err(|error| WorkspaceError::broken("cannot begin to draw", error))?;
     for id in &ids {
         store.take(&record, id).map_err(unfit)?;
     }
@@ -89,7 +90,7 @@ pub fn rerender(
     let settings = LerobotSettings { export: rows, run: None, ..settings };
     let written = lerobot::export(&store, &Selection::Ids(ids), &robot, &settings, out).map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the pictures are kept; start again".into());
-        RunError::broken("cannot write the dataset", error).with_hint(hint)
+        WorkspaceError::broken("cannot write the dataset", error).with_hint(hint)
     })?;
     // Where it cannot be removed it is found again.
     let _ = fs::remove_dir_all(&drawing);
@@ -102,16 +103,20 @@ fn drawing_folder(
     record: &EpisodeStore,
     ids: &[String],
     pictures: &ImageSettings,
-) -> Result<PathBuf, RunError> {
+) -> Result<PathBuf, WorkspaceError> {
     let mut work = Sha256::new();
-    work.update(serde_json::to_vec(pictures).map_err(|error| RunError::broken("cannot tell the pictures", error))?);
+    work.update(
+        serde_json::to_vec(pictures).map_err(|error| WorkspaceError::broken("cannot tell the pictures", error))?,
+    );
     for id in ids {
-        let hash = record.record_hash(id).map_err(|error| RunError::broken(format!("cannot read {id}"), error))?;
+        let hash =
+            record.record_hash(id).map_err(|error| WorkspaceError::broken(format!("cannot read {id}"), error))?;
         work.update(format!("\n{id} {hash}"));
     }
     let hash: String = work.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect();
     let name = out.file_name().unwrap_or_default().to_string_lossy();
     let folder = out.with_file_name(format!(".{name}-{hash}.drawing"));
-    fs::create_dir_all(&folder).map_err(|error| RunError::broken("cannot make a folder for the pictures", error))?;
+    fs::create_dir_all(&folder)
+        .map_err(|error| WorkspaceError::broken("cannot make a folder for the pictures", error))?;
     Ok(folder)
 }

@@ -13,7 +13,8 @@ use genmanip_assets::{Catalogue, panda, worlds::default_world};
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Camera, ObjectModel, Pose, Seed};
 use genmanip_render::{
-    Channels, FrameBuffers, FrameState, Look, RenderAssets, RenderVariation, Renderer, Vary, ViewJob, sampling,
+    AppearanceFactor, AppearanceRandomisation, Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation,
+    Renderer, ViewJob, sampling,
 };
 
 /// Seeds of further appearances: other tables, walls and lights.
@@ -25,8 +26,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let world = default_world();
     let assets = RenderAssets::new(panda(), &objects, Some(&world))?;
     let usual = RenderVariation::default();
-    let parts = vec![Vary::Light, Vary::Background, Vary::Material, Vary::Objects];
-    let looks = LOOKS.map(|seed| sampling::varied(&usual, &Look::new(Seed::new(seed), parts.clone())));
+    let parts = vec![
+        AppearanceFactor::Light,
+        AppearanceFactor::Background,
+        AppearanceFactor::Material,
+        AppearanceFactor::Objects,
+    ];
+    let looks =
+        LOOKS.map(|seed| sampling::varied(&usual, &AppearanceRandomisation::new(Seed::new(seed), parts.clone())));
     for (look, variation) in std::iter::once(&usual).chain(&looks).enumerate() {
         let mut renderer = Renderer::new(Arc::clone(&assets), variation.clone());
         // The second image of a camera continues the first.

@@ -59,7 +59,7 @@ mod tests;
 pub use error::RenderError;
 pub use frame::encode;
 pub use frame::renderer::Renderer;
-pub use genmanip_core::{Look, Vary};
+pub use genmanip_core::{AppearanceFactor, AppearanceRandomisation};
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use scene::assets::RenderAssets;
 pub use scene::posed::PosedMesh;

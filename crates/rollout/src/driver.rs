@@ -18,7 +18,7 @@ pub struct Driver {
 
 /// Outcome of one action.
 #[derive(Clone, Debug, Default)]
-pub struct Turn {
+pub struct ActionOutcome {
     /// Number of control steps executed.
     pub steps: usize,
     /// Last goal verdict during the action, if any.
@@ -59,9 +59,9 @@ impl Driver {
     /// # Errors
     /// [`RolloutError::Action`] for an invalid or unreachable action, with the environment unchanged; errors of
     /// [`Environment::step`].
-    pub fn act(&mut self, environment: &mut Environment, action: &[f32]) -> Result<Turn, RolloutError> {
+    pub fn act(&mut self, environment: &mut Environment, action: &[f32]) -> Result<ActionOutcome, RolloutError> {
         if environment.steps_left() == 0 {
-            return Ok(Turn { truncated: true, cut_off: true, ..Turn::default() });
+            return Ok(ActionOutcome { truncated: true, cut_off: true, ..ActionOutcome::default() });
         }
         let (command, measured) = (environment.command()?, environment.joint_positions()?);
         let width_m = command.last().copied().unwrap_or_default();
@@ -77,16 +77,16 @@ impl Driver {
     ///
     /// # Errors
     /// Errors of [`Environment::step`].
-    pub fn hold(&mut self, environment: &mut Environment) -> Result<Turn, RolloutError> {
+    pub fn hold(&mut self, environment: &mut Environment) -> Result<ActionOutcome, RolloutError> {
         let commands = vec![environment.command()?; self.adapter.repeat()];
         execute(environment, &commands)
     }
 }
 
 /// Executes one control step per command, until the time limit or the goal's settling time is reached.
-fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Turn, RolloutError> {
+fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<ActionOutcome, RolloutError> {
     let left = environment.steps_left();
-    let mut turn = Turn { truncated: left == 0, ..Turn::default() };
+    let mut turn = ActionOutcome { truncated: left == 0, ..ActionOutcome::default() };
     for command in commands.iter().take(left) {
         let step = environment.step(command)?;
         turn.steps += 1;

@@ -2,13 +2,13 @@
 
 use genmanip_core::perception::{FIRST_OBJECT, VisibleRegion, visible_region};
 use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageChannels, Pose, RgbdImage, Seed};
-use genmanip_data::images::look_seed;
+use genmanip_data::images::appearance_seed;
 use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::sensor::shutter::{self, Past};
 use genmanip_render::{
-    Channels, FrameBuffers, FrameState, Look, RenderAssets, RenderError, RenderVariation, Renderer, Vary, ViewJob,
-    sampling, sensor,
+    AppearanceFactor, AppearanceRandomisation, Channels, FrameBuffers, FrameState, RenderAssets, RenderError,
+    RenderVariation, Renderer, ViewJob, sampling, sensor,
 };
 use genmanip_render_reference::{ReferenceSettings, trace};
 use serde::{Deserialize, Serialize};
@@ -26,9 +26,9 @@ pub struct ImageSettings {
     pub fps: u32,
     /// Video compression.
     pub video: VideoSettings,
-    /// Randomised aspects of the appearance, by the episode's seed ([`look_seed`]); none if empty.
+    /// Randomised aspects of the appearance, by the episode's seed ([`appearance_seed`]); none if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
     /// Index of the appearance randomisation.
     #[serde(skip_serializing_if = "is_first")]
     pub look: u64,
@@ -269,7 +269,7 @@ pub fn render_tracks(
     episode: &Episode,
     settings: &ImageSettings,
 ) -> Result<Vec<CameraTrack>, RolloutError> {
-    let (seed, vary) = (look_seed(episode.result.seed, settings.look), &settings.vary);
+    let (seed, vary) = (appearance_seed(episode.result.seed, settings.look), &settings.vary);
     let requests = settings.cameras.iter().map(|name| CameraRequest::new(name, ImageChannels::RGBD));
     let camera = |request| stage.camera(&request).map(|camera| sampling::moved(&camera, seed, vary));
     let cameras = requests.map(camera).collect::<Result<Vec<_>, _>>()?;
@@ -277,7 +277,7 @@ pub fn render_tracks(
         .iter()
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
-    let look = Look::new(seed, vary.clone());
+    let look = AppearanceRandomisation::new(seed, vary.clone());
     let mut renderer = StageRenderer::with_appearance(stage, sampling::varied(&usual_variation(stage), &look))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     render_frames(&mut renderer, episode, settings.fps, &views, &mut |view, image| Ok(tracks[view].push(image)?))?;
@@ -294,7 +294,7 @@ pub fn render_masks(
     settings: &ImageSettings,
 ) -> Result<Vec<MaskTrack>, RolloutError> {
     const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
-    let seed = look_seed(episode.result.seed, settings.look);
+    let seed = appearance_seed(episode.result.seed, settings.look);
     let camera = |name: &String| {
         stage.camera(&CameraRequest::new(name, IDS)).map(|camera| sampling::moved(&camera, seed, &settings.vary))
     };

@@ -23,7 +23,7 @@ mod settings;
 mod stage;
 
 pub use cpu_cores::{Cores, HeldCore};
-pub use driver::{Driver, Turn};
+pub use driver::{ActionOutcome, Driver};
 pub use environment::Environment;
 pub use episode_loop::{resume_episode, run_corrected, run_episode, run_episode_with};
 pub use settings::RolloutSettings;

@@ -213,7 +213,7 @@ fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Fil
 /// Downloads a file unless it is up to date; returns true if it was downloaded.
 fn fetch(bucket: &Bucket, prefix: &str, folder: &Path, file: &FileEntry) -> Result<bool, S3Error> {
     let to = folder.join(&file.path);
-    if files::is_own_file(&to) && hash(&to)? == (file.bytes, file.sha256.clone()) {
+    if files::is_file_no_follow(&to) && hash(&to)? == (file.bytes, file.sha256.clone()) {
         return Ok(false);
     }
     let key = key(prefix, &file.path);

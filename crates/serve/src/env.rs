@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_core::{Observation, Pose, RgbdImage};
-use genmanip_pipeline::sessions::{Outcome, Saved, Scenes, Session, SessionSettings};
+use genmanip_pipeline::sessions::{SceneSource, Session, SessionSettings, SessionState, StepOutcome};
 use genmanip_remote_policies::numpy::{Array, Numbers};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -21,7 +21,7 @@ const IDLE: Duration = Duration::from_secs(600);
 /// The environment endpoint: a bounded number of sessions on the same scenes.
 #[derive(Debug)]
 pub struct EnvEndpoint {
-    scenes: Arc<Scenes>,
+    scenes: Arc<SceneSource>,
     max_sessions: usize,
     open: Mutex<Open>,
 }
@@ -36,7 +36,7 @@ struct Open {
 #[derive(Debug)]
 struct Slot {
     session: Session,
-    saved: Option<Saved>,
+    saved: Option<SessionState>,
 }
 
 /// Request of a session; `session` is the number returned by `open`.
@@ -84,7 +84,7 @@ pub(crate) enum EnvRequest {
 
 impl EnvEndpoint {
     /// Creates the endpoint with at most `max_sessions` sessions.
-    pub fn new(scenes: Arc<Scenes>, max_sessions: usize) -> Self {
+    pub fn new(scenes: Arc<SceneSource>, max_sessions: usize) -> Self {
         Self { scenes, max_sessions: max_sessions.max(1), open: Mutex::default() }
     }
 
@@ -114,7 +114,7 @@ impl EnvEndpoint {
                 Ok(answer)
             }),
             EnvRequest::Step { session, action } => self.with(session, |slot| {
-                let Outcome { reward, verdict, terminated, truncated, refused, .. } = slot.session.step(&action)?;
+                let StepOutcome { reward, verdict, terminated, truncated, refused, .. } = slot.session.step(&action)?;
                 Ok(vec![
                     ("reward", reward.into()),
                     ("score", verdict.score.into()),
@@ -136,7 +136,7 @@ impl EnvEndpoint {
                 Ok(Vec::new())
             }),
             EnvRequest::Restore { session } => self.with(session, |slot| {
-                let nothing = || RunError::input("no state was saved").with_hint("send `save` first");
+                let nothing = || WorkspaceError::input("no state was saved").with_hint("send `save` first");
                 let saved = slot.saved.as_ref().ok_or_else(nothing)?;
                 slot.session.restore(saved)?;
                 Ok(vec![("observation", encoded_observation(&slot.session.observe()?))])
@@ -173,7 +173,11 @@ impl EnvEndpoint {
     }
 
     /// Accesses a session exclusively.
-    fn with<T>(&self, number: u64, work: impl FnOnce(&mut Slot) -> Result<T, RunError>) -> Result<T, RequestError> {
+    fn with<T>(
+        &self,
+        number: u64,
+        work: impl FnOnce(&mut Slot) -> Result<T, WorkspaceError>,
+    ) -> Result<T, RequestError> {
         let slot = {
             let mut open = self.lock();
             let found = open.sessions.get_mut(&number);
@@ -195,7 +199,7 @@ impl EnvEndpoint {
 }
 
 /// Error message with causes and hint.
-fn full_message(error: &RunError) -> String {
+fn full_message(error: &WorkspaceError) -> String {
     let mut text = error.to_string();
     let mut next = std::error::Error::source(error);
     while let Some(cause) = next {

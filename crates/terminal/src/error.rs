@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Exit codes; they are an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,12 +65,12 @@ impl Failed {
     }
 }
 
-impl From<RunError> for Failed {
-    fn from(error: RunError) -> Self {
+impl From<WorkspaceError> for Failed {
+    fn from(error: WorkspaceError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
         // These names are known regardless of any file's contents.
         let typed = ["policy", "policy argument", "kind", "preset"];
-        let is_misused = matches!(&error, RunError::UnknownName { what, .. } if typed.contains(what));
+        let is_misused = matches!(&error, WorkspaceError::UnknownName { what, .. } if typed.contains(what));
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
         Self { what: error.to_string(), causes, hint: error.hint(), status }
     }
@@ -105,7 +105,7 @@ impl fmt::Display for Failed {
 }
 
 /// Maximum word length in a message, characters: longer than paths, shorter than names that a file may contain.
-const LONGEST_WORD: usize = 400;
+const MAX_WORD_CHARS: usize = 400;
 
 /// A message that may repeat a file's contents: long words are cut, and control and bidirectional characters are
 /// escaped.
@@ -116,8 +116,8 @@ fn readable(text: &str) -> String {
         length = if c.is_whitespace() { 0 } else { length + 1 };
         let is_hidden = c.is_control() && c != '\n' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
         match length {
-            _ if length > LONGEST_WORD + 1 => {}
-            _ if length == LONGEST_WORD + 1 => plain.push('…'),
+            _ if length > MAX_WORD_CHARS + 1 => {}
+            _ if length == MAX_WORD_CHARS + 1 => plain.push('…'),
             _ if is_hidden => plain.extend(c.escape_unicode()),
             _ => plain.push(c),
         }

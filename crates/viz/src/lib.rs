@@ -18,5 +18,5 @@ pub mod scene_images;
 pub mod views;
 
 pub use drawing::{
-    DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
+    DrawnEdge, EdgeRole, Footprint, PlaceWindow, Refusal, Svg, TopView, explain_svg, graph_svg, layout_svg,
 };

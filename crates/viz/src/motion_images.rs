@@ -11,7 +11,7 @@ use genmanip_rollout::Stage;
 use genmanip_rollout::images::{Exposure, StageRenderer};
 
 use crate::scene_images;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Columns of images and videos.
 const WIDTH: u32 = 960;
@@ -27,7 +27,7 @@ const WAY: [u8; 3] = [235, 90, 20];
 const BLOCKED: [u8; 3] = [215, 25, 40];
 
 /// Motion to be rendered.
-pub struct Drawn<'a> {
+pub struct MotionView<'a> {
     /// Objects and robot.
     pub stage: &'a Stage,
     /// Joint positions of the arm at the control rate, rad.
@@ -41,7 +41,7 @@ pub struct Drawn<'a> {
 }
 
 /// The arm at several moments, the last one solid, and the way of the hand; PNG or JPEG by the file's ending.
-pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
+pub fn picture(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, WorkspaceError> {
     let as_jpeg = match path.extension().and_then(|ending| ending.to_str()) {
         Some("png") => false,
         Some("jpg" | "jpeg") => true,
@@ -67,15 +67,15 @@ pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u
         true => genmanip_render::encode::jpeg_rgb(width, height, &canvas.rgb, 90),
         false => genmanip_render::encode::png_rgb(width, height, &canvas.rgb),
     };
-    encoded.map_err(|error| RunError::broken("cannot encode the picture", error))
+    encoded.map_err(|error| WorkspaceError::broken("cannot encode the picture", error))
 }
 
 /// The motion in real time as MP4, the way of the hand drawn behind it as it goes.
-pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
+pub fn animation(drawn: &MotionView, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, WorkspaceError> {
     if path.extension().is_none_or(|ending| ending != "mp4") {
         return Err(ending(path, "an animation is written as .mp4"));
     }
-    let failed = |error| RunError::broken("cannot encode the animation", error);
+    let failed = |error| WorkspaceError::broken("cannot encode the animation", error);
     let mut view = View::new(drawn, camera)?;
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     let mut encoder = VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(failed)?;
@@ -91,19 +91,19 @@ pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec
     mux_mp4([&encoder.finish()]).map_err(failed)
 }
 
-fn ending(path: &Path, expected: &str) -> RunError {
-    RunError::input(format!("cannot write {}", path.display())).with_hint(expected)
+fn ending(path: &Path, expected: &str) -> WorkspaceError {
+    WorkspaceError::input(format!("cannot write {}", path.display())).with_hint(expected)
 }
 
 /// Motion seen by one camera.
 struct View<'a> {
-    drawn: &'a Drawn<'a>,
+    drawn: &'a MotionView<'a>,
     painter: StageRenderer,
     camera: Camera,
 }
 
 impl<'a> View<'a> {
-    fn new(drawn: &'a Drawn, camera: Option<&str>) -> Result<Self, RunError> {
+    fn new(drawn: &'a MotionView, camera: Option<&str>) -> Result<Self, WorkspaceError> {
         let whole = Camera::looking_at(
             "whole",
             DVec3::new(1.75, 1.3, 1.15),
@@ -114,7 +114,7 @@ impl<'a> View<'a> {
         let find = |name| cameras.iter().find(|known| known.name == name);
         let Some(camera) = camera.map_or(Some(&whole), find) else {
             let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-            return Err(RunError::input(format!("scenario {} has no such camera", drawn.stage.scenario.id))
+            return Err(WorkspaceError::input(format!("scenario {} has no such camera", drawn.stage.scenario.id))
                 .with_hint(format!("its cameras are {}", known.join(", "))));
         };
         let Camera { intrinsics, .. } = camera;
@@ -126,13 +126,13 @@ impl<'a> View<'a> {
         Ok(Self { drawn, painter, camera })
     }
 
-    fn render(&mut self, config: &[f64]) -> Result<RgbdImage, RunError> {
+    fn render(&mut self, config: &[f64]) -> Result<RgbdImage, WorkspaceError> {
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
         let still = Exposure::still(self.drawn.stage.scenario.seed);
         let images = self.painter.render_state(config, self.drawn.gripper_width, objects, &views, still);
-        let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
+        let mut images = images.map_err(|error| WorkspaceError::broken("cannot draw the arm", error))?;
         Ok(images.swap_remove(0))
     }
 

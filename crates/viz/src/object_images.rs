@@ -10,7 +10,7 @@ use genmanip_core::{Camera, Intrinsics, ObjectModel, PhysicsFactors, Pose, limit
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::task_files;
 
@@ -25,14 +25,14 @@ const PORTRAIT_FILL: f64 = 0.19;
 ///
 /// # Errors
 /// When a file cannot be read or is wrong.
-pub fn read_families(folder: &Path) -> Result<Families, RunError> {
+pub fn read_families(folder: &Path) -> Result<Families, WorkspaceError> {
     let mut files = Vec::new();
     for path in task_files::expand(&[folder.to_owned()])? {
         files.push((documents::stem(&path), documents::read_text(&path, limits::FAMILIES)?));
     }
     let named = |name: &str| {
         let found = files.iter().find(|(stem, _)| stem == name).map(|(_, text)| text.clone());
-        found.ok_or_else(|| RunError::input(format!("no {name}.json in {}", folder.display())))
+        found.ok_or_else(|| WorkspaceError::input(format!("no {name}.json in {}", folder.display())))
     };
     let (shapes, palettes) = (named("shapes")?, named("palettes")?);
     let families: Vec<(&str, &str)> = files
@@ -40,15 +40,16 @@ pub fn read_families(folder: &Path) -> Result<Families, RunError> {
         .filter(|(stem, _)| stem != "shapes" && stem != "palettes")
         .map(|(stem, text)| (stem.as_str(), text.as_str()))
         .collect();
-    Families::from_json(&families, &shapes, &palettes)
-        .map_err(|error| RunError::input(format!("the families in {} cannot be used", folder.display())).because(error))
+    Families::from_json(&families, &shapes, &palettes).map_err(|error| {
+        WorkspaceError::input(format!("the families in {} cannot be used", folder.display())).because(error)
+    })
 }
 
 /// One object on the table from the robot's side, filling a square image; RGB row by row.
 ///
 /// # Errors
 /// When it cannot be drawn.
-pub fn portrait(model: &Arc<ObjectModel>, joints: &[f64], pixels: u32) -> Result<Vec<u8>, RunError> {
+pub fn portrait(model: &Arc<ObjectModel>, joints: &[f64], pixels: u32) -> Result<Vec<u8>, WorkspaceError> {
     // Fronts face the robot; handles of cups point away from it and labels to its right.
     let direction = if model.card.is_articulated { [-0.8, -0.42, 0.62] } else { [-0.36, -0.82, 0.62] };
     portrait_from(model, &Pose::from_position(DVec3::new(0.5, 0.0, 0.0)), joints, DVec3::from_array(direction), pixels)
@@ -64,8 +65,8 @@ pub fn portrait_from(
     joints: &[f64],
     direction: DVec3,
     pixels: u32,
-) -> Result<Vec<u8>, RunError> {
-    let broken = |error| RunError::broken(format!("cannot draw object {}", model.card.uid), error);
+) -> Result<Vec<u8>, WorkspaceError> {
+    let broken = |error| WorkspaceError::broken(format!("cannot draw object {}", model.card.uid), error);
     let bounds = model.world_bounds(pose, joints);
     let radius = bounds.size().length() / 2.0;
     let eye = bounds.center() + direction.normalize() * (radius / PORTRAIT_FILL);
@@ -78,8 +79,9 @@ pub fn portrait_from(
     let job = ViewJob::new(&frame, &camera, Channels::RGB);
     Renderer::new(assets, RenderVariation::default()).render(&[job], &mut out).map_err(broken)?;
     let [out] = out;
-    encode::resize_rgb([2 * pixels; 2], &out.rgb, [pixels; 2])
-        .map_err(|error| RunError::broken(format!("cannot resize the portrait of object {}", model.card.uid), error))
+    encode::resize_rgb([2 * pixels; 2], &out.rgb, [pixels; 2]).map_err(|error| {
+        WorkspaceError::broken(format!("cannot resize the portrait of object {}", model.card.uid), error)
+    })
 }
 
 /// Portraits row by row in one image: JPEG where the path ends so, else PNG.
@@ -92,7 +94,7 @@ pub fn sheet(
     cell: u32,
     path: &Path,
     progress: &dyn Progress,
-) -> Result<Vec<u8>, RunError> {
+) -> Result<Vec<u8>, WorkspaceError> {
     progress.begin("drawing", models.len());
     let mut pictures = Vec::new();
     for model in models {
@@ -107,7 +109,7 @@ pub fn sheet(
 ///
 /// # Errors
 /// When it cannot be encoded.
-pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Result<Vec<u8>, RunError> {
+pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Result<Vec<u8>, WorkspaceError> {
     let columns = columns.clamp(1, pictures.len().max(1));
     let rows = pictures.len().div_ceil(columns);
     let (width, height) = (columns * cell as usize, rows * cell as usize);
@@ -126,16 +128,16 @@ pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Re
     } else {
         encode::png_rgb(width, height, &sheet)
     };
-    encoded.map_err(|error| RunError::broken("the picture cannot be encoded", error))
+    encoded.map_err(|error| WorkspaceError::broken("the picture cannot be encoded", error))
 }
 
 /// The model of an object of a catalogue.
 ///
 /// # Errors
 /// When there is none of that uid.
-pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<ObjectModel>, RunError> {
+pub fn model(catalogue: &genmanip_assets::Catalogue, uid: &str) -> Result<Arc<ObjectModel>, WorkspaceError> {
     catalogue.build(uid).map_err(|error| {
-        RunError::input(format!("no object {uid}"))
+        WorkspaceError::input(format!("no object {uid}"))
             .because(error)
             .with_hint("`genmanip assets list --catalog full` names them all")
     })
@@ -183,7 +185,7 @@ pub fn obj(model: &ObjectModel, mtl: &str) -> (String, String) {
 ///
 /// # Errors
 /// When the simulator refuses it.
-pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
+pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, WorkspaceError> {
     let object = genmanip_sim::SceneObject {
         name: model.card.uid.clone(),
         model: Arc::clone(model),
@@ -192,7 +194,7 @@ pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
         physics: PhysicsFactors::default(),
     };
     let scene = genmanip_sim::Model::compile_without_robot(&default_world(), &[object]);
-    let scene = scene.map_err(|error| RunError::broken("the simulator refuses the object", error))?;
+    let scene = scene.map_err(|error| WorkspaceError::broken("the simulator refuses the object", error))?;
     Ok(scene.mjcf().to_owned())
 }
 
@@ -203,6 +205,6 @@ pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
 pub fn hashes(
     catalogue: &genmanip_assets::Catalogue,
     model: &ObjectModel,
-) -> Result<genmanip_core::AssetHashes, RunError> {
-    catalogue.hashes(&model.asset).map_err(|error| RunError::input("no such object").because(error))
+) -> Result<genmanip_core::AssetHashes, WorkspaceError> {
+    catalogue.hashes(&model.asset).map_err(|error| WorkspaceError::input("no such object").because(error))
 }

@@ -9,14 +9,14 @@ use genmanip_core::{Episode, TaskKind};
 use genmanip_data::{DataError, EpisodeStore, Listing};
 use genmanip_rollout::collect::in_parallel_each;
 use genmanip_rollout::{Stage, replay};
-use genmanip_workspace::{MOST_ROWS, attention, text_table};
+use genmanip_workspace::{MAX_ROWS, attention, text_table};
 use serde::Serialize;
 
 use crate::scene_images;
 use genmanip_workspace::Progress;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
-use genmanip_workspace::{Cause, RunError};
+use genmanip_workspace::{Cause, WorkspaceError};
 
 /// Moments of a film strip.
 const STRIP_FRAMES: usize = 8;
@@ -50,7 +50,7 @@ impl Replayed {
     }
 
     /// The final state in words.
-    pub fn in_words(&self) -> String {
+    pub fn describe(&self) -> String {
         match (&self.damaged, self.identical, self.largest_difference) {
             (Some(why), _, _) => format!("damaged: {why}"),
             (None, Some(true), _) => "identical".into(),
@@ -77,16 +77,16 @@ pub fn check(
     workers: usize,
     progress: &dyn Progress,
     each: &mut (dyn FnMut(&Replayed) + Send),
-) -> Result<Vec<Replayed>, RunError> {
+) -> Result<Vec<Replayed>, WorkspaceError> {
     if let Some(strip) = strip {
         check_ending(strip)?;
     }
-    let Located { store, ids, strangers } = locate(path)?;
+    let LocatedEpisodes { store, ids, strangers } = locate(path)?;
     for name in &strangers {
         progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
     }
     if ids.is_empty() {
-        return Err(RunError::input(format!("no recorded episode at {}", path.display()))
+        return Err(WorkspaceError::input(format!("no recorded episode at {}", path.display()))
             .with_hint("collect episodes first; attempts without a layout are not recorded"));
     }
     let replaying = Replaying { store: &store, is_only: ids.len() == 1, check, strip, progress };
@@ -109,8 +109,13 @@ pub fn check(
 ///
 /// # Errors
 /// When the store cannot be read, or an object is not the one an episode was recorded with.
-pub fn sample(store: &Path, count: usize, workers: usize, progress: &dyn Progress) -> Result<Vec<Replayed>, RunError> {
-    let Located { store, ids, .. } = locate(store)?;
+pub fn sample(
+    store: &Path,
+    count: usize,
+    workers: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<Replayed>, WorkspaceError> {
+    let LocatedEpisodes { store, ids, .. } = locate(store)?;
     let count = count.min(ids.len());
     let chosen: Vec<&String> = (0..count).filter_map(|place| ids.get(place * ids.len() / count)).collect();
     // Damage is a row, however few there are.
@@ -137,9 +142,9 @@ struct Replaying<'a> {
 }
 
 impl Replaying<'_> {
-    fn one(&self, id: &str) -> Result<Replayed, RunError> {
+    fn one(&self, id: &str) -> Result<Replayed, WorkspaceError> {
         let Self { store, is_only, check, strip, progress } = *self;
-        let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
+        let failed = |error: Cause| WorkspaceError::broken(format!("cannot replay {id}"), error);
         let mut row = Replayed { episode: id.to_owned(), ..Replayed::default() };
         let episode = match store.read(id) {
             Err(error) if error.is_damage() && !is_only => {
@@ -170,12 +175,12 @@ impl Replaying<'_> {
     }
 }
 
-/// The rows as a table; above [`MOST_ROWS`], unless `each` is asked for, a row per kind and the episodes that need
+/// The rows as a table; above [`MAX_ROWS`], unless `each` is asked for, a row per kind and the episodes that need
 /// attention.
 pub fn table(rows: &[Replayed], each: bool) -> String {
     const HEAD: [&str; 3] = ["episode", "frames", "final state"];
-    let line = |row: &Replayed| vec![row.episode.clone(), row.frames.to_string(), row.in_words()];
-    if each || rows.len() <= MOST_ROWS {
+    let line = |row: &Replayed| vec![row.episode.clone(), row.frames.to_string(), row.describe()];
+    if each || rows.len() <= MAX_ROWS {
         let head = HEAD.map(String::from).to_vec();
         return text_table(&[head].into_iter().chain(rows.iter().map(line)).collect::<Vec<_>>());
     }
@@ -211,8 +216,8 @@ pub fn table(rows: &[Replayed], each: bool) -> String {
 ///
 /// # Errors
 /// As [`check`].
-pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
-    let Located { store, ids, .. } = locate(path)?;
+pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, WorkspaceError> {
+    let LocatedEpisodes { store, ids, .. } = locate(path)?;
     ids.iter()
         .map(|id| {
             let episode = store.read(id).map_err(|error| unreadable(id, error))?;
@@ -222,17 +227,17 @@ pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
 }
 
 /// Error of a recorded episode that cannot be read.
-pub fn unreadable(id: &str, error: DataError) -> RunError {
+pub fn unreadable(id: &str, error: DataError) -> WorkspaceError {
     let hint = error.hint().unwrap_or_else(|| "collect again with --repair: it is set aside and made anew".into());
-    RunError::broken(format!("cannot replay {id}"), error).with_hint(hint)
+    WorkspaceError::broken(format!("cannot replay {id}"), error).with_hint(hint)
 }
 
 /// The stage of a recorded episode, from the catalogue.
 ///
 /// # Errors
 /// When an object is not the one it was recorded with.
-pub fn stage(episode: &Episode) -> Result<Stage, RunError> {
-    let failed = |error: Cause| RunError::broken(format!("cannot replay {}", episode.result.id), error);
+pub fn stage(episode: &Episode) -> Result<Stage, WorkspaceError> {
+    let failed = |error: Cause| WorkspaceError::broken(format!("cannot replay {}", episode.result.id), error);
     let scenario = Arc::new(episode.scenario.clone());
     let robot = worlds::robot(&scenario.world)?;
     Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
@@ -241,7 +246,7 @@ pub fn stage(episode: &Episode) -> Result<Stage, RunError> {
 }
 
 /// A store and the episodes in it that a path means.
-pub struct Located {
+pub struct LocatedEpisodes {
     /// The store.
     pub store: EpisodeStore,
     /// Ids of recorded episodes, including damaged ones that are not in the index.
@@ -250,9 +255,9 @@ pub struct Located {
 }
 
 /// Finds the store of a run, a store itself, or one episode in it.
-pub fn locate(path: &Path) -> Result<Located, RunError> {
+pub fn locate(path: &Path) -> Result<LocatedEpisodes, WorkspaceError> {
     let unusable = |error| {
-        RunError::input(format!("no episodes at {}", path.display()))
+        WorkspaceError::input(format!("no episodes at {}", path.display()))
             .because(error)
             .with_hint("name an episode folder, the `episodes` folder of a run, or the run itself")
     };
@@ -262,19 +267,19 @@ pub fn locate(path: &Path) -> Result<Located, RunError> {
         let id = root.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let parent = root.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let store = EpisodeStore::open(parent).map_err(unusable)?;
-        return Ok(Located { store, ids: vec![id], strangers: vec![] });
+        return Ok(LocatedEpisodes { store, ids: vec![id], strangers: vec![] });
     }
     let store = EpisodeStore::open(&root).map_err(unusable)?;
     let Listing { mut ids, foreign: strangers } = store.list().map_err(unusable)?;
     ids.retain(|id| store.is_recorded(id).unwrap_or(true));
-    Ok(Located { store, ids, strangers })
+    Ok(LocatedEpisodes { store, ids, strangers })
 }
 
 /// Film strips are JPEG, whatever their name says; so it may say nothing else.
-fn check_ending(strip: &Path) -> Result<(), RunError> {
+fn check_ending(strip: &Path) -> Result<(), WorkspaceError> {
     match strip.extension().and_then(|ending| ending.to_str()) {
         Some("jpg" | "jpeg") => Ok(()),
-        _ => Err(RunError::input(format!("cannot write a film strip as {}", strip.display()))
+        _ => Err(WorkspaceError::input(format!("cannot write a film strip as {}", strip.display()))
             .with_hint("a film strip is written as .jpg")),
     }
 }
@@ -302,7 +307,7 @@ mod tests {
             (of(None, None, Some("cut short")), "damaged: cut short", false),
             (of(None, None, None), "not checked", true),
         ] {
-            assert_eq!((row.in_words().as_str(), row.is_sound()), (expected, is_sound));
+            assert_eq!((row.describe().as_str(), row.is_sound()), (expected, is_sound));
         }
     }
 }

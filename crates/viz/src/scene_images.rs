@@ -1,7 +1,7 @@
 //! Pictures of episodes and layouts: stills, film strips and drawings.
 
 use crate::drawing::color_of_word;
-use crate::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
+use crate::{DrawnEdge, EdgeRole, Footprint, PlaceWindow, Refusal, Svg, TopView, explain_svg};
 use genmanip_assets::{AssetSource, robots};
 use genmanip_core::glam::DVec2;
 use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, SupportSurface, Task, World};
@@ -11,7 +11,7 @@ use genmanip_render::encode;
 use genmanip_rollout::Stage;
 use genmanip_rollout::images::{Exposure, StageRenderer};
 
-use genmanip_workspace::{Cause, RunError};
+use genmanip_workspace::{Cause, WorkspaceError};
 
 /// Colour of support surfaces other than the table in drawings, sRGB: a shade darker than the table's.
 const SURFACE_COLOR: [u8; 3] = [226, 218, 205];
@@ -25,7 +25,7 @@ pub fn stills(
     episode: &Episode,
     count: usize,
     width: u32,
-) -> Result<Vec<Vec<u8>>, RunError> {
+) -> Result<Vec<Vec<u8>>, WorkspaceError> {
     paint(painter, episode, count, width)?
         .iter()
         .map(|picture| jpeg(&episode.result.id, picture.width(), picture.height(), &picture.rgb))
@@ -36,7 +36,7 @@ pub fn stills(
 ///
 /// # Errors
 /// As [`stills`].
-pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, RunError> {
+pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, WorkspaceError> {
     let pictures = paint(&mut painter(stage)?, episode, count, 384)?;
     let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width(), picture.height()));
     let mut rgb = Vec::with_capacity((width * height) as usize * 3 * pictures.len());
@@ -53,23 +53,28 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
 ///
 /// # Errors
 /// When a mesh is broken.
-pub fn painter(stage: &Stage) -> Result<StageRenderer, RunError> {
+pub fn painter(stage: &Stage) -> Result<StageRenderer, WorkspaceError> {
     StageRenderer::new(stage).map_err(|error| not_drawn(&stage.scenario.id, error))
 }
 
 /// An episode or scenario that cannot be drawn.
-pub fn not_drawn(id: &str, error: impl Into<Cause>) -> RunError {
-    RunError::broken(format!("cannot draw {id}"), error).with_hint(
+pub fn not_drawn(id: &str, error: impl Into<Cause>) -> WorkspaceError {
+    WorkspaceError::broken(format!("cannot draw {id}"), error).with_hint(
         "it was changed, or recorded with other objects or another robot; `genmanip replay --check` says what is sound",
     )
 }
 
-fn paint(painter: &mut StageRenderer, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
+fn paint(
+    painter: &mut StageRenderer,
+    episode: &Episode,
+    count: usize,
+    width: u32,
+) -> Result<Vec<RgbdImage>, WorkspaceError> {
     let scenario = &episode.scenario;
     let camera = scenario
         .world
         .camera("static")
-        .ok_or_else(|| RunError::input(format!("scenario {} has no camera `static`", scenario.id)))?;
+        .ok_or_else(|| WorkspaceError::input(format!("scenario {} has no camera `static`", scenario.id)))?;
     let camera = genmanip_core::Camera {
         intrinsics: camera.intrinsics.resized(width, width * camera.intrinsics.height / camera.intrinsics.width),
         ..camera.clone()
@@ -86,18 +91,18 @@ fn paint(painter: &mut StageRenderer, episode: &Episode, count: usize, width: u3
         .collect()
 }
 
-fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, RunError> {
+fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, WorkspaceError> {
     encode::jpeg_rgb(width, height, rgb, 85)
-        .map_err(|error| RunError::broken(format!("cannot encode a picture of {episode}"), error))
+        .map_err(|error| WorkspaceError::broken(format!("cannot encode a picture of {episode}"), error))
 }
 
 /// Contents of the top view of a layout.
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<LayoutPicture, RunError> {
+pub fn top_view(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<TopView, WorkspaceError> {
     let edges = scenario.task.scene_graph.edges.iter();
-    Ok(LayoutPicture {
+    Ok(TopView {
         workspace: scenario.world.workspace,
         footprints: footprints(&scenario.id, &scenario.objects, &scenario.world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
@@ -110,8 +115,8 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Resul
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg, RunError> {
-    Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
+pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg, WorkspaceError> {
+    Ok(explain_svg(&scenario.task, &top_view(scenario, catalogue)?, None))
 }
 
 /// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
@@ -123,9 +128,9 @@ pub fn explained_refusal(
     error: &LayoutError,
     world: &World,
     catalogue: &dyn AssetSource,
-) -> Result<Svg, RunError> {
+) -> Result<Svg, WorkspaceError> {
     let name = |id: &str| task.name_of(id);
-    let in_words = |atom: &Atom| match atom {
+    let describe = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let second = second_reference.iter().map(|id| format!(" and {}", name(id)));
             format!("{} {} {}{}", name(subject), relation.name(), name(reference), second.collect::<String>())
@@ -137,12 +142,12 @@ pub fn explained_refusal(
         refusal.headline = format!("No layout in {restarts} attempts");
         refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_string(), count)).collect();
         let edges = rejections.conflicting_edges().into_iter();
-        refusal.conflicts_in_words = edges.map(|(atom, count)| (in_words(atom), count)).collect();
+        refusal.conflict_labels = edges.map(|(atom, count)| (describe(atom), count)).collect();
         refusal.conflicts = rejections.conflicting_edges().into_iter().map(|(atom, _)| atom.clone()).collect();
         if let Some(furthest) = furthest {
             refusal.headline += &format!(": no place for {}", name(&furthest.object));
             placed.clone_from(&furthest.placed);
-            let window = |(atom, at): &(Atom, Window)| PlaceWindow { x: at.x, y: at.y, label: in_words(atom) };
+            let window = |(atom, at): &(Atom, Window)| PlaceWindow { x: at.x, y: at.y, label: describe(atom) };
             windows = furthest.windows.iter().map(window).collect();
         }
     } else {
@@ -150,7 +155,7 @@ pub fn explained_refusal(
     }
     let role = |atom: &Atom| if refusal.conflicts.contains(atom) { EdgeRole::Conflict } else { EdgeRole::Initial };
     let edges = task.scene_graph.edges.iter();
-    let picture = LayoutPicture {
+    let picture = TopView {
         workspace: world.workspace,
         footprints: footprints(&task.id, &placed, world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
@@ -172,11 +177,11 @@ fn footprints(
     objects: &[PlacedObject],
     world: &World,
     catalogue: &dyn AssetSource,
-) -> Result<Vec<Footprint>, RunError> {
+) -> Result<Vec<Footprint>, WorkspaceError> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
         let model = catalogue.instance(placed).map_err(|error| {
-            RunError::broken(format!("cannot draw object {} of {of}", placed.id), error)
+            WorkspaceError::broken(format!("cannot draw object {} of {of}", placed.id), error)
                 .with_hint("objects that were imported are in packs: name their folder with --packs")
         })?;
         let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));

@@ -8,10 +8,10 @@ use genmanip_core::{Camera, Seed};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode, sensor};
 use serde::Serialize;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
-use genmanip_workspace::worlds::Setting;
+use genmanip_workspace::worlds::CameraFile;
 
 /// White between the images of a sheet, pixels; chosen.
 const GAP_PX: usize = 4;
@@ -35,15 +35,20 @@ pub struct Preview {
 /// # Errors
 /// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or an image cannot be drawn or
 /// written.
-pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &Path) -> Result<Vec<Preview>, RunError> {
-    let setting = &Setting::read(file)?;
+pub fn preview(
+    file: &Path,
+    names: &[String],
+    size_px: Option<[u32; 2]>,
+    out: &Path,
+) -> Result<Vec<Preview>, WorkspaceError> {
+    let setting = &CameraFile::read(file)?;
     let chosen: Vec<&Camera> = match names {
         [] => setting.world().cameras.iter().collect(),
         names => names.iter().map(|name| setting.camera(name)).collect::<Result<_, _>>()?,
     };
     if chosen.is_empty() {
         let what = format!("{} has no camera to look through", file.display());
-        return Err(RunError::input(what).with_hint("expected one or more; see `genmanip camera add --help`"));
+        return Err(WorkspaceError::input(what).with_hint("expected one or more; see `genmanip camera add --help`"));
     }
     let sized = |camera: &Camera| {
         let [width, height] = size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
@@ -58,10 +63,13 @@ pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &P
                 "png" => encode::png_rgb(sheet.width, sheet.height, &sheet.rgb),
                 _ => encode::jpeg_rgb(sheet.width, sheet.height, &sheet.rgb, JPEG_QUALITY),
             };
-            documents::write_file(out, &encoded.map_err(|error| RunError::broken("cannot encode the sheet", error))?)?;
+            documents::write_file(
+                out,
+                &encoded.map_err(|error| WorkspaceError::broken("cannot encode the sheet", error))?,
+            )?;
             Ok(vec![Preview { cameras: cameras.iter().map(name).collect(), file: out.into() }])
         }
-        Some(ending) if !out.is_dir() => Err(RunError::input(format!("cannot write pictures as .{ending}"))
+        Some(ending) if !out.is_dir() => Err(WorkspaceError::input(format!("cannot write pictures as .{ending}"))
             .with_hint("--out is a folder, or a picture that ends in .png or .jpg")),
         _ => {
             let write = |(camera, picture): (&Camera, FrameBuffers)| {
@@ -78,31 +86,35 @@ pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &P
 ///
 /// # Errors
 /// As [`preview`].
-pub fn picture(setting: &Setting, camera: &Camera) -> Result<Vec<u8>, RunError> {
+pub fn picture(setting: &CameraFile, camera: &Camera) -> Result<Vec<u8>, WorkspaceError> {
     let picture = draw(setting, std::slice::from_ref(camera), Catalogue::builtin())?.swap_remove(0);
     png(camera, &picture)
 }
 
-fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
+fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, WorkspaceError> {
     encode::png_rgb(picture.width, picture.height, &picture.rgb)
-        .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
+        .map_err(|error| WorkspaceError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
 }
 
 /// One image per camera, of objects from a source.
-pub fn draw(setting: &Setting, cameras: &[Camera], source: &dyn AssetSource) -> Result<Vec<FrameBuffers>, RunError> {
+pub fn draw(
+    setting: &CameraFile,
+    cameras: &[Camera],
+    source: &dyn AssetSource,
+) -> Result<Vec<FrameBuffers>, WorkspaceError> {
     let robot = worlds::robot(setting.world())?;
     let (id, objects) = match setting {
-        Setting::World(_) => ("", &[][..]),
-        Setting::Scenario(scenario) => (scenario.id.as_str(), &scenario.objects[..]),
+        CameraFile::World(_) => ("", &[][..]),
+        CameraFile::Scenario(scenario) => (scenario.id.as_str(), &scenario.objects[..]),
     };
     let models = objects.iter().map(|placed| {
         source.instance(placed).map_err(|error| {
-            RunError::broken(format!("cannot draw object {} of scenario {id}", placed.id), error)
+            WorkspaceError::broken(format!("cannot draw object {} of scenario {id}", placed.id), error)
                 .with_hint("a scenario belongs to the objects it was made with; lay its task out again")
         })
     });
-    let models = models.collect::<Result<Vec<_>, RunError>>()?;
-    let not_drawn = |error| RunError::broken("the cameras give no picture", error);
+    let models = models.collect::<Result<Vec<_>, WorkspaceError>>()?;
+    let not_drawn = |error| WorkspaceError::broken("the cameras give no picture", error);
     let assets = RenderAssets::new(Arc::clone(&robot), &models, Some(setting.world())).map_err(not_drawn)?;
     let poses = objects.iter().map(|placed| (placed.pose, placed.joint_positions.as_slice()));
     let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(not_drawn)?;

@@ -12,7 +12,7 @@ use genmanip_tasks::designer::{DesignSettings, Missing, Series};
 use serde::Serialize;
 
 use crate::Progress;
-use crate::RunError;
+use crate::WorkspaceError;
 use crate::documents;
 
 /// Row of [`design_into`]: a task file, or the reason that there is none.
@@ -54,10 +54,10 @@ pub struct Design<'a> {
 ///
 /// # Errors
 /// When `kinds` is empty, a file cannot be written, or a file of the same name holds another task.
-pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> Result<Vec<NewTask>, RunError> {
+pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> Result<Vec<NewTask>, WorkspaceError> {
     let Design { kinds, count, cards, seed, ref settings, fill } = *design;
     let mut series = Series::new(kinds, cards, seed, settings, fill)
-        .map_err(|error| RunError::broken("the designer gave up", error))?;
+        .map_err(|error| WorkspaceError::broken("the designer gave up", error))?;
     let mut rows = Vec::with_capacity(count);
     progress.begin("designing", count);
     while rows.len() < count {
@@ -80,16 +80,17 @@ const BATCH: usize = 128;
 const WRITERS: usize = 16;
 
 /// Writes a task unless the folder already has it.
-fn keep(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
+fn keep(task: &Task, folder: &Path) -> Result<NewTask, WorkspaceError> {
     let path = folder.join(format!("{}.json", task.id));
     let text = task.to_json();
-    if !files::is_own_file(&path) {
+    if !files::is_file_no_follow(&path) {
         return write(task, folder);
     }
-    let known = files::read_own(&path, limits::TASK).map_err(|error| RunError::of_file("read", &path, error))?;
+    let known =
+        files::read_no_follow(&path, limits::TASK).map_err(|error| WorkspaceError::of_file("read", &path, error))?;
     match known == text.as_bytes() {
         true => Ok(NewTask::written(task, &path)),
-        false => Err(RunError::input(format!("{} holds another task than this call composes", path.display()))
+        false => Err(WorkspaceError::input(format!("{} holds another task than this call composes", path.display()))
             .with_hint("repeat the call that made it with a larger --count only, or choose an empty --out folder")),
     }
 }
@@ -98,7 +99,7 @@ fn keep(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
+pub fn write(task: &Task, folder: &Path) -> Result<NewTask, WorkspaceError> {
     let path = folder.join(format!("{}.json", task.id));
     documents::write_file(&path, task.to_json().as_bytes())?;
     Ok(NewTask::written(task, &path))

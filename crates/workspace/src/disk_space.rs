@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use crate::documents;
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 use crate::progress::Progress;
 
 /// Number of finished attempts from which the disk space of the rest is estimated; chosen: one of each kind of task.
@@ -36,14 +36,14 @@ impl<'a> Estimate<'a> {
     ///
     /// # Errors
     /// When the attempt completes the sample and the disk has too little space for the rest.
-    pub fn add(&self, attempt: &Path, progress: &dyn Progress) -> Result<(), RunError> {
+    pub fn add(&self, attempt: &Path, progress: &dyn Progress) -> Result<(), WorkspaceError> {
         if self.made.load(Ordering::Relaxed) >= SAMPLE {
             return Ok(());
         }
         self.add_bytes(bytes_below(attempt), progress)
     }
 
-    fn add_bytes(&self, bytes: u64, progress: &dyn Progress) -> Result<(), RunError> {
+    fn add_bytes(&self, bytes: u64, progress: &dyn Progress) -> Result<(), WorkspaceError> {
         let bytes = self.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes;
         let made = self.made.fetch_add(1, Ordering::Relaxed) + 1;
         if made != SAMPLE || made >= self.attempts {
@@ -57,7 +57,7 @@ impl<'a> Estimate<'a> {
         let told = format!("the {left} attempts left will take some {need} MiB, and the disk has {free} MiB");
         if need > free {
             let hint = "what was made is kept; make room, or choose another --out or fewer --episodes, and start again";
-            return Err(RunError::input(format!("{told}: {}", self.folder.display())).with_hint(hint));
+            return Err(WorkspaceError::input(format!("{told}: {}", self.folder.display())).with_hint(hint));
         }
         if self.attempts >= TOLD {
             progress.note(&told);
@@ -92,14 +92,14 @@ pub fn free_mib(_folder: &Path) -> Option<u64> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::progress::NoProgress;
 
     #[test]
     fn what_will_not_fit_is_refused_once_the_sample_is_made() {
         let folder = tempfile::tempdir().unwrap();
         let check = |attempts: usize, bytes: u64, expected: Option<&str>| {
             let estimate = Estimate::new(folder.path(), attempts, true);
-            let added: Vec<_> = (0..SAMPLE + 1).map(|_| estimate.add_bytes(bytes, &Silent)).collect();
+            let added: Vec<_> = (0..SAMPLE + 1).map(|_| estimate.add_bytes(bytes, &NoProgress)).collect();
             for (made, added) in added.into_iter().enumerate() {
                 let error = added.err().map(|error| error.to_string());
                 let expected = expected.filter(|_| made + 1 == SAMPLE);

@@ -6,29 +6,29 @@ use genmanip_core::limits::Limit;
 use genmanip_core::{Document, DocumentError};
 use genmanip_data::{DataError, files};
 
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// Reads a UTF-8 text file; rejects files that are too large, not regular or not text.
 ///
 /// # Errors
-/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
-pub fn read_text(path: &Path, limit: Limit) -> Result<String, RunError> {
+/// [`WorkspaceError::File`], [`WorkspaceError::TooLarge`] and [`WorkspaceError::Input`].
+pub fn read_text(path: &Path, limit: Limit) -> Result<String, WorkspaceError> {
     text_of(path, read_bytes(path, limit)?)
 }
 
 /// Reads a file; rejects files that are too large or not regular, without blocking on pipes or devices.
 ///
 /// # Errors
-/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
-pub fn read_bytes(path: &Path, limit: Limit) -> Result<Vec<u8>, RunError> {
+/// [`WorkspaceError::File`], [`WorkspaceError::TooLarge`] and [`WorkspaceError::Input`].
+pub fn read_bytes(path: &Path, limit: Limit) -> Result<Vec<u8>, WorkspaceError> {
     files::read(path, limit).map_err(|error| unreadable(path, error))
 }
 
 /// Reads a versioned document.
 ///
 /// # Errors
-/// As [`read_text`], and [`RunError::Document`].
-pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
+/// As [`read_text`], and [`WorkspaceError::Document`].
+pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, WorkspaceError> {
     document(path, &read_bytes(path, limit)?)
 }
 
@@ -36,15 +36,15 @@ pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunErr
 ///
 /// # Errors
 /// As [`read_document`].
-pub fn read_own_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
-    document(path, &files::read_own(path, limit).map_err(|error| unreadable(path, error))?)
+pub fn read_document_no_follow<T: Document>(path: &Path, limit: Limit) -> Result<T, WorkspaceError> {
+    document(path, &files::read_no_follow(path, limit).map_err(|error| unreadable(path, error))?)
 }
 
 /// Writes a file atomically: to a temporary file, which is then renamed into place.
 ///
 /// # Errors
-/// [`RunError::File`].
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+/// [`WorkspaceError::File`].
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), WorkspaceError> {
     files::write(path, bytes).map_err(|error| unwritable(path, error))
 }
 
@@ -59,44 +59,44 @@ pub fn nearest_folder(path: &Path) -> Option<PathBuf> {
     whole.ancestors().find(|ancestor| ancestor.is_dir()).map(Path::to_owned)
 }
 
-/// [`RunError`] of a file that cannot be read, with a hint on relative paths.
-pub fn unreadable(path: &Path, error: DataError) -> RunError {
+/// [`WorkspaceError`] of a file that cannot be read, with a hint on relative paths.
+pub fn unreadable(path: &Path, error: DataError) -> WorkspaceError {
     let help = "check the path; relative paths start at the current folder";
-    match RunError::of_file("read", path, error) {
-        error @ RunError::File { .. } => error.with_hint(help),
+    match WorkspaceError::of_file("read", path, error) {
+        error @ WorkspaceError::File { .. } => error.with_hint(help),
         error => error,
     }
 }
 
-fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, RunError> {
+fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, WorkspaceError> {
     T::from_bytes(bytes).map_err(|error| not_a_document::<T>(path, error))
 }
 
-pub(crate) fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> RunError {
-    RunError::Document { path: path.to_owned(), schema: T::SCHEMA, source }
+pub(crate) fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> WorkspaceError {
+    WorkspaceError::Document { path: path.to_owned(), schema: T::SCHEMA, source }
 }
 
-pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, RunError> {
+pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, WorkspaceError> {
     let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
     let hint = if is_utf16 { "the file is UTF-16; save it as UTF-8" } else { "expected a text file in UTF-8" };
-    String::from_utf8(bytes).map_err(|error| RunError::file("read", path, error.utf8_error()).with_hint(hint))
+    String::from_utf8(bytes).map_err(|error| WorkspaceError::file("read", path, error.utf8_error()).with_hint(hint))
 }
 
 /// Removes temporary files of killed processes from a folder; does nothing if there is no folder.
 ///
 /// # Errors
 /// When a file cannot be removed.
-pub fn sweep(folder: &Path) -> Result<(), RunError> {
+pub fn sweep(folder: &Path) -> Result<(), WorkspaceError> {
     if folder.is_dir() {
         files::sweep(folder).map_err(|error| unwritable(folder, error))?;
     }
     Ok(())
 }
 
-/// [`RunError`] of a file or folder that cannot be written, with a hint.
-pub fn unwritable(path: &Path, error: DataError) -> RunError {
-    match RunError::of_file("write", path, error) {
-        error @ RunError::File { .. } => {
+/// [`WorkspaceError`] of a file or folder that cannot be written, with a hint.
+pub fn unwritable(path: &Path, error: DataError) -> WorkspaceError {
+    match WorkspaceError::of_file("write", path, error) {
+        error @ WorkspaceError::File { .. } => {
             error.with_hint("check that the folder exists, is writable and the disk is not full")
         }
         error => error,

@@ -11,10 +11,10 @@ use genmanip_rollout::RolloutError;
 /// The error behind an error.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// Error of a request by a user or a program; [`RunError::hint`] says how to fix it.
+/// Error of a request by a user or a program; [`WorkspaceError::hint`] says how to fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum RunError {
+pub enum WorkspaceError {
     /// A file or folder cannot be read, listed or written.
     #[error("cannot {action} {}", path.display())]
     File {
@@ -111,29 +111,29 @@ pub enum RunError {
     },
 }
 
-impl RunError {
-    /// [`RunError::File`] without a hint; `action` is `read`, `list` or `write`.
+impl WorkspaceError {
+    /// [`WorkspaceError::File`] without a hint; `action` is `read`, `list` or `write`.
     pub fn file(action: &'static str, path: &Path, source: impl Into<Cause>) -> Self {
         Self::File { action, path: path.to_owned(), source: source.into(), hint: None }
     }
 
-    /// [`RunError::Input`] without source and hint.
+    /// [`WorkspaceError::Input`] without source and hint.
     pub fn input(what: impl Into<String>) -> Self {
         Self::Input { what: what.into(), source: None, hint: None }
     }
 
-    /// [`RunError::Broken`] with its underlying error.
+    /// [`WorkspaceError::Broken`] with its underlying error.
     pub fn broken(what: impl Into<String>, error: impl Into<Cause>) -> Self {
         Self::Broken { what: what.into(), source: Some(error.into()), hint: None }
     }
 
-    /// [`RunError::UnknownName`] with the known names of similar spelling.
+    /// [`WorkspaceError::UnknownName`] with the known names of similar spelling.
     pub fn unknown(what: &'static str, plural: &'static str, got: &str, known: &[&str]) -> Self {
         let near = near_misses(got, known);
         Self::UnknownName { what, plural, got: got.into(), near, known: known.iter().map(|&k| k.into()).collect() }
     }
 
-    /// [`RunError`] of a failed read or write of a file; `action` is `read` or `write`.
+    /// [`WorkspaceError`] of a failed read or write of a file; `action` is `read` or `write`.
     pub fn of_file(action: &'static str, path: &Path, error: DataError) -> Self {
         match error {
             DataError::Io { source, .. } => Self::file(action, path, source),
@@ -210,7 +210,7 @@ fn of_full_disk(cause: Option<&Cause>) -> Option<String> {
 /// Error that stopped work on many episodes.
 pub enum Stopped {
     /// Error of a file, a service or a setting.
-    Run(RunError),
+    Run(WorkspaceError),
     /// Error of an episode.
     Episode(RolloutError),
 }
@@ -221,8 +221,8 @@ impl From<RolloutError> for Stopped {
     }
 }
 
-impl From<RunError> for Stopped {
-    fn from(error: RunError) -> Self {
+impl From<WorkspaceError> for Stopped {
+    fn from(error: WorkspaceError) -> Self {
         Self::Run(error)
     }
 }
@@ -237,20 +237,20 @@ mod tests {
         let deep = |kind| DataError::Io { action: "write", path: "rows.parquet".into(), source: io(kind) };
         let given = "start again";
         for (error, expected) in [
-            (RunError::broken("cannot draw", deep(ErrorKind::StorageFull)), "free some space"),
-            (RunError::broken("cannot draw", deep(ErrorKind::StorageFull)).with_hint(given), "free some space"),
-            (RunError::file("write", Path::new("run.json"), io(ErrorKind::QuotaExceeded)), "free some space"),
-            (RunError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).with_hint(given), given),
+            (WorkspaceError::broken("cannot draw", deep(ErrorKind::StorageFull)), "free some space"),
+            (WorkspaceError::broken("cannot draw", deep(ErrorKind::StorageFull)).with_hint(given), "free some space"),
+            (WorkspaceError::file("write", Path::new("run.json"), io(ErrorKind::QuotaExceeded)), "free some space"),
+            (WorkspaceError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).with_hint(given), given),
         ] {
             assert!(error.hint().unwrap().contains(expected), "{error}: {:?}", error.hint());
         }
-        assert_eq!(RunError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).hint(), None);
+        assert_eq!(WorkspaceError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).hint(), None);
     }
 
     #[test]
     fn names_that_look_alike_are_offered() {
         let known = ["expert", "replay", "do_nothing"];
-        let error = RunError::unknown("policy", "policies", "expret", &known);
+        let error = WorkspaceError::unknown("policy", "policies", "expret", &known);
         assert_eq!(error.to_string(), "unknown policy `expret`");
         let hint = "did you mean `expert`? policies are expert, replay, do_nothing";
         assert_eq!(error.hint().as_deref(), Some(hint));

@@ -1,6 +1,6 @@
 //! Errors, files, documents and progress, shared by everything that works on folders.
 //!
-//! - [`RunError`]: why a request could not be met, with a hint.
+//! - [`WorkspaceError`]: why a request could not be met, with a hint.
 //! - [`documents`]: bounded reads and atomic writes of files and versioned documents.
 //! - [`task_files`], [`task_faults`], [`Tasks`]: tasks from files, everything wrong with them, and lists of any length.
 //! - [`designed_tasks`], [`task_checks`]: tasks of the rule-based designer into a folder, and all faults of task files.
@@ -30,7 +30,7 @@ mod text_table;
 pub mod workers;
 pub mod worlds;
 
-pub use error::{Cause, RunError, Stopped};
-pub use progress::{Progress, Silent};
+pub use error::{Cause, Stopped, WorkspaceError};
+pub use progress::{NoProgress, Progress};
 pub use task_spool::Tasks;
-pub use text_table::{MOST_ROWS, attention, text_table};
+pub use text_table::{MAX_ROWS, attention, text_table};

@@ -15,9 +15,9 @@ pub trait Progress: Sync {
 }
 
 /// [`Progress`] that discards all reports.
-pub struct Silent;
+pub struct NoProgress;
 
-impl Progress for Silent {
+impl Progress for NoProgress {
     fn begin(&self, _what: &str, _total: usize) {}
     fn advance(&self) {}
     fn end(&self) {}

@@ -11,7 +11,7 @@ use genmanip_data::files;
 use serde::{Deserialize, Serialize};
 
 use crate::documents;
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// One finished item.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,17 +37,17 @@ impl Ledger {
     ///
     /// # Errors
     /// When it cannot be read or written.
-    pub fn open(path: &Path) -> Result<Self, RunError> {
+    pub fn open(path: &Path) -> Result<Self, WorkspaceError> {
         let failed = |error| {
             let help = "check that the folder exists, is writable and the disk is not full";
-            RunError::file("write", path, error).with_hint(help)
+            WorkspaceError::file("write", path, error).with_hint(help)
         };
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(failed)?;
         }
-        let bytes = match files::read_own(path, limits::LEDGER) {
+        let bytes = match files::read_no_follow(path, limits::LEDGER) {
             Err(error) if error.is_missing() => Vec::new(),
-            bytes => bytes.map_err(|error| RunError::of_file("read", path, error))?,
+            bytes => bytes.map_err(|error| WorkspaceError::of_file("read", path, error))?,
         };
         let lines = bytes.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Entry>(line).ok());
         let known = lines.map(|entry| (entry.name.clone(), entry)).collect();
@@ -67,16 +67,16 @@ impl Ledger {
     ///
     /// # Errors
     /// When the ledger cannot be written.
-    pub fn add(&self, entry: &Entry) -> Result<(), RunError> {
+    pub fn add(&self, entry: &Entry) -> Result<(), WorkspaceError> {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        file.write_all(line(entry).as_bytes()).map_err(|error| RunError::file("write", &self.path, error))
+        file.write_all(line(entry).as_bytes()).map_err(|error| WorkspaceError::file("write", &self.path, error))
     }
 
     /// Rewrites the ledger sorted by name: `entries`, and earlier ones for which `kept` is true.
     ///
     /// # Errors
     /// When the ledger cannot be written.
-    pub fn close(self, entries: Vec<Entry>, kept: impl Fn(&Entry) -> bool) -> Result<(), RunError> {
+    pub fn close(self, entries: Vec<Entry>, kept: impl Fn(&Entry) -> bool) -> Result<(), WorkspaceError> {
         let mut all = self.known;
         all.retain(|_, entry| kept(entry));
         all.extend(entries.into_iter().map(|entry| (entry.name.clone(), entry)));

@@ -9,7 +9,7 @@ use genmanip_core::limits;
 use serde_json::Value;
 
 use crate::documents;
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// Registers the robots of a folder by name and returns the names. A robot file is a `*.json` of the folder with schema
 /// `genmanip.robot/N`; its arm and gripper are `arms/NAME.json` and `grippers/NAME.json` of the folder, or built in.
@@ -17,7 +17,7 @@ use crate::error::RunError;
 ///
 /// # Errors
 /// When a file cannot be read, is no valid robot, or has the name of another robot.
-pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
+pub fn open(folder: &Path) -> Result<Vec<String>, WorkspaceError> {
     let find = |kind: PartKind, name: &str| {
         let parts = if kind == PartKind::Arm { "arms" } else { "grippers" };
         let path = folder.join(parts).join(format!("{name}.json"));
@@ -36,7 +36,7 @@ pub fn open(folder: &Path) -> Result<Vec<String>, RunError> {
         let file = path.display().to_string();
         let robot = robots::compose(&file, &text, &find).and_then(|robot| robots::register(&file, robot));
         let robot = robot.map_err(|error| {
-            RunError::input(format!("{file} is no robot"))
+            WorkspaceError::input(format!("{file} is no robot"))
                 .because(error)
                 .with_hint("docs/guides/your-own-robot.md explains every key")
         })?;
@@ -50,9 +50,9 @@ pub fn names() -> Vec<String> {
     robots::names()
 }
 
-fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
+fn json_files(folder: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     let unreadable =
-        |error: std::io::Error| RunError::file("list", folder, error).with_hint("expected a folder of robots");
+        |error: std::io::Error| WorkspaceError::file("list", folder, error).with_hint("expected a folder of robots");
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

@@ -9,13 +9,13 @@ use genmanip_rollout::Stage;
 use genmanip_sim::EngineSettings;
 
 use crate::documents::read_document;
-use crate::error::{Cause, RunError};
+use crate::error::{Cause, WorkspaceError};
 
 /// Reads a scenario; checks its robot and its engine settings.
 ///
 /// # Errors
 /// As [`read_document`], and when the robot differs from the one that the scenario was made with.
-pub fn read_scenario(path: &Path) -> Result<Scenario, RunError> {
+pub fn read_scenario(path: &Path) -> Result<Scenario, WorkspaceError> {
     let scenario: Scenario = read_document(path, limits::SCENARIO)?;
     robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
     EngineSettings::read(&scenario.world.physics.engine).map_err(|error| unsuited(path, error))?;
@@ -26,14 +26,14 @@ pub fn read_scenario(path: &Path) -> Result<Scenario, RunError> {
 ///
 /// # Errors
 /// As [`read_scenario`], and when the objects differ from those that the scenario was made with.
-pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
+pub fn read_stage(path: &Path) -> Result<Stage, WorkspaceError> {
     let scenario = read_scenario(path)?;
     let robot = robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
     Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| unsuited(path, error))
 }
 
-fn unsuited(path: &Path, error: impl Into<Cause>) -> RunError {
-    RunError::input(format!("{} cannot be set up", path.display()))
+fn unsuited(path: &Path, error: impl Into<Cause>) -> WorkspaceError {
+    WorkspaceError::input(format!("{} cannot be set up", path.display()))
         .because(error)
         .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
 }

@@ -9,10 +9,10 @@ use std::str::FromStr;
 use genmanip_core::Document;
 use serde::{Deserialize, Serialize};
 
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// Maximum number of shards of a run: a folder with as many subfolders can still be listed quickly.
-pub const MOST: usize = 100_000;
+pub const MAX_SHARDS: usize = 100_000;
 
 /// One of `count` shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -28,11 +28,11 @@ impl Shard {
     /// Description of the invalid numbers.
     pub fn new(index: usize, count: usize) -> Result<Self, String> {
         match count {
-            1..=MOST if index < count => Ok(Self { index, count }),
-            1..=MOST => {
+            1..=MAX_SHARDS if index < count => Ok(Self { index, count }),
+            1..=MAX_SHARDS => {
                 Err(format!("there is no shard {index} of {count}: they are 0/{count} to {}/{count}", count - 1))
             }
-            _ => Err(format!("expected 1 to {MOST} shards, got {count}")),
+            _ => Err(format!("expected 1 to {MAX_SHARDS} shards, got {count}")),
         }
     }
 
@@ -66,21 +66,21 @@ impl fmt::Display for Shard {
 
 /// The user's choice of a shard: `2/10`, `auto` or `auto/10`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
+pub enum ShardChoice {
     /// An explicit shard.
     One(Shard),
     /// Index from the environment of a cluster job; number of shards from it too, unless given.
     Auto(Option<usize>),
 }
 
-impl FromStr for Choice {
+impl FromStr for ShardChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.parse::<usize>().ok();
         match text.split_once('/') {
             None if text == "auto" => Ok(Self::Auto(None)),
-            Some(("auto", count)) if number(count).is_some_and(|count| (1..=MOST).contains(&count)) => {
+            Some(("auto", count)) if number(count).is_some_and(|count| (1..=MAX_SHARDS).contains(&count)) => {
                 Ok(Self::Auto(number(count)))
             }
             Some((index, count)) => match (number(index), number(count)) {
@@ -94,20 +94,20 @@ impl FromStr for Choice {
 
 const EXPECTED: &str = "expected I/N with I from 0 to N - 1, as 0/10, or auto, or auto/N";
 
-impl Choice {
+impl ShardChoice {
     /// Returns the chosen shard; `variable` looks up environment variables.
     ///
     /// A Slurm job array sets both index and size; an indexed Kubernetes job sets the index only.
     ///
     /// # Errors
     /// When the variables are missing or invalid.
-    pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, RunError> {
+    pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, WorkspaceError> {
         let said = match self {
             Self::One(shard) => return Ok(shard),
             Self::Auto(said) => said,
         };
-        let wrong = |what: String, hint: &str| RunError::input(what).with_hint(hint);
-        let number = |name: &str| -> Result<Option<usize>, RunError> {
+        let wrong = |what: String, hint: &str| WorkspaceError::input(what).with_hint(hint);
+        let number = |name: &str| -> Result<Option<usize>, WorkspaceError> {
             let parsed = |text: String| {
                 let unfit =
                     |_| wrong(format!("{name} is `{text}`, no number"), "say which shard it is with --shard I/N");
@@ -183,8 +183,8 @@ mod tests {
         let check = |text: &str, environment: &[(&str, &str)], expected: Result<(usize, usize), &str>| {
             let variable =
                 |name: &str| environment.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
-            let resolve = |choice: Choice| choice.resolve(&variable).map_err(|error| error.to_string());
-            match (text.parse::<Choice>().and_then(resolve), expected) {
+            let resolve = |choice: ShardChoice| choice.resolve(&variable).map_err(|error| error.to_string());
+            match (text.parse::<ShardChoice>().and_then(resolve), expected) {
                 (Ok(shard), Ok(expected)) => assert_eq!((shard.index(), shard.count()), expected, "{text}"),
                 (Err(error), Err(part)) => assert!(error.contains(part), "{part} in {error}"),
                 (got, expected) => panic!("{text} with {environment:?}: {got:?}, expected {expected:?}"),
@@ -201,7 +201,7 @@ mod tests {
         check("auto", &[slurm[0], slurm[1], ("SLURM_ARRAY_TASK_MAX", "10")], Err("its last is 10, not 9"));
         check("auto/3", &slurm, Err("0/3 to 2/3"));
         for text in ["", "1", "a/3", "-1/3", "1/0", "3/3", "0/200000", "auto/0", "auto/x", "1/2/3"] {
-            assert!(text.parse::<Choice>().is_err(), "{text}");
+            assert!(text.parse::<ShardChoice>().is_err(), "{text}");
         }
     }
 }

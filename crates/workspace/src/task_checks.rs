@@ -8,14 +8,14 @@ use genmanip_tasks::designer::as_answer;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::RunError;
+use crate::WorkspaceError;
 use crate::documents;
 use crate::task_faults;
 use crate::task_files;
 
 /// Result of the check of one file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Checked {
+pub struct FileCheck {
     /// Path of the file as given; `FILE:LINE` for an entry of a list.
     pub file: String,
     /// `valid`, `repaired` or `rejected`.
@@ -25,14 +25,14 @@ pub struct Checked {
     /// Repairs made, in words.
     pub repairs: Vec<String>,
     /// Details, one per flaw.
-    pub details: Vec<Detail>,
+    pub details: Vec<FlawDetail>,
     /// Repaired or valid task document; `None` if rejected.
     pub task: Option<Value>,
 }
 
 /// Details of one flaw.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Detail {
+pub struct FlawDetail {
     /// Name of the flaw.
     pub flaw: String,
     /// JSON path, or line and column.
@@ -68,13 +68,13 @@ const NO_TASK: &str = "no_task";
 pub fn check_each(
     paths: &[PathBuf],
     bare: Option<BareAnswers>,
-    found: &mut dyn FnMut(Checked),
-) -> Result<(), RunError> {
+    found: &mut dyn FnMut(FileCheck),
+) -> Result<(), WorkspaceError> {
     let files = task_files::expand(paths)?;
     for file in &files {
         if bare.is_none() && task_files::is_list(file) {
             match check_lines(file, found) {
-                Err(error) if files.len() > 1 => found(Checked::no_task(file, &error)),
+                Err(error) if files.len() > 1 => found(FileCheck::no_task(file, &error)),
                 checked => checked?,
             }
             continue;
@@ -82,54 +82,54 @@ pub fn check_each(
         let judged = match bare {
             None => documents::read_text(file, limits::TASK).and_then(|text| of_text(file, &text)),
             Some(BareAnswers { objects, world, kind, min_objects }) => {
-                task_files::check_bare(file, objects, world, kind, min_objects).map(|report| Checked::of(file, report))
+                task_files::check_bare(file, objects, world, kind, min_objects)
+                    .map(|report| FileCheck::of(file, report))
             }
         };
         found(match judged {
-            Err(error) if files.len() > 1 => Checked::no_task(file, &error),
+            Err(error) if files.len() > 1 => FileCheck::no_task(file, &error),
             judged => judged?,
         });
     }
     Ok(())
 }
 
-fn check_lines(list: &Path, found: &mut dyn FnMut(Checked)) -> Result<(), RunError> {
+fn check_lines(list: &Path, found: &mut dyn FnMut(FileCheck)) -> Result<(), WorkspaceError> {
     let mut is_empty = true;
     task_files::each_line(list, &mut |place, text| {
         is_empty = false;
         let checked = text.and_then(|text| of_text(place, &text));
-        found(checked.unwrap_or_else(|error| Checked::no_task(place, &error)));
+        found(checked.unwrap_or_else(|error| FileCheck::no_task(place, &error)));
         Ok(())
     })?;
     if is_empty {
-        return Err(
-            RunError::input(format!("{} has no task", list.display())).with_hint("expected a task document per line")
-        );
+        return Err(WorkspaceError::input(format!("{} has no task", list.display()))
+            .with_hint("expected a task document per line"));
     }
     Ok(())
 }
 
-fn of_text(file: &Path, text: &str) -> Result<Checked, RunError> {
+fn of_text(file: &Path, text: &str) -> Result<FileCheck, WorkspaceError> {
     let document = json::parse(text).ok().filter(|value| value.get("schema").is_some());
-    let Some(value) = document else { return Ok(Checked::of(file, task_files::check_recorded(file, text)?)) };
+    let Some(value) = document else { return Ok(FileCheck::of(file, task_files::check_recorded(file, text)?)) };
     let task = task_files::task_of_document(file, value)?;
     let faults = task_faults::faults(&task);
     if faults.is_empty() {
         // Checked as an answer too, so that a document passes the same rules as the answers of language models.
         let report = check_answer(&as_answer(&task).to_string(), &request_of(&task));
-        let mut checked = Checked::of(file, AnswerReport { task: report.task.map(|_| task), ..report });
+        let mut checked = FileCheck::of(file, AnswerReport { task: report.task.map(|_| task), ..report });
         for detail in &mut checked.details {
             detail.path = detail.path.replacen("$.goal_conditions", "$.goal", 1);
         }
         return Ok(checked);
     }
-    let detail = |fault: task_faults::Fault| Detail {
+    let detail = |fault: task_faults::Fault| FlawDetail {
         flaw: fault.flaw.into(),
         path: fault.place,
         message: fault.message,
         hint: fault.hint,
     };
-    Ok(Checked::rejected(file, faults.into_iter().map(detail).collect()))
+    Ok(FileCheck::rejected(file, faults.into_iter().map(detail).collect()))
 }
 
 /// Request that a task document would answer.
@@ -145,9 +145,9 @@ fn request_of(task: &Task) -> TaskRequest {
     }
 }
 
-impl Checked {
+impl FileCheck {
     fn of(file: &Path, report: AnswerReport) -> Self {
-        let details = report.flaws.iter().map(|flaw| Detail {
+        let details = report.flaws.iter().map(|flaw| FlawDetail {
             flaw: flaw.kind.name(),
             path: flaw.path.clone(),
             message: flaw.message.clone(),
@@ -163,7 +163,7 @@ impl Checked {
         }
     }
 
-    fn rejected(file: &Path, details: Vec<Detail>) -> Self {
+    fn rejected(file: &Path, details: Vec<FlawDetail>) -> Self {
         Self {
             file: file.display().to_string(),
             verdict: Verdict::Rejected.name(),
@@ -174,11 +174,11 @@ impl Checked {
         }
     }
 
-    fn no_task(file: &Path, error: &RunError) -> Self {
+    fn no_task(file: &Path, error: &WorkspaceError) -> Self {
         let cause = std::error::Error::source(error).map_or_else(String::new, |cause| format!(": {cause}"));
         let message = format!("{error}{cause}");
         let hint = error.hint().unwrap_or_default();
-        Self::rejected(file, vec![Detail { flaw: NO_TASK.into(), path: "$".into(), message, hint }])
+        Self::rejected(file, vec![FlawDetail { flaw: NO_TASK.into(), path: "$".into(), message, hint }])
     }
 
     /// True if the file cannot be used.

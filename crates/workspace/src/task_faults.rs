@@ -9,8 +9,8 @@ use genmanip_layout::references;
 pub const MAX_ID_LENGTH: usize = 120;
 
 /// Maximum numbers of nodes, and of edges or conditions: several times what fits on a table, and rendered quickly.
-const MOST_NODES: usize = 64;
-const MOST_CONDITIONS: usize = 256;
+const MAX_NODES: usize = 64;
+const MAX_CONDITIONS: usize = 256;
 
 /// One fault of a task document.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,9 +52,9 @@ pub fn faults(task: &Task) -> Vec<Fault> {
     let graph = &task.scene_graph;
     let conditions: usize = task.goal.alternatives.iter().map(Vec::len).sum();
     let sizes = [
-        ("scene_graph.nodes", graph.nodes.len(), MOST_NODES),
-        ("scene_graph.edges", graph.edges.len(), MOST_CONDITIONS),
-        ("goal", conditions.max(task.goal.alternatives.len()), MOST_CONDITIONS),
+        ("scene_graph.nodes", graph.nodes.len(), MAX_NODES),
+        ("scene_graph.edges", graph.edges.len(), MAX_CONDITIONS),
+        ("goal", conditions.max(task.goal.alternatives.len()), MAX_CONDITIONS),
     ];
     for (place, got, most) in sizes.into_iter().filter(|(_, got, most)| got > most) {
         let (message, hint) = (format!("expected at most {most} entries, got {got}"), "make several tasks of it");

@@ -16,7 +16,7 @@ use genmanip_tasks::designer::{DesignSettings, design_many};
 use serde_json::Value;
 
 use crate::documents::{nearest_folder, not_a_document, read_text, stem, text_of, unreadable};
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 use crate::task_faults::{self, Fault, MAX_ID_LENGTH};
 use crate::task_spool::{Spool, Tasks};
 use crate::worlds::read_world;
@@ -26,7 +26,7 @@ use crate::worlds::read_world;
 ///
 /// # Errors
 /// As [`read_task`], and when two tasks share an id.
-pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
+pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, WorkspaceError> {
     let mut tasks: Vec<Task> = Vec::new();
     let mut cards = SharedCards::default();
     each_task(paths, |mut task| {
@@ -42,7 +42,7 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
 ///
 /// # Errors
 /// As [`read_tasks`], and when the spool file cannot be written.
-pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
+pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, WorkspaceError> {
     let mut spool = Spool::in_folder(nearest_folder(out).as_deref().unwrap_or(Path::new(".")));
     each_task(paths, |task| spool.add(task))?;
     Ok(spool.finish())
@@ -52,7 +52,7 @@ pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
 ///
 /// # Errors
 /// As [`read_tasks`].
-pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, RunError> {
+pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, WorkspaceError> {
     let mut count = 0;
     each_task(paths, |_| {
         count += 1;
@@ -65,7 +65,7 @@ pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, RunError> {
 ///
 /// # Errors
 /// When the file is neither, or the task breaks a rule.
-pub fn read_task(path: &Path) -> Result<Task, RunError> {
+pub fn read_task(path: &Path) -> Result<Task, WorkspaceError> {
     task_of_text(path, &read_text(path, limits::TASK)?)
 }
 
@@ -73,21 +73,21 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
 ///
 /// # Errors
 /// When a folder cannot be listed or holds no such file.
-pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
+pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, WorkspaceError> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
             files.push(path.clone());
             continue;
         }
-        let entries = fs::read_dir(path).map_err(|error| RunError::file("list", path, error))?;
+        let entries = fs::read_dir(path).map_err(|error| WorkspaceError::file("list", path, error))?;
         let mut inside: Vec<PathBuf> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
             .collect();
         inside.sort();
         if inside.is_empty() {
-            return Err(RunError::input(format!("no *.json in {}", path.display()))
+            return Err(WorkspaceError::input(format!("no *.json in {}", path.display()))
                 .with_hint("name task files or their folder"));
         }
         files.append(&mut inside);
@@ -95,11 +95,14 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
     Ok(files)
 }
 
-fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunError>) -> Result<(), RunError> {
+fn each_task(
+    paths: &[PathBuf],
+    mut take: impl FnMut(Task) -> Result<(), WorkspaceError>,
+) -> Result<(), WorkspaceError> {
     let mut known = BTreeSet::new();
     let mut take = |task: Task, place: &Path| {
         if !known.insert(task.id.clone()) {
-            return Err(RunError::input(format!(
+            return Err(WorkspaceError::input(format!(
                 "two tasks are called `{}` (the second: {})",
                 task.id,
                 place.display()
@@ -124,15 +127,15 @@ pub fn is_list(path: &Path) -> bool {
 }
 
 /// Callback of [`each_line`]: receives `FILE:LINE` and the text of the line or the error of reading it.
-pub type TakeLine<'a> = dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError> + 'a;
+pub type TakeLine<'a> = dyn FnMut(&Path, Result<String, WorkspaceError>) -> Result<(), WorkspaceError> + 'a;
 
 /// Passes every non-empty line of a list to `take`; lines that are too long or not UTF-8 are passed as errors.
-pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
+pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), WorkspaceError> {
     let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
     let mut line = Vec::new();
     for number in 1.. {
         line.clear();
-        let failed = |error| RunError::file("read", path, error);
+        let failed = |error| WorkspaceError::file("read", path, error);
         if lines.by_ref().take(limits::TASK.bytes + 1).read_until(b'\n', &mut line).map_err(failed)? == 0 {
             break;
         }
@@ -141,7 +144,7 @@ pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
             if !line.ends_with(b"\n") {
                 lines.skip_until(b'\n').map_err(failed)?;
             }
-            take(&place, Err(RunError::TooLarge { path: place.clone(), limit: limits::TASK }))?;
+            take(&place, Err(WorkspaceError::TooLarge { path: place.clone(), limit: limits::TASK }))?;
         } else if !line.trim_ascii().is_empty() {
             take(&place, text_of(&place, std::mem::take(&mut line)))?;
         }
@@ -153,18 +156,18 @@ pub fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
 ///
 /// # Errors
 /// When the designer finds no task.
-pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, RunError> {
+pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, WorkspaceError> {
     let cards = catalogue.cards();
     let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
-        .map_err(|error| RunError::broken("the designer gave up", error))?;
+        .map_err(|error| WorkspaceError::broken("the designer gave up", error))?;
     Ok(batch.tasks)
 }
 
 /// Task of a text; `path` is its location in messages.
-fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
+fn task_of_text(path: &Path, text: &str) -> Result<Task, WorkspaceError> {
     let value = json::parse(text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
-        RunError::input(format!("{} is no task document and no recorded answer", path.display()))
+        WorkspaceError::input(format!("{} is no task document and no recorded answer", path.display()))
             .with_hint(format!("{hint}; see `genmanip task check --help`"))
             .because(error)
     })?;
@@ -176,13 +179,13 @@ fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
             0 => String::new(),
             more => format!(" (and {more} more; `genmanip task check` lists all)"),
         };
-        return Err(RunError::input(format!("{}: at {place}: {message}{more}", path.display())).with_hint(hint));
+        return Err(WorkspaceError::input(format!("{}: at {place}: {message}{more}", path.display())).with_hint(hint));
     }
     let report = check_recorded(path, text)?;
     report.task.ok_or_else(|| {
         let flaws: Vec<String> =
             report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
-        RunError::input(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
+        WorkspaceError::input(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
             .with_hint(format!("see `genmanip task check {}`", path.display()))
     })
 }
@@ -190,8 +193,8 @@ fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
 /// Task of a parsed document, without [`task_faults`].
 ///
 /// # Errors
-/// [`RunError::Document`].
-pub fn task_of_document(path: &Path, value: Value) -> Result<Task, RunError> {
+/// [`WorkspaceError::Document`].
+pub fn task_of_document(path: &Path, value: Value) -> Result<Task, WorkspaceError> {
     Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))
 }
 
@@ -199,11 +202,11 @@ pub fn task_of_document(path: &Path, value: Value) -> Result<Task, RunError> {
 ///
 /// # Errors
 /// When the text is no recorded answer, or offers an object that is not in the catalogue.
-pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError> {
+pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, WorkspaceError> {
     let recorded = RecordedAnswer::from_json(text).map_err(|error| {
         let hint = "for a bare answer name what was offered: --objects UID,UID,…";
         let hint = error.hint().map_or_else(|| hint.to_owned(), |wrong| format!("{wrong}; {hint}"));
-        RunError::input(format!("{} is no recorded answer", path.display())).because(error).with_hint(hint)
+        WorkspaceError::input(format!("{} is no recorded answer", path.display())).because(error).with_hint(hint)
     })?;
     let request = TaskRequest {
         id: id_from(path),
@@ -227,7 +230,7 @@ pub fn check_bare(
     world: Option<&Path>,
     kind: &str,
     min_objects: usize,
-) -> Result<AnswerReport, RunError> {
+) -> Result<AnswerReport, WorkspaceError> {
     let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
@@ -249,21 +252,21 @@ pub fn check_bare(
 /// Kind of task by its name in files.
 ///
 /// # Errors
-/// [`RunError::UnknownName`].
-pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
+/// [`WorkspaceError::UnknownName`].
+pub fn task_kind(name: &str) -> Result<TaskKind, WorkspaceError> {
     let known = TaskKind::ALL.map(TaskKind::name);
     let found = TaskKind::ALL.into_iter().find(|kind| kind.name() == name);
-    found.ok_or_else(|| RunError::unknown("kind", "kinds", name, &known))
+    found.ok_or_else(|| WorkspaceError::unknown("kind", "kinds", name, &known))
 }
 
-fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
+fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
         .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::all().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Building the model of an unknown object yields an error with similar uids.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
-                RunError::input(format!("{place}: an offered object is not in the catalogue"))
+                WorkspaceError::input(format!("{place}: an offered object is not in the catalogue"))
                     .because(error)
                     .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
             }),

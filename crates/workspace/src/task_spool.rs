@@ -9,10 +9,10 @@ use genmanip_core::{Task, TaskKind};
 use serde::ser::{Error, Serialize, SerializeSeq, Serializer};
 use tempfile::SpooledTempFile;
 
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// Total text length above which tasks are spooled to a file, bytes; chosen: some 3,000 tasks.
-const MOST_IN_MEMORY: usize = 32 << 20;
+const MAX_IN_MEMORY_BYTES: usize = 32 << 20;
 
 /// Tasks of a run: few in memory, many in an anonymous temporary file, removed with the last clone. Clones share it.
 #[derive(Clone)]
@@ -45,17 +45,17 @@ pub struct Spool {
 impl Spool {
     /// Empty spool; its temporary file, if needed, is created in `folder`.
     pub fn in_folder(folder: &Path) -> Self {
-        Self { texts: tempfile::spooled_tempfile_in(MOST_IN_MEMORY, folder), entries: Vec::new(), end: 0 }
+        Self { texts: tempfile::spooled_tempfile_in(MAX_IN_MEMORY_BYTES, folder), entries: Vec::new(), end: 0 }
     }
 
     /// Appends a task.
     ///
     /// # Errors
     /// When the temporary file cannot be written.
-    pub fn add(&mut self, task: Task) -> Result<(), RunError> {
+    pub fn add(&mut self, task: Task) -> Result<(), WorkspaceError> {
         let text = serde_json::to_vec(&task).map_err(std::io::Error::from);
         let text = text.and_then(|text| self.texts.write_all(&text).map(|()| text)).map_err(|error| {
-            RunError::broken("cannot keep the tasks aside", error)
+            WorkspaceError::broken("cannot keep the tasks aside", error)
                 .with_hint("check that the disk of the output folder is writable and not full")
         })?;
         self.entries.push(TaskEntry { id: task.id, kind: task.kind, start: self.end, length: text.len() });
@@ -75,7 +75,7 @@ impl Tasks {
     ///
     /// # Errors
     /// When the temporary file cannot be written.
-    pub fn spool(tasks: impl IntoIterator<Item = Task>, folder: &Path) -> Result<Self, RunError> {
+    pub fn spool(tasks: impl IntoIterator<Item = Task>, folder: &Path) -> Result<Self, WorkspaceError> {
         let mut spool = Spool::in_folder(folder);
         tasks.into_iter().try_for_each(|task| spool.add(task))?;
         Ok(spool.finish())
@@ -90,13 +90,15 @@ impl Tasks {
     ///
     /// # Errors
     /// When the temporary file cannot be read.
-    pub fn read(&self, index: usize) -> Result<Task, RunError> {
+    pub fn read(&self, index: usize) -> Result<Task, WorkspaceError> {
         let task = self.text(index).and_then(|text| serde_json::from_slice(&text).map_err(std::io::Error::from));
-        task.map_err(|error| RunError::broken(format!("cannot read task {} again", self.entries()[index].id), error))
+        task.map_err(|error| {
+            WorkspaceError::broken(format!("cannot read task {} again", self.entries()[index].id), error)
+        })
     }
 
     /// Reads all tasks, one by one.
-    pub fn iter(&self) -> impl Iterator<Item = Result<Task, RunError>> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = Result<Task, WorkspaceError>> + '_ {
         (0..self.entries().len()).map(|index| self.read(index))
     }
 
@@ -158,7 +160,7 @@ mod tests {
             }
             tasks
         };
-        let (on_disk, in_memory) = (check(0), check(MOST_IN_MEMORY));
+        let (on_disk, in_memory) = (check(0), check(MAX_IN_MEMORY_BYTES));
         assert_eq!(on_disk, in_memory);
         let others = designed.iter().map(|task| Task { instruction: task.instruction.to_uppercase(), ..task.clone() });
         assert_ne!(Tasks::spool(others, folder.path()).unwrap(), in_memory);

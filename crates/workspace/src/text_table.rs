@@ -1,7 +1,7 @@
 //! Plain-text tables.
 
 /// Maximum rows on a terminal; longer tables are summarised and show the rows that need attention.
-pub const MOST_ROWS: usize = 30;
+pub const MAX_ROWS: usize = 30;
 
 /// A table with aligned columns; the first row is the header.
 pub fn text_table(rows: &[Vec<String>]) -> String {
@@ -22,14 +22,14 @@ pub fn text_table(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Table of the first [`MOST_ROWS`] rows that need attention, and the number of further ones; empty without rows.
+/// Table of the first [`MAX_ROWS`] rows that need attention, and the number of further ones; empty without rows.
 pub fn attention(head: &[&str], rows: &[Vec<String>]) -> String {
     if rows.is_empty() {
         return String::new();
     }
     let head = head.iter().map(|&head| head.to_owned()).collect::<Vec<_>>();
-    let shown: Vec<Vec<String>> = [head].into_iter().chain(rows.iter().take(MOST_ROWS).cloned()).collect();
-    let more = rows.len().saturating_sub(MOST_ROWS);
+    let shown: Vec<Vec<String>> = [head].into_iter().chain(rows.iter().take(MAX_ROWS).cloned()).collect();
+    let more = rows.len().saturating_sub(MAX_ROWS);
     let more = if more > 0 { format!("and {more} more: --each\n") } else { String::new() };
     format!("{}{more}", text_table(&shown))
 }

@@ -15,7 +15,7 @@ use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_sim::EngineSettings;
 
 use crate::documents::read_text;
-use crate::error::RunError;
+use crate::error::WorkspaceError;
 
 /// Height of the top-down camera above the highest surface (m), and width of its view over that of the surfaces;
 /// chosen.
@@ -26,7 +26,7 @@ const AROUND: f64 = 1.15;
 ///
 /// # Errors
 /// When the file cannot be read; lists all faults of the world.
-pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
+pub fn read_world(path: Option<&Path>) -> Result<World, WorkspaceError> {
     let Some(path) = path else { return Ok((*worlds::default_world()).clone()) };
     let faults = match worlds::read(&read_text(path, limits::WORLD)?) {
         Ok((world, _)) => match EngineSettings::read(&world.physics.engine) {
@@ -35,7 +35,7 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
         },
         Err(faults) => faults.iter().map(ToString::to_string).collect(),
     };
-    Err(RunError::input(format!("{} is no world: {}", path.display(), faults.join("; ")))
+    Err(WorkspaceError::input(format!("{} is no world: {}", path.display(), faults.join("; ")))
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
 }
 
@@ -43,20 +43,20 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
 ///
 /// # Errors
 /// As [`read_world`], and when the robot is unknown.
-pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, RunError> {
+pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, WorkspaceError> {
     let world = read_world(path)?;
     let Some(name) = robot else { return Ok(world) };
     worlds::with_robot(&world, name)
-        .map_err(|error| RunError::input(format!("robot `{name}` cannot be used")).because(error))
+        .map_err(|error| WorkspaceError::input(format!("robot `{name}` cannot be used")).because(error))
 }
 
 /// Rejects a world whose robot differs from the named one.
 ///
 /// # Errors
 /// When they differ, with both names.
-pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
+pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), WorkspaceError> {
     match named {
-        Some(name) if name != world.robot.name => Err(RunError::input(format!(
+        Some(name) if name != world.robot.name => Err(WorkspaceError::input(format!(
             "the scenario was laid out for robot `{}`, not for `{name}`",
             world.robot.name
         ))
@@ -68,11 +68,11 @@ pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
 /// Checks that a world has all named cameras; returns the names.
 ///
 /// # Errors
-/// [`RunError::UnknownName`] with the cameras of the world.
-pub fn cameras(world: &World, names: &[String]) -> Result<Vec<String>, RunError> {
+/// [`WorkspaceError::UnknownName`] with the cameras of the world.
+pub fn cameras(world: &World, names: &[String]) -> Result<Vec<String>, WorkspaceError> {
     let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
     match names.iter().find(|name| !known.contains(&name.as_str())) {
-        Some(unknown) => Err(RunError::unknown("camera", "cameras", unknown, &known)),
+        Some(unknown) => Err(WorkspaceError::unknown("camera", "cameras", unknown, &known)),
         None => Ok(names.to_vec()),
     }
 }
@@ -81,9 +81,9 @@ pub fn cameras(world: &World, names: &[String]) -> Result<Vec<String>, RunError>
 ///
 /// # Errors
 /// When the robot is unknown, or differs from the one that the world was made with.
-pub fn robot(world: &World) -> Result<Arc<RobotModel>, RunError> {
+pub fn robot(world: &World) -> Result<Arc<RobotModel>, WorkspaceError> {
     robots::of_world(world).map_err(|error| {
-        RunError::input(format!("robot `{}` cannot be had", world.robot.name))
+        WorkspaceError::input(format!("robot `{}` cannot be had", world.robot.name))
             .because(error)
             .with_hint("results of another version of a robot are replayed with the program that made them")
     })
@@ -93,16 +93,16 @@ pub fn robot(world: &World) -> Result<Arc<RobotModel>, RunError> {
 ///
 /// # Errors
 /// As [`robot`], and when the planner does not support the robot.
-pub fn planner(world: &World, settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
+pub fn planner(world: &World, settings: &PlannerSettings) -> Result<Arc<Planner>, WorkspaceError> {
     let planner = Planner::new(robot(world)?, settings.clone());
-    Ok(Arc::new(planner.map_err(|error| RunError::broken("the robot cannot be planned for", error))?))
+    Ok(Arc::new(planner.map_err(|error| WorkspaceError::broken("the robot cannot be planned for", error))?))
 }
 
 /// All faults of a world file; empty if it is valid. Also compiles the physics model.
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
+pub fn check(path: &Path) -> Result<Vec<WorldFault>, WorkspaceError> {
     let (world, robot) = match worlds::read(&documents::read_text(path, limits::WORLD)?) {
         Ok(read) => read,
         Err(faults) => return Ok(faults),
@@ -118,19 +118,19 @@ pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
 
 /// File with cameras: a world or a scenario.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Setting {
+pub enum CameraFile {
     /// A world.
     World(Box<World>),
     /// A scenario with its world.
     Scenario(Box<Scenario>),
 }
 
-impl Setting {
+impl CameraFile {
     /// Reads a world (TOML or JSON) or a scenario.
     ///
     /// # Errors
     /// When the file cannot be read or is neither.
-    pub fn read(path: &Path) -> Result<Self, RunError> {
+    pub fn read(path: &Path) -> Result<Self, WorkspaceError> {
         let text = documents::read_text(path, limits::WORLD_OR_SCENARIO)?;
         let is_scenario = json::parse(&text)
             .is_ok_and(|value| value["schema"].as_str().is_some_and(|schema| schema.starts_with("genmanip.scenario/")));
@@ -159,10 +159,10 @@ impl Setting {
     /// Camera by name.
     ///
     /// # Errors
-    /// [`RunError::UnknownName`] with the cameras of the world.
-    pub fn camera(&self, name: &str) -> Result<&Camera, RunError> {
+    /// [`WorkspaceError::UnknownName`] with the cameras of the world.
+    pub fn camera(&self, name: &str) -> Result<&Camera, WorkspaceError> {
         let known: Vec<&str> = self.world().cameras.iter().map(|camera| camera.name.as_str()).collect();
-        self.world().camera(name).ok_or_else(|| RunError::unknown("camera", "cameras", name, &known))
+        self.world().camera(name).ok_or_else(|| WorkspaceError::unknown("camera", "cameras", name, &known))
     }
 
     /// Top-down camera that sees all support surfaces.
@@ -202,13 +202,13 @@ pub struct CameraChange {
 
 impl CameraChange {
     /// Returns the changed camera; `before` is the current one, if any.
-    fn applied(&self, name: &str, before: Option<&Camera>, robot: &RobotModel) -> Result<Camera, RunError> {
-        let needs = |what: &str| RunError::input(format!("camera `{name}` needs {what}"));
+    fn applied(&self, name: &str, before: Option<&Camera>, robot: &RobotModel) -> Result<Camera, WorkspaceError> {
+        let needs = |what: &str| WorkspaceError::input(format!("camera `{name}` needs {what}"));
         let known = CameraPreset::names();
         let preset = self.preset.as_ref().map(|preset| {
             CameraPreset::named(preset)
                 .map(CameraPreset::intrinsics)
-                .ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))
+                .ok_or_else(|| WorkspaceError::unknown("preset", "presets", preset, &known))
         });
         let base = preset.transpose()?.or(before.map(|camera| camera.intrinsics));
         let intrinsics = match (base, self.size_px, self.vertical_fov_rad) {
@@ -239,7 +239,7 @@ impl CameraChange {
             Some("none") => None,
             Some(sensor) => Some(
                 SensorPreset::named(sensor)
-                    .ok_or_else(|| RunError::unknown("sensor", "sensors", sensor, &known))?
+                    .ok_or_else(|| WorkspaceError::unknown("sensor", "sensors", sensor, &known))?
                     .sensor,
             ),
         };
@@ -267,18 +267,20 @@ pub enum CameraEdit {
 /// # Errors
 /// When the file cannot be read or written, the name is unknown or already in use, or the edited world would be
 /// invalid; the file is then unchanged.
-pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
+pub fn edit(path: &Path, edit: &CameraEdit) -> Result<CameraFile, WorkspaceError> {
     let text = documents::read_text(path, limits::WORLD_OR_SCENARIO)?;
-    let mut setting = Setting::read(path)?;
+    let mut setting = CameraFile::read(path)?;
     let robot = robot(setting.world())?;
-    let at = |setting: &Setting, name: &str| {
+    let at = |setting: &CameraFile, name: &str| {
         setting.camera(name)?;
-        Ok::<_, RunError>(setting.world().cameras.iter().position(|camera| camera.name == name).unwrap_or_default())
+        Ok::<_, WorkspaceError>(
+            setting.world().cameras.iter().position(|camera| camera.name == name).unwrap_or_default(),
+        )
     };
     match edit {
         CameraEdit::Add(name, change) => {
             if setting.world().camera(name).is_some() {
-                return Err(RunError::input(format!("{} has a camera `{name}` already", path.display()))
+                return Err(WorkspaceError::input(format!("{} has a camera `{name}` already", path.display()))
                     .with_hint("change it with `genmanip camera set`"));
             }
             let camera = change.applied(name, None, &robot)?;
@@ -296,17 +298,17 @@ pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
     }
     let faults: Vec<String> = setting.world().faults(&robot).iter().map(ToString::to_string).collect();
     if !faults.is_empty() {
-        return Err(RunError::input(format!("{} would be faulty: {}", path.display(), faults.join("; "))));
+        return Err(WorkspaceError::input(format!("{} would be faulty: {}", path.display(), faults.join("; "))));
     }
     let written = match &setting {
-        Setting::Scenario(scenario) => scenario.to_json(),
-        Setting::World(world) if text.trim_start().starts_with('{') => world.to_json(),
-        Setting::World(world) => {
+        CameraFile::Scenario(scenario) => scenario.to_json(),
+        CameraFile::World(world) if text.trim_start().starts_with('{') => world.to_json(),
+        CameraFile::World(world) => {
             let (CameraEdit::Add(name, _) | CameraEdit::Set(name, _) | CameraEdit::Remove(name)) = edit;
             let edited = edited_toml(&text, name, world.camera(name));
             // Accepted only if the edited text parses to the intended world.
             if worlds::read(&edited).ok().map(|(read, _)| read) != Some((**world).clone()) {
-                return Err(RunError::input(format!(
+                return Err(WorkspaceError::input(format!(
                     "the cameras of {} stand in no form of their own",
                     path.display()
                 ))

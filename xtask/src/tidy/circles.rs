@@ -55,7 +55,7 @@ struct Crate {
 type Edges = BTreeMap<(usize, usize), BTreeSet<String>>;
 
 /// Re-exports followed before giving up.
-const MOST_HOPS: usize = 16;
+const MAX_HOPS: usize = 16;
 
 impl Crate {
     fn read(root: &str, files: &[&Entry]) -> Self {
@@ -167,7 +167,7 @@ impl Crate {
             for (module, path, is_used) in uses.chain(paths).chain(of_globs) {
                 let Some(path) = self.absolute(module, &path) else { continue };
                 let mut via = BTreeSet::new();
-                let Some((to, name)) = self.file_of(&path, MOST_HOPS, &mut via) else { continue };
+                let Some((to, name)) = self.file_of(&path, MAX_HOPS, &mut via) else { continue };
                 for to in via.into_iter().chain([to]).filter(|&to| counts(from, to, is_used)) {
                     edges.entry((from, to)).or_default().insert(name.clone());
                 }

@@ -12,14 +12,14 @@ use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceErro
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Atom, AtomVerdict, Relation, TriedGrasp};
+use genmanip_core::{Atom, AtomVerdict, Relation, VerifiedGrasp};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom, planar_gap};
 use rand::RngExt;
 use serde_json::json;
 
-use super::Truth;
+use super::GroundTruth;
 use super::failure::FailureClass;
 
 /// Minimum IoU (intersection over union) with the object's ground-truth mask.
@@ -43,7 +43,7 @@ pub type ErrorRates = BTreeMap<QuestionKind, f64>;
 
 /// Error injection of the oracle.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Dials {
+pub struct ErrorInjection {
     /// Error rate per question kind.
     pub rates: ErrorRates,
     /// Failure class to inject once per episode, at the first question that allows it.
@@ -52,18 +52,23 @@ pub struct Dials {
 
 /// The oracle of one episode.
 pub struct Oracle {
-    truth: Truth,
+    truth: GroundTruth,
     planner: Arc<Planner>,
     /// Precomputed grasps with trial results, per object.
-    grasps: Vec<Vec<TriedGrasp>>,
-    dials: Dials,
+    grasps: Vec<Vec<VerifiedGrasp>>,
+    dials: ErrorInjection,
     /// Move of each sub-task text produced by this oracle.
     subtasks: Arc<Mutex<BTreeMap<String, Move>>>,
 }
 
 impl Oracle {
     /// Oracle of one episode; `grasps` are precomputed grasps with trial results, per object.
-    pub fn new(truth: Truth, planner: &Arc<Planner>, grasps: Vec<Vec<TriedGrasp>>, dials: Dials) -> Self {
+    pub fn new(
+        truth: GroundTruth,
+        planner: &Arc<Planner>,
+        grasps: Vec<Vec<VerifiedGrasp>>,
+        dials: ErrorInjection,
+    ) -> Self {
         Self { truth, planner: Arc::clone(planner), grasps, dials, subtasks: Arc::default() }
     }
 
@@ -74,7 +79,7 @@ impl Oracle {
             truth: self.truth.clone(),
             planner: Arc::clone(&self.planner),
             grasps: self.grasps.clone(),
-            dials: Dials::default(),
+            dials: ErrorInjection::default(),
             subtasks: Arc::clone(&self.subtasks),
         }
     }
@@ -88,7 +93,7 @@ impl Oracle {
             }
             // A format error is asked again; all repetitions count as one error.
             let goes_on = class == FailureClass::Format && !question.refused.is_empty();
-            return (goes_on || self.truth.planted().is_empty()).then_some(class);
+            return (goes_on || self.truth.injected().is_empty()).then_some(class);
         }
         let rate = self.dials.rates.get(&question.stage).copied().unwrap_or(0.0);
         let seed = self.truth.now().seed.filter(|_| rate > 0.0)?;
@@ -212,9 +217,10 @@ impl Oracle {
     fn grasps_near(&self, object: usize, point: DVec3) -> f64 {
         let scene = self.truth.scene();
         let Some(posed) = scene.objects().nth(object) else { return 0.0 };
-        let near =
-            |tried: &&TriedGrasp| posed.pose.transform_point(tried.grasp.pose.position).distance(point) < NEAR_POINT_M;
-        self.grasps.get(object).into_iter().flatten().filter(near).map(TriedGrasp::share).sum()
+        let near = |tried: &&VerifiedGrasp| {
+            posed.pose.transform_point(tried.grasp.pose.position).distance(point) < NEAR_POINT_M
+        };
+        self.grasps.get(object).into_iter().flatten().filter(near).map(VerifiedGrasp::share).sum()
     }
 
     fn grab_point(&self, question: &Question) -> serde_json::Value {
@@ -441,7 +447,7 @@ impl VisionModel for Oracle {
         let wrong = self.flaw(question).and_then(|class| Some((class, flaws::answer(self, class, question)?)));
         let text = match wrong {
             Some((class, text)) => {
-                self.truth.plant(question.ask, class);
+                self.truth.record_injected(question.ask, class);
                 text
             }
             None => self.right_answer(question).to_string(),

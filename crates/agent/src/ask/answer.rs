@@ -216,17 +216,17 @@ fn read<T: DeserializeOwned>(text: &str) -> Result<T, Rejection> {
 
 fn decompose(text: &str) -> Result<DecomposeAnswer, Rejection> {
     let answer: DecomposeAnswer = read(text)?;
-    in_words(&answer.subtasks, 1)?;
+    check_subtasks(&answer.subtasks, 1)?;
     Ok(answer)
 }
 
 fn check(text: &str) -> Result<CheckAnswer, Rejection> {
     let answer: CheckAnswer = read(text)?;
-    in_words(&answer.remaining, 0)?;
+    check_subtasks(&answer.remaining, 0)?;
     Ok(answer)
 }
 
-fn in_words(subtasks: &[String], fewest: usize) -> Result<(), Rejection> {
+fn check_subtasks(subtasks: &[String], fewest: usize) -> Result<(), Rejection> {
     let count = subtasks.len();
     if !(fewest..=MAX_ITEMS).contains(&count) || subtasks.iter().any(|subtask| subtask.trim().is_empty()) {
         return Err(Rejection::Format(format!("expected {fewest} to {MAX_ITEMS} sub-tasks in words, got {count}")));

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use super::question_kind::{PromptStamp, QuestionKind};
 use super::rejection::RejectedAnswer;
 use crate::grid::{Cell, Grid};
-use crate::picture::Picture;
+use crate::image::RgbImage;
 use crate::segmentation::Mask;
 
 /// One question with everything needed to validate its answer.
@@ -51,7 +51,7 @@ pub struct QuestionImage {
     /// Name of the image, e.g. `masks`.
     pub name: &'static str,
     /// The image.
-    pub picture: Arc<Picture>,
+    pub picture: Arc<RgbImage>,
 }
 
 /// The marks that an answer may name.

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::model::ModelReply;
 use super::question::{Marks, Question};
 use super::question_kind::{PromptStamp, QuestionKind};
-use crate::picture::Picture;
+use crate::image::RgbImage;
 use crate::segmentation::Mask;
 
 /// Columns and rows of a thumbnail: cells of 32 pixels in images of 512 x 288.
@@ -197,7 +197,7 @@ impl RecordedAnswers {
 }
 
 impl Thumbnail {
-    fn size_of(name: &str, picture: &Picture) -> Self {
+    fn size_of(name: &str, picture: &RgbImage) -> Self {
         let (width, height) = (picture.width as usize, picture.height as usize);
         let [columns, rows] = THUMBNAIL;
         let mut cells = Vec::with_capacity(columns * rows * 3);

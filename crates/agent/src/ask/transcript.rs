@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::question::Question;
 use super::question_kind::{PromptStamp, QuestionKind};
-use crate::picture::Picture;
+use crate::image::RgbImage;
 
 /// Transcript of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -108,7 +108,7 @@ pub struct TranscriptRecorder(Arc<Mutex<Kept>>);
 #[derive(Clone, Debug, Default)]
 struct Kept {
     transcript: Transcript,
-    pictures: Vec<(String, Arc<Picture>)>,
+    pictures: Vec<(String, Arc<RgbImage>)>,
     asks: usize,
     keeps_pictures: bool,
 }
@@ -125,7 +125,7 @@ impl TranscriptRecorder {
     }
 
     /// The images so far, by file name.
-    pub fn pictures(&self) -> Vec<(String, Arc<Picture>)> {
+    pub fn pictures(&self) -> Vec<(String, Arc<RgbImage>)> {
         self.lock().pictures.clone()
     }
 

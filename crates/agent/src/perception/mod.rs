@@ -15,7 +15,7 @@ pub use object::ObservedObject;
 pub use placement::{CellSettings, PlacementTarget, on_plane, targets};
 pub use smoothing::{RESIDUAL_NOISE, smoothed};
 
-use crate::picture::Picture;
+use crate::image::RgbImage;
 use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
 /// Maximum depth difference between two views of one point [m]: a pixel's width on a slanted surface plus some noise.
@@ -135,9 +135,9 @@ impl View {
     }
 
     /// Colour image; black without colour.
-    pub fn picture(&self) -> Picture {
+    pub fn picture(&self) -> RgbImage {
         let (width, height) = (self.image.width(), self.image.height());
-        Picture::new(width, height, self.image.rgb.clone()).unwrap_or_else(|| Picture::plain(width, height, [0; 3]))
+        RgbImage::new(width, height, self.image.rgb.clone()).unwrap_or_else(|| RgbImage::plain(width, height, [0; 3]))
     }
 
     /// Pixel that sees a point; `None` if the point is occluded or outside the image.

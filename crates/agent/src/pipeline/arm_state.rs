@@ -1,7 +1,7 @@
 //! Current arm state and the collision world built from observations.
 
 use genmanip_core::{Observation, Piece, PolicyError, Pose, Shape};
-use genmanip_motion::{Allowed, CollisionWorld, PlanningScene};
+use genmanip_motion::{AllowedCollisions, CollisionWorld, PlanningScene};
 use glam::DVec3;
 
 use crate::settings::AgentSettings;
@@ -53,7 +53,7 @@ pub(super) fn world_with_points(settings: &AgentSettings, points: &[DVec3], radi
     world
 }
 
-const NOTHING: &Allowed = &Allowed::NONE;
+const NOTHING: &AllowedCollisions = &AllowedCollisions::NONE;
 
 /// Planning scene with an empty gripper.
 pub(super) fn empty_gripper(world: &CollisionWorld, width_m: f64) -> PlanningScene<'_> {

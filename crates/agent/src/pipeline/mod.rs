@@ -20,8 +20,8 @@ use crate::ask::{
     Answer, FailedStage, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TranscriptRecorder,
     VisionModel, ask, ask_each,
 };
+use crate::image::marks;
 use crate::perception::{RESIDUAL_NOISE, SegmentedViews, View, smoothed};
-use crate::picture::marks;
 use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
 use crate::settings::AgentSettings;

@@ -2,8 +2,8 @@
 
 use genmanip_core::{Grasp, Pose, Seed};
 use genmanip_motion::{
-    Allowed, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal, PlanError,
-    PlanningScene, commands,
+    AllowedCollisions, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal,
+    PlanError, PlanningScene, commands,
 };
 use glam::DVec3;
 
@@ -134,7 +134,7 @@ fn lift(query: &PickQuery, grasp: &FeasibleGrasp) -> Result<Path, genmanip_motio
     query.lift(grasp).or_else(|failure| {
         let from = query.planner.tcp_pose(&grasp.config);
         let lifted = from.position + DVec3::Z * query.settings.lift_m;
-        let allowed = Allowed::none().and_all(query.object.name);
+        let allowed = AllowedCollisions::none().and_all(query.object.name);
         let around = PlanningScene {
             world: query.world,
             attached: None,

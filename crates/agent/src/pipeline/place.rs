@@ -2,8 +2,8 @@
 
 use genmanip_core::{Pose, Seed};
 use genmanip_motion::{
-    Allowed, Attached, CollisionWorld, FeasibleGrasp, Path, PlaceGoal, PlaceQuery, PlanError, PlanningScene, Release,
-    commands,
+    AllowedCollisions, Attached, CollisionWorld, FeasibleGrasp, Path, PlaceGoal, PlaceQuery, PlanError, PlanningScene,
+    Release, commands,
 };
 use glam::{DQuat, DVec3};
 
@@ -109,7 +109,7 @@ pub(super) fn drop(agent: &Agent, held: &HeldObject, state: &ArmState, seed: See
     let open = agent.planner.robot().gripper.max_width;
     let mut all = commands::fingers(&state.arm, hold_width(&held.grasp, motion), open, motion.finger_steps);
     let world = world(agent, held);
-    all.extend(home(agent, &world, &state.arm, open, &Allowed::none(), seed));
+    all.extend(home(agent, &world, &state.arm, open, &AllowedCollisions::none(), seed));
     all
 }
 
@@ -134,7 +134,7 @@ fn plan_motions(
     for (index, (point, cell)) in path_cells.iter().enumerate().take(path_cells.len().saturating_sub(1)) {
         let attached = Attached::new(OBJECT, &object.pieces, &tcp_from_object)
             .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let carrying = PlanningScene {
             world: &world,
             attached: Some(&attached),
@@ -207,7 +207,7 @@ fn commands(
     let mut world = world(agent, held);
     // The same pieces were accepted before, so this cannot fail.
     let _ = world.add(OBJECT, &held.subtask.object.pieces, pose);
-    let leaving = Allowed::none().and_gripper(planner.robot(), OBJECT);
+    let leaving = AllowedCollisions::none().and_gripper(planner.robot(), OBJECT);
     all.extend(home(agent, &world, retreat.goal(), open, &leaving, agent.seed.fork("home")));
     all
 }
@@ -218,7 +218,7 @@ fn home(
     world: &CollisionWorld,
     arm: &[f64],
     width_m: f64,
-    allowed: &Allowed,
+    allowed: &AllowedCollisions,
     seed: Seed,
 ) -> Vec<Vec<f32>> {
     let (planner, motion) = (&*agent.planner, &agent.settings.motion);

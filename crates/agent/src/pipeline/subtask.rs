@@ -11,8 +11,8 @@ use super::arm_state::{self, ArmState};
 use super::{Agent, QuestionDraft};
 use crate::ask::{Answer, FailedStage, Marks, PathCell, QuestionImage, QuestionKind};
 use crate::grid::{Cell, Grid};
+use crate::image::{RgbImage, marks};
 use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, targets};
-use crate::picture::{Picture, marks};
 use crate::segmentation::{Mask, SegmentQuestion};
 use crate::settings::PathKind;
 
@@ -132,7 +132,7 @@ fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result
         return Ok(whole.clone());
     }
     let [image, numbered] = marks::crops(&view.picture(), whole, &parts);
-    let shown = |name, picture: Picture| QuestionImage { name, picture: Arc::new(picture) };
+    let shown = |name, picture: RgbImage| QuestionImage { name, picture: Arc::new(picture) };
     let asked = QuestionDraft {
         pictures: vec![shown("crop", image), shown("parts", numbered)],
         marks: Marks::Masks(parts.clone().into()),

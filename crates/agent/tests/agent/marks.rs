@@ -3,21 +3,21 @@
 //! After an intended change, run once with `GENMANIP_UPDATE_GOLDEN=1`, review the images and commit them.
 
 use genmanip_agent::grid::Grid;
-use genmanip_agent::picture::{Picture, marks};
+use genmanip_agent::image::{RgbImage, marks};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 
 /// A white table with single-colour objects: a large one, a thin one, three small ones side by side.
 struct Scene {
-    picture: Picture,
+    picture: RgbImage,
     masks: Vec<Mask>,
     image: RgbdImage,
 }
 
 fn scene(width: u32, height: u32) -> Scene {
     let unit = f64::from(height) / 288.0;
-    let mut picture = Picture::plain(width, height, [236, 232, 226]);
+    let mut picture = RgbImage::plain(width, height, [236, 232, 226]);
     let things: [([f64; 4], [u8; 3]); 6] = [
         ([150.0, 90.0, 240.0, 170.0], [70, 110, 170]),
         ([300.0, 100.0, 380.0, 106.0], [130, 130, 130]),
@@ -42,7 +42,7 @@ fn scene(width: u32, height: u32) -> Scene {
     Scene { picture, masks, image }
 }
 
-fn all(width: u32, height: u32) -> Vec<(&'static str, Picture)> {
+fn all(width: u32, height: u32) -> Vec<(&'static str, RgbImage)> {
     let Scene { picture, masks, image } = scene(width, height);
     let at = |x: f64, y: f64| {
         let unit = f64::from(height) / 288.0;
@@ -105,10 +105,10 @@ fn labels_never_hide_small_things() {
     }
 }
 
-fn decode(path: &std::path::Path) -> Picture {
+fn decode(path: &std::path::Path) -> RgbImage {
     let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut rgb).unwrap();
-    Picture::new(info.width, info.height, rgb).unwrap()
+    RgbImage::new(info.width, info.height, rgb).unwrap()
 }

@@ -6,15 +6,15 @@ use genmanip_agent::ask::{
     Marks, ModelReply, Question, QuestionImage, QuestionKind, RecordedAnswer, RecordedAnswers, RejectedAnswer,
     Rejection, Tolerance,
 };
-use genmanip_agent::picture::Picture;
+use genmanip_agent::image::RgbImage;
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::Document;
 
 use crate::answers;
 
 /// An image of 64 x 36 pixels with a bright square.
-fn picture(left: usize, shade: u8) -> Arc<Picture> {
-    let mut picture = Picture::plain(64, 36, [shade; 3]);
+fn picture(left: usize, shade: u8) -> Arc<RgbImage> {
+    let mut picture = RgbImage::plain(64, 36, [shade; 3]);
     picture.rectangle([left as f64, 10.0], [left as f64 + 12.0, 22.0], [250; 3], 1.0);
     Arc::new(picture)
 }

@@ -136,7 +136,7 @@ impl<'a> Parser<'a> {
             if self.take("+") {
                 let other = self.product()?;
                 value = match (&value, &other) {
-                    (Value::String(a), b) => Value::String(format!("{a}{}", in_words(b))),
+                    (Value::String(a), b) => Value::String(format!("{a}{}", text_of(b))),
                     (a, b) => number(as_number(a)? + as_number(b)?),
                 };
             } else if self.take("-") {
@@ -314,7 +314,7 @@ fn blended(a: &str, b: &str, share: f64) -> Result<String, String> {
 }
 
 /// Formats a value for use in a sentence.
-pub fn in_words(value: &Value) -> String {
+pub fn text_of(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Number(number) => {

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use genmanip_core::Seed;
 use serde_json::{Map, Value};
 
-use super::expression::{Scope, evaluate, in_words, is_true, number};
+use super::expression::{Scope, evaluate, is_true, number, text_of};
 
 /// Maximum nesting depth of shapes.
 const MAX_DEPTH: usize = 24;
@@ -142,7 +142,7 @@ fn sentence(text: &str, scope: &dyn Scope) -> Result<String, String> {
     while let Some((before, after)) = rest.split_once('{') {
         let (expression, after) = after.split_once('}').ok_or_else(|| format!("`{text}`: `{{` without `}}`"))?;
         words += before;
-        words += &in_words(&evaluate(expression, scope)?);
+        words += &text_of(&evaluate(expression, scope)?);
         rest = after;
     }
     Ok(words + rest)

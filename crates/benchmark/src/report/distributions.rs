@@ -7,7 +7,7 @@ use genmanip_core::FailureCause;
 use super::tables::{causes_text, rate_bar, table};
 use super::{ReportInput, words};
 use crate::rows::EpisodeRow;
-use crate::rows::cases::Shows;
+use crate::rows::cases::ExampleOf;
 use crate::rows::totals::{GroupTotal, Histogram, by_group};
 use crate::statistics::{StatisticsSettings, failure_counts};
 use genmanip_viz::markup::escape;
@@ -26,7 +26,7 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
     let has_attempts = input.episodes.iter().any(EpisodeRow::is_attempt);
     let is_meant = |row: &&EpisodeRow| match has_attempts {
         true => row.is_attempt(),
-        false => row.evaluation.as_deref() != input.control.as_deref(),
+        false => row.evaluation.as_deref() != input.baseline.as_deref(),
     };
     let rows: Vec<&EpisodeRow> = input.episodes.iter().filter(is_meant).collect();
     if rows.len() < MIN_EPISODES {
@@ -51,7 +51,7 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
 fn causes(input: &ReportInput, rows: &[&EpisodeRow]) -> String {
     let mut cases: BTreeMap<FailureCause, Vec<String>> = BTreeMap::new();
     for (index, section) in input.cases.iter().enumerate() {
-        if let Some(Shows::Failure(cause)) = section.why.as_ref().map(|why| why.shows) {
+        if let Some(ExampleOf::Failure(cause)) = section.why.as_ref().map(|why| why.shows) {
             let number = index + 1;
             let known = cases.entry(cause).or_default();
             known.push(format!("<a href=\"#task-{number}\">{}</a>", known.len() + 1));

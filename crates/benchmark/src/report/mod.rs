@@ -11,7 +11,7 @@ use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
 
 pub use page::{EpisodePage, episode_page};
 
-use crate::rows::cases::{Shows, Why};
+use crate::rows::cases::{ExampleOf, ExampleRole};
 use crate::rows::{EpisodeRow, TaskRow};
 use crate::statistics::{PairedComparison, StatisticsSettings, SuiteSummary};
 use genmanip_viz::drawing::Svg;
@@ -33,7 +33,7 @@ pub struct ReportInput {
     /// One evaluation per policy.
     pub summaries: Vec<SuiteSummary>,
     /// Name of the baseline policy, which must never succeed, if one was run.
-    pub control: Option<String>,
+    pub baseline: Option<String>,
     /// Paired comparisons of policies.
     pub comparisons: Vec<PairedComparison>,
     /// Wall-clock times, possibly empty.
@@ -67,7 +67,7 @@ pub struct TaskSection {
     /// The task.
     pub task: Task,
     /// Role of the case as an example; `None` if all tasks are shown.
-    pub why: Option<Why>,
+    pub why: Option<ExampleRole>,
     /// Index of the shown episode among those of the page.
     pub episode: Option<usize>,
     /// Scenario of the shown episode.
@@ -81,7 +81,7 @@ pub struct TaskSection {
     /// Last image of the shown episode, JPEG.
     pub last_image: Option<Vec<u8>>,
     /// Images in between.
-    pub film: Vec<FilmFrame>,
+    pub film: Vec<EpisodeImage>,
     /// The shown episode, usually of the expert.
     pub shown: Option<EpisodeResult>,
     /// Every attempt to collect a demonstration, including failed ones.
@@ -92,7 +92,7 @@ pub struct TaskSection {
 
 /// An image of an episode.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FilmFrame {
+pub struct EpisodeImage {
     /// Time since the start of the episode.
     pub time_s: f64,
     /// JPEG.
@@ -188,7 +188,7 @@ fn page(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> Stri
         .cases
         .iter()
         .enumerate()
-        .map(|(index, section)| task::section(index, section, input.control.as_deref(), plan))
+        .map(|(index, section)| task::section(index, section, input.baseline.as_deref(), plan))
         .collect();
     format!(
         concat!(
@@ -218,7 +218,7 @@ fn image_bytes(input: &ReportInput, plan: ImagePlan) -> usize {
 }
 
 impl ImagePlan {
-    fn film<'a>(&self, section: &'a TaskSection) -> impl Iterator<Item = &'a FilmFrame> {
+    fn film<'a>(&self, section: &'a TaskSection) -> impl Iterator<Item = &'a EpisodeImage> {
         let shown = if self.film_step.is_some() { usize::MAX } else { 0 };
         section.film.iter().step_by(self.film_step.unwrap_or(1)).take(shown)
     }
@@ -251,9 +251,9 @@ fn words(name: &str) -> String {
 }
 
 /// Caption of a case.
-fn shows(shows: Shows) -> String {
+fn shows(shows: ExampleOf) -> String {
     match shows {
-        Shows::Failure(cause) => format!("failure: {}", words(cause.name())),
-        Shows::Success(kind) => format!("success: {}", words(kind.name())),
+        ExampleOf::Failure(cause) => format!("failure: {}", words(cause.name())),
+        ExampleOf::Success(kind) => format!("success: {}", words(kind.name())),
     }
 }

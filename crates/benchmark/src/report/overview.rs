@@ -9,7 +9,7 @@ use super::tables::{causes_text, mean_text, rate_bar, seconds_text, table};
 use super::{ImagePlan, ReportInput, ReportSettings, TaskSection, chip, distributions, episodes, image, shows, words};
 use crate::rows::EpisodeRow;
 use crate::rows::totals::GroupTotal;
-use crate::statistics::{LEAST_SCENARIOS, PairedComparison, Rate, StatisticsSettings, SuiteSummary};
+use crate::statistics::{MIN_SCENARIOS, PairedComparison, Rate, StatisticsSettings, SuiteSummary};
 use genmanip_viz::markup::escape;
 
 pub(super) fn overview(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
@@ -65,8 +65,8 @@ fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         tiles.push(tile("Verified demonstrations", &figure, "attempts, all counted"));
     }
     for summary in input.summaries.iter().take(4) {
-        let control = input.control.as_deref() == Some(&summary.policy);
-        let remark = match (control, summary.oracle) {
+        let baseline = input.baseline.as_deref() == Some(&summary.policy);
+        let remark = match (baseline, summary.oracle) {
             (true, _) => "baseline, must be 0",
             (false, true) => "success at the end · oracle",
             (false, false) => "success at the end",
@@ -92,8 +92,8 @@ const NAMED_TASKS: usize = 12;
 /// Warnings.
 fn warnings(input: &ReportInput) -> String {
     let mut warnings = Vec::new();
-    let control = input.summaries.iter().find(|summary| input.control.as_deref() == Some(&summary.policy));
-    if let Some(summary) = control.filter(|summary| summary.success.successes > 0) {
+    let baseline = input.summaries.iter().find(|summary| input.baseline.as_deref() == Some(&summary.policy));
+    if let Some(summary) = baseline.filter(|summary| summary.success.successes > 0) {
         warnings.push(format!(
             "The baseline policy {} succeeded in {}: a goal holds without any action.",
             summary.policy,
@@ -117,7 +117,7 @@ fn warnings(input: &ReportInput) -> String {
 }
 
 fn policies(input: &ReportInput) -> String {
-    let (summaries, control) = (&input.summaries, input.control.as_deref());
+    let (summaries, baseline) = (&input.summaries, input.baseline.as_deref());
     if summaries.is_empty() {
         let has_evaluated = input.episodes.iter().any(|row| !row.is_attempt());
         return if has_evaluated { "" } else { "<p class=\"muted\">No policy was evaluated.</p>\n" }.into();
@@ -130,7 +130,7 @@ fn policies(input: &ReportInput) -> String {
             if summary.oracle {
                 name += &chip("warn", "oracle");
             }
-            if control == Some(&summary.policy) {
+            if baseline == Some(&summary.policy) {
                 name += &chip("plain", "baseline");
             }
             let mut cells = vec![
@@ -195,7 +195,7 @@ fn policies(input: &ReportInput) -> String {
 
 /// Success by scenario trait; values of few scenarios are omitted.
 fn traits(summaries: &[SuiteSummary], headings: &[&str]) -> String {
-    let said = || summaries.iter().flat_map(|summary| &summary.traits).filter(|it| it.scenarios >= LEAST_SCENARIOS);
+    let said = || summaries.iter().flat_map(|summary| &summary.traits).filter(|it| it.scenarios >= MIN_SCENARIOS);
     let groups: BTreeSet<(&str, &str)> = said().map(|it| (it.name.as_str(), it.value.as_str())).collect();
     if groups.is_empty() {
         return String::new();
@@ -300,7 +300,7 @@ fn index(input: &ReportInput, plan: ImagePlan) -> String {
 /// Caption of the section's case, and its rank among similar cases.
 pub(super) fn why_chips(section: &TaskSection) -> Option<String> {
     let why = section.why.as_ref()?;
-    let class = if matches!(why.shows, crate::rows::cases::Shows::Failure(_)) { "bad" } else { "good" };
+    let class = if matches!(why.shows, crate::rows::cases::ExampleOf::Failure(_)) { "bad" } else { "good" };
     Some(chip(class, &shows(why.shows)) + &chip("plain", &format!("{} of {}", why.place, why.of)))
 }
 

@@ -13,7 +13,7 @@ use crate::statistics::failure_counts;
 use genmanip_viz::drawing::letter;
 use genmanip_viz::markup::escape;
 
-pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>, plan: ImagePlan) -> String {
+pub(super) fn section(index: usize, section: &TaskSection, baseline: Option<&str>, plan: ImagePlan) -> String {
     let task = &section.task;
     let mut html = format!(
         concat!(
@@ -52,7 +52,7 @@ pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>
     }
     html += "<div class=\"two\">\n";
     html += &attempts(section);
-    html += &results(&section.results, control);
+    html += &results(&section.results, baseline);
     html + "</div>\n</article>\n"
 }
 
@@ -196,7 +196,7 @@ fn attempts(section: &TaskSection) -> String {
 const SHOWN_REASONS: usize = 2;
 
 /// One row per policy, with the causes of its failures.
-fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
+fn results(results: &[EpisodeResult], baseline: Option<&str>) -> String {
     let mut policies: Vec<&str> = Vec::new();
     for result in results {
         if !policies.contains(&result.policy.as_str()) {
@@ -208,7 +208,7 @@ fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
         .map(|policy| {
             let own: Vec<&EpisodeResult> = results.iter().filter(|result| result.policy == policy).collect();
             let successes = own.iter().filter(|result| result.success).count();
-            let class = match (control == Some(policy), successes) {
+            let class = match (baseline == Some(policy), successes) {
                 (true, 0) => "plain",
                 (true, _) | (false, 0) => "bad",
                 (false, all) if all == own.len() => "good",

@@ -16,14 +16,14 @@ pub struct Case {
     /// Index of the episode; `None` if none of the task can be shown.
     pub episode: Option<usize>,
     /// Reason of the selection; `None` if all tasks are shown.
-    pub why: Option<Why>,
+    pub why: Option<ExampleRole>,
 }
 
 /// Role of a case as an example.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Why {
+pub struct ExampleRole {
     /// The property shown.
-    pub shows: Shows,
+    pub shows: ExampleOf,
     /// Rank among the episodes with the same property; 1 is the most instructive.
     pub place: usize,
     /// Number of these episodes.
@@ -33,7 +33,7 @@ pub struct Why {
 /// Property shown by a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Shows {
+pub enum ExampleOf {
     /// A failure of this cause.
     Failure(FailureCause),
     /// A success at a task of this kind.
@@ -41,7 +41,7 @@ pub enum Shows {
 }
 
 /// Maximum number of cases of a page: 48 render in about 12 s on one core and take 6 MB.
-pub const MOST_CASES: usize = 48;
+pub const MAX_CASES: usize = 48;
 
 /// Rule of [`choose`] for larger runs, as shown on the page.
 pub const RULE: &str = "every cause of failure, then successes of every kind of task. Among the episodes of a cause \
@@ -53,19 +53,19 @@ pub const RULE: &str = "every cause of failure, then successes of every kind of 
 /// At most `most` tasks: all of them, in order, each with its first success that can be shown, else its first episode
 /// that can; collected attempts come before evaluated episodes, of which failures come before successes.
 ///
-/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `control` policy are not selected.
+/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `baseline` policy are not selected.
 /// Every cause and every kind has at least one case, even if `most` is smaller.
-pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, most: usize) -> Vec<Case> {
+pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], baseline: Option<&str>, most: usize) -> Vec<Case> {
     if tasks.len() <= most {
         let best = best_of_each_task(tasks.len(), rows);
         return (0..tasks.len()).map(|task| Case { task, episode: best[task], why: None }).collect();
     }
-    let mut groups: BTreeMap<Shows, Vec<usize>> = BTreeMap::new();
-    let is_control = |row: &EpisodeRow| row.evaluation.is_some() && row.evaluation.as_deref() == control;
+    let mut groups: BTreeMap<ExampleOf, Vec<usize>> = BTreeMap::new();
+    let is_control = |row: &EpisodeRow| row.evaluation.is_some() && row.evaluation.as_deref() == baseline;
     for (index, row) in rows.iter().enumerate().filter(|(_, row)| !is_control(row)) {
         match (row.outcome.success, row.outcome.cause, tasks.get(row.task)) {
-            (true, _, Some(task)) => groups.entry(Shows::Success(task.kind)).or_default().push(index),
-            (false, Some(cause), Some(_)) => groups.entry(Shows::Failure(cause)).or_default().push(index),
+            (true, _, Some(task)) => groups.entry(ExampleOf::Success(task.kind)).or_default().push(index),
+            (false, Some(cause), Some(_)) => groups.entry(ExampleOf::Failure(cause)).or_default().push(index),
             _ => {}
         }
     }
@@ -95,7 +95,7 @@ fn best_of_each_task(tasks: usize, rows: &[EpisodeRow]) -> Vec<Option<usize>> {
 
 /// Episodes with the same property.
 struct Group {
-    shows: Shows,
+    shows: ExampleOf,
     /// Indices of rows, most instructive first.
     members: Vec<usize>,
     /// Selected ones, as positions in `members`.
@@ -103,7 +103,7 @@ struct Group {
 }
 
 impl Group {
-    fn new(shows: Shows, mut members: Vec<usize>, rows: &[EpisodeRow]) -> Self {
+    fn new(shows: ExampleOf, mut members: Vec<usize>, rows: &[EpisodeRow]) -> Self {
         members.sort_by(|&a, &b| {
             let (a, b) = (&rows[a], &rows[b]);
             (b.recorded.cmp(&a.recorded))
@@ -116,7 +116,7 @@ impl Group {
     }
 
     fn is_success(&self) -> bool {
-        matches!(self.shows, Shows::Success(_))
+        matches!(self.shows, ExampleOf::Success(_))
     }
 
     /// Selects its next member of a task not yet selected; its first may be of any task.
@@ -137,7 +137,7 @@ impl Group {
         chosen.into_iter().map(move |place| Case {
             task: rows[members[place]].task,
             episode: Some(members[place]),
-            why: Some(Why { shows, place: place + 1, of: members.len() }),
+            why: Some(ExampleRole { shows, place: place + 1, of: members.len() }),
         })
     }
 }
@@ -211,14 +211,15 @@ mod tests {
         rows[8] = row(8, 8, Some(FailureCause::Planning), false, 0.0);
         let cases = choose(&tasks(1000), &rows, None, 12);
         assert_eq!(cases.len(), 12);
-        let of =
-            |shows: Shows| cases.iter().filter(|case| case.why.as_ref().unwrap().shows == shows).collect::<Vec<_>>();
-        let slipped = of(Shows::Failure(FailureCause::Slipped));
-        assert_eq!((slipped.len(), of(Shows::Failure(FailureCause::Planning)).len()), (7, 1));
+        let of = |shows: ExampleOf| {
+            cases.iter().filter(|case| case.why.as_ref().unwrap().shows == shows).collect::<Vec<_>>()
+        };
+        let slipped = of(ExampleOf::Failure(FailureCause::Slipped));
+        assert_eq!((slipped.len(), of(ExampleOf::Failure(FailureCause::Planning)).len()), (7, 1));
         // The one with a film strip that came closest, of all that slipped.
         assert_eq!((slipped[0].episode, slipped[0].why.as_ref().unwrap().of), (Some(994), 143));
         for kind in &TaskKind::ALL[..3] {
-            assert!(!of(Shows::Success(*kind)).is_empty(), "{kind:?}");
+            assert!(!of(ExampleOf::Success(*kind)).is_empty(), "{kind:?}");
         }
         let tasks_shown: BTreeSet<usize> = cases.iter().map(|case| case.task).collect();
         assert_eq!(tasks_shown.len(), 12, "each of another task");

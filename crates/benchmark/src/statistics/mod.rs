@@ -14,7 +14,7 @@ pub use paired::{PairedComparison, compare, mcnemar_exact, paired_difference, pe
 pub use power::{detectable_difference, power};
 pub use sequential::{Sequential, sequential};
 pub use summary::{FailureCount, KindSummary, StatisticsError, SuiteSummary, failure_counts, spl, summarise};
-pub use traits::{LEAST_SCENARIOS, TraitSummary, Traits, by_trait};
+pub use traits::{MIN_SCENARIOS, TraitSummary, Traits, by_trait};
 
 use genmanip_core::Seed;
 use schemars::JsonSchema;

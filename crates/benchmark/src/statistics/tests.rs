@@ -105,7 +105,7 @@ fn a_summary_counts_per_policy_and_kind_in_any_order() {
     let paths = (0..6).map(|index| (format!("s{index}"), 1.5)).collect();
     let summaries = summarise(&results, &kinds(), &paths, &settings).unwrap();
 
-    let [expert, control] = &summaries[..] else { panic!("{summaries:?}") };
+    let [expert, baseline] = &summaries[..] else { panic!("{summaries:?}") };
     assert_eq!((expert.success.successes, expert.success.trials, expert.oracle), (5, 6, true));
     assert_eq!((expert.success_once.successes, expert.collisions.successes), (6, 1));
     assert!((expert.score.value - 5.5 / 6.0).abs() < 1e-12);
@@ -116,7 +116,7 @@ fn a_summary_counts_per_policy_and_kind_in_any_order() {
     );
     assert_eq!(expert.kinds[1].success.successes, 2);
     assert_eq!(expert.failures, [FailureCount { cause: FailureCause::Slipped, count: 1 }]);
-    assert_eq!((control.success.value, control.oracle), (0.0, false));
+    assert_eq!((baseline.success.value, baseline.oracle), (0.0, false));
 
     let mut shuffled: Vec<EpisodeResult> = results[..6].iter().rev().cloned().collect();
     shuffled.extend(results[6..].iter().rev().cloned());

@@ -13,7 +13,7 @@ use super::interval::Rate;
 pub type Traits = BTreeMap<String, BTreeMap<String, Vec<String>>>;
 
 /// Minimum number of scenarios of a trait value in tables; chosen, since rates of fewer are uninformative.
-pub const LEAST_SCENARIOS: usize = 4;
+pub const MIN_SCENARIOS: usize = 4;
 
 /// Success of one policy on the scenarios with one trait value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -16,7 +16,7 @@ use genmanip_core::{AssetHashes, AssetRef, Document, ObjectCard, ObjectModel, li
 use genmanip_workspace::documents;
 
 /// Maximum size of an unpacked object; chosen, a hundred times the usual one.
-const MOST_BYTES: u64 = 4 << 20;
+const MAX_BYTES: u64 = 4 << 20;
 
 /// Objects that are read on first use. Only those of the suite are known.
 pub struct SuiteAssets {
@@ -52,10 +52,10 @@ impl SuiteAssets {
             ));
         }
         let mut text = String::new();
-        let unpacked = GzDecoder::new(bytes.as_slice()).take(MOST_BYTES + 1).read_to_string(&mut text);
+        let unpacked = GzDecoder::new(bytes.as_slice()).take(MAX_BYTES + 1).read_to_string(&mut text);
         unpacked.map_err(|error| format!("assets/{name}: {error}"))?;
-        if text.len() as u64 > MOST_BYTES {
-            return Err(format!("assets/{name}: expected at most {MOST_BYTES} bytes, unpacked"));
+        if text.len() as u64 > MAX_BYTES {
+            return Err(format!("assets/{name}: expected at most {MAX_BYTES} bytes, unpacked"));
         }
         let frozen = FrozenAsset::from_json(&text).map_err(|error| format!("assets/{name}: {error}"))?;
         match frozen.asset == file.asset {

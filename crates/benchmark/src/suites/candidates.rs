@@ -32,7 +32,7 @@ const PASSED_OVER: usize = 10;
 const PASSED_OVER_OF_STEPS: usize = 2;
 
 /// Request for the tasks of a suite.
-pub struct Wanted<'a> {
+pub struct CandidateRequest<'a> {
     /// Number of tasks per kind.
     pub of_each_kind: usize,
     /// Tasks used before designed ones.
@@ -58,7 +58,7 @@ struct Lot {
 }
 
 /// Tasks of each kind that need the property of their kind; `None` if interrupted.
-pub fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, BuildStep)> {
+pub fn design(wanted: &CandidateRequest, progress: &dyn Progress, stop: &AtomicBool) -> Option<(Vec<Task>, BuildStep)> {
     let mut stage = BuildStep::new("say what their kind is about, and need it");
     progress.begin("designing", wanted.of_each_kind * KINDS.len());
     for task in wanted.recorded.iter().filter(|task| !KINDS.contains(&task.kind)) {
@@ -224,7 +224,7 @@ fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &Ato
 #[derive(Clone, Default)]
 struct Chosen {
     tasks: Vec<Task>,
-    /// Wanted number.
+    /// Requested number.
     wanted: usize,
     /// Number of uses of each need.
     needs: BTreeMap<String, usize>,

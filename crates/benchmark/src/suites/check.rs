@@ -18,17 +18,17 @@ use serde::Serialize;
 use super::pictures::draw;
 use super::{SuiteAssets, open, scenario_file};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::worlds;
 
 /// Maximum number of differing places named per object.
-const MOST_PLACES: usize = 3;
+const MAX_PLACES: usize = 3;
 
 /// Findings.
 #[derive(Clone, Debug, Serialize)]
-pub struct Checked {
+pub struct SuiteCheck {
     /// Name of the suite.
     pub name: String,
     /// Number of scenarios read.
@@ -54,7 +54,7 @@ pub fn check(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<Checked>, RunError> {
+) -> Result<Option<SuiteCheck>, WorkspaceError> {
     let suite = open(folder)?;
     let mut notes = Vec::new();
     let mut faults =
@@ -127,7 +127,7 @@ pub fn check(
     notes.extend(differences.notes);
     let name = suite.name;
     // An interrupted check does not prove integrity.
-    let checked = Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults };
+    let checked = SuiteCheck { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults };
     Ok((!stop.load(Ordering::Relaxed)).then_some(checked))
 }
 
@@ -148,7 +148,7 @@ fn differences(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Differences, RunError> {
+) -> Result<Differences, WorkspaceError> {
     let mut found = Differences::default();
     for file in &suite.assets {
         let frozen = match SuiteAssets::read(folder, file) {
@@ -168,7 +168,7 @@ fn differences(
                 {
                     today.looks_hash.clone_from(&frozen.looks_hash);
                 }
-                let places = frozen.differences(&today, MOST_PLACES);
+                let places = frozen.differences(&today, MAX_PLACES);
                 if !places.is_empty() {
                     found.notes.push(format!("assets/{}: the catalogue has another {}", file.file, places.join(", ")));
                 }
@@ -202,10 +202,10 @@ fn template_share(scenarios: &[Scenario]) -> f64 {
 }
 
 /// Files in a folder of the suite that it does not list.
-fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, RunError> {
+fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, WorkspaceError> {
     let path = folder.join(inside);
     let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
-    let entries = entries.map_err(|error| RunError::file("list", &path, error))?;
+    let entries = entries.map_err(|error| WorkspaceError::file("list", &path, error))?;
     let mut faults = Vec::new();
     for entry in entries {
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -218,7 +218,7 @@ fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<V
 }
 
 /// Text summary.
-pub fn in_words(checked: &Checked) -> String {
+pub fn describe(checked: &SuiteCheck) -> String {
     let mut text = format!(
         "{}: {} scenarios, worst marginal {:.0} % of its share, most frequent sentence {:.1} %\n",
         checked.name,

@@ -7,7 +7,7 @@ use crate::suite_format::{FrozenFile, SuiteEntry};
 use serde::Serialize;
 
 use super::open;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Difference of two suites.
 #[derive(Clone, Debug, Serialize)]
@@ -28,7 +28,7 @@ pub struct Difference {
 ///
 /// # Errors
 /// If one cannot be read.
-pub fn diff(first: &Path, second: &Path) -> Result<Difference, RunError> {
+pub fn diff(first: &Path, second: &Path) -> Result<Difference, WorkspaceError> {
     let (first, second) = (open(first)?, open(second)?);
     let by_id = |entries: &[SuiteEntry]| -> BTreeMap<String, SuiteEntry> {
         entries.iter().map(|entry| (entry.id.clone(), entry.clone())).collect()
@@ -67,7 +67,7 @@ fn changes(ours: &SuiteEntry, theirs: &SuiteEntry) -> Vec<String> {
 }
 
 /// Text summary.
-pub fn in_words(difference: &Difference) -> String {
+pub fn describe(difference: &Difference) -> String {
     let mut text = match difference.same_scenarios {
         true => "the scenarios are the same: results can be compared\n".to_owned(),
         false => "the scenarios differ: results cannot be compared\n".to_owned(),

@@ -11,7 +11,7 @@ use super::assets::{SuiteAssets, distinct, path, to_bytes};
 use super::pictures::draw;
 use super::{open, scenario_file};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 
@@ -27,24 +27,24 @@ pub fn freeze(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<SuiteFile>, RunError> {
+) -> Result<Option<SuiteFile>, WorkspaceError> {
     let mut suite = open(folder)?;
     if !suite.assets.is_empty() {
-        return Err(RunError::input(format!("{} holds its objects and pictures already", folder.display()))
+        return Err(WorkspaceError::input(format!("{} holds its objects and pictures already", folder.display()))
             .with_hint("a suite is frozen once; `genmanip suite check` says whether it still is what it was"));
     }
     let Some(checked) = super::check(folder, workers, progress, stop)? else { return Ok(None) };
     if let Some(fault) = checked.faults.first() {
-        return Err(RunError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
+        return Err(WorkspaceError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
     }
     let scenarios = scenarios_of(folder, &suite)?;
     let catalogue = Catalogue::builtin();
-    let cannot = |error| RunError::broken("an object cannot be frozen", error);
+    let cannot = |error| WorkspaceError::broken("an object cannot be frozen", error);
     let placed = scenarios.iter().flat_map(|scenario| &scenario.objects).map(|object| &object.asset);
     let uid = |asset: &_| catalogue.model(asset).map(|model| model.card.uid.clone());
     for (file, asset) in distinct(placed, uid).map_err(cannot)? {
         let bytes = to_bytes(&FrozenAsset::of(&asset, catalogue).map_err(cannot)?)
-            .map_err(|error| RunError::broken("an object cannot be packed", error))?;
+            .map_err(|error| WorkspaceError::broken("an object cannot be packed", error))?;
         let frozen = FrozenFile { asset, file, sha256: sha256(&bytes) };
         documents::write_file(&path(folder, &frozen), &bytes)?;
         suite.assets.push(frozen);
@@ -61,17 +61,17 @@ pub fn freeze_images(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<SuiteFile>, RunError> {
+) -> Result<Option<SuiteFile>, WorkspaceError> {
     let suite = open(folder)?;
     if suite.assets.is_empty() {
-        return Err(RunError::input(format!("{} is not frozen", folder.display()))
+        return Err(WorkspaceError::input(format!("{} is not frozen", folder.display()))
             .with_hint("freeze it without --images, which stores its objects too"));
     }
     let scenarios = scenarios_of(folder, &suite)?;
     hash_images(folder, suite, &scenarios, workers, progress, stop)
 }
 
-fn scenarios_of(folder: &Path, suite: &SuiteFile) -> Result<Vec<Scenario>, RunError> {
+fn scenarios_of(folder: &Path, suite: &SuiteFile) -> Result<Vec<Scenario>, WorkspaceError> {
     let read = |entry: &SuiteEntry| scenarios::read_scenario(&scenario_file(folder, &entry.id));
     suite.scenarios.iter().map(read).collect()
 }
@@ -84,7 +84,7 @@ fn hash_images(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<SuiteFile>, RunError> {
+) -> Result<Option<SuiteFile>, WorkspaceError> {
     let Some(source) = SuiteAssets::of(folder, &suite) else { return Ok(Some(suite)) };
     let Some(images) = draw(scenarios, &source, workers, progress, stop)? else { return Ok(None) };
     for (entry, images) in suite.scenarios.iter_mut().zip(images) {

@@ -9,11 +9,11 @@ use crate::suite_hash;
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 
 use super::scenario_file;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Content of `suite.json` apart from its scenarios.
-pub struct Head {
+pub struct SuiteHeader {
     /// Name of the suite.
     pub name: String,
     /// Seed it was built from.
@@ -30,10 +30,10 @@ pub struct Head {
 ///
 /// # Errors
 /// If `suite.json` exists.
-pub fn refuse_another(folder: &Path) -> Result<(), RunError> {
+pub fn refuse_another(folder: &Path) -> Result<(), WorkspaceError> {
     let file = folder.join("suite.json");
     match file.exists() {
-        true => Err(RunError::input(format!("{} exists", file.display()))
+        true => Err(WorkspaceError::input(format!("{} exists", file.display()))
             .with_hint("a suite is frozen: choose another --out folder")),
         false => Ok(()),
     }
@@ -64,7 +64,7 @@ pub fn certificate(trials: &[EpisodeResult]) -> Certificate {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(folder: &Path, head: Head, kept: Vec<(Scenario, SuiteEntry)>) -> Result<SuiteFile, RunError> {
+pub fn write(folder: &Path, head: SuiteHeader, kept: Vec<(Scenario, SuiteEntry)>) -> Result<SuiteFile, WorkspaceError> {
     let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
     for scenario in &scenarios {
         documents::write_file(&scenario_file(folder, &scenario.id), scenario.to_json().as_bytes())?;
@@ -83,6 +83,6 @@ pub fn write(folder: &Path, head: Head, kept: Vec<(Scenario, SuiteEntry)>) -> Re
     };
     documents::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     let work = folder.join("work");
-    fs::remove_dir_all(&work).map_err(|error| RunError::file("write", &work, error))?;
+    fs::remove_dir_all(&work).map_err(|error| WorkspaceError::file("write", &work, error))?;
     Ok(suite)
 }

@@ -10,8 +10,8 @@ use genmanip_rollout::collect::in_parallel;
 use super::assets::SuiteAssets;
 use genmanip_viz::views;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
-use genmanip_workspace::worlds::Setting;
+use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::worlds::CameraFile;
 
 /// SHA-256 of each camera's colour image at the start of a scenario, by camera name.
 pub(super) type Pictures = BTreeMap<String, String>;
@@ -23,11 +23,11 @@ pub(super) fn draw(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<Vec<Pictures>>, RunError> {
+) -> Result<Option<Vec<Pictures>>, WorkspaceError> {
     progress.begin("drawing", scenarios.len());
-    let one = |scenario: &Scenario| -> Result<Pictures, RunError> {
+    let one = |scenario: &Scenario| -> Result<Pictures, WorkspaceError> {
         let cameras = &scenario.world.cameras;
-        let drawn = views::draw(&Setting::Scenario(Box::new(scenario.clone())), cameras, source)?;
+        let drawn = views::draw(&CameraFile::Scenario(Box::new(scenario.clone())), cameras, source)?;
         progress.advance();
         Ok(cameras.iter().zip(drawn).map(|(camera, picture)| (camera.name.clone(), sha256(&picture.rgb))).collect())
     };

@@ -6,14 +6,14 @@ use crate::suite_format::{Review, ReviewFile, ReviewVerdict};
 use genmanip_core::{Document, limits};
 
 use super::open;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Reviews of a suite so far; empty without a file.
 ///
 /// # Errors
 /// If the file is damaged.
-pub fn reviews(folder: &Path) -> Result<ReviewFile, RunError> {
+pub fn reviews(folder: &Path) -> Result<ReviewFile, WorkspaceError> {
     let path = folder.join("review.json");
     if path.exists() { documents::read_document(&path, limits::SUITE) } else { Ok(ReviewFile::default()) }
 }
@@ -28,10 +28,10 @@ pub fn review(
     reviewer: &str,
     verdict: ReviewVerdict,
     note: &str,
-) -> Result<ReviewFile, RunError> {
+) -> Result<ReviewFile, WorkspaceError> {
     let suite = open(folder)?;
     let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario) else {
-        return Err(RunError::input(format!("suite {} has no scenario `{scenario}`", suite.name))
+        return Err(WorkspaceError::input(format!("suite {} has no scenario `{scenario}`", suite.name))
             .with_hint(format!("`genmanip suite show {} --json` lists them", folder.display())));
     };
     let mut file = reviews(folder)?;
@@ -47,7 +47,7 @@ pub fn review(
 }
 
 /// Counts by verdict as text.
-pub fn in_words(file: &ReviewFile) -> String {
+pub fn describe(file: &ReviewFile) -> String {
     let count = |verdict: ReviewVerdict| format!("{} {}", file.count(verdict), verdict.name());
     format!("{} reviews: {}\n", file.reviews.len(), ReviewVerdict::ALL.map(count).join(", "))
 }

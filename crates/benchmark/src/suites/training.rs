@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{KINDS, open, scenario_file};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::designed_tasks;
 
 /// Maximum number of designs of a kind per wanted task.
@@ -63,12 +63,14 @@ impl Document for Training {
 ///
 /// # Errors
 /// If there is no suite, a kind has too few such tasks, the folder holds others, or a file cannot be written.
-pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Training, RunError> {
+pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Training, WorkspaceError> {
     let file = options.out.join("training.json");
     let tasks = options.out.join("tasks");
     // Tasks without that file are from an interrupted call, perhaps with another seed.
     if let Some(there) = [&file, &tasks].into_iter().find(|path| path.exists()) {
-        return Err(RunError::input(format!("{} exists", there.display())).with_hint("choose another --out folder"));
+        return Err(
+            WorkspaceError::input(format!("{} exists", there.display())).with_hint("choose another --out folder")
+        );
     }
     let suite = open(&options.suite)?;
     let tested = Tested::of(&scenarios(&options.suite)?);
@@ -81,7 +83,7 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
     for kind in KINDS {
         let kinds = [kind];
         let mut series = Series::new(&kinds, &cards, options.seed.fork("training"), &settings, false)
-            .map_err(|error| RunError::broken("the designer gave up", error))?;
+            .map_err(|error| WorkspaceError::broken("the designer gave up", error))?;
         let mut made = 0;
         for _ in 0..options.per_kind * DESIGNS_PER_TASK {
             if made == options.per_kind {
@@ -102,7 +104,7 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
         }
         if made < options.per_kind {
             let what = format!("{made} of {} tasks of kind {} could be designed", options.per_kind, kind.name());
-            return Err(RunError::input(what).with_hint("ask for fewer tasks, and collect more episodes of each"));
+            return Err(WorkspaceError::input(what).with_hint("ask for fewer tasks, and collect more episodes of each"));
         }
     }
     progress.end();
@@ -123,13 +125,13 @@ pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Tr
 ///
 /// # Errors
 /// If there is no suite, or a task cannot be read.
-pub fn shared(suite: &Path, tasks: &[PathBuf]) -> Result<Vec<String>, RunError> {
+pub fn shared(suite: &Path, tasks: &[PathBuf]) -> Result<Vec<String>, WorkspaceError> {
     let tested = Tested::of(&scenarios(suite)?);
     let tasks = task_files::read_tasks(tasks)?;
     Ok(tasks.iter().filter_map(|task| Some(format!("task {}: {}", task.id, tested.shared(task)?))).collect())
 }
 
-fn scenarios(folder: &Path) -> Result<Vec<Scenario>, RunError> {
+fn scenarios(folder: &Path) -> Result<Vec<Scenario>, WorkspaceError> {
     let entries = open(folder)?.scenarios;
     entries.iter().map(|entry| scenarios::read_scenario(&scenario_file(folder, &entry.id))).collect()
 }

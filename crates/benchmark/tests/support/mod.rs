@@ -46,7 +46,7 @@ fn positions(task: &Task) -> Vec<[f64; 2]> {
     at.into_iter().map(|at| at.unwrap_or([0.7, 0.3])).collect()
 }
 
-pub fn layout_picture(task: &Task) -> LayoutPicture {
+pub fn top_view(task: &Task) -> TopView {
     let footprint = |(number, (card, at)): (usize, (&std::sync::Arc<ObjectCard>, [f64; 2]))| {
         let (half_x, half_y) = (card.size_m.x / 2.0, card.size_m.y / 2.0);
         let round = ["round", "cylinder", "sphere", "hemisphere"].iter().any(|word| card.shape.contains(word));
@@ -65,7 +65,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
             polygons: vec![outline.collect()],
         }
     };
-    LayoutPicture {
+    TopView {
         workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
         footprints: task.objects.iter().zip(positions(task)).enumerate().map(footprint).collect(),
         edges: task
@@ -223,11 +223,11 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
             episode: Some(16 * index),
             scenario: None,
             graph: graph_svg(&task),
-            layout: Some(layout_svg(&layout_picture(&task))),
+            layout: Some(layout_svg(&top_view(&task))),
             first_image: Some(jpeg(&task, 0.0, 512, 288)),
             last_image: Some(jpeg(&task, 1.0, 512, 288)),
             film: (0..20)
-                .map(|frame| FilmFrame {
+                .map(|frame| EpisodeImage {
                     time_s: f64::from(frame) * 0.5,
                     jpeg: jpeg(&task, f64::from(frame) / 19.0, 256, 144),
                 })
@@ -253,7 +253,7 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
         ],
         versions: vec![("physics".into(), "mujoco 3.17.0, step 1/480 s".into()), ("suite".into(), "demo, 3fa81c20b7e4".into())],
         summaries: summarise(&all, &kinds, &reference, &settings).unwrap(),
-        control: Some("do_nothing".into()),
+        baseline: Some("do_nothing".into()),
         comparisons: vec![compare(&of("expert"), &of("do_nothing"), &settings).unwrap()],
         timings: vec![
             Timing { phase: "layouts".into(), seconds: 4.31 },

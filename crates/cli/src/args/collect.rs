@@ -4,8 +4,8 @@ use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_viz::render::Vary;
-use genmanip_workspace::shard::Choice;
+use genmanip_viz::render::AppearanceFactor;
+use genmanip_workspace::shard::ShardChoice;
 
 use super::parse_rate;
 
@@ -13,7 +13,7 @@ use super::parse_rate;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Part of the appearance.
-    Look(Vary),
+    Appearance(AppearanceFactor),
     /// Friction, mass, bouncing.
     Physics,
 }
@@ -26,7 +26,7 @@ fn parse_part(text: &str) -> Result<Part, String> {
     if text == PHYSICS {
         return Ok(Part::Physics);
     }
-    super::render::parse_vary(text).map(Part::Look).map_err(|expected| format!("{expected}, {PHYSICS}"))
+    super::render::parse_vary(text).map(Part::Appearance).map_err(|expected| format!("{expected}, {PHYSICS}"))
 }
 
 /// Arguments of `collect`.
@@ -101,7 +101,7 @@ pub struct CollectArguments {
     /// Only the I-th of N parts, counted from 0, into a folder of its own in OUT; `auto` or `auto/N`: the number of the
     /// task in a job array of Slurm or Kubernetes. `genmanip merge` brings the parts together
     #[arg(long, value_name = "I/N")]
-    pub shard: Option<Choice>,
+    pub shard: Option<ShardChoice>,
     /// Print a row per task also where there are more than 30
     #[arg(long)]
     pub each: bool,

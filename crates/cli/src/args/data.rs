@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_dataset_tools::edit::Condition;
-use genmanip_viz::render::Vary;
+use genmanip_viz::render::AppearanceFactor;
 
 /// Subcommands of `data`.
 #[derive(Debug, Subcommand)]
@@ -130,7 +130,7 @@ pub struct DataRerenderArguments {
         value_parser = super::render::parse_vary,
         help = format!("What differs from the usual look: {} [default: all]", super::render::looks())
     )]
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
     /// Everything looks as usual
     #[arg(long, conflicts_with = "vary")]
     pub plain: bool,

@@ -4,7 +4,7 @@ use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_workspace::shard::Choice;
+use genmanip_workspace::shard::ShardChoice;
 
 use super::parse_sum;
 
@@ -50,7 +50,7 @@ pub struct EvaluateArguments {
     /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
     /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
     #[arg(long, value_name = "I/N")]
-    pub shard: Option<Choice>,
+    pub shard: Option<ShardChoice>,
     #[command(flatten)]
     pub asking: AskingArguments,
     /// Refuse scenarios that were laid out for another robot than this

@@ -4,7 +4,7 @@ use genmanip_terminal::parse;
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_viz::render::{LookSeed, Overlay, Vary};
+use genmanip_viz::render::{AppearanceFactor, AppearanceSeed, Overlay};
 
 /// Arguments of `render`.
 #[derive(Debug, Args)]
@@ -22,10 +22,10 @@ pub struct RenderArguments {
     pub size: Option<[u32; 2]>,
     /// Draw in another look: a seed, or `episode` for that of `collect --variation per-episode`
     #[arg(long, value_name = "SEED", value_parser = parse_look_seed)]
-    pub variation: Option<LookSeed>,
+    pub variation: Option<AppearanceSeed>,
     /// Randomised parts of the appearance [default: all]
     #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_vary, requires = "variation")]
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
     /// Image channels
     #[arg(
         long,
@@ -76,14 +76,14 @@ pub struct RenderArguments {
 }
 
 /// A part of the look by its name.
-pub(super) fn parse_vary(text: &str) -> Result<Vary, String> {
-    let found = Vary::ALL.into_iter().find(|part| part.name() == text);
+pub(super) fn parse_vary(text: &str) -> Result<AppearanceFactor, String> {
+    let found = AppearanceFactor::ALL.into_iter().find(|part| part.name() == text);
     found.ok_or_else(|| format!("expected one of {}", looks()))
 }
 
 /// The names of all parts of the look.
 pub(super) fn looks() -> String {
-    Vary::ALL.map(Vary::name).join(", ")
+    AppearanceFactor::ALL.map(AppearanceFactor::name).join(", ")
 }
 
 /// Something that is drawn over pictures, by its name.
@@ -92,11 +92,11 @@ fn parse_overlay(text: &str) -> Result<Overlay, String> {
     found.ok_or_else(|| format!("expected one of {}", Overlay::ALL.map(Overlay::name).join(", ")))
 }
 
-fn parse_look_seed(text: &str) -> Result<LookSeed, String> {
+fn parse_look_seed(text: &str) -> Result<AppearanceSeed, String> {
     match text {
-        "episode" => Ok(LookSeed::Episode),
+        "episode" => Ok(AppearanceSeed::Episode),
         number => parse::seed(number)
-            .map(|seed| LookSeed::Number(genmanip_core::Seed::new(seed)))
+            .map(|seed| AppearanceSeed::Number(genmanip_core::Seed::new(seed)))
             .map_err(|expected| format!("{expected}, or `episode`")),
     }
 }

@@ -1,6 +1,6 @@
 //! `genmanip ablate`.
 
-use genmanip_pipeline::ablate::{ablate, in_words};
+use genmanip_pipeline::ablate::{ablate, describe};
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite};
 use genmanip_workspace::workers;
 
@@ -21,6 +21,6 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
     let stop = genmanip_terminal::on_interrupt();
     let ablation = ablate(&suite, &arguments.agent, &arguments.vary, &options, printer, &stop)?;
     let Some(ablation) = ablation else { return Ok(ExitStatus::NotMet) };
-    printer.data(&ablation, &in_words(&ablation));
+    printer.data(&ablation, &describe(&ablation));
     Ok(ExitStatus::Done)
 }

@@ -18,7 +18,7 @@ use genmanip_import::packs::{self, ImportRow, ImportSettings};
 use genmanip_import::raw::Up;
 use genmanip_viz::object_images;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::text_table;
 use serde_json::json;
 
@@ -135,7 +135,7 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
 }
 
 /// From the robot's left, its right, behind and above; in each named state instead where there are some.
-fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, RunError> {
+fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, WorkspaceError> {
     let at = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
     let closed = vec![0.0; model.joint_count()];
     let directions = [[-0.8, 0.5, 0.6], [-0.8, -0.5, 0.6], [0.8, 0.45, 0.5], [-0.25, 0.0, 1.0]].map(DVec3::from_array);
@@ -292,6 +292,6 @@ fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, 
     Ok(ExitStatus::Done)
 }
 
-fn write_list(path: &Path, text: &str) -> Result<(), RunError> {
+fn write_list(path: &Path, text: &str) -> Result<(), WorkspaceError> {
     documents::write_file(path, text.as_bytes())
 }

@@ -9,7 +9,7 @@ use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
 use genmanip_pipeline::merge::merge;
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_viz::render::Vary;
+use genmanip_viz::render::AppearanceFactor;
 use genmanip_workspace::{task_files, workers, worlds};
 
 use crate::args::{CollectArguments, MergeArguments, Part};
@@ -64,12 +64,12 @@ pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitSt
 }
 
 /// The parts of the look that differ from episode to episode, and whether physics does.
-fn varied(arguments: &CollectArguments) -> Result<(Vec<Vary>, bool), Failed> {
+fn varied(arguments: &CollectArguments) -> Result<(Vec<AppearanceFactor>, bool), Failed> {
     if arguments.variation.is_none() {
         return Ok((Vec::new(), false));
     }
-    let named = |part: &Part| if let Part::Look(look) = part { Some(*look) } else { None };
-    let looks: Vec<Vary> = arguments.vary.iter().filter_map(named).collect();
+    let named = |part: &Part| if let Part::Appearance(look) = part { Some(*look) } else { None };
+    let looks: Vec<AppearanceFactor> = arguments.vary.iter().filter_map(named).collect();
     let physics = arguments.vary.contains(&Part::Physics);
     if arguments.no_dataset && (!looks.is_empty() || !physics) {
         return Err(Failed::misused("--no-dataset draws no pictures, so their look cannot differ")
@@ -79,8 +79,8 @@ fn varied(arguments: &CollectArguments) -> Result<(Vec<Vary>, bool), Failed> {
 }
 
 /// Randomised parts: the named ones in canonical order, or all if none is named.
-pub fn vary(named: &[Vary]) -> Vec<Vary> {
-    Vary::ALL.into_iter().filter(|part| named.is_empty() || named.contains(part)).collect()
+pub fn vary(named: &[AppearanceFactor]) -> Vec<AppearanceFactor> {
+    AppearanceFactor::ALL.into_iter().filter(|part| named.is_empty() || named.contains(part)).collect()
 }
 
 /// Collects a run and says what came of it; also used by the demo.

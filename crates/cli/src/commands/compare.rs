@@ -1,6 +1,6 @@
 //! `genmanip compare`.
 
-use genmanip_benchmark::compare::{compare_files, in_words};
+use genmanip_benchmark::compare::{compare_files, describe};
 
 use crate::args::CompareArguments;
 use genmanip_terminal::Printer;
@@ -8,6 +8,6 @@ use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &CompareArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let comparison = compare_files(&arguments.first, &arguments.second)?;
-    printer.data(&comparison, &in_words(&comparison));
+    printer.data(&comparison, &describe(&comparison));
     Ok(ExitStatus::Done)
 }

@@ -10,7 +10,7 @@ use genmanip_benchmark::{FilmStrip, dataset_page};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::lerobot::{self, RECORD};
 use genmanip_data::{DataError, ExportReport};
-use genmanip_dataset_tools::check::{self, Checked, Finding, Overview, Strip};
+use genmanip_dataset_tools::check::{self, DatasetCheck, Finding, Overview, Strip};
 use genmanip_dataset_tools::edit::{self, By};
 use genmanip_dataset_tools::import::{self, ImportReport, ImportSettings};
 use genmanip_pipeline::rerender::{self, RerenderOptions};
@@ -40,23 +40,23 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
         DataCommand::Check(arguments) => check_all(arguments, printer),
         DataCommand::Show(arguments) => show(arguments, printer),
         DataCommand::Merge(arguments) => {
-            edited(printer, |heard| Ok(vec![edit::merge(&arguments.datasets, &arguments.out, heard)?]))
+            edited(printer, |progress| Ok(vec![edit::merge(&arguments.datasets, &arguments.out, progress)?]))
         }
         DataCommand::Split(DataSplitArguments { dataset, out, fractions, seed, by }) => {
             let by = if by == "task" { By::Task } else { By::Episode };
-            edited(printer, |heard| edit::split(dataset, fractions, by, Seed::new(*seed), out, heard))
+            edited(printer, |progress| edit::split(dataset, fractions, by, Seed::new(*seed), out, progress))
         }
         DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
-            edited(printer, |heard| Ok(vec![edit::filter(dataset, conditions, out, heard)?]))
+            edited(printer, |progress| Ok(vec![edit::filter(dataset, conditions, out, progress)?]))
         }
         DataCommand::Import(DataImportArguments { dataset, out, ffmpeg }) => {
-            taken_over(("import", dataset, ffmpeg), printer, |settings, heard| {
-                import::import(dataset, settings, out, heard)
+            taken_over(("import", dataset, ffmpeg), printer, |settings, progress| {
+                import::import(dataset, settings, out, progress)
             })
         }
         DataCommand::Convert(DataConvertArguments { dataset, to: _, out, ffmpeg }) => {
-            taken_over(("convert", dataset, ffmpeg), printer, |settings, heard| {
-                import::to_v21(dataset, settings, out, heard)
+            taken_over(("convert", dataset, ffmpeg), printer, |settings, progress| {
+                import::to_v21(dataset, settings, out, progress)
             })
         }
         DataCommand::Rerender(arguments) => rerender(arguments, printer),
@@ -70,18 +70,18 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
             Ok(ExitStatus::Done)
         }
         DataCommand::Push(DataPushArguments { folder, address, at_once }) => {
-            moved(("send", "sent", address), printer, |bucket, prefix, heard| {
-                genmanip_s3::push(bucket, folder, prefix, *at_once, heard)
+            moved(("send", "sent", address), printer, |bucket, prefix, progress| {
+                genmanip_s3::push(bucket, folder, prefix, *at_once, progress)
             })
         }
         DataCommand::Pull(DataPullArguments { address, folder, at_once }) => {
-            moved(("fetch", "fetched", address), printer, |bucket, prefix, heard| {
-                genmanip_s3::pull(bucket, prefix, folder, *at_once, heard)
+            moved(("fetch", "fetched", address), printer, |bucket, prefix, progress| {
+                genmanip_s3::pull(bucket, prefix, folder, *at_once, progress)
             })
         }
         DataCommand::Delete(DataDeleteArguments { dataset, episodes, out }) => {
             let episodes = edit::numbers(episodes).map_err(|why| Failed::misused(format!("--episodes: {why}")))?;
-            edited(printer, |heard| Ok(vec![edit::delete(dataset, &episodes, out, heard)?]))
+            edited(printer, |progress| Ok(vec![edit::delete(dataset, &episodes, out, progress)?]))
         }
     }
 }
@@ -99,11 +99,11 @@ fn moved(
     let place = Address::parse(address).map_err(|error| Failed::misused(error.to_string()).hint(error.hint()))?;
     let bucket = Bucket::new(&place.bucket, Access::from_environment().map_err(failed)?, RetryPolicy::default());
     let begun = std::sync::Once::new();
-    let heard = |all: usize| {
+    let progress = |all: usize| {
         begun.call_once(|| printer.begin(&format!("{what}ing files"), all));
         printer.advance();
     };
-    let moved = work(&bucket, &place.prefix, &heard).map_err(failed)?;
+    let moved = work(&bucket, &place.prefix, &progress).map_err(failed)?;
     printer.end();
     let TransferSummary { files, bytes, moved: count } = moved;
     let there = files - count;
@@ -199,18 +199,18 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
     }
     let mut text = String::new();
     for one in &checked {
-        let Checked { dataset, format, episodes, frames, findings, further, .. } = one;
+        let DatasetCheck { dataset, format, episodes, frames, findings, further, .. } = one;
         let verdict = match findings.len() + further {
             0 => "sound".to_owned(),
             count => format!("{count} findings"),
         };
         text += &format!("{dataset}: {format}, {episodes} episodes, {frames} rows: {verdict}\n");
-        text += &findings.iter().map(in_words).collect::<String>();
+        text += &findings.iter().map(describe).collect::<String>();
         if *further > 0 {
             text += &format!("  and {further} more of these\n");
         }
     }
-    text += &leaks.iter().take(LISTED_LEAKS).map(in_words).collect::<String>();
+    text += &leaks.iter().take(LISTED_LEAKS).map(describe).collect::<String>();
     if leaks.len() > LISTED_LEAKS {
         text += &format!("  and {} more leaks\n", leaks.len() - LISTED_LEAKS);
     }
@@ -236,12 +236,12 @@ fn replayed(dataset: &Path, count: usize, printer: &Printer) -> Result<Vec<Findi
         file: format!("{RECORD}/{}", row.episode),
         place: "final state".into(),
         expected: "the recorded one, bit for bit".into(),
-        found: row.in_words(),
+        found: row.describe(),
     };
     Ok(unsound.map(finding).collect())
 }
 
-fn in_words(finding: &Finding) -> String {
+fn describe(finding: &Finding) -> String {
     let Finding { check, file, place, expected, found } = finding;
     let place = if place.is_empty() { String::new() } else { format!(", {place}") };
     format!("  {check}: {file}{place}: expected {expected}; found {found}\n")
@@ -344,7 +344,7 @@ fn ranges(overview: &Overview) -> Vec<Vec<String>> {
         .collect()
 }
 
-fn read(dataset: &Path) -> Result<Checked, Failed> {
+fn read(dataset: &Path) -> Result<DatasetCheck, Failed> {
     let robots: Vec<Arc<RobotModel>> = robots::names().iter().filter_map(|name| robots::named(name).ok()).collect();
     check::check(dataset, &robots).map_err(|error| {
         let hint = "give the folder of a LeRobot dataset (with meta/info.json) or of a zarr group";

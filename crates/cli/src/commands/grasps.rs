@@ -2,7 +2,7 @@
 
 use genmanip_assets::{Catalogue, GraspFile, panda};
 use genmanip_core::grasp::GraspNetGrasp;
-use genmanip_core::{Grasp, Seed, TriedGrasp};
+use genmanip_core::{Grasp, Seed, VerifiedGrasp};
 use genmanip_import::grasps;
 use genmanip_motion::GraspSettings;
 use genmanip_rollout::grasp_trial::RobustnessSettings;
@@ -62,7 +62,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
         })?;
     let pad_height_m = panda().gripper.pad_size.y;
     let object_id = model.card.uid.parse().unwrap_or(-1);
-    let shown = |tried: &TriedGrasp| {
+    let shown = |tried: &VerifiedGrasp| {
         let grasp = Grasp { score: tried.share(), ..tried.grasp.clone() };
         let row = GraspNetGrasp { grasp, height_m: pad_height_m, depth_m: DEPTH_M, object_id }.to_graspnet();
         let object_from_tcp = tried.grasp.clone();
@@ -74,7 +74,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
         physics_hash: model.physics_hash(),
         grasps: grasps.iter().map(shown).collect(),
     };
-    printer.data(&shown, &shown.in_words());
+    printer.data(&shown, &shown.describe());
     Ok(ExitStatus::Done)
 }
 
@@ -97,7 +97,7 @@ struct ShownGrasp {
 }
 
 impl Shown {
-    fn in_words(&self) -> String {
+    fn describe(&self) -> String {
         let head = ["held", "width mm", "x mm", "y mm", "z mm", "approach x y z", "score"];
         let mut lines = vec![head.map(String::from).to_vec()];
         for shown in &self.grasps {

@@ -2,7 +2,7 @@
 
 use genmanip_core::ImageChannels;
 use genmanip_core::sensor::SensorPreset;
-use genmanip_viz::render::{self, Look, RenderOptions};
+use genmanip_viz::render::{self, AppearanceOptions, RenderOptions};
 use genmanip_workspace::workers;
 
 use super::collect::vary;
@@ -29,7 +29,7 @@ pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus,
         captions: arguments.captions,
         turntable: arguments.turntable,
         fps: arguments.rate,
-        look: arguments.variation.map(|seed| Look { seed, vary: vary(&arguments.vary) }),
+        look: arguments.variation.map(|seed| AppearanceOptions { seed, vary: vary(&arguments.vary) }),
         sensor: arguments.sensor.as_deref().and_then(SensorPreset::named).map(|preset| preset.sensor),
         shutter_s: arguments.shutter,
         distortion: arguments.distortion,

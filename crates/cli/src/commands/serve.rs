@@ -7,7 +7,7 @@ use genmanip_agent_sim::AgentChoice;
 use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::evaluate::Suite;
-use genmanip_pipeline::sessions::Scenes;
+use genmanip_pipeline::sessions::SceneSource;
 use genmanip_serve::{AgentEndpoint, Endpoint, EnvEndpoint, ServeSettings, Server, openapi};
 use genmanip_workspace::worlds;
 
@@ -30,8 +30,8 @@ pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Fail
 fn environments(arguments: &ServeEnvArguments) -> Result<Arc<EnvEndpoint>, Failed> {
     let ServeEnvArguments { scenes, tasks, sessions, .. } = arguments;
     let scenes = match scenes {
-        Some(path) => Scenes::of_suite(&Suite::at(path)?)?,
-        None => Scenes::of_tasks(tasks, None)?,
+        Some(path) => SceneSource::of_suite(&Suite::at(path)?)?,
+        None => SceneSource::of_tasks(tasks, None)?,
     };
     Ok(Arc::new(EnvEndpoint::new(Arc::new(scenes), *sessions)))
 }

@@ -27,7 +27,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             let Some(checked) = suites::check(&arguments.folder, workers, printer, &stop)? else {
                 return Ok(ExitStatus::NotMet);
             };
-            printer.data(&checked, &suites::check_in_words(&checked));
+            printer.data(&checked, &suites::describe_check(&checked));
             if !checked.faults.is_empty() {
                 return Ok(ExitStatus::NotMet);
             }
@@ -35,11 +35,11 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Review(arguments) => {
             let SuiteReviewArguments { folder, scenario, reviewer, verdict, note } = arguments;
             let file = suites::review(folder, scenario, reviewer, *verdict, note)?;
-            printer.data(&file, &suites::review_in_words(&file));
+            printer.data(&file, &suites::describe_review(&file));
         }
         SuiteCommand::Diff(arguments) => {
             let difference = suites::diff(&arguments.first, &arguments.second)?;
-            printer.data(&difference, &suites::diff_in_words(&difference));
+            printer.data(&difference, &suites::describe_diff(&difference));
         }
         SuiteCommand::Freeze(arguments) => {
             let folder = &arguments.work.folder;
@@ -121,6 +121,6 @@ fn train(arguments: &SuiteTrainArguments, printer: &Printer) -> Result<ExitStatu
 
 fn show(folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
     let shown = suites::show(folder)?;
-    printer.data(&shown, &suites::show_in_words(&shown));
+    printer.data(&shown, &suites::describe_suite(&shown));
     Ok(ExitStatus::Done)
 }

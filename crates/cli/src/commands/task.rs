@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{Document, Task};
 use genmanip_tasks::answer::Verdict;
-use genmanip_workspace::MOST_ROWS;
+use genmanip_workspace::MAX_ROWS;
 use genmanip_workspace::difference::listed;
 use genmanip_workspace::documents;
-use genmanip_workspace::task_checks::{self, BareAnswers, Checked};
+use genmanip_workspace::task_checks::{self, BareAnswers, FileCheck};
 use genmanip_workspace::task_files;
 
 use crate::args::{CheckArguments, ShowArguments};
@@ -35,7 +35,7 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
         list.add(&checked);
     })?;
     let count = lines.len();
-    let is_long = count > MOST_ROWS && !arguments.each;
+    let is_long = count > MAX_ROWS && !arguments.each;
     let mut text: String =
         lines.iter().filter(|(is_valid, _)| !(is_long && *is_valid)).map(|(_, line)| &**line).collect();
     if count > 1 {
@@ -72,7 +72,7 @@ fn shared_ids(ids: &BTreeMap<String, usize>) -> String {
     format!("note: several tasks are called {}: `collect` and `layout` refuse them together\n", listed(&shared))
 }
 
-fn describe(checked: &Checked) -> String {
+fn describe(checked: &FileCheck) -> String {
     let mut text = format!("{:8}  {}\n", checked.verdict, checked.file);
     for detail in &checked.details {
         text += &format!("          {} at {}: {}\n", detail.flaw, detail.path, detail.message);
@@ -92,11 +92,11 @@ pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, 
         documents::write_file(path, genmanip_viz::graph_svg(&task).as_str().as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
     }
-    printer.data(&task.to_value(), &in_words(&task));
+    printer.data(&task.to_value(), &describe_task(&task));
     Ok(ExitStatus::Done)
 }
 
-fn in_words(task: &Task) -> String {
+fn describe_task(task: &Task) -> String {
     let name = |id: &str| task.name_of(id);
     let mut text = format!("{} ({})\n  {}\n\ngoal\n", task.id, task.kind.name(), task.instruction);
     for (index, atoms) in task.goal.alternatives.iter().enumerate() {

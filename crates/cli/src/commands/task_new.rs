@@ -15,7 +15,7 @@ use genmanip_task_writer::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_tasks::designer::DesignSettings;
 use genmanip_workspace::Progress;
 use genmanip_workspace::designed_tasks::{self, Design, NewTask, design_into};
-use genmanip_workspace::{MOST_ROWS, text_table};
+use genmanip_workspace::{MAX_ROWS, text_table};
 
 use crate::args::NewArguments;
 use crate::commands::assets::catalogue;
@@ -54,7 +54,7 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
             return Err(Failed::misused(format!("unknown designer `{other}`")).hint("expected rules or llm"));
         }
     };
-    printer.data(&rows, &in_words(&rows, arguments.each));
+    printer.data(&rows, &describe(&rows, arguments.each));
     let missing = shortfall(&rows);
     let refused: usize = missing.values().map(|(count, _)| count).sum();
     for (kind, (count, why)) in &missing {
@@ -181,9 +181,9 @@ fn shortfall(rows: &[NewTask]) -> BTreeMap<&'static str, (usize, &str)> {
     missing
 }
 
-/// Every task with its sentence; above [`MOST_ROWS`] a row per kind, unless `each` is asked for.
-fn in_words(rows: &[NewTask], each: bool) -> String {
-    if rows.len() > MOST_ROWS && !each {
+/// Every task with its sentence; above [`MAX_ROWS`] a row per kind, unless `each` is asked for.
+fn describe(rows: &[NewTask], each: bool) -> String {
+    if rows.len() > MAX_ROWS && !each {
         return by_kind(rows);
     }
     let mut lines = vec![["task", "instruction"].map(String::from).to_vec()];

@@ -8,7 +8,7 @@ use genmanip_core::{Camera, CameraMount, Document};
 use genmanip_viz::views;
 use genmanip_workspace::documents;
 use genmanip_workspace::text_table;
-use genmanip_workspace::worlds::{self, CameraChange, CameraEdit, Setting};
+use genmanip_workspace::worlds::{self, CameraChange, CameraEdit, CameraFile};
 use serde_json::json;
 
 use crate::args::{CameraCommand, CameraEditArguments, WorldCommand};
@@ -30,7 +30,7 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
                 presets(printer);
                 return Ok(ExitStatus::Done);
             };
-            let setting = Setting::read(file)?;
+            let setting = CameraFile::read(file)?;
             printer.data(&setting.world().cameras, &cameras_table(&setting.world().cameras));
         }
         CameraCommand::Add(arguments) => {
@@ -84,7 +84,7 @@ fn check(file: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
 }
 
 fn show(file: &Path, picture: Option<&Path>, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let setting = Setting::read(file)?;
+    let setting = CameraFile::read(file)?;
     let (world, hashes) = (setting.world(), setting.world().hashes());
     let mut rows = vec![["surface", "name", "top, m", "size, m", "friction"].map(String::from).to_vec()];
     let numbers = |values: DVec3| values.to_array().map(|value| format!("{value:.3}")).join(", ");

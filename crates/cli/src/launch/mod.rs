@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::{disk_space, shard};
 
 pub use sample::{Sample, measure};
 pub use scripts::script;
 
 /// Longest that a job may ask for, minutes: a week.
-const MOST_MINUTES: u64 = 7 * 24 * 60;
+const MAX_MINUTES: u64 = 7 * 24 * 60;
 /// Chosen: a task takes up to three times the mean of a small sample.
 const TIME_FACTOR: f64 = 3.0;
 /// Chosen: for starting, reading the catalogue and a node that is slower.
@@ -93,9 +93,9 @@ impl Job {
     ///
     /// # Errors
     /// When there are no shards, more of them than attempts, or a container is missing or not called for.
-    pub fn check(&self) -> Result<(), RunError> {
-        let refuse = |what: String, hint: &str| Err(RunError::input(what).with_hint(hint));
-        if self.shards == 0 || self.shards > shard::MOST || self.shards > self.attempts {
+    pub fn check(&self) -> Result<(), WorkspaceError> {
+        let refuse = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
+        if self.shards == 0 || self.shards > shard::MAX_SHARDS || self.shards > self.attempts {
             let what = format!("{} attempts cannot be divided into {} shards", self.attempts, self.shards);
             return refuse(what, "take between one shard and one per attempt; an attempt takes seconds");
         }
@@ -150,7 +150,7 @@ impl Job {
         let memory = MEMORY_MIB + MEMORY_FACTOR * sample.peak_bytes as f64 / f64::from(1 << 20);
         let disk = sample.disk_bytes as f64 * self.attempts as f64 / sample.attempts.max(1) as f64;
         Need {
-            minutes: (minutes.ceil() as u64).clamp(1, MOST_MINUTES),
+            minutes: (minutes.ceil() as u64).clamp(1, MAX_MINUTES),
             // In steps that people can read.
             memory_mib: ((memory / 64.0).ceil() as u64) * 64,
             disk_mib: (disk / f64::from(1 << 20)).ceil() as u64,
@@ -163,12 +163,12 @@ impl Job {
 ///
 /// # Errors
 /// When the disk refuses.
-pub fn write(job: &Job, script: &str) -> Result<PathBuf, RunError> {
+pub fn write(job: &Job, script: &str) -> Result<PathBuf, WorkspaceError> {
     let path = job.script_path();
     // Slurm drops what a job says where there is no folder for it.
     let folder = if job.cluster == Cluster::Slurm { job.out.join("logs") } else { job.out.clone() };
     fs::create_dir_all(&folder)
-        .map_err(|error| RunError::broken(format!("cannot make the folder {}", folder.display()), error))?;
+        .map_err(|error| WorkspaceError::broken(format!("cannot make the folder {}", folder.display()), error))?;
     documents::write_file(&path, script.as_bytes())?;
     Ok(path)
 }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::{Job, redirected};
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::disk_space::{SAMPLE, bytes_below};
 use genmanip_workspace::shard::Shard;
 
@@ -35,8 +35,8 @@ pub struct Sample {
 ///
 /// # Errors
 /// When the program cannot be started or fails: then the shards would, too.
-pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sample, RunError> {
-    let failed = |error: std::io::Error| RunError::broken("cannot make a folder for the sample", error);
+pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sample, WorkspaceError> {
+    let failed = |error: std::io::Error| WorkspaceError::broken("cannot make a folder for the sample", error);
     let mut builder = tempfile::Builder::new();
     let scratch = match beside {
         None => builder.tempdir().map_err(failed)?,
@@ -56,20 +56,20 @@ pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sampl
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .spawn()
-        .map_err(|error| RunError::broken(format!("cannot start {}", program.display()), error))?;
+        .map_err(|error| WorkspaceError::broken(format!("cannot start {}", program.display()), error))?;
     let mut peak_bytes = 0;
     let status = loop {
         peak_bytes = peak_bytes.max(resident_bytes(child.id()));
         match child.try_wait() {
             Ok(Some(status)) => break status,
             Ok(None) => thread::sleep(LOOK),
-            Err(error) => return Err(RunError::broken("the sample cannot be waited for", error)),
+            Err(error) => return Err(WorkspaceError::broken("the sample cannot be waited for", error)),
         }
     };
     let wall_s = begun.elapsed().as_secs_f64();
     // 1: some task has no verified demonstration, which is no fault of the command.
     if !matches!(status.code(), Some(0 | 1)) || !folder.is_dir() {
-        return Err(RunError::input(format!("the sample of {attempts} attempts ended with {status}"))
+        return Err(WorkspaceError::input(format!("the sample of {attempts} attempts ended with {status}"))
             .with_hint("what it said stands above; the shards would end like it"));
     }
     // All shards share the record of the run, which holds all tasks.

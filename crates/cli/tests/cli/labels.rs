@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use genmanip_agent::picture::Picture;
+use genmanip_agent::image::RgbImage;
 use genmanip_core::Document;
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::glam::{DVec2, DVec3};
@@ -129,7 +129,7 @@ fn what_is_drawn_over_a_still_looks_as_it_did() {
     if std::env::var_os("GENMANIP_UPDATE_GOLDEN").is_some() {
         fs::write(&golden, &drawn).unwrap();
     }
-    let [drawn, golden] = [drawn, fs::read(golden).unwrap()].map(|png| Picture::of_png(&png).unwrap());
+    let [drawn, golden] = [drawn, fs::read(golden).unwrap()].map(|png| RgbImage::of_png(&png).unwrap());
     assert_eq!((golden.width, golden.height), (drawn.width, drawn.height));
     let differences: Vec<u8> = golden.rgb.iter().zip(&drawn.rgb).map(|(a, b)| a.abs_diff(*b)).collect();
     let mean = differences.iter().map(|value| f64::from(*value)).sum::<f64>() / differences.len() as f64;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
-use crate::{Camera, CameraSensor, Look, RobotModel, Vary};
+use crate::{AppearanceFactor, AppearanceRandomisation, Camera, CameraSensor, RobotModel};
 
 /// Maximum side length of surfaces and workspaces, metres; larger values indicate a wrong unit.
 const MAX_SIDE_M: f64 = 20.0;
@@ -245,11 +245,11 @@ fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<World
     }
 }
 
-fn fault_of_look(look: &Look) -> Option<WorldFault> {
+fn fault_of_look(look: &AppearanceRandomisation) -> Option<WorldFault> {
     if !(0.0..=1.0).contains(&look.strength) {
         return Some(WorldFault::new("look.strength", "0 to 1", look.strength));
     }
-    let has_camera = look.vary.contains(&Vary::Camera);
+    let has_camera = look.vary.contains(&AppearanceFactor::Camera);
     let fault = || WorldFault::new("look.vary", "light, background, material or objects", "`camera`");
     has_camera.then(|| fault().hint("camera poses are set in `cameras`; change them there"))
 }

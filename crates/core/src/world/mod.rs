@@ -22,7 +22,7 @@ pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 
-use crate::{Camera, Document, Look, NamedSurface};
+use crate::{AppearanceRandomisation, Camera, Document, NamedSurface};
 
 /// Everything in a scenario except its task and objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,7 +44,7 @@ pub struct World {
     pub relations: RelationSettings,
     /// Appearance randomisation: light, background, table top, object paint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub look: Option<Look>,
+    pub look: Option<AppearanceRandomisation>,
 }
 
 impl Document for World {

@@ -6,7 +6,7 @@ use genmanip_tasks::wording;
 use super::steps::Steps;
 use super::{ExportSettings, Source};
 use crate::CameraTrack;
-use crate::images::look_seed;
+use crate::images::appearance_seed;
 
 /// Number of paraphrases of an instruction; chosen.
 const PARAPHRASES: usize = 6;
@@ -77,7 +77,7 @@ impl EpisodeMetadata {
             kind: scenario.task.kind.name(),
             scenario_json: scenario.to_value().to_string(),
             cameras: source.tracks.iter().map(intrinsics).collect(),
-            variation_seed: settings.is_varied.then(|| look_seed(source.episode.result.seed, settings.look)),
+            variation_seed: settings.is_varied.then(|| appearance_seed(source.episode.result.seed, settings.look)),
             has_correction_columns: settings.has_corrections,
         }
     }

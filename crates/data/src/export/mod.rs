@@ -110,7 +110,7 @@ pub fn default_action() -> ActionSpec {
 }
 
 /// Description of an `action` column, for data set cards.
-pub fn action_in_words(spec: &ActionSpec) -> String {
+pub fn describe_action(spec: &ActionSpec) -> String {
     let rotation = spec.rotation.description();
     let motion = match spec.space {
         ActionSpace::JointPosition => "absolute arm joint targets (rad)".into(),

@@ -2,7 +2,7 @@
 
 use super::LerobotSettings;
 use super::imported::Imported;
-use crate::export::{ExtraColumns, action_in_words};
+use crate::export::{ExtraColumns, describe_action};
 
 /// Card of the main data set.
 pub fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
@@ -50,7 +50,7 @@ pub fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
          `meta/genmanip.json` says what every column means, `meta/action_contract.json` what the actions are.\n\
          The episodes table also holds seed, scenario, task, policy, engine and program version.\n{depth}{record}",
         front_matter(),
-        action_in_words(&settings.export.action),
+        describe_action(&settings.export.action),
         settings.export.fps
     )
 }

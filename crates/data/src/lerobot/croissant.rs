@@ -64,7 +64,7 @@ pub fn write_card(dataset: &Path) -> Result<Card, DataError> {
     let is_depth = info["video_path"].is_null();
     let general =
         if is_depth { card::depth(name.trim_end_matches("-depth")) } else { card::color(&name, &settings, "v3.0") };
-    let text = info::card_with_info(&format!("{general}\n{}", contents.in_words()), &info);
+    let text = info::card_with_info(&format!("{general}\n{}", contents.describe()), &info);
     let described = croissant(&name, &info, &contents, &columns);
     let described = serde_json::to_string_pretty(&described)
         .map_err(|error| DataError::NotWritable { what: CROISSANT.into(), why: error.to_string() })?;
@@ -125,7 +125,7 @@ impl Card {
     }
 
     /// Section of the data set card.
-    fn in_words(&self) -> String {
+    fn describe(&self) -> String {
         let mut text = "## Contents\n\n| kind of task | episodes | verified |\n|---|---|---|\n".to_owned();
         for (kind, [episodes, verified]) in &self.kinds {
             text += &format!("| {kind} | {episodes} | {verified} |\n");

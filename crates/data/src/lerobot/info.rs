@@ -6,7 +6,7 @@ use genmanip_core::limits;
 use serde_json::{Value, json};
 
 use super::LerobotSettings;
-use crate::export::action_in_words;
+use crate::export::describe_action;
 use crate::{DataError, files};
 
 /// LeRobot's description of a data set.
@@ -65,7 +65,7 @@ pub fn meaning(settings: &LerobotSettings) -> Value {
         "frame": "world = robot base: +x away from the robot, +y to its left, +z up; metres, radians, seconds",
         "columns": {
             "observation.state": "arm joint positions (rad), opening between the gripper pads (m), at the time of the frame",
-            "action": action_in_words(&settings.export.action),
+            "action": describe_action(&settings.export.action),
             "ee.state": "tool position (m) and rotation (rad), opening width (m)",
             "ee.action": "as ee.state, where the commanded joint positions would bring the tool",
             "ee.quaternion": "rotation of the tool (w, x, y, z), with the sign nearest to the row before",

@@ -229,7 +229,7 @@ fn place(target: &Path, replaces: bool) -> Result<AtomicFolder, DataError> {
 pub fn check_free(dataset: &Path) -> Result<(), DataError> {
     check_owner(dataset, None)?;
     let sibling = depth_path(dataset);
-    match files::is_own_file(&sibling.join(info::INFO)) {
+    match files::is_file_no_follow(&sibling.join(info::INFO)) {
         true => Ok(()),
         false => check_owner(&sibling, None),
     }
@@ -249,7 +249,7 @@ pub fn check_owner(target: &Path, run: Option<&str>) -> Result<(), DataError> {
     let Ok(about) = std::fs::symlink_metadata(target) else { return Ok(()) };
     let Some(run) = run else { return Err(DataError::Exists { path: target.into() }) };
     let mark = target.join(SETTINGS);
-    let known = files::read_own(&mark, limits::SETTINGS).ok();
+    let known = files::read_no_follow(&mark, limits::SETTINGS).ok();
     let known = known.and_then(|text| LerobotSettings::from_bytes(&text).ok()).and_then(|settings| settings.run);
     if about.is_dir() && known.as_deref() == Some(run) {
         Ok(())

@@ -35,7 +35,7 @@ fn create_folder(dataset: &AtomicFolder, store: &EpisodeStore, id: &str) -> Resu
 fn write_store_mark(dataset: &AtomicFolder, store: &EpisodeStore) -> Result<(), DataError> {
     let mark = dataset.path(&format!("{RECORD}/store.json"))?;
     if !mark.exists() {
-        let text = files::read_own(&store.root().join("store.json"), limits::STORE_MARK)?;
+        let text = files::read_no_follow(&store.root().join("store.json"), limits::STORE_MARK)?;
         atomic_write::write_synced(&mark, &text)?;
     }
     Ok(())

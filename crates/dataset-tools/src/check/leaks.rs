@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Checked;
+use super::DatasetCheck;
 use super::findings::Finding;
 use super::metadata::EpisodeEntry;
 
@@ -30,7 +30,7 @@ impl Identity {
 
 /// Finds scenarios, sentences and episodes of the second (test) data set that also occur in the first (training) data
 /// set.
-pub fn leaks(first: &Checked, second: &Checked) -> Vec<Finding> {
+pub fn leaks(first: &DatasetCheck, second: &DatasetCheck) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut shared = |what: &str, key: &dyn Fn(&Identity) -> Option<String>| {
         let mut known: BTreeMap<String, i64> = BTreeMap::new();

@@ -39,7 +39,7 @@ pub use overview::{Bin, Group, Overview, Range};
 
 /// Result of the check of a data set.
 #[derive(Debug, Serialize)]
-pub struct Checked {
+pub struct DatasetCheck {
     /// Path of the data set as given.
     pub dataset: String,
     /// `lerobot-v3.0`, `lerobot-v2.1` or `zarr`.
@@ -66,7 +66,7 @@ pub struct Checked {
 ///
 /// # Errors
 /// If the folder cannot be listed or is not a data set of a known format.
-pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, DataError> {
+pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<DatasetCheck, DataError> {
     let mut findings = Findings::default();
     let listed = paths::list(dataset)?;
     if listed.contains(".zgroup") {
@@ -121,9 +121,9 @@ fn finished(
     identities: Vec<Identity>,
     totals: &totals::Totals,
     findings: Findings,
-) -> Checked {
+) -> DatasetCheck {
     let (findings, further) = findings.into_parts();
-    Checked {
+    DatasetCheck {
         dataset: dataset.display().to_string(),
         format: metadata.info.version.name(),
         episodes: metadata.episodes.len(),

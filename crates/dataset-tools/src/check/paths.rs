@@ -17,7 +17,7 @@ pub(super) fn list(root: &Path) -> Result<BTreeSet<String>, DataError> {
     while let Some((folder, depth)) = folders.pop() {
         for name in files::names(&root.join(&folder))? {
             let path = if folder.is_empty() { name } else { format!("{folder}/{name}") };
-            if files::is_own_folder(&root.join(&path)) && depth < MAX_DEPTH {
+            if files::is_folder_no_follow(&root.join(&path)) && depth < MAX_DEPTH {
                 folders.push((path, depth + 1));
             } else {
                 listed.insert(path);

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::findings::Findings;
 use super::overview::Overview;
-use super::{Checked, metadata};
+use super::{DatasetCheck, metadata};
 use genmanip_data::files;
 
 const ATTRIBUTES: &str = ".zattrs";
@@ -22,7 +22,7 @@ struct Array {
     dtype: String,
 }
 
-pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findings) -> Checked {
+pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findings) -> DatasetCheck {
     let about = metadata::read_json(root, ATTRIBUTES, &mut findings);
     let entries = about["episodes"].as_array().map_or(0, Vec::len);
     let names: Vec<&str> = listed.iter().filter_map(|path| path.strip_suffix("/.zarray")).collect();
@@ -76,7 +76,7 @@ pub(super) fn check(root: &Path, listed: &BTreeSet<String>, mut findings: Findin
     }
     let (findings, further) = findings.into_parts();
     let dataset = root.display().to_string();
-    Checked {
+    DatasetCheck {
         dataset,
         format: "zarr",
         episodes: entries,

@@ -84,7 +84,7 @@ pub fn import(
 
 /// Detects the format of the source.
 fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, DataError> {
-    if files::is_own_file(&source.join(INFO)) {
+    if files::is_file_no_follow(&source.join(INFO)) {
         let dataset = lerobot::Lerobot::open(source, settings)?;
         dataset.check_foreign()?;
         return Ok(Box::new(dataset));

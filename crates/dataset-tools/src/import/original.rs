@@ -72,13 +72,13 @@ fn folders(root: &Path) -> Result<Vec<PathBuf>, DataError> {
             let expected = format!("at most {ENTRIES} folders to search for episodes");
             return Err(DataError::mismatch(root.display().to_string(), expected, "more"));
         }
-        if files::is_own_file(&folder.join(META)) {
+        if files::is_file_no_follow(&folder.join(META)) {
             found.push(folder);
             continue;
         }
-        if depth < MAX_DEPTH && files::is_own_folder(&folder) {
+        if depth < MAX_DEPTH && files::is_folder_no_follow(&folder) {
             let names = files::names(&folder)?.into_iter().map(|name| folder.join(name));
-            open.extend(names.filter(|path| files::is_own_folder(path)).map(|path| (path, depth + 1)));
+            open.extend(names.filter(|path| files::is_folder_no_follow(path)).map(|path| (path, depth + 1)));
         }
     }
     found.sort();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use genmanip_core::limits;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Maximum number of files and nesting depth that are searched.
@@ -34,15 +34,16 @@ pub struct Candidate {
 ///
 /// # Errors
 /// If a path lies outside the root, a folder cannot be listed, or a folder contains nothing importable.
-pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, RunError> {
+pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, WorkspaceError> {
     let mut found = BTreeSet::new();
     for path in paths {
         let about = fs::metadata(path).map_err(|error| {
-            RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
+            WorkspaceError::file("read", path, error)
+                .with_hint("check the path; relative paths start at the current folder")
         })?;
         if let Some(root) = root {
             let inside = path.strip_prefix(root).map_err(|_| {
-                RunError::input(format!("{} is not inside {}", path.display(), root.display()))
+                WorkspaceError::input(format!("{} is not inside {}", path.display(), root.display()))
                     .with_hint("write both relative to the same folder, e.g. `--root assets assets/objects/can.xml`")
             })?;
             let inside = inside.to_string_lossy().replace('\\', "/");
@@ -55,7 +56,7 @@ pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidat
         } else if about.is_dir() {
             let inside = of_folder(path)?;
             if inside.is_empty() {
-                return Err(RunError::input(format!("nothing to import in {}", path.display()))
+                return Err(WorkspaceError::input(format!("nothing to import in {}", path.display()))
                     .with_hint("expected files that end in .urdf, .xml (MJCF), .glb, .gltf, .obj, .stl or .msh"));
             }
             found.extend(inside);
@@ -68,7 +69,7 @@ pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidat
     Ok(found.into_iter().collect())
 }
 
-fn of_folder(root: &Path) -> Result<Vec<Candidate>, RunError> {
+fn of_folder(root: &Path) -> Result<Vec<Candidate>, WorkspaceError> {
     let mut paths = Vec::new();
     list(root, String::new(), 0, &mut paths)?;
     paths.sort();
@@ -127,11 +128,11 @@ fn referenced_files(text: &str) -> impl Iterator<Item = String> + '_ {
     quoted.map(|part| part.rsplit(['/', '\\']).next().unwrap_or(part).to_owned())
 }
 
-fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Result<(), RunError> {
+fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Result<(), WorkspaceError> {
     let folder = root.join(&under);
-    let entries = fs::read_dir(&folder).map_err(|error| RunError::file("list", &folder, error))?;
+    let entries = fs::read_dir(&folder).map_err(|error| WorkspaceError::file("list", &folder, error))?;
     for entry in entries {
-        let entry = entry.map_err(|error| RunError::file("list", &folder, error))?;
+        let entry = entry.map_err(|error| WorkspaceError::file("list", &folder, error))?;
         let Ok(kind) = entry.file_type() else { continue };
         let Some(name) = entry.file_name().to_str().map(str::to_owned) else { continue };
         let path = if under.is_empty() { name.clone() } else { format!("{under}/{name}") };
@@ -140,7 +141,7 @@ fn list(root: &Path, under: String, depth: usize, found: &mut Vec<String>) -> Re
             list(root, path, depth + 1, found)?;
         } else if kind.is_file() && rank(&name) < EXTENSIONS.len() {
             if found.len() == MAX_FILES {
-                return Err(RunError::input(format!("more than {MAX_FILES} files in {}", root.display()))
+                return Err(WorkspaceError::input(format!("more than {MAX_FILES} files in {}", root.display()))
                     .with_hint("import its subfolders separately"));
             }
             found.push(path);

@@ -10,7 +10,7 @@ use crate::units_and_frame::lying_from_standing;
 use crate::{Given, Imported, pack};
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, cache_grasps};
 use genmanip_core::glam::DQuat;
-use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
+use genmanip_core::{AssetRef, Document, Pose, Seed, VerifiedGrasp, World, limits};
 use genmanip_data::files;
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
@@ -24,7 +24,7 @@ use serde_json::json;
 use super::{AtRest, Candidate, LIST, PackEntry, PackList, at_rest, grasps_file, object_file};
 use genmanip_viz::object_images::portrait;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::worlds;
 /// Rotation while settling beyond which an object counts as toppled, rad.
@@ -100,7 +100,7 @@ pub fn import(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Vec<ImportRow>, RunError> {
+) -> Result<Vec<ImportRow>, WorkspaceError> {
     let folder = settings.folder.join(&settings.pack);
     let list_path = folder.join(LIST);
     let known =
@@ -127,7 +127,7 @@ pub fn import(
             let model = Arc::new(object.model);
             let rgb = portrait(&model, &vec![0.0; model.joint_count()], PREVIEW_PX)?;
             let preview = genmanip_render::encode::png_rgb(PREVIEW_PX, PREVIEW_PX, &rgb)
-                .map_err(|error| RunError::broken("the preview cannot be encoded", error))?;
+                .map_err(|error| WorkspaceError::broken("the preview cannot be encoded", error))?;
             documents::write_file(&folder.join(format!("{uid}.png")), &preview)?;
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             if !settings.without_grasps {
@@ -139,7 +139,7 @@ pub fn import(
                 .insert(uid, PackEntry { card: model.card.clone(), origin: object.origin, report: object.report });
         }
         progress.advance();
-        Ok::<_, RunError>(row)
+        Ok::<_, WorkspaceError>(row)
     })?;
     progress.end();
     let kept = kept.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -161,7 +161,7 @@ struct PackContents {
 }
 
 /// The pack's existing grasps, if they were tried with the same robot.
-fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFile, RunError> {
+fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFile, WorkspaceError> {
     let made_by = GraspProvenance {
         seed,
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
@@ -183,7 +183,7 @@ fn one(
     candidate: &Candidate,
     trials: &GraspTrials,
     settings: &ImportSettings,
-) -> (ImportRow, Option<(Imported, Vec<TriedGrasp>)>) {
+) -> (ImportRow, Option<(Imported, Vec<VerifiedGrasp>)>) {
     let file = candidate.root.join(&candidate.path).display().to_string();
     let (mut object, rest) = match put_on_table(candidate, settings, &trials.world) {
         Ok(found) => found,

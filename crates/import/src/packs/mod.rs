@@ -23,7 +23,7 @@ pub use candidates::{Candidate, candidates};
 pub use importing::{ImportRow, ImportSettings, import, table};
 pub use resting::{AtRest, at_rest};
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Name of a pack's index file.
@@ -89,7 +89,7 @@ pub struct Packs {
 ///
 /// # Errors
 /// If an index cannot be read or is invalid.
-pub fn open(folder: &Path) -> Result<usize, RunError> {
+pub fn open(folder: &Path) -> Result<usize, WorkspaceError> {
     let packs = Packs::read(folder)?;
     let count = packs.cards.len();
     imported::open(Arc::new(packs));
@@ -101,14 +101,14 @@ impl Packs {
     ///
     /// # Errors
     /// As [`open`].
-    pub fn read(folder: &Path) -> Result<Self, RunError> {
+    pub fn read(folder: &Path) -> Result<Self, WorkspaceError> {
         let mut packs = Self { cards: Vec::new(), objects: BTreeMap::new(), models: Mutex::default() };
-        let entries = fs::read_dir(folder).map_err(|error| RunError::file("list", folder, error))?;
+        let entries = fs::read_dir(folder).map_err(|error| WorkspaceError::file("list", folder, error))?;
         let mut folders: Vec<PathBuf> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir()).collect();
         folders.sort();
         folders.truncate(MAX_PACKS);
-        for pack in folders.into_iter().filter(|pack| files::is_own_file(&pack.join(LIST))) {
+        for pack in folders.into_iter().filter(|pack| files::is_file_no_follow(&pack.join(LIST))) {
             let list: PackList = documents::read_document(&pack.join(LIST), limits::PACK)?;
             for PackEntry { card, origin, .. } in list.objects {
                 let AssetRef::Imported { hash } = &card.asset else { continue };
@@ -135,10 +135,10 @@ fn grasps_file(pack: &Path, robot: &str) -> PathBuf {
 }
 
 /// Registers the tried grasps of a pack.
-fn register_grasps(pack: &Path) -> Result<(), RunError> {
+fn register_grasps(pack: &Path) -> Result<(), WorkspaceError> {
     for robot in genmanip_assets::robots::names() {
         let path = grasps_file(pack, &robot);
-        if !files::is_own_file(&path) {
+        if !files::is_file_no_follow(&path) {
             continue;
         }
         let file: GraspFile = documents::read_document(&path, limits::GRASPS)?;
@@ -165,7 +165,7 @@ impl AssetSource for Packs {
         }
         let (path, _) = self.objects.get(hash).ok_or_else(|| AssetError::NotImported { hash: hash.clone() })?;
         let wrong = |message: String| AssetError::Data { file: path.display().to_string(), message };
-        let bytes = files::read_own(path, limits::PACK_OBJECT).map_err(|error| wrong(error.to_string()))?;
+        let bytes = files::read_no_follow(path, limits::PACK_OBJECT).map_err(|error| wrong(error.to_string()))?;
         let object = crate::pack::from_bytes(&bytes).map_err(wrong)?;
         if object.model.asset != *asset {
             return Err(wrong(format!("contains {}; expected {asset}: import the pack again", object.model.asset)));

@@ -229,7 +229,7 @@ fn bytes_below(folder: &Path) -> u64 {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let mut rows = vec![["what", "measured"].map(String::from).to_vec()];
     let mut row = |what: &str, measured: String| rows.push(vec![what.into(), measured]);
     row("verified episodes", measured.episodes.to_string());

@@ -440,7 +440,7 @@ impl Case {
         places
     }
 
-    pub(super) fn in_words(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         format!("{}: genmanip {}", self.kind, self.call.join(" "))
     }
 }

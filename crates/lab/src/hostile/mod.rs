@@ -176,7 +176,7 @@ fn attempt(
     by_kind.tried += 1;
     by_kind.accepted += u64::from(ended.code == Some(0));
     by_kind.refused += u64::from(matches!(ended.code, Some(1 | 2)));
-    let what = case.in_words();
+    let what = case.describe();
     let mut broken = Vec::new();
     if ended.is_over_memory() {
         measured.over_memory += 1;
@@ -270,7 +270,7 @@ fn keep(arguments: &HostileArguments, sandbox: &Sandbox, number: usize, case: &C
             fs::copy(&from, &to).map_err(|error| LabError::file("write", &to, error))?;
         }
     }
-    documents::write_file(&folder.join("call.txt"), case.in_words().as_bytes())?;
+    documents::write_file(&folder.join("call.txt"), case.describe().as_bytes())?;
     Ok(format!(" ({})", folder.display()))
 }
 
@@ -362,7 +362,7 @@ pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let mut text = format!(
         "tried          {} calls, {:.0} s of CPU time, slowest {:.2} s ({})\n\
          panics         {}\nhangs          {}\nover memory    {}\nwrote outside  {}\nunclear        {}\n",
@@ -385,7 +385,7 @@ pub fn in_words(measured: &Measured) -> String {
         text += &format!("  {cpu_s:>6.2} s {peak_mib:>5} MiB  {outcome:<8} {limit:>8}  {file} of {filled_with}\n");
     }
     if let Some(starts) = &measured.starts {
-        text += &starts.in_words();
+        text += &starts.describe();
     }
     for line in measured.broken.iter().chain(&measured.unclear).take(20) {
         text += &format!("  {line}\n");

@@ -137,7 +137,7 @@ fn start(arguments: &HostileArguments, sandbox: &Sandbox, call: &[String], said:
 }
 
 impl Starts {
-    pub(super) fn in_words(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let mut text = format!(
             "starts         {} pairs, one won in {}, {} mixed\nkills          {} ({} in time), {} identical afterwards\n",
             self.pairs, self.one_won, self.mixed, self.kills, self.killed_in_time, self.identical

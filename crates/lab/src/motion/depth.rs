@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RgbdImage, RobotModel, Seed, TriMesh, VisualPart};
-use genmanip_motion::{Allowed, CollisionWorld, DepthSettings, Path, Planner, PlanningScene, triangulate};
+use genmanip_motion::{AllowedCollisions, CollisionWorld, DepthSettings, Path, Planner, PlanningScene, triangulate};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ impl DepthTally {
 
     pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), LabError> {
         let image = [draw(planner.robot(), problem, &self.camera)?];
-        let allowed = Allowed::none();
+        let allowed = AllowedCollisions::none();
         let (start, goals) = (&problem.start, std::slice::from_ref(&problem.goal));
         let perceive = |planner: &Planner| planner.world_seen(&around(&problem.tables, &allowed), start, SEEN, &image);
         let no_cloud = |error| LabError::broken(format!("problem {index} cannot be seen"), error);
@@ -125,7 +125,7 @@ impl DepthTally {
     }
 }
 
-fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed) -> PlanningScene<'a> {
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a AllowedCollisions) -> PlanningScene<'a> {
     PlanningScene { world, attached: None, allowed, gripper_width: OPEN }
 }
 

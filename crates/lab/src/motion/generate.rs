@@ -5,7 +5,7 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Pose, Seed};
-use genmanip_motion::{Allowed, Planner, PlanningScene};
+use genmanip_motion::{AllowedCollisions, Planner, PlanningScene};
 use rand::{Rng, RngExt};
 
 use super::OPEN;
@@ -68,7 +68,7 @@ struct Shelf {
 /// Adds the problems of one scene; the chain ends when no goal is found.
 fn chain(planner: &Planner, scene: &Scene, rng: &mut impl Rng, problems: &mut Vec<Written>) -> Result<(), LabError> {
     let world = world(&scene.obstacles).map_err(|error| LabError::broken("a scene cannot be built", error))?;
-    let allowed = Allowed::none();
+    let allowed = AllowedCollisions::none();
     let checker =
         planner.checker(&PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: OPEN }, 0.0);
     let ready = Pose::new(READY, DQuat::from_rotation_x(std::f64::consts::PI));

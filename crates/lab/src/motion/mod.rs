@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_core::{RobotModel, Seed};
-use genmanip_motion::{Allowed, Path, Planner, PlannerSettings, PlanningScene, Trajectory};
+use genmanip_motion::{AllowedCollisions, Path, Planner, PlannerSettings, PlanningScene, Trajectory};
 use serde::Serialize;
 
 use crate::LabError;
@@ -203,7 +203,7 @@ fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Proble
 
 impl Tally {
     fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) {
-        let allowed = Allowed::none();
+        let allowed = AllowedCollisions::none();
         let around = PlanningScene { world: &problem.world, attached: None, allowed: &allowed, gripper_width: OPEN };
         let goals = std::slice::from_ref(&problem.goal);
         let (planned, seconds) = timed(|| planner.plan_joint(&around, &problem.start, goals, seed));
@@ -291,7 +291,7 @@ impl Spread {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let Measured { cpu_ms, path_length_rad, ik, .. } = measured;
     let mut text = format!(
         "solved        {} of {}\ninvalid       {} paths touch something when tested again every {RECHECK} rad\n\

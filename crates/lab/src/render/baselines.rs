@@ -230,7 +230,7 @@ fn ask(python: &Path, folder: &Path) -> Result<Answer, LabError> {
 }
 
 /// Text summary.
-pub fn in_words(baselines: &Baselines) -> String {
+pub fn describe(baselines: &Baselines) -> String {
     let mut text = format!("{} triangles, {} objects, static camera:\n", baselines.triangles, baselines.objects);
     for (size, comparison) in &baselines.sizes {
         text += &format!("  {size}: {:.1} ms, first {:.1} ms\n", comparison.ms_static, comparison.ms_first_frame);

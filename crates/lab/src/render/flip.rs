@@ -32,7 +32,7 @@ pub fn flip(reference: &[u8], test: &[u8], width: usize, pixels_per_degree: f32)
     {
         return None;
     }
-    let [reference, test] = [reference, test].map(|rgb| Picture::new(rgb, width));
+    let [reference, test] = [reference, test].map(|rgb| RgbImage::new(rgb, width));
     let [seen, tested] = [&reference, &test].map(|picture| picture.perceived(pixels_per_degree));
     let [features, tested_features] = [&reference, &test].map(|picture| picture.features(pixels_per_degree));
     let largest = distance(hunt(Vec3A::Y), hunt(Vec3A::Z)).powf(COLOR_EXPONENT);
@@ -51,13 +51,13 @@ pub fn mean_flip(reference: &[u8], test: &[u8], width: usize) -> Option<f64> {
 }
 
 /// An image in the opponent colour space YCxCz.
-struct Picture {
+struct RgbImage {
     width: usize,
     /// Achromatic, red-green and blue-yellow planes.
     channels: [Vec<f32>; 3],
 }
 
-impl Picture {
+impl RgbImage {
     fn new(rgb: &[u8], width: usize) -> Self {
         let mut channels: [Vec<f32>; 3] = std::array::from_fn(|_| Vec::with_capacity(rgb.len() / 3));
         for pixel in rgb.chunks_exact(3) {

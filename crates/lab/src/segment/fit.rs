@@ -131,7 +131,7 @@ fn meet(cut: &Oversegmentation, owners: &[Option<usize>], weights: &[f64], sampl
 }
 
 /// Text summary.
-pub fn in_words(fitted: &Fitted) -> String {
+pub fn describe(fitted: &Fitted) -> String {
     let mut text = format!(
         "{} pairs, {:.1} % of one object, {:.2} % judged rightly\n",
         fitted.pairs,

@@ -199,7 +199,7 @@ fn is_spurious(mask: &Mask, view: &SegmentView) -> bool {
 }
 
 /// Text summary.
-pub fn in_words(measured: &Measured) -> String {
+pub fn describe(measured: &Measured) -> String {
     let mut rows = vec![["", "objects", "mean IoU", "IoU ≥ 0.5"].map(String::from).to_vec()];
     let mut row = |name: String, found: &Found| {
         rows.push(vec![

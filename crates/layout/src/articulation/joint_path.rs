@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use genmanip_motion::{Allowed, Checker, CollisionWorld, Planner, PlanningScene};
+use genmanip_motion::{AllowedCollisions, Checker, CollisionWorld, Planner, PlanningScene};
 
 use super::Motion;
 
@@ -23,7 +23,7 @@ pub(super) struct JointPath {
 /// Collision checkers for one gripper opening.
 pub(super) struct PathCheckers<'a> {
     planner: &'a Planner,
-    no_contact: &'a Allowed,
+    no_contact: &'a AllowedCollisions,
     paths: &'a [JointPath],
     /// Collision world without the object, and the clearance to it (m).
     others: (&'a CollisionWorld, f64),
@@ -36,7 +36,7 @@ pub(super) struct PathCheckers<'a> {
 impl<'a> PathCheckers<'a> {
     pub fn new(
         planner: &'a Planner,
-        no_contact: &'a Allowed,
+        no_contact: &'a AllowedCollisions,
         paths: &'a [JointPath],
         others: (&'a CollisionWorld, f64),
         width: f64,

@@ -1,7 +1,7 @@
 //! Search for arm motions that follow a joint.
 
 use genmanip_core::{Failure, FailureCause, JointKind, Pose};
-use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
+use genmanip_motion::{AllowedCollisions, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
@@ -67,7 +67,7 @@ impl<'a> Sweeper<'a> {
             .first()
             .zip(link)
             .map(|(path, link)| contacts(link, &path.motion, self.planner.robot(), self.settings));
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let mut known: Vec<PathCheckers> = Vec::new();
         for start in contacts.into_iter().flatten() {
             let mut configs = self.planner.ik_coarse(&start.world_from_tcp, reference).peekable();
@@ -186,7 +186,7 @@ impl<'a> Sweeper<'a> {
 
     /// Straight approach along the fingers.
     fn approach(&self, contact: &JointContact, config: &[f64], world: &CollisionWorld) -> Option<Path> {
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
         let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
         self.planner.straight(&scene_with(world, &no_contact, contact), config, &before).ok().map(Path::reversed)
@@ -227,7 +227,11 @@ struct Tally {
     possible: usize,
 }
 
-fn scene_with<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointContact) -> PlanningScene<'a> {
+fn scene_with<'a>(
+    world: &'a CollisionWorld,
+    allowed: &'a AllowedCollisions,
+    contact: &JointContact,
+) -> PlanningScene<'a> {
     PlanningScene { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 

@@ -9,7 +9,7 @@ use crate::rigid::Rigid;
 /// A link or the attached object in its moving frame.
 #[derive(Clone, Debug)]
 pub(super) struct Body<'a> {
-    pub(super) part: Part,
+    pub(super) id: MovingBody,
     pub(super) name: &'a str,
     pub(super) frame: usize,
     pub(super) frame_from_body: Rigid,
@@ -23,7 +23,7 @@ pub(super) struct Body<'a> {
 
 /// A moving body: a link or the attached object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Part {
+pub enum MovingBody {
     /// A link, by its index in the robot model.
     Link(usize),
     /// The attached object.

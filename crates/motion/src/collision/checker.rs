@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use super::body::{Body, BodyPair, Part, bodies_closer_than, bodies_separation};
+use super::body::{Body, BodyPair, MovingBody, bodies_closer_than, bodies_separation};
 use super::convex::Separation;
 use super::cover::CoverBall;
 use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, Scratch};
@@ -10,7 +10,7 @@ use super::fast_piece::FastPiece;
 use super::placed_obstacle::{PlacedObstacle, PlacedPiece};
 use super::probe::Solid;
 use super::robot_shape::RobotShape;
-use super::world::{Allowed, Attached, CollisionWorld};
+use super::world::{AllowedCollisions, Attached, CollisionWorld};
 use crate::rigid::Rigid;
 
 /// A pair that is too close.
@@ -64,7 +64,7 @@ impl<'a> Checker<'a> {
         robot: &'a RobotShape,
         world: &'a CollisionWorld,
         attached: Option<&'a Attached>,
-        allowed: &Allowed,
+        allowed: &AllowedCollisions,
         gripper_width: f64,
         padding: f64,
     ) -> Self {
@@ -75,7 +75,7 @@ impl<'a> Checker<'a> {
             .flat_map(|body| {
                 let reachable = robot.reachable_ball(body);
                 let may_meet = move |target: &PlacedObstacle| {
-                    body.frame > 0 && !allowed.contains(body.part, target.name) && !target.clear_of(&reachable, padding)
+                    body.frame > 0 && !allowed.contains(body.id, target.name) && !target.clear_of(&reachable, padding)
                 };
                 obstacles.iter().map(move |target| may_meet(target).then_some(padding))
             })
@@ -138,7 +138,7 @@ impl<'a> Checker<'a> {
         let touching = |pair: &BodyPair| {
             let [a, b] = [pair.first, pair.second].map(|index| &self.bodies[index]);
             let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-            let (Part::Link(first), Part::Link(second)) = (a.part, b.part) else { return None };
+            let (MovingBody::Link(first), MovingBody::Link(second)) = (a.id, b.id) else { return None };
             match bodies_separation(a, b, &world_from_a, &world_from_b, 0.0) {
                 Separation::Within(distance) if distance <= 0.0 => Some((first, second)),
                 _ => None,

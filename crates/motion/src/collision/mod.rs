@@ -70,11 +70,11 @@ mod tests;
 mod triangle;
 pub(crate) mod world;
 
-pub use body::Part;
+pub use body::MovingBody;
 pub use checker::{Checker, CollisionReport};
 pub use convex::GeometryError;
 pub use mesh::triangulate;
 pub use points::SurfaceError;
 pub(crate) use probe::Solid;
 pub use robot_shape::{RobotError, RobotShape};
-pub use world::{Allowed, Attached, CollisionWorld};
+pub use world::{AllowedCollisions, Attached, CollisionWorld};

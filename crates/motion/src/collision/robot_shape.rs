@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use genmanip_core::RobotModel;
 
-use super::body::{Body, BodyPair, MAX_DISTANCE_M, Part, bodies_separation};
+use super::body::{Body, BodyPair, MAX_DISTANCE_M, MovingBody, bodies_separation};
 use super::convex::{Ball, Convex, GeometryError, Separation};
 use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
@@ -106,23 +106,23 @@ impl RobotShape {
             let (frame, frame_from_body) = self.chain.link_mount(index, gripper_width);
             let ball = around(&frame_from_body, &link.cover);
             let LinkShape { name, pieces, cover, skeletons, planes } = link;
-            Body { part: Part::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
+            Body { id: MovingBody::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
         });
         let carried = attached.map(|attached| {
             let (frame, frame_from_tcp) = self.chain.tcp_mount();
             let frame_from_body = frame_from_tcp * attached.tcp_from_object;
             let ball = around(&frame_from_body, &attached.cover);
             let Attached { name, pieces, cover, skeletons, planes, .. } = attached;
-            Body { part: Part::Attached, name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
+            Body { id: MovingBody::Attached, name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
         });
         links.chain(carried).collect()
     }
 
     /// Body pairs that may collide, each with a clearance of `padding` (m).
     pub(super) fn body_pairs(&self, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
-        let tested = |a: &Body, b: &Body| match (a.part, b.part) {
-            (Part::Link(a), Part::Link(b)) => self.pair(a, b).is_some(),
-            (Part::Link(link), Part::Attached) => a.frame != b.frame && !self.gripper_links.contains(&link),
+        let tested = |a: &Body, b: &Body| match (a.id, b.id) {
+            (MovingBody::Link(a), MovingBody::Link(b)) => self.pair(a, b).is_some(),
+            (MovingBody::Link(link), MovingBody::Attached) => a.frame != b.frame && !self.gripper_links.contains(&link),
             _ => false,
         };
         let count = bodies.len();
@@ -134,8 +134,8 @@ impl RobotShape {
                 let (a, b) = (self.motion_bounds(&bodies[first]), self.motion_bounds(&bodies[second]));
                 let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
                 let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
-                let table = match (bodies[first].part, bodies[second].part) {
-                    (Part::Link(a), Part::Link(b)) => self.pair(a, b),
+                let table = match (bodies[first].id, bodies[second].id) {
+                    (MovingBody::Link(a), MovingBody::Link(b)) => self.pair(a, b),
                     _ => None,
                 };
                 BodyPair { first, second, margin: padding, movers, table }
@@ -156,7 +156,7 @@ impl RobotShape {
         let middle: Vec<f64> = joints.iter().map(|joint| 0.5 * (joint.lower + joint.upper)).collect();
         for pair in self.body_pairs(&bodies, 0.0) {
             let (a, b) = (&bodies[pair.first], &bodies[pair.second]);
-            let finger = fingers.iter().any(|link| [a.part, b.part].contains(&Part::Link(*link)));
+            let finger = fingers.iter().any(|link| [a.id, b.id].contains(&MovingBody::Link(*link)));
             let (Some(index), [first, second], false) = (pair.table, pair.movers.as_slice(), finger) else { continue };
             let mover = |&(joint, bound): &(usize, f64)| (joint, [joints[joint].lower, joints[joint].upper], bound);
             let mut config = middle.clone();

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::body::{Body, Part};
+use super::body::{Body, MovingBody};
 use super::convex::{Ball, Separation};
 use super::fast_piece::FastPiece;
 use super::field::DistanceField;
@@ -207,7 +207,7 @@ fn nodes_of(balls: &[Ball]) -> Vec<Node> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct RelaxedFacets {
     /// Body, facet and clearance, sorted.
-    facets: Vec<(Part, u32, f64)>,
+    facets: Vec<(MovingBody, u32, f64)>,
 }
 
 impl RelaxedFacets {
@@ -215,13 +215,13 @@ impl RelaxedFacets {
     pub(super) fn add(&mut self, body: &Body, facet: usize, margin: f64) {
         match self.find(body, facet) {
             Ok(index) => self.facets[index].2 = self.facets[index].2.min(margin),
-            Err(index) => self.facets.insert(index, (body.part, facet as u32, margin)),
+            Err(index) => self.facets.insert(index, (body.id, facet as u32, margin)),
         }
     }
 
     /// True if the body has any relaxed facet.
     pub(super) fn any(&self, body: &Body) -> bool {
-        self.facets.iter().any(|(part, ..)| *part == body.part)
+        self.facets.iter().any(|(id, ..)| *id == body.id)
     }
 
     fn margin(&self, body: &Body, facet: usize) -> Option<f64> {
@@ -229,7 +229,7 @@ impl RelaxedFacets {
     }
 
     fn find(&self, body: &Body, facet: usize) -> Result<usize, usize> {
-        self.facets.binary_search_by(|(part, other, _)| (*part, *other).cmp(&(body.part, facet as u32)))
+        self.facets.binary_search_by(|(id, other, _)| (*id, *other).cmp(&(body.id, facet as u32)))
     }
 }
 

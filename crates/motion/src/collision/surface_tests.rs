@@ -85,7 +85,7 @@ fn surfaces_answer_as_their_facets_do() {
         let twins = if case % 2 == 0 { clouds(&mut rng) } else { meshes(&mut rng) };
         let held = carried(&mut rng);
         for padding in [0.0, 0.003, 0.03] {
-            let allowed = Allowed::none().and(Part::Link(5), "seen");
+            let allowed = AllowedCollisions::none().and(MovingBody::Link(5), "seen");
             let checker = |world| Checker::new(&shape, world, Some(&held), &allowed, 0.05, padding);
             let (surface, pieces) = (checker(&twins.surface), checker(&twins.pieces));
             let near_home = |rng: &mut _| -> Vec<f64> {
@@ -141,7 +141,7 @@ fn only_the_points_near_the_start_are_excused() {
     let points: Vec<DVec3> = wall.chain([beside]).collect();
     let mut world = CollisionWorld::new();
     world.add_points("seen", &points, RADIUS_M).unwrap();
-    let allowed = Allowed::none();
+    let allowed = AllowedCollisions::none();
     let mut checker = Checker::new(&shape, &world, None, &allowed, 0.08, 0.003);
     assert_eq!(checker.check(&robot.home).unwrap().to_string(), "hand is 1.0 mm from seen");
     checker.relax(&robot.home, 0.001).unwrap();

@@ -12,7 +12,12 @@ fn ball(radius: f64) -> Piece {
     Piece::at(DVec3::ZERO, Shape::Sphere { radius })
 }
 
-fn check(world: &CollisionWorld, attached: Option<&Attached>, allowed: &Allowed, padding: f64) -> Option<String> {
+fn check(
+    world: &CollisionWorld,
+    attached: Option<&Attached>,
+    allowed: &AllowedCollisions,
+    padding: f64,
+) -> Option<String> {
     let robot = test_panda();
     let shape = RobotShape::new(&robot).unwrap();
     let checker = Checker::new(&shape, world, attached, allowed, 0.08, padding);
@@ -25,7 +30,7 @@ fn check(world: &CollisionWorld, attached: Option<&Attached>, allowed: &Allowed,
 fn home_is_free_above_a_table() {
     let mut world = CollisionWorld::new();
     world.add("table", &[slab()], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0))).unwrap();
-    assert_eq!(check(&world, None, &Allowed::none(), 0.003), None);
+    assert_eq!(check(&world, None, &AllowedCollisions::none(), 0.003), None);
 }
 
 #[test]
@@ -35,11 +40,11 @@ fn reports_name_the_worst_pair_and_its_distance() {
     let mut world = CollisionWorld::new();
     // The hand is 66 mm deep and ends 37.4 mm behind the TCP; a ball in the middle of the grasp touches nothing yet.
     world.add("ball", &[ball(0.02)], &tcp).unwrap();
-    assert_eq!(check(&world, None, &Allowed::none(), 0.003), None);
-    assert_eq!(check(&world, None, &Allowed::none(), 0.02).as_deref(), Some("hand is 17.4 mm from ball"));
+    assert_eq!(check(&world, None, &AllowedCollisions::none(), 0.003), None);
+    assert_eq!(check(&world, None, &AllowedCollisions::none(), 0.02).as_deref(), Some("hand is 17.4 mm from ball"));
     world.add("ball", &[ball(0.045)], &tcp).unwrap();
-    assert_eq!(check(&world, None, &Allowed::none(), 0.003).as_deref(), Some("hand is 7.6 mm inside ball"));
-    let touched = Allowed::none().and_gripper(&robot, "ball");
+    assert_eq!(check(&world, None, &AllowedCollisions::none(), 0.003).as_deref(), Some("hand is 7.6 mm inside ball"));
+    let touched = AllowedCollisions::none().and_gripper(&robot, "ball");
     assert_eq!(check(&world, None, &touched, 0.003), None);
 }
 
@@ -51,9 +56,9 @@ fn carried_objects_collide_but_may_rest_on_what_is_allowed() {
     let board = Piece::at(DVec3::ZERO, Shape::Box { half_extents: DVec3::new(0.05, 0.05, 0.02) });
     world.add("shelf", &[board], &Pose::from_position(tcp.position - DVec3::Z * 0.07)).unwrap();
     let held = Attached::new("apple", &[ball(0.035)], &Pose::from_position(DVec3::Z * 0.02)).unwrap();
-    let report = check(&world, Some(&held), &Allowed::none(), 0.003);
+    let report = check(&world, Some(&held), &AllowedCollisions::none(), 0.003);
     assert_eq!(report.as_deref(), Some("apple is 5.0 mm inside shelf"));
-    assert_eq!(check(&world, Some(&held), &Allowed::none().and_attached("shelf"), 0.003), None);
+    assert_eq!(check(&world, Some(&held), &AllowedCollisions::none().and_attached("shelf"), 0.003), None);
 }
 
 #[test]
@@ -64,7 +69,7 @@ fn relaxing_accepts_closeness_but_not_penetration() {
     for (radius, free) in [(0.0364, true), (0.039, false)] {
         let mut world = CollisionWorld::new();
         world.add("ball", &[ball(radius)], &tcp).unwrap();
-        let mut checker = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.003);
+        let mut checker = Checker::new(&shape, &world, None, &AllowedCollisions::none(), 0.08, 0.003);
         assert!(!checker.is_free(&robot.home));
         assert_eq!(checker.relax(&robot.home, 0.001).is_ok(), free);
         if free {
@@ -83,10 +88,11 @@ fn what_was_apart_may_come_close_but_not_touch() {
     let tcp = robot.tcp_pose(&robot.home);
     let mut world = CollisionWorld::new();
     world.add("ball", &[ball(0.02)], &tcp).unwrap();
-    let gap = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.02).check(&robot.home).unwrap().distance;
+    let gap =
+        Checker::new(&shape, &world, None, &AllowedCollisions::none(), 0.08, 0.02).check(&robot.home).unwrap().distance;
     world.add("ball", &[ball(0.02 + gap - 4e-5)], &tcp).unwrap();
-    let exact = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.0);
-    let mut checker = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.003);
+    let exact = Checker::new(&shape, &world, None, &AllowedCollisions::none(), 0.08, 0.0);
+    let mut checker = Checker::new(&shape, &world, None, &AllowedCollisions::none(), 0.08, 0.003);
     checker.relax(&robot.home, 0.001).unwrap();
     assert!(exact.is_free(&robot.home) && checker.is_free(&robot.home));
     let mut touching = 0;
@@ -125,7 +131,7 @@ fn edges_are_free_exactly_when_their_states_are() {
             let piece = Piece::at(DVec3::ZERO, shapes[index % 4].clone());
             world.add(&format!("thing {index}"), &[piece], &Pose::from_position_yaw(place, draw(0.0, 3.0))).unwrap();
         }
-        let checker = Checker::new(&shape, &world, Some(&held), &Allowed::none(), 0.05, 0.003);
+        let checker = Checker::new(&shape, &world, Some(&held), &AllowedCollisions::none(), 0.05, 0.003);
         let mut config = || limits.iter().map(|(low, high)| rng.random_range(*low..*high) * 0.5).collect::<Vec<f64>>();
         let (from, to) =
             (robot.home.clone(), config().iter().zip(&robot.home).map(|(a, b)| b + 0.4 * a).collect::<Vec<_>>());
@@ -135,7 +141,7 @@ fn edges_are_free_exactly_when_their_states_are() {
         assert_eq!(checker.edge_is_free(&from, &to, 0.006), expected);
         // The path check proves more, and fails only where something is too close.
         let clear = checker.polyline_is_free(&[from.clone(), to.clone()], 0.006);
-        let exact = Checker::new(&shape, &world, Some(&held), &Allowed::none(), 0.05, 0.0);
+        let exact = Checker::new(&shape, &world, Some(&held), &AllowedCollisions::none(), 0.05, 0.0);
         let mut dense = (0..=2000).map(|k| crate::path::lerp(&from, &to, f64::from(k) / 2000.0));
         if clear {
             assert!(dense.all(|state| exact.is_free(&state)));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{Piece, Pose};
 use glam::DVec3;
 
-use super::body::Part;
+use super::body::MovingBody;
 use super::convex::{Convex, GeometryError};
 use super::cover::{CoverBall, cover};
 use super::mesh::mesh;
@@ -57,8 +57,8 @@ pub struct Attached {
 ///
 /// For example, gripper and grasped object, or carried object and its support.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Allowed {
-    pairs: Vec<(Part, String)>,
+pub struct AllowedCollisions {
+    pairs: Vec<(MovingBody, String)>,
     /// Obstacles ignored entirely.
     ignored: Vec<String>,
 }
@@ -160,7 +160,7 @@ impl Attached {
     }
 }
 
-impl Allowed {
+impl AllowedCollisions {
     /// No allowed contacts.
     pub const NONE: Self = Self { pairs: Vec::new(), ignored: Vec::new() };
 
@@ -171,8 +171,8 @@ impl Allowed {
 
     /// Allows contact between a moving body and an obstacle.
     #[must_use]
-    pub fn and(mut self, part: Part, obstacle: &str) -> Self {
-        self.pairs.push((part, obstacle.to_owned()));
+    pub fn and(mut self, id: MovingBody, obstacle: &str) -> Self {
+        self.pairs.push((id, obstacle.to_owned()));
         self
     }
 
@@ -180,13 +180,13 @@ impl Allowed {
     #[must_use]
     pub fn and_gripper(self, robot: &genmanip_core::RobotModel, obstacle: &str) -> Self {
         let [left, right] = robot.gripper.fingers;
-        [robot.hand, left, right].into_iter().fold(self, |allowed, link| allowed.and(Part::Link(link), obstacle))
+        [robot.hand, left, right].into_iter().fold(self, |allowed, link| allowed.and(MovingBody::Link(link), obstacle))
     }
 
     /// Allows contact of the attached object with an obstacle (its support).
     #[must_use]
     pub fn and_attached(self, obstacle: &str) -> Self {
-        self.and(Part::Attached, obstacle)
+        self.and(MovingBody::Attached, obstacle)
     }
 
     /// Ignores an obstacle entirely.
@@ -197,9 +197,9 @@ impl Allowed {
     }
 
     /// True if a pair may touch.
-    pub fn contains(&self, part: Part, obstacle: &str) -> bool {
+    pub fn contains(&self, id: MovingBody, obstacle: &str) -> bool {
         self.ignored.iter().any(|name| name == obstacle)
-            || self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
+            || self.pairs.iter().any(|(other, name)| *other == id && name == obstacle)
     }
 }
 

@@ -2,7 +2,7 @@ use genmanip_core::{Camera, Intrinsics, Piece, Pose, RgbdImage, Seed, Shape, gla
 
 use super::pixels::{Grid, View};
 use crate::test_robot::test_panda;
-use crate::{Allowed, CollisionWorld, Planner, PlannerSettings, PlanningScene};
+use crate::{AllowedCollisions, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 const BALL: (DVec3, f64) = (DVec3::new(0.55, 0.0, 0.12), 0.1);
 
@@ -43,7 +43,7 @@ fn image(camera: &Camera, depth_m: &[f32]) -> RgbdImage {
 #[test]
 fn paths_go_around_what_is_seen() {
     let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
-    let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
+    let (camera, tables, allowed) = (camera(), tables(), AllowedCollisions::none());
     let around = |world| PlanningScene { world, attached: None, allowed: &allowed, gripper_width: 0.08 };
     let home = planner.robot().home.clone();
     let side = |y: f64| {
@@ -120,7 +120,7 @@ fn pixels_fall_into_the_cells_of_their_points() {
 #[test]
 fn images_that_make_no_sense_are_refused() {
     let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
-    let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
+    let (camera, tables, allowed) = (camera(), tables(), AllowedCollisions::none());
     let around = PlanningScene { world: &tables, attached: None, allowed: &allowed, gripper_width: 0.08 };
     let home = planner.robot().home.clone();
     let depth_m = picture(&camera, &[BALL]);

@@ -18,7 +18,7 @@ use genmanip_core::limits;
 use genmanip_core::{Gripper, Pose, RobotModel, Seed, glam::DVec3};
 use rand::RngExt;
 
-use crate::collision::{Allowed, Checker, CollisionWorld, RobotShape};
+use crate::collision::{AllowedCollisions, Checker, CollisionWorld, RobotShape};
 pub use error::DescriptionError;
 pub use plausible::{MAX_CORNERS, MAX_JOINTS, MAX_LINKS, MAX_PIECES, MAX_REACH_M};
 
@@ -131,7 +131,7 @@ pub fn read_robot(
 /// Link pairs that touch at every sampled configuration: their hulls overlap by construction.
 fn always_touching(robot: &RobotModel) -> Result<Vec<(usize, usize)>, DescriptionError> {
     let shape = RobotShape::new(robot)?;
-    let (world, allowed) = (CollisionWorld::new(), Allowed::none());
+    let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
     let checker = Checker::new(&shape, &world, None, &allowed, 0.0, 0.0);
     let mut rng = Seed::new(0).fork("links that always touch").rng();
     let mut always: Option<Vec<(usize, usize)>> = None;

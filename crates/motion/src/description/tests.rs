@@ -77,7 +77,7 @@ fn another_arm_is_read_and_moved() {
             assert!(column.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-7), "{column:?} {expected:?}");
         }
     }
-    let (world, allowed) = (CollisionWorld::new(), Allowed::none());
+    let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
     let around = PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: 0.0 };
     let (start, goal) = (vec![0.0; 6], vec![1.5, 0.5, 0.5, 1.0, -0.5, 1.0]);
     let path = planner.plan_joint(&around, &start, &[goal], Seed::new(1)).unwrap();

@@ -30,7 +30,7 @@ pub use place::{PlaceQuery, Release};
 pub use rejections::{GraspRejection, GraspRejections};
 pub use settings::{FeasibilitySettings, HalfTurn};
 
-use crate::collision::{Allowed, Checker, CollisionWorld};
+use crate::collision::{AllowedCollisions, Checker, CollisionWorld};
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
 
@@ -105,15 +105,15 @@ impl<'a> PickQuery<'a> {
     }
 
     /// Ignores the object; its clearance is checked separately.
-    fn without_object(&self) -> Allowed {
-        Allowed::none().and_all(self.object.name)
+    fn without_object(&self) -> AllowedCollisions {
+        AllowedCollisions::none().and_all(self.object.name)
     }
 
-    fn with_gripper_touching(&self) -> Allowed {
-        Allowed::none().and_gripper(self.planner.robot(), self.object.name)
+    fn with_gripper_touching(&self) -> AllowedCollisions {
+        AllowedCollisions::none().and_gripper(self.planner.robot(), self.object.name)
     }
 
-    fn empty_gripper<'q>(&'q self, allowed: &'q Allowed, opening_m: f64) -> PlanningScene<'q> {
+    fn empty_gripper<'q>(&'q self, allowed: &'q AllowedCollisions, opening_m: f64) -> PlanningScene<'q> {
         PlanningScene { world: self.world, attached: None, allowed, gripper_width: opening_m }
     }
 
@@ -176,7 +176,7 @@ impl<'a> PickQuery<'a> {
 
     /// True if the robot keeps its clearance to the object, if one is set.
     fn is_beside_object(&self, opening_m: f64, config: &[f64]) -> bool {
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let keeps = |clearance_m| {
             self.planner.checker(&self.empty_gripper(&no_contact, opening_m), clearance_m).is_free(config)
         };

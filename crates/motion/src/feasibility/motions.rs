@@ -4,7 +4,7 @@ use genmanip_core::{Pose, Seed};
 use glam::DVec3;
 
 use super::{FeasibleGrasp, GraspRejection, PickQuery};
-use crate::collision::{Allowed, Attached};
+use crate::collision::{AllowedCollisions, Attached};
 use crate::path::Path;
 use crate::plan::PlanError;
 use crate::planner::PlanningScene;
@@ -45,7 +45,7 @@ impl PickQuery<'_> {
         let world_from_tcp = planner.tcp_pose(&grasp.config);
         let back = world_from_tcp.transform_vector(DVec3::Z) * settings.approach_m;
         let before = Pose { position: world_from_tcp.position - back, ..world_from_tcp };
-        let (no_contact, touching) = (Allowed::none(), self.with_gripper_touching());
+        let (no_contact, touching) = (AllowedCollisions::none(), self.with_gripper_touching());
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
         let beside = PlanningScene { allowed: &touching, ..open };
         let path = match settings.object_clearance_m {
@@ -70,7 +70,7 @@ impl PickQuery<'_> {
     /// # Errors
     /// Fails with the planning error.
     pub fn reach(&self, grasp: &FeasibleGrasp, approach: &Path, seed: Seed) -> Result<Path, PlanError> {
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let open = self.empty_gripper(&no_contact, grasp.opening_m);
         self.planner.plan_joint(&open, self.arm, &[approach.start().to_vec()], seed)
     }

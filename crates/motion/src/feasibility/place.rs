@@ -4,7 +4,7 @@ use genmanip_core::{Piece, Pose, Seed};
 use glam::DVec3;
 
 use super::{FeasibilitySettings, PlaceGoal};
-use crate::collision::{Allowed, Attached, CollisionWorld, GeometryError};
+use crate::collision::{AllowedCollisions, Attached, CollisionWorld, GeometryError};
 use crate::path::Path;
 use crate::plan::PlanError;
 use crate::planner::{Planner, PlanningScene};
@@ -93,7 +93,7 @@ impl PlaceQuery<'_> {
         let (planner, settings) = (self.planner, self.settings);
         let unusable = |error: GeometryError| PlanError::Unreachable { what: error.to_string() };
         let attached = Attached::new(self.name, self.pieces, &self.tcp_from_object).map_err(unusable)?;
-        let no_contact = Allowed::none();
+        let no_contact = AllowedCollisions::none();
         let carrying = PlanningScene {
             world: self.world,
             attached: Some(&attached),
@@ -108,8 +108,8 @@ impl PlaceQuery<'_> {
         let mut occupied = self.world.clone();
         occupied.add(self.name, self.pieces, &goal.raised(height_m)).map_err(unusable)?;
         let leaving = match settings.object_clearance_m {
-            Some(_) => Allowed::none(),
-            None => Allowed::none().and_gripper(planner.robot(), self.name),
+            Some(_) => AllowedCollisions::none(),
+            None => AllowedCollisions::none().and_gripper(planner.robot(), self.name),
         };
         let opened =
             PlanningScene { world: &occupied, attached: None, allowed: &leaving, gripper_width: self.open_width_m };

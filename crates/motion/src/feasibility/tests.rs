@@ -217,7 +217,7 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
     assert_eq!((approach.goal(), lift.start()), (&*grasp.config, &*grasp.config));
     let rise = planner.tcp_pose(lift.goal()).position - planner.tcp_pose(lift.start()).position;
     assert!((rise - DVec3::Z * settings.lift_m).length() < 1e-6, "{rise}");
-    let nothing = Allowed::none();
+    let nothing = AllowedCollisions::none();
     let open = PlanningScene { world: &scene.world, attached: None, allowed: &nothing, gripper_width: grasp.opening_m };
     assert_free("reach", &planner, &open, &reach);
     assert_free("approach", &planner, &open, &approach);

@@ -1,7 +1,7 @@
 use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
 
 use crate::test_robot::test_panda;
-use crate::{Allowed, CollisionWorld, PlanError, Planner, PlannerSettings, PlanningScene};
+use crate::{AllowedCollisions, CollisionWorld, PlanError, Planner, PlannerSettings, PlanningScene};
 
 fn planner() -> Planner {
     Planner::new(test_panda(), PlannerSettings::default()).unwrap()
@@ -23,13 +23,13 @@ fn down(position: DVec3) -> Pose {
     Pose::new(position, genmanip_core::glam::DQuat::from_rotation_x(std::f64::consts::PI))
 }
 
-fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed) -> PlanningScene<'a> {
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a AllowedCollisions) -> PlanningScene<'a> {
     PlanningScene { world, attached: None, allowed, gripper_width: 0.08 }
 }
 
 #[test]
 fn paths_go_around_a_wall_and_touch_nothing() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let start = planner.ik(&down(DVec3::new(0.55, -0.25, 0.1)), &home).remove(0);
@@ -49,7 +49,7 @@ fn paths_go_around_a_wall_and_touch_nothing() {
 
 #[test]
 fn failures_say_what_is_wrong() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let inside_wall = planner.ik(&down(DVec3::new(0.55, 0.0, 0.2)), &home).remove(0);
@@ -87,7 +87,8 @@ fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
     for (name, center, size) in plates {
         world.add(name, &[cuboid(center, size)], &Pose::IDENTITY).unwrap();
     }
-    let error = planner.plan_joint(&around(&world, &Allowed::none()), &start, &[goal], Seed::new(1)).unwrap_err();
+    let error =
+        planner.plan_joint(&around(&world, &AllowedCollisions::none()), &start, &[goal], Seed::new(1)).unwrap_err();
     let PlanError::Exhausted { iterations: 300, straight_collision: Some(report) } = &error else { panic!("{error}") };
     assert_eq!(report.other, "ahead", "the wall that the straight way runs into: {error}");
 }
@@ -95,7 +96,7 @@ fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
 /// The paper's planner took steps of 0.001 rad: thousands of nodes, but a bounded search like any other.
 #[test]
 fn tiny_steps_find_the_same_way_around() {
-    let (world, allowed) = (walled(), Allowed::none());
+    let (world, allowed) = (walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = test_panda().home.clone();
     let (left, right) = (down(DVec3::new(0.55, -0.25, 0.1)), down(DVec3::new(0.55, 0.25, 0.1)));
@@ -118,7 +119,7 @@ fn tiny_steps_find_the_same_way_around() {
 /// Fingertips 0.02 mm above the table at both ends: the timed motion, which cuts corners slightly, touches nothing.
 #[test]
 fn timed_motions_from_and_to_near_contact_touch_nothing() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let above_table = |y: f64| down(DVec3::new(0.55, y, 0.00852));
@@ -136,7 +137,7 @@ fn timed_motions_from_and_to_near_contact_touch_nothing() {
 
 #[test]
 fn straight_lines_are_straight_or_say_where_they_end() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let (high, low) = (down(DVec3::new(0.55, 0.25, 0.2)), down(DVec3::new(0.55, 0.25, 0.05)));
@@ -161,7 +162,7 @@ fn straight_lines_are_straight_or_say_where_they_end() {
 
 #[test]
 fn straight_lines_may_begin_near_contact_but_not_end_there() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let above_table = |gap: f64| down(DVec3::new(0.55, 0.25, 0.0085 + gap));
@@ -179,7 +180,7 @@ fn straight_lines_may_begin_near_contact_but_not_end_there() {
 
 #[test]
 fn trajectories_obey_the_limits_and_rest_at_both_ends() {
-    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let (planner, world, allowed) = (planner(), walled(), AllowedCollisions::none());
     let around = around(&world, &allowed);
     let home = planner.robot().home.clone();
     let start = planner.ik(&down(DVec3::new(0.55, -0.25, 0.1)), &home).remove(0);

@@ -11,7 +11,7 @@ use genmanip_workspace::task_spool::TaskEntry;
 
 use super::Outcomes;
 use crate::folder::{Run, RunFolder};
-use crate::index::Known;
+use crate::index::IndexedAttempt;
 
 /// An attempt of a run.
 #[derive(Clone)]
@@ -33,7 +33,7 @@ impl Planned {
 
     /// Attempts `range` of a run without a fixed number of attempts: the first of every task, then the second of every
     /// task, and so on.
-    pub fn in_rounds(tasks: &[TaskEntry], range: Range<usize>) -> Vec<Self> {
+    pub fn round_robin(tasks: &[TaskEntry], range: Range<usize>) -> Vec<Self> {
         let named = |piece: usize| {
             let (task, number) = (piece % tasks.len(), (piece / tasks.len()) as u64);
             Self { id: attempt_id(&tasks[task].id, number), task, number }
@@ -60,7 +60,7 @@ pub(crate) fn share(run: &Run, shard: Option<Shard>) -> impl Iterator<Item = Str
 /// Returns the unfinished attempts of `attempts`; outcomes of finished ones go into `outcomes`.
 pub(super) fn left(
     attempts: &[Planned],
-    known: &mut BTreeMap<String, Known>,
+    known: &mut BTreeMap<String, IndexedAttempt>,
     folder: &RunFolder,
     store: &EpisodeStore,
     settings: &PipelineSettings,
@@ -69,7 +69,7 @@ pub(super) fn left(
     let scenarios: BTreeSet<_> = std::fs::read_dir(folder.join("scenarios"))
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.file_name())).collect())
         .unwrap_or_default();
-    let has_all = |known: &Known| {
+    let has_all = |known: &IndexedAttempt| {
         let has_scenario = !known.has_scenario || scenarios.contains(OsStr::new(&format!("{}.json", known.id)));
         let has_pictures = settings.images.as_ref().is_none_or(|images| {
             let is_drawn = known.outcome.success || settings.keep_failed && known.recorded;

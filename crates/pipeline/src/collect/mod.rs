@@ -17,7 +17,7 @@ use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::{MakeCorrected, PipelineSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage};
-use genmanip_workspace::{MOST_ROWS, attention, text_table};
+use genmanip_workspace::{MAX_ROWS, attention, text_table};
 use serde::Serialize;
 
 use crate::folder::{Run, RunFolder, Timings};
@@ -27,7 +27,7 @@ use attempts::Planned;
 pub(crate) use attempts::share;
 use genmanip_agent_sim::demonstration_grasps;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::shard::Shard;
 use genmanip_workspace::task_spool::TaskEntry;
 use genmanip_workspace::worlds;
@@ -96,7 +96,7 @@ pub fn collect(
     options: CollectOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Collected, RunError> {
+) -> Result<Collected, WorkspaceError> {
     let grasps = demonstration_grasps::choice(&run.settings.grasps)?;
     let corrected = run.settings.corrects.as_deref().map(corrected).transpose()?;
     let begin = if options.shard.is_some() { RunFolder::begin_shard } else { RunFolder::begin };
@@ -138,14 +138,14 @@ pub fn collect(
     let all = attempts.len() + damaged.len();
     // A call that finds everything finished does not lengthen the time of collecting.
     if has_made {
-        folder.lengthen_phase("collect", started.elapsed().as_secs_f64());
+        folder.add_phase_time("collect", started.elapsed().as_secs_f64());
     }
     let interrupted = stop.load(Ordering::Relaxed);
     let is_wanted = wants_dataset && !interrupted && outcomes.values().any(|outcome| outcome.success);
     let dataset_since = Instant::now();
     let dataset = if is_wanted { export(&settings, hash, &folder, &store, &mut damaged, progress)? } else { None };
     if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
-        folder.time_phase("dataset", dataset_since.elapsed().as_secs_f64());
+        folder.set_phase_time("dataset", dataset_since.elapsed().as_secs_f64());
     }
     if folder.timings() != known_timings {
         folder.save_timings()?;
@@ -162,7 +162,7 @@ pub fn collect(
 }
 
 /// Resolves the policy whose actions the expert corrects.
-fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
+fn corrected(name: &str) -> Result<PolicyFactory, WorkspaceError> {
     let policy = PolicyFactory::resolve(name)?;
     let why = if policy.needs_record() {
         "it needs episodes that were recorded before"
@@ -171,7 +171,7 @@ fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
     } else {
         return Ok(policy);
     };
-    Err(RunError::input(format!("policy {} cannot be corrected: {why}", policy.name()))
+    Err(WorkspaceError::input(format!("policy {} cannot be corrected: {why}", policy.name()))
         .with_hint("expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python"))
 }
 
@@ -199,7 +199,7 @@ impl Collected {
         !self.interrupted && self.damaged.is_empty() && is_any_verified
     }
 
-    /// Table of the rows with totals. Above [`MOST_ROWS`] tasks, unless `each` is true, it has a row per kind and the
+    /// Table of the rows with totals. Above [`MAX_ROWS`] tasks, unless `each` is true, it has a row per kind and the
     /// tasks without a verified demonstration.
     pub fn table(&self, each: bool) -> String {
         const TASKS: [&str; 6] = ["task", "kind", "attempts", "verified", "why others failed", "seconds"];
@@ -212,7 +212,7 @@ impl Collected {
         let count = |of: fn(&TaskRow) -> usize| self.rows.iter().map(of).sum::<usize>();
         let share = 100.0 * count(|row| row.verified) as f64 / count(|row| row.attempts).max(1) as f64;
         let share = format!("{share:.1} % verified");
-        if each || self.rows.len() <= MOST_ROWS {
+        if each || self.rows.len() <= MAX_ROWS {
             let total = vec!["all".into(), String::new(), attempts, verified, share, seconds];
             let head = TASKS.map(String::from).to_vec();
             let lines = [head].into_iter().chain(self.rows.iter().map(of_task)).chain([total]);
@@ -258,12 +258,12 @@ fn causes(rows: &[&TaskRow]) -> String {
 }
 
 /// Rejects a run whose data set could not be written in the end.
-fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
+fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), WorkspaceError> {
     let path = folder.join("dataset");
     for target in [lerobot::depth_path(&path), path] {
         lerobot::check_owner(&target, Some(hash)).map_err(|error| {
             let hint = error.hint().unwrap_or_default();
-            RunError::input("the data set of this run has no place").because(error).with_hint(hint)
+            WorkspaceError::input("the data set of this run has no place").because(error).with_hint(hint)
         })?;
     }
     Ok(())
@@ -277,7 +277,7 @@ fn export(
     store: &EpisodeStore,
     damaged: &mut Vec<(String, String)>,
     progress: &dyn Progress,
-) -> Result<Option<PathBuf>, RunError> {
+) -> Result<Option<PathBuf>, WorkspaceError> {
     let Some(images) = &settings.images else { return Ok(None) };
     let rows = ExportSettings {
         fps: images.fps,
@@ -291,7 +291,7 @@ fn export(
     let path = folder.join("dataset");
     let robot = worlds::robot(&settings.world)?;
     let exported = lerobot::export(store, &selection, &robot, &dataset, &path).map_err(|error| {
-        RunError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
+        WorkspaceError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
     })?;
     for (id, why) in
         exported.left_out.into_iter().filter(|(id, _)| damaged.iter().all(|(known, _)| known != id)).collect::<Vec<_>>()

@@ -9,15 +9,15 @@ use genmanip_core::{Document, EpisodeResult, Seed};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, complete, in_parallel};
 use genmanip_workspace::disk_space::Estimate;
-use genmanip_workspace::{Progress, RunError, Stopped, Tasks, documents};
+use genmanip_workspace::{Progress, Stopped, Tasks, WorkspaceError, documents};
 
 use super::attempts::{Planned, left};
 use super::{CollectOptions, Outcomes};
 use crate::folder::RunFolder;
-use crate::index::{Known, Survey};
+use crate::index::{IndexedAttempt, Survey};
 
 /// Attempts per demonstration and per task after which a run gives up: the expert verifies some 9 of 10.
-const MOST_ATTEMPTS: usize = 20;
+const MAX_ATTEMPTS: usize = 20;
 
 /// Everything that attempts of a run need.
 pub(super) struct Runner<'a> {
@@ -52,7 +52,7 @@ impl Runner<'_> {
     ///
     /// # Errors
     /// When an episode or a file broke; finished episodes are kept.
-    pub fn fixed(&self, per_task: usize) -> Result<Made, RunError> {
+    pub fn fixed(&self, per_task: usize) -> Result<Made, WorkspaceError> {
         let mut attempts = Planned::all(self.tasks.entries(), per_task, self.options.shard);
         let (mut known, damaged) = self.known(self.folder.survey(self.store)?, &attempts)?;
         attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id));
@@ -75,18 +75,20 @@ impl Runner<'_> {
     /// # Errors
     /// As [`Runner::fixed`]; when the run has more verified demonstrations already, damaged episodes, or too many
     /// attempts fail.
-    pub fn until_verified(&self, count: usize) -> Result<Made, RunError> {
+    pub fn until_verified(&self, count: usize) -> Result<Made, WorkspaceError> {
         let tasks = self.tasks.entries();
         let survey = self.folder.survey(self.store)?;
         let verified = survey.sound.iter().filter(|known| known.outcome.success).count();
         if verified > count {
             let what = format!("the run has {verified} verified demonstrations already");
-            return Err(RunError::input(what).with_hint("ask for at least as many, or choose another --out folder"));
+            return Err(
+                WorkspaceError::input(what).with_hint("ask for at least as many, or choose another --out folder")
+            );
         }
         let reach = survey.sound.len() + survey.damaged.len() + survey.strangers.len() + count;
-        let (mut known, damaged) = self.known(survey, &Planned::in_rounds(tasks, 0..reach))?;
+        let (mut known, damaged) = self.known(survey, &Planned::round_robin(tasks, 0..reach))?;
         if let Some((id, why)) = damaged.first() {
-            return Err(RunError::input(format!("episode {id} is damaged: {why}"))
+            return Err(WorkspaceError::input(format!("episode {id} is damaged: {why}"))
                 .with_hint("start again with --repair: damaged episodes are set aside and made anew"));
         }
         let (mut attempts, mut outcomes, mut has_made, mut has_changed) = (Vec::new(), Outcomes::new(), false, false);
@@ -98,12 +100,12 @@ impl Runner<'_> {
             if missing == 0 || self.stop.load(Ordering::Relaxed) {
                 break;
             }
-            if attempts.len() >= MOST_ATTEMPTS * (count + tasks.len()) {
+            if attempts.len() >= MAX_ATTEMPTS * (count + tasks.len()) {
                 self.progress.end();
                 let what = format!("{} of {count} verified after {} attempts", count - missing, attempts.len());
-                return Err(RunError::input(what).with_hint("`genmanip report RUN` shows why attempts failed"));
+                return Err(WorkspaceError::input(what).with_hint("`genmanip report RUN` shows why attempts failed"));
             }
-            let wave = Planned::in_rounds(tasks, attempts.len()..attempts.len() + missing);
+            let wave = Planned::round_robin(tasks, attempts.len()..attempts.len() + missing);
             let before = successes(&outcomes);
             let left = left(&wave, &mut known, self.folder, self.store, self.settings, &mut outcomes);
             (before..successes(&outcomes)).for_each(|_| self.progress.advance());
@@ -121,7 +123,7 @@ impl Runner<'_> {
         &self,
         survey: Survey,
         attempts: &[Planned],
-    ) -> Result<(BTreeMap<String, Known>, Vec<(String, String)>), RunError> {
+    ) -> Result<(BTreeMap<String, IndexedAttempt>, Vec<(String, String)>), WorkspaceError> {
         let damaged = damaged(self.folder, self.store, attempts, &survey, self.options.repair, self.progress)?;
         let survey = if self.options.repair { self.folder.survey(self.store)? } else { survey };
         Ok((survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect(), damaged))
@@ -135,13 +137,13 @@ impl Runner<'_> {
         estimate: &Estimate,
         outcomes: &mut Outcomes,
         advances: &(dyn Fn(&Outcome) -> bool + Sync),
-    ) -> Result<bool, RunError> {
+    ) -> Result<bool, WorkspaceError> {
         let Self { folder, store, progress, .. } = self;
         let has_made = AtomicBool::new(false);
         let finished = |result: EpisodeResult, seconds: f64| -> Result<(String, Outcome), Stopped> {
             if seconds > 0.0 {
                 has_made.store(true, Ordering::Relaxed);
-                folder.time_attempt(&result.id, seconds);
+                folder.set_attempt_time(&result.id, seconds);
             }
             if !result.scenario_id.is_empty() {
                 write_scenario(folder, store, &result.id)?;
@@ -155,7 +157,7 @@ impl Runner<'_> {
             }
             Ok((result.id, outcome))
         };
-        store.sweep_partial().map_err(|error| RunError::broken("cannot use the episodes", error))?;
+        store.sweep_partial().map_err(|error| WorkspaceError::broken("cannot use the episodes", error))?;
         let made = in_parallel(left, self.options.workers, self.stop, &|planned: &Planned| {
             let since = Instant::now();
             let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
@@ -167,7 +169,7 @@ impl Runner<'_> {
         outcomes.extend(made.map_err(|stopped| {
             match stopped {
                 Stopped::Run(error) => error,
-                Stopped::Episode(error) => RunError::broken("collecting stopped", error)
+                Stopped::Episode(error) => WorkspaceError::broken("collecting stopped", error)
                     .with_hint("finished episodes are kept; start again to continue"),
             }
         })?);
@@ -183,7 +185,7 @@ fn damaged(
     survey: &Survey,
     repair: bool,
     progress: &dyn Progress,
-) -> Result<Vec<(String, String)>, RunError> {
+) -> Result<Vec<(String, String)>, WorkspaceError> {
     let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
     let mut damaged = Vec::new();
     for Planned { id, .. } in attempts.iter().filter(|known| repair || !looks_sound.contains(known.id.as_str())) {
@@ -201,7 +203,7 @@ fn damaged(
         let aside =
             (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
         let aside = aside.unwrap_or_default();
-        store.move_out(id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
+        store.move_out(id, &aside).map_err(|error| WorkspaceError::broken(format!("cannot set {id} aside"), error))?;
         progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
     }
     let own: BTreeSet<&str> = attempts.iter().map(|known| known.id.as_str()).collect();
@@ -211,12 +213,12 @@ fn damaged(
     Ok(damaged)
 }
 
-fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<(), RunError> {
+fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<(), WorkspaceError> {
     let path = folder.join("scenarios").join(format!("{id}.json"));
     if path.exists() {
         return Ok(());
     }
     let scenario =
-        store.read_scenario(id).map_err(|error| RunError::broken(format!("cannot read episode {id}"), error))?;
+        store.read_scenario(id).map_err(|error| WorkspaceError::broken(format!("cannot read episode {id}"), error))?;
     scenario.map_or(Ok(()), |scenario| documents::write_file(&path, scenario.to_json().as_bytes()))
 }

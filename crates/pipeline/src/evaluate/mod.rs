@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_benchmark::statistics::{LEAST_SCENARIOS, Rate};
+use genmanip_benchmark::statistics::{MIN_SCENARIOS, Rate};
 use genmanip_benchmark::{EvaluationReport, StatisticsSettings};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -31,7 +31,7 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::documents;
 use genmanip_workspace::shard::Shard;
 use genmanip_workspace::worlds;
-use genmanip_workspace::{RunError, Stopped};
+use genmanip_workspace::{Stopped, WorkspaceError};
 
 use stream::{Identity, Stream};
 pub use suite::Suite;
@@ -45,7 +45,7 @@ pub struct EvaluateOptions {
     pub keep_episodes: bool,
     /// Cores that are used.
     pub workers: usize,
-    /// Episodes under way at once; `None` for as many as there are cores, or [`AT_ONCE`] of a policy that waits for a
+    /// Episodes under way at once; `None` for as many as there are cores, or [`MAX_CONCURRENT_EPISODES`] of a policy that waits for a
     /// service.
     pub at_once: Option<usize>,
     /// The part of the cases that is evaluated, without a results file: a call that is no shard gathers the results of
@@ -57,7 +57,7 @@ pub struct EvaluateOptions {
 
 /// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
 /// at about 35 MB each (measured with `lab batch`).
-pub const AT_ONCE: usize = 16;
+pub const MAX_CONCURRENT_EPISODES: usize = 16;
 
 /// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
 ///
@@ -72,7 +72,7 @@ pub fn evaluate(
     options: &EvaluateOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Vec<EvaluationReport>, RunError> {
+) -> Result<Vec<EvaluationReport>, WorkspaceError> {
     let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
     folder.as_ref().map_or(Ok(()), RunFolder::sweep)?;
     suite.left_out.iter().for_each(|note| progress.note(note));
@@ -92,7 +92,7 @@ pub fn evaluate(
             documents::write_file(&file, report.to_json().as_bytes())?;
             // Not before the report is on the disk, which may be full.
             stream.map_or(Ok(()), Stream::close)?;
-            folder.time_phase(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
+            folder.set_phase_time(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
         }
         reports.push(report);
     }
@@ -110,7 +110,7 @@ fn one(
     options: &EvaluateOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<(EvaluationReport, Option<Stream>)>, RunError> {
+) -> Result<Option<(EvaluationReport, Option<Stream>)>, WorkspaceError> {
     let label = suite.label(policy.label());
     let planner = worlds::planner(&suite.settings.world, &suite.settings.planner)?;
     let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
@@ -131,7 +131,7 @@ fn one(
             let store = EpisodeStore::create(stream.folder().join("episodes"));
             Some(store.map_err(|error| {
                 let help = "move the episodes of that evaluation away";
-                RunError::broken("cannot keep episodes", error).with_hint(help)
+                WorkspaceError::broken("cannot keep episodes", error).with_hint(help)
             })?)
         }
         _ => None,
@@ -140,11 +140,11 @@ fn one(
         let kept = store.root().display();
         store.sweep_partial().map_err(|error| {
             let help = format!("check that {kept} is writable and the disk is not full");
-            RunError::broken("cannot keep episodes", error).with_hint(help)
+            WorkspaceError::broken("cannot keep episodes", error).with_hint(help)
         })?;
     }
     let cores = Arc::new(Cores::new(options.workers));
-    let usual = policy.account().map_or(options.workers, |_| options.workers.max(AT_ONCE));
+    let usual = policy.account().map_or(options.workers, |_| options.workers.max(MAX_CONCURRENT_EPISODES));
     let crew = (options.at_once.unwrap_or(usual), &*cores);
     progress.begin(&label, cases.len());
     let make = |stage: &_, case: &Case| {
@@ -172,7 +172,7 @@ fn one(
             stream.add(result)?;
         }
         progress.advance();
-        policy.account().into_iter().for_each(|account| progress.tell(&account.in_words()));
+        policy.account().into_iter().for_each(|account| progress.tell(&account.describe()));
         Ok(())
     };
     let shared = (resources, &suite.settings);
@@ -187,11 +187,11 @@ fn one(
                     format!("move a kept episode that cannot be read out of {kept}; it is then run again")
                 },
             );
-            RunError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
+            WorkspaceError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
         }
     })?;
     progress.end();
-    if let Some(asked) = policy.account().map(|account| account.in_words()).filter(|asked| !asked.is_empty()) {
+    if let Some(asked) = policy.account().map(|account| account.describe()).filter(|asked| !asked.is_empty()) {
         progress.note(&format!("{label}: {asked}"));
     }
     results.extend(evaluated.results);
@@ -199,7 +199,9 @@ fn one(
     if let Some(first) = evaluated.not_run.first() {
         if results.is_empty() && !is_stopped {
             let what = format!("policy {} could not be reached for any episode: {}", policy.label(), first.reason);
-            return Err(RunError::input(what).with_hint("see that it runs, then start again; nothing was counted"));
+            return Err(
+                WorkspaceError::input(what).with_hint("see that it runs, then start again; nothing was counted")
+            );
         }
         let others = evaluated.not_run.len() - 1;
         let more = if others > 0 { format!(" (and {others} more)") } else { String::new() };
@@ -217,7 +219,7 @@ fn one(
     )
     .map_err(|error| {
         let kept = stream.as_ref().map_or_else(String::new, |stream| format!(" from {}", stream.folder().display()));
-        RunError::broken(format!("cannot summarise {label}{kept}"), error)
+        WorkspaceError::broken(format!("cannot summarise {label}{kept}"), error)
             .with_hint("move what was kept of this evaluation away; it then starts again")
     })?;
     let stream = stream.filter(|_| evaluated.not_run.is_empty() && options.shard.is_none());
@@ -272,7 +274,7 @@ pub fn table(reports: &[EvaluationReport]) -> String {
 pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
     for (index, report) in reports.iter().enumerate() {
-        for found in report.summary.traits.iter().filter(|found| found.scenarios >= LEAST_SCENARIOS) {
+        for found in report.summary.traits.iter().filter(|found| found.scenarios >= MIN_SCENARIOS) {
             let Rate { value, low, high, trials, .. } = &found.success;
             let cells = rows.entry((&found.name, &found.value)).or_insert_with(|| vec![String::new(); reports.len()]);
             cells[index] =

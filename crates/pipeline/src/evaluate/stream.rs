@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Suite;
 use crate::policies::PolicyFactory;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::difference::first_difference;
 use genmanip_workspace::documents::{self, sweep};
 use genmanip_workspace::shard::Shard;
@@ -65,28 +65,28 @@ impl Stream {
     /// Continues the results of this identity, or begins: those of a shard, or all, also what shards left.
     ///
     /// # Errors
-    /// [`RunError::AnotherEvaluation`] when results or episodes of another one lie there; when a line of the results
+    /// [`WorkspaceError::AnotherEvaluation`] when results or episodes of another one lie there; when a line of the results
     /// cannot be read, or another program is evaluating the same.
-    pub(super) fn open(folder: &Path, identity: &Identity, shard: Option<Shard>) -> Result<Self, RunError> {
+    pub(super) fn open(folder: &Path, identity: &Identity, shard: Option<Shard>) -> Result<Self, WorkspaceError> {
         sweep(folder)?;
         let own = shard.map_or_else(|| RESULTS.into(), |shard| format!("results.{}.jsonl", shard.name()));
         let (name, path) = (folder.join("identity.json"), folder.join(own));
         let is_there = |path: &Path| fs::symlink_metadata(path).is_ok();
-        let fresh = || -> Result<bool, RunError> {
+        let fresh = || -> Result<bool, WorkspaceError> {
             let created = files::create(&name, identity.to_json().as_bytes());
-            created.map_err(|error| RunError::of_file("write", &name, error))
+            created.map_err(|error| WorkspaceError::of_file("write", &name, error))
         };
         let shards = if shard.is_none() { of_shards(folder)? } else { Vec::new() };
         if !is_there(&name) && (is_there(&path) || !shards.is_empty() || is_there(&folder.join("episodes"))) {
             let difference = "it does not say of which".into();
-            return Err(RunError::AnotherEvaluation { path: folder.to_owned(), difference });
+            return Err(WorkspaceError::AnotherEvaluation { path: folder.to_owned(), difference });
         }
         if is_there(&name) || !fresh()? {
-            let known: Identity = documents::read_own_document(&name, limits::IDENTITY)?;
+            let known: Identity = documents::read_document_no_follow(&name, limits::IDENTITY)?;
             if known != *identity {
                 let difference = first_difference("evaluation", &known.to_value(), &identity.to_value());
                 let difference = difference.unwrap_or_default();
-                return Err(RunError::AnotherEvaluation { path: folder.to_owned(), difference });
+                return Err(WorkspaceError::AnotherEvaluation { path: folder.to_owned(), difference });
             }
         }
         let (file, mut known) = continued(&path)?;
@@ -110,20 +110,20 @@ impl Stream {
     }
 
     /// Keeps a result.
-    pub(super) fn add(&self, result: &EpisodeResult) -> Result<(), RunError> {
+    pub(super) fn add(&self, result: &EpisodeResult) -> Result<(), WorkspaceError> {
         let line = format!("{}\n", result.to_value());
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         let written = file.write_all(line.as_bytes()).and_then(|()| file.sync_data());
-        written.map_err(|error| RunError::file("write", &self.path, error))
+        written.map_err(|error| WorkspaceError::file("write", &self.path, error))
     }
 
     /// Removes the result files, whose content is in the report; kept episodes and their identity stay.
-    pub(super) fn close(self) -> Result<(), RunError> {
+    pub(super) fn close(self) -> Result<(), WorkspaceError> {
         drop(self.file);
         let keeps_episodes = self.folder.join("episodes").exists();
         let identity = (!keeps_episodes).then(|| self.folder.join("identity.json"));
         for path in self.gathered.into_iter().map(|(path, _)| path).chain([self.path]).chain(identity) {
-            fs::remove_file(&path).map_err(|error| RunError::file("write", &path, error))?;
+            fs::remove_file(&path).map_err(|error| WorkspaceError::file("write", &path, error))?;
         }
         // Only an empty folder goes.
         let _ = fs::remove_dir(&self.folder);
@@ -135,10 +135,10 @@ impl Stream {
 const RESULTS: &str = "results.jsonl";
 
 /// Files of results that shards left, in their order.
-fn of_shards(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
+fn of_shards(folder: &Path) -> Result<Vec<PathBuf>, WorkspaceError> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(|error| RunError::file("list", folder, error))?,
+        entries => entries.map_err(|error| WorkspaceError::file("list", folder, error))?,
     };
     let is_shard = |name: &str| name.starts_with("results.shard-") && name.ends_with(".jsonl");
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
@@ -148,23 +148,23 @@ fn of_shards(folder: &Path) -> Result<Vec<PathBuf>, RunError> {
 }
 
 /// A file of results that nobody else writes meanwhile, and what it holds.
-fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), RunError> {
-    let unwritable = |error: std::io::Error| RunError::file("write", path, error);
-    if fs::symlink_metadata(path).is_ok() && !files::is_own_file(path) {
-        return Err(RunError::input(format!("{} is no file", path.display())).with_hint("move it away"));
+fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), WorkspaceError> {
+    let unwritable = |error: std::io::Error| WorkspaceError::file("write", path, error);
+    if fs::symlink_metadata(path).is_ok() && !files::is_file_no_follow(path) {
+        return Err(WorkspaceError::input(format!("{} is no file", path.display())).with_hint("move it away"));
     }
     let file = OpenOptions::new().create(true).append(true).open(path).map_err(unwritable)?;
     match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
-            return Err(RunError::input(format!("another program is writing {}", path.display()))
+            return Err(WorkspaceError::input(format!("another program is writing {}", path.display()))
                 .with_hint("wait until it has ended; what it finished is kept"));
         }
         // Some file systems know no locks.
         Err(TryLockError::Error(_)) => {}
     }
-    let bytes = files::read_own(path, limits::RESULTS);
-    let bytes = bytes.map_err(|error| RunError::of_file("read", path, error))?;
+    let bytes = files::read_no_follow(path, limits::RESULTS);
+    let bytes = bytes.map_err(|error| WorkspaceError::of_file("read", path, error))?;
     // A last line without an end was cut off when its writer was killed.
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
     let known = known_results(path, &bytes[..whole])?;
@@ -173,12 +173,12 @@ fn continued(path: &Path) -> Result<(File, Vec<EpisodeResult>), RunError> {
 }
 
 /// The results in whole lines, each episode once.
-fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, RunError> {
+fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, WorkspaceError> {
     let mut known: Vec<EpisodeResult> = Vec::new();
     let mut ids = BTreeSet::new();
     for (index, line) in bytes.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
         let damaged = |why: String| {
-            RunError::input(format!("{}: line {} is no result: {why}", path.display(), index + 1))
+            WorkspaceError::input(format!("{}: line {} is no result: {why}", path.display(), index + 1))
                 .with_hint("take the line out: that episode is then evaluated again")
         };
         if line.len() as u64 > limits::RESULT_LINE.bytes {

@@ -21,7 +21,7 @@ use crate::folder::{Run, RunFolder};
 use genmanip_benchmark::suites;
 use genmanip_benchmark::suites::SuiteAssets;
 use genmanip_workspace::task_spool::Tasks;
-use genmanip_workspace::{Cause, RunError};
+use genmanip_workspace::{Cause, WorkspaceError};
 
 /// Stands between the id of a scenario's first episode and the number of a further one.
 const AGAIN: char = '+';
@@ -59,7 +59,7 @@ impl Suite {
     ///
     /// # Errors
     /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
-    pub fn at(path: &Path) -> Result<Self, RunError> {
+    pub fn at(path: &Path) -> Result<Self, WorkspaceError> {
         match &*suites::folder_of(path) {
             path if path.join("suite.json").is_file() => Self::frozen(path),
             path if path.join("run.json").is_file() || !path.exists() => Self::of_run(path),
@@ -71,11 +71,11 @@ impl Suite {
     ///
     /// # Errors
     /// When there is no run or no scenario.
-    pub fn of_run(path: &Path) -> Result<Self, RunError> {
+    pub fn of_run(path: &Path) -> Result<Self, WorkspaceError> {
         let (folder, run) = RunFolder::open(path)?;
         let store = folder.store()?;
         let help = "collect again with --repair: what is damaged is set aside and made anew";
-        let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error).with_hint(help);
+        let unreadable = |error: DataError| WorkspaceError::broken("cannot read the episodes", error).with_hint(help);
         let name = name_of_folder(path);
         let survey = folder.survey(&store)?;
         let mut left_out = survey.notes();
@@ -103,7 +103,7 @@ impl Suite {
             return Ok(Self { settings: run.settings, name, left_out, is_of_run, ..Self::of_scenarios(&[given])? });
         }
         if cases.is_empty() {
-            return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
+            return Err(WorkspaceError::input(format!("{} has no scenario to evaluate on", path.display()))
                 .with_hint("collect episodes first"));
         }
         let reference_paths_m = reference_paths_m(&results);
@@ -127,25 +127,25 @@ impl Suite {
     ///
     /// # Errors
     /// When a file cannot be read, or two scenarios have one id.
-    pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
+    pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, WorkspaceError> {
         let mut scenarios: Vec<Scenario> = Vec::new();
         let mut known = BTreeSet::new();
         for path in task_files::expand(paths)? {
             let scenario = scenarios::read_scenario(&path)?;
             if !known.insert(scenario.id.clone()) {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
-                return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
+                return Err(WorkspaceError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
             }
             scenarios.push(scenario);
         }
         scenarios.sort_by(|a, b| a.id.cmp(&b.id));
         let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
-            return Err(RunError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
+            return Err(WorkspaceError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
         };
         if let Some(other) = scenarios.iter().find(|scenario| !scenario.world.robot.is_same(&world.robot)) {
             let (ours, theirs) = (&world.robot.name, &other.world.robot.name);
             let what = format!("scenario {} has robot `{theirs}` or its home, the others `{ours}`", other.id);
-            return Err(RunError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
+            return Err(WorkspaceError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
         }
         let case = |scenario: &Scenario| Case {
             id: scenario.id.clone(),
@@ -178,12 +178,12 @@ impl Suite {
     ///
     /// # Errors
     /// When there is no suite, or a scenario is not the one that was frozen.
-    pub fn frozen(folder: &Path) -> Result<Self, RunError> {
+    pub fn frozen(folder: &Path) -> Result<Self, WorkspaceError> {
         let file = suites::open(folder)?;
         let paths: Vec<PathBuf> = file.scenarios.iter().map(|entry| suites::scenario_file(folder, &entry.id)).collect();
         let mut suite = Self::of_scenarios(&paths)?;
         if suite_hash(&suite.scenarios) != file.suite_hash {
-            return Err(RunError::input(format!(
+            return Err(WorkspaceError::input(format!(
                 "the scenarios of {} are not those that were frozen",
                 folder.display()
             ))
@@ -212,10 +212,10 @@ impl Suite {
     ///
     /// # Errors
     /// When the file is no list of cameras.
-    pub fn with_cameras(mut self, file: &Path) -> Result<Self, RunError> {
+    pub fn with_cameras(mut self, file: &Path) -> Result<Self, WorkspaceError> {
         let text = documents::read_text(file, limits::CAMERAS)?;
         let no_list = |error: Cause| {
-            RunError::input(format!("{} is no list of cameras", file.display())).because(error).with_hint(
+            WorkspaceError::input(format!("{} is no list of cameras", file.display())).because(error).with_hint(
                 "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
             )
         };
@@ -288,7 +288,7 @@ impl Suite {
     }
 
     /// The folder that evaluations are written into: the run of the suite, or one that is made of its scenarios.
-    pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, RunError> {
+    pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, WorkspaceError> {
         if self.is_of_run {
             return Ok(RunFolder::open(out)?.0);
         }

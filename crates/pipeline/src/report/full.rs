@@ -24,7 +24,7 @@ use sha2::{Digest, Sha256};
 
 use super::Opened;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 use genmanip_workspace::documents::sweep;
 use genmanip_workspace::resume_ledger::{Entry, Ledger};
@@ -56,7 +56,7 @@ pub fn report_full(
     settings: &ReportSettings,
     workers: usize,
     progress: &dyn Progress,
-) -> Result<FullReport, RunError> {
+) -> Result<FullReport, WorkspaceError> {
     let opened = Opened::new(run, progress)?;
     let rows: Vec<&EpisodeRow> = opened.rows.episodes.iter().filter(|row| row.page().is_some()).collect();
     let keys = keys(&opened, &rows, workers)?;
@@ -68,7 +68,7 @@ pub fn report_full(
         .iter()
         .filter(|(_, page, key)| {
             let is_known = ledger.known(page).is_some_and(|entry| entry.key == **key);
-            !(is_known && files::is_own_file(&out.join(page)))
+            !(is_known && files::is_file_no_follow(&out.join(page)))
         })
         .collect();
     let damaged = AtomicUsize::new(0);
@@ -78,7 +78,7 @@ pub fn report_full(
         damaged.fetch_add(usize::from(is_damaged), Ordering::Relaxed);
         ledger.add(&entry(page, key))?;
         progress.advance();
-        Ok::<_, RunError>(())
+        Ok::<_, WorkspaceError>(())
     })?;
     progress.end();
     if damaged.load(Ordering::Relaxed) > 0 {
@@ -88,14 +88,15 @@ pub fn report_full(
     ledger.close(pages.iter().map(|(_, page, key)| entry(page, key)).collect(), |_| false)?;
     let (count, made) = (pages.len(), left.len());
     let input = opened.into_input(Vec::new(), true);
-    let html = report_html(&input, settings).map_err(|error| RunError::broken("cannot make the report", error))?;
+    let html =
+        report_html(&input, settings).map_err(|error| WorkspaceError::broken("cannot make the report", error))?;
     let index = out.join("index.html");
     documents::write_file(&index, html.as_bytes())?;
     Ok(FullReport { index, pages: count, made })
 }
 
 /// The key of each episode's page: a hash of its record, which holds the hashes of its files, and of what the run adds.
-fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<String>, RunError> {
+fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<String>, WorkspaceError> {
     in_parallel(rows, workers, &AtomicBool::new(false), &|row| {
         let mut hasher = Sha256::new();
         let drawing = opened.drawing();
@@ -113,11 +114,11 @@ fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<Str
 }
 
 /// Writes one page and its film strip; returns true if the episode is damaged.
-fn draw(opened: &Opened, out: &Path, row: &EpisodeRow, page: &str, key: &str) -> Result<bool, RunError> {
+fn draw(opened: &Opened, out: &Path, row: &EpisodeRow, page: &str, key: &str) -> Result<bool, WorkspaceError> {
     let picture = format!("pictures/{key}.jpg");
     let alone = opened.drawing().alone(row, &mut |jpeg| {
         // Named by a hash of its content: an existing file is up to date.
-        if files::is_own_file(&out.join(&picture)) {
+        if files::is_file_no_follow(&out.join(&picture)) {
             return Ok(());
         }
         documents::write_file(&out.join(&picture), &jpeg()?)
@@ -139,20 +140,22 @@ fn entry(page: &str, key: &str) -> Entry {
 }
 
 /// Removes pages and images of episodes that no longer exist or have changed.
-fn remove_strangers(out: &Path, pages: &[(&EpisodeRow, String, &String)]) -> Result<(), RunError> {
+fn remove_strangers(out: &Path, pages: &[(&EpisodeRow, String, &String)]) -> Result<(), WorkspaceError> {
     let mut own: BTreeSet<PathBuf> = pages.iter().map(|(_, page, _)| out.join(page)).collect();
     own.extend(pages.iter().map(|(_, _, key)| out.join(format!("pictures/{key}.jpg"))));
     let labels =
         fs::read_dir(out.join("evaluation")).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
-    for folder in labels.chain([out.join("episodes"), out.join("pictures")]).filter(|path| files::is_own_folder(path)) {
-        let listed = fs::read_dir(&folder).map_err(|error| RunError::file("list", &folder, error))?;
+    for folder in
+        labels.chain([out.join("episodes"), out.join("pictures")]).filter(|path| files::is_folder_no_follow(path))
+    {
+        let listed = fs::read_dir(&folder).map_err(|error| WorkspaceError::file("list", &folder, error))?;
         for path in listed.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| !own.contains(path)) {
             let is_ours = path.extension().is_some_and(|ending| ending == "html" || ending == "jpg");
-            if is_ours && files::is_own_file(&path) {
-                fs::remove_file(&path).map_err(|error| RunError::file("remove", &path, error))?;
+            if is_ours && files::is_file_no_follow(&path) {
+                fs::remove_file(&path).map_err(|error| WorkspaceError::file("remove", &path, error))?;
             }
         }
-        files::sweep(&folder).map_err(|error| RunError::of_file("write", &folder, error))?;
+        files::sweep(&folder).map_err(|error| WorkspaceError::of_file("write", &folder, error))?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ mod sections;
 
 use std::path::{Path, PathBuf};
 
-use genmanip_benchmark::rows::cases::{self, Case, MOST_CASES};
+use genmanip_benchmark::rows::cases::{self, Case, MAX_CASES};
 use genmanip_benchmark::{
     EvaluationReport, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing, compare, report_html,
 };
@@ -15,7 +15,7 @@ use genmanip_data::EpisodeStore;
 
 use crate::folder::{Run, RunFolder, Timings};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use rows::Rows;
 use sections::Drawing;
 
@@ -30,9 +30,9 @@ pub fn report(
     only: Option<&str>,
     settings: &ReportSettings,
     progress: &dyn Progress,
-) -> Result<String, RunError> {
+) -> Result<String, WorkspaceError> {
     let input = gather(path, only, progress)?;
-    report_html(&input, settings).map_err(|error| RunError::broken("cannot make the report", error))
+    report_html(&input, settings).map_err(|error| WorkspaceError::broken("cannot make the report", error))
 }
 
 /// Everything the page shows, from a run folder.
@@ -42,11 +42,11 @@ pub fn report(
 ///
 /// # Errors
 /// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
-pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, RunError> {
+pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, WorkspaceError> {
     let mut opened = Opened::new(path, progress)?;
     let chosen = match only {
         Some(id) => only_cases(&mut opened.rows, id)?,
-        None => cases::choose(&opened.rows.tasks, &opened.rows.episodes, opened.control.as_deref(), MOST_CASES),
+        None => cases::choose(&opened.rows.tasks, &opened.rows.episodes, opened.baseline.as_deref(), MAX_CASES),
     };
     let (mut drawn, mut damaged) = (Vec::new(), Vec::new());
     progress.begin("drawing", chosen.len());
@@ -72,21 +72,21 @@ struct Opened {
     store: EpisodeStore,
     timings: Timings,
     evaluations: Vec<EvaluationReport>,
-    control: Option<String>,
+    baseline: Option<String>,
     rows: Rows,
     /// Omitted episodes, one message each.
     left_out: Vec<String>,
 }
 
 impl Opened {
-    fn new(path: &Path, progress: &dyn Progress) -> Result<Self, RunError> {
+    fn new(path: &Path, progress: &dyn Progress) -> Result<Self, WorkspaceError> {
         let (folder, run) = RunFolder::open(path)?;
         let store = folder.store()?;
         let timings = folder.timings();
         let evaluations = rows::evaluations(&folder, progress)?;
-        let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
+        let baseline = evaluations.iter().find(|report| report.label == BASELINE).map(|report| report.label.clone());
         let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings)?;
-        Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, control, rows, left_out })
+        Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, baseline, rows, left_out })
     }
 
     fn drawing(&self) -> Drawing<'_> {
@@ -98,7 +98,7 @@ impl Opened {
         let is_all = drawn.iter().all(|section| section.why.is_none());
         let name = self.path.display().to_string();
         let mut input = page(&name, &self.run, &self.timings, self.evaluations, self.rows, drawn);
-        input.control = self.control;
+        input.baseline = self.baseline;
         input.rule = (!is_all).then(|| cases::RULE.to_owned());
         input.notes.extend(self.left_out);
         input.has_pages = has_pages;
@@ -107,10 +107,10 @@ impl Opened {
 }
 
 /// The policy that must never succeed.
-const CONTROL: &str = "do_nothing";
+const BASELINE: &str = "do_nothing";
 
 /// Keeps the rows of one task or one episode, and makes each that can be drawn a case.
-fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, RunError> {
+fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, WorkspaceError> {
     let task = rows.tasks.iter().position(|task| task.id == id);
     let is_meant = |row: &genmanip_benchmark::EpisodeRow| task.map_or(row.id == id, |task| row.task == task);
     let found: Vec<usize> = (0..rows.episodes.len()).filter(|&index| is_meant(&rows.episodes[index])).collect();
@@ -118,13 +118,13 @@ fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, RunError> {
         let known = rows.tasks.iter().map(|task| &task.id).chain(rows.episodes.iter().map(|row| &row.id));
         let shared = |known: &str| known.bytes().zip(id.bytes()).take_while(|(a, b)| a == b).count();
         let near = known.max_by_key(|known| shared(known)).map_or(String::new(), |near| format!(", e.g. {near}"));
-        return Err(RunError::input(format!("no task and no episode `{id}` in the run"))
+        return Err(WorkspaceError::input(format!("no task and no episode `{id}` in the run"))
             .with_hint(format!("expected the id of a task or an episode{near}")));
     };
     rows.episodes = found.into_iter().map(|index| rows.episodes[index].clone()).collect();
     let mut cases: Vec<Case> = (rows.episodes.iter().enumerate())
         .filter(|(_, row)| row.recorded)
-        .take(MOST_CASES)
+        .take(MAX_CASES)
         .map(|(index, _)| Case { task, episode: Some(index), why: None })
         .collect();
     if cases.is_empty() {
@@ -155,7 +155,7 @@ fn page(
     cases: Vec<TaskSection>,
 ) -> ReportInput {
     let by_name = |name: &str| evaluations.iter().find(|report| report.label == name);
-    let comparisons = [("expert", "replay"), ("expert", CONTROL)]
+    let comparisons = [("expert", "replay"), ("expert", BASELINE)]
         .iter()
         .filter_map(|(a, b)| {
             let (a, b) = (by_name(a)?, by_name(b)?);
@@ -169,7 +169,7 @@ fn page(
         commands: commands(name, run, !rows.episodes.iter().any(|row| row.is_attempt())),
         versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
         summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
-        control: None,
+        baseline: None,
         comparisons,
         timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
         notes: notes(run, &rows),

@@ -10,10 +10,10 @@ use genmanip_data::{DataError, EpisodeStore};
 
 use crate::evaluate::kept_episodes;
 use crate::folder::{Run, RunFolder, Timings};
-use crate::index::Known;
+use crate::index::IndexedAttempt;
 use crate::policies::POLICIES;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// All tasks and episodes of a run.
@@ -37,7 +37,7 @@ pub(super) fn read(
     store: &EpisodeStore,
     evaluations: &[EvaluationReport],
     timings: &Timings,
-) -> Result<(Rows, Vec<String>), RunError> {
+) -> Result<(Rows, Vec<String>), WorkspaceError> {
     let survey = folder.survey(store)?;
     let mut left_out = survey.notes();
     let index: BTreeMap<&str, usize> =
@@ -49,7 +49,7 @@ pub(super) fn read(
         rows.tasks.push(TaskRow::of(&task));
     }
     let mut foreign = 0;
-    for Known { id, task_id, recorded, outcome, .. } in survey.sound {
+    for IndexedAttempt { id, task_id, recorded, outcome, .. } in survey.sound {
         match index.get(task_id.as_str()) {
             Some(&task) => {
                 let wall_s = timings.attempts.get(&id).copied();
@@ -85,7 +85,10 @@ pub(super) fn kept_store(folder: &RunFolder, label: &str) -> Result<Option<Episo
 }
 
 /// Finished evaluations; what is none is named and left out.
-pub(super) fn evaluations(folder: &RunFolder, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, RunError> {
+pub(super) fn evaluations(
+    folder: &RunFolder,
+    progress: &dyn Progress,
+) -> Result<Vec<EvaluationReport>, WorkspaceError> {
     let path = folder.join("evaluation");
     let listed = match fs::read_dir(&path) {
         Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
@@ -93,7 +96,7 @@ pub(super) fn evaluations(folder: &RunFolder, progress: &dyn Progress) -> Result
         Err(error) => Err(error),
     };
     let mut files: Vec<PathBuf> = listed
-        .map_err(|error| RunError::file("list", &path, error))?
+        .map_err(|error| WorkspaceError::file("list", &path, error))?
         .into_iter()
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "json") && !is_hidden(path))
@@ -106,7 +109,7 @@ pub(super) fn evaluations(folder: &RunFolder, progress: &dyn Progress) -> Result
     files.sort_by_key(place);
     let mut reports: Vec<EvaluationReport> = Vec::new();
     for path in &files {
-        match documents::read_own_document(path, limits::EVALUATION) {
+        match documents::read_document_no_follow(path, limits::EVALUATION) {
             Ok(report) => reports.push(report),
             Err(error) => {
                 let why = std::error::Error::source(&error).map_or_else(String::new, |source| format!(": {source}"));

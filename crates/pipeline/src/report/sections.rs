@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_benchmark::rows::cases::Case;
-use genmanip_benchmark::{AttemptRow, EpisodeRow, EvaluationReport, FilmFrame, TaskSection};
+use genmanip_benchmark::{AttemptRow, EpisodeImage, EpisodeRow, EvaluationReport, TaskSection};
 use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
@@ -13,7 +13,7 @@ use genmanip_viz::{graph_svg, layout_svg};
 use super::rows::{Rows, kept_store};
 use crate::folder::{Run, RunFolder};
 use genmanip_viz::scene_images;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds;
 
 /// Moments of the film strip.
@@ -40,7 +40,7 @@ impl Drawing<'_> {
     ///
     /// # Errors
     /// When its episode cannot be read or drawn.
-    pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, RunError> {
+    pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, WorkspaceError> {
         let episode = case.episode;
         let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
         let attempts = own.map(attempt).collect();
@@ -67,7 +67,7 @@ impl Drawing<'_> {
     ///
     /// # Errors
     /// When it cannot be read or drawn, or `keep` cannot keep it.
-    pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, RunError> {
+    pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, WorkspaceError> {
         let attempts = if row.is_attempt() { vec![attempt(row)] } else { Vec::new() };
         let mut alone = Alone {
             section: self.empty(Case { task: row.task, episode: None, why: None }, attempts)?,
@@ -87,7 +87,7 @@ impl Drawing<'_> {
         Ok(alone)
     }
 
-    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> Result<TaskSection, RunError> {
+    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> Result<TaskSection, WorkspaceError> {
         let task = self.run.tasks.read(case.task)?;
         Ok(TaskSection {
             why: case.why,
@@ -106,7 +106,7 @@ impl Drawing<'_> {
     }
 
     /// Store that holds an episode, if it was kept.
-    pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
+    pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, WorkspaceError> {
         match &row.evaluation {
             None => Ok(Some(self.store.clone())),
             // A store that cannot be read was named when the rows were made.
@@ -119,7 +119,8 @@ impl Drawing<'_> {
 }
 
 /// Takes a film strip, which is drawn when it is called for.
-pub(super) type KeepStrip<'a> = dyn FnMut(&dyn Fn() -> Result<Vec<u8>, RunError>) -> Result<(), RunError> + 'a;
+pub(super) type KeepStrip<'a> =
+    dyn FnMut(&dyn Fn() -> Result<Vec<u8>, WorkspaceError>) -> Result<(), WorkspaceError> + 'a;
 
 /// An episode without the others of its task.
 pub(super) struct Alone {
@@ -133,11 +134,11 @@ pub(super) struct Alone {
 /// Reason that an episode is not shown.
 enum Unshown {
     Damaged(String),
-    Broken(RunError),
+    Broken(WorkspaceError),
 }
 
-impl From<RunError> for Unshown {
-    fn from(error: RunError) -> Self {
+impl From<WorkspaceError> for Unshown {
+    fn from(error: WorkspaceError) -> Self {
         Self::Broken(error)
     }
 }
@@ -158,7 +159,7 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
     let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
         true => Unshown::Damaged(error.to_string()),
         false => Unshown::Broken(
-            RunError::broken("cannot read the episodes", error)
+            WorkspaceError::broken("cannot read the episodes", error)
                 .with_hint("collect again with --repair: what is damaged is set aside and made anew"),
         ),
     };
@@ -175,7 +176,7 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
         None => store.read_scenario(&row.id).map_err(unreadable)?,
     };
     if let Some(scenario) = &section.scenario {
-        section.layout = Some(layout_svg(&scene_images::layout_picture(scenario, Catalogue::builtin())?));
+        section.layout = Some(layout_svg(&scene_images::top_view(scenario, Catalogue::builtin())?));
     }
     section.shown = Some(by_label(match &episode {
         Some(episode) => episode.result.clone(),
@@ -184,13 +185,13 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
     Ok(episode)
 }
 
-fn stage(episode: &Episode) -> Result<Stage, RunError> {
+fn stage(episode: &Episode) -> Result<Stage, WorkspaceError> {
     let robot = worlds::robot(&episode.scenario.world)?;
     Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
         .map_err(|error| scene_images::not_drawn(&episode.result.id, error))
 }
 
-fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
+fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), WorkspaceError> {
     let stage = stage(episode)?;
     let mut painter = scene_images::painter(&stage)?;
     let mut ends = scene_images::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;
@@ -201,7 +202,7 @@ fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunE
     section.film = strip
         .into_iter()
         .enumerate()
-        .map(|(index, jpeg)| FilmFrame { time_s: duration * index as f64 / (FILM_FRAMES - 1) as f64, jpeg })
+        .map(|(index, jpeg)| EpisodeImage { time_s: duration * index as f64 / (FILM_FRAMES - 1) as f64, jpeg })
         .collect();
     Ok(())
 }

@@ -20,12 +20,12 @@ use genmanip_rollout::adapter::AdapterError;
 use genmanip_rollout::cloud_verdict::cloud_verdict;
 use genmanip_rollout::environment::{Conclusion, Event, Snapshot};
 use genmanip_rollout::evaluate::Case;
-use genmanip_rollout::{Driver, Environment, RolloutError, Stage, Turn};
+use genmanip_rollout::{ActionOutcome, Driver, Environment, RolloutError, Stage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use genmanip_workspace::RunError;
-pub use scenes::Scenes;
+use genmanip_workspace::WorkspaceError;
+pub use scenes::SceneSource;
 
 /// What a program drives with and what it sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,7 +59,7 @@ impl SessionSettings {
 /// An environment that another program drives.
 #[derive(Debug)]
 pub struct Session {
-    scenes: Arc<Scenes>,
+    scenes: Arc<SceneSource>,
     settings: SessionSettings,
     environment: Environment,
     under_way: Option<UnderWay>,
@@ -76,7 +76,7 @@ struct UnderWay {
 
 /// Result of a step.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct StepOutcome {
     /// Change of the goal's score since it was judged before; rewards of an episode add up to its last score less the
     /// first one.
     pub reward: f64,
@@ -92,22 +92,22 @@ pub struct Outcome {
     pub events: Vec<Event>,
 }
 
-/// Saved state of a session, for [`Session::restore`].
+/// State of a session, for [`Session::restore`].
 #[derive(Clone, Debug)]
-pub struct Saved {
+pub struct SessionState {
     snapshot: Snapshot,
     under_way: UnderWay,
 }
 
 impl Session {
     /// A session without an episode.
-    pub fn new(scenes: Arc<Scenes>, settings: SessionSettings) -> Self {
+    pub fn new(scenes: Arc<SceneSource>, settings: SessionSettings) -> Self {
         let environment = Environment::new(scenes.settings().rollout.clone());
         Self { scenes, settings, environment, under_way: None }
     }
 
     /// Scenes in which episodes start.
-    pub fn scenes(&self) -> &Arc<Scenes> {
+    pub fn scenes(&self) -> &Arc<SceneSource> {
         &self.scenes
     }
 
@@ -123,7 +123,7 @@ impl Session {
     ///
     /// # Errors
     /// An index that is none, a task that cannot be laid out, and settings that the scenario does not serve.
-    pub fn reset(&mut self, index: usize, seed: Option<u64>) -> Result<(), RunError> {
+    pub fn reset(&mut self, index: usize, seed: Option<u64>) -> Result<(), WorkspaceError> {
         let (case, stage) = self.scenes.open(index, seed)?;
         let mut rollout = self.scenes.settings().rollout.clone();
         rollout.horizon_s = self.settings.horizon_s.or(case.horizon_s).unwrap_or(rollout.horizon_s);
@@ -136,7 +136,9 @@ impl Session {
             ..PolicySpec::native("session", *rate_hz)
         };
         let unserved = |error: RolloutError| match error {
-            RolloutError::Spec { reason, .. } => RunError::input(format!("the session cannot be served: {reason}")),
+            RolloutError::Spec { reason, .. } => {
+                WorkspaceError::input(format!("the session cannot be served: {reason}"))
+            }
             error => broken(error),
         };
         let driver = Driver::new(&spec, &stage, &rollout).map_err(unserved)?;
@@ -156,7 +158,7 @@ impl Session {
     /// # Errors
     /// Before the first reset, after the end, for numbers that are no action (nothing has changed then), and when the
     /// simulation becomes unstable.
-    pub fn step(&mut self, action: &[f32]) -> Result<Outcome, RunError> {
+    pub fn step(&mut self, action: &[f32]) -> Result<StepOutcome, WorkspaceError> {
         let Self { environment, under_way, .. } = self;
         let under_way = under_way.as_mut().ok_or_else(|| broken(RolloutError::NotReset))?;
         if under_way.ending.is_some() {
@@ -169,7 +171,7 @@ impl Session {
             }
             turn => (turn.map_err(broken)?, None),
         };
-        let Turn { verdict, mut events, terminated, truncated, .. } = turn;
+        let ActionOutcome { verdict, mut events, terminated, truncated, .. } = turn;
         let score = under_way.verdict.score;
         under_way.verdict = verdict.unwrap_or_else(|| under_way.verdict.clone());
         if terminated || truncated {
@@ -179,14 +181,14 @@ impl Session {
             under_way.ending = Some(if terminated { Ending::Success } else { Ending::Horizon });
         }
         let verdict = under_way.verdict.clone();
-        Ok(Outcome { reward: verdict.score - score, verdict, terminated, truncated, refused, events })
+        Ok(StepOutcome { reward: verdict.score - score, verdict, terminated, truncated, refused, events })
     }
 
     /// Current observation: state, images, and simulator state if the settings say so.
     ///
     /// # Errors
     /// Before the first reset, and for a camera that cannot be drawn.
-    pub fn observe(&mut self) -> Result<Observation, RunError> {
+    pub fn observe(&mut self) -> Result<Observation, WorkspaceError> {
         let mut observation = self.environment.observe(&self.settings.cameras).map_err(broken)?;
         if self.settings.privileged {
             observation.privileged = Some(self.environment.truth().map_err(broken)?);
@@ -199,7 +201,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::observe`].
-    pub fn glance(&mut self) -> Result<(Observation, Vec<ObjectState>), RunError> {
+    pub fn observe_privileged(&mut self) -> Result<(Observation, Vec<ObjectState>), WorkspaceError> {
         let observation = self.environment.observe(&self.settings.cameras).map_err(broken)?;
         let objects = if self.settings.privileged { self.environment.objects().map_err(broken)? } else { Vec::new() };
         Ok((observation, objects))
@@ -209,7 +211,7 @@ impl Session {
     ///
     /// # Errors
     /// Before the first reset, and for a camera that is not there.
-    pub fn picture(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<RgbdImage, RunError> {
+    pub fn picture(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<RgbdImage, WorkspaceError> {
         let request = CameraRequest { size, ..CameraRequest::new(camera, ImageChannels::RGB) };
         let mut seen = self.environment.observe(&[request]).map_err(broken)?;
         seen.images.remove(camera).map(Arc::unwrap_or_clone).ok_or_else(|| broken(RolloutError::NotReset))
@@ -219,7 +221,7 @@ impl Session {
     ///
     /// # Errors
     /// Before the first reset.
-    pub fn verdict(&mut self) -> Result<GoalVerdict, RunError> {
+    pub fn verdict(&mut self) -> Result<GoalVerdict, WorkspaceError> {
         self.environment.verdict().map_err(broken)
     }
 
@@ -242,7 +244,7 @@ impl Session {
     ///
     /// # Errors
     /// Before the first reset, and when the simulation becomes unstable.
-    pub fn finish(&mut self, policy: &str) -> Result<EpisodeResult, RunError> {
+    pub fn finish(&mut self, policy: &str) -> Result<EpisodeResult, WorkspaceError> {
         let UnderWay { case, stage, ending, .. } =
             self.under_way.take().ok_or_else(|| broken(RolloutError::NotReset))?;
         let out_of_time = || if self.environment.steps_left() == 0 { Ending::Horizon } else { Ending::Finished };
@@ -257,16 +259,16 @@ impl Session {
     ///
     /// # Errors
     /// Before the first reset.
-    pub fn save(&self) -> Result<Saved, RunError> {
+    pub fn save(&self) -> Result<SessionState, WorkspaceError> {
         let under_way = self.under_way.clone().ok_or_else(|| broken(RolloutError::NotReset))?;
-        Ok(Saved { snapshot: self.environment.save().map_err(broken)?, under_way })
+        Ok(SessionState { snapshot: self.environment.save().map_err(broken)?, under_way })
     }
 
     /// Restores a saved state: the same actions then yield the same bytes.
     ///
     /// # Errors
     /// When the physics engine refuses the state.
-    pub fn restore(&mut self, saved: &Saved) -> Result<(), RunError> {
+    pub fn restore(&mut self, saved: &SessionState) -> Result<(), WorkspaceError> {
         self.environment.restore(&saved.snapshot).map_err(broken)?;
         self.under_way = Some(saved.under_way.clone());
         Ok(())
@@ -278,14 +280,14 @@ pub fn engine_version() -> String {
     genmanip_sim::engine_version()
 }
 
-fn broken(error: RolloutError) -> RunError {
+fn broken(error: RolloutError) -> WorkspaceError {
     match error {
         RolloutError::NotReset => {
-            RunError::input("there is no episode").with_hint("reset begins one; finish takes it away")
+            WorkspaceError::input("there is no episode").with_hint("reset begins one; finish takes it away")
         }
-        error @ RolloutError::EpisodeOver { .. } => RunError::input(error.to_string()),
-        error @ RolloutError::Action(_) => RunError::input(error.to_string()).with_hint("nothing has changed"),
-        error @ RolloutError::UnknownCamera { .. } => RunError::input(error.to_string()),
-        error => RunError::broken("the session broke", error),
+        error @ RolloutError::EpisodeOver { .. } => WorkspaceError::input(error.to_string()),
+        error @ RolloutError::Action(_) => WorkspaceError::input(error.to_string()).with_hint("nothing has changed"),
+        error @ RolloutError::UnknownCamera { .. } => WorkspaceError::input(error.to_string()),
+        error => WorkspaceError::broken("the session broke", error),
     }
 }

@@ -12,7 +12,7 @@ use genmanip_rollout::evaluate::Case;
 
 use crate::evaluate::Suite;
 use genmanip_benchmark::suites::SuiteAssets;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::task_files;
 use genmanip_workspace::worlds;
 
@@ -20,7 +20,7 @@ use genmanip_workspace::worlds;
 const KEPT: usize = 16;
 
 /// Scenarios, or tasks that are laid out anew for each seed; sessions share one.
-pub struct Scenes {
+pub struct SceneSource {
     origin: Origin,
     settings: PipelineSettings,
     planner: Arc<Planner>,
@@ -43,12 +43,12 @@ struct Ready {
     stage: Stage,
 }
 
-impl Scenes {
+impl SceneSource {
     /// The episodes of a suite, as `evaluate` runs them.
     ///
     /// # Errors
     /// When there is no such robot.
-    pub fn of_suite(suite: &Suite) -> Result<Self, RunError> {
+    pub fn of_suite(suite: &Suite) -> Result<Self, WorkspaceError> {
         Self::new(Origin::Cases(suite.cases.clone(), suite.assets.clone()), suite.settings.clone())
     }
 
@@ -56,15 +56,15 @@ impl Scenes {
     ///
     /// # Errors
     /// When a file cannot be read.
-    pub fn of_tasks(paths: &[PathBuf], world: Option<&Path>) -> Result<Self, RunError> {
+    pub fn of_tasks(paths: &[PathBuf], world: Option<&Path>) -> Result<Self, WorkspaceError> {
         let tasks = task_files::read_tasks(paths)?;
         if tasks.is_empty() {
-            return Err(RunError::input("there is no task").with_hint("name task files or their folder"));
+            return Err(WorkspaceError::input("there is no task").with_hint("name task files or their folder"));
         }
         Self::new(Origin::Tasks(tasks), PipelineSettings::in_world(worlds::read_world(world)?))
     }
 
-    fn new(origin: Origin, settings: PipelineSettings) -> Result<Self, RunError> {
+    fn new(origin: Origin, settings: PipelineSettings) -> Result<Self, WorkspaceError> {
         let planner = worlds::planner(&settings.world, &settings.planner)?;
         Ok(Self { origin, settings, planner, ready: Mutex::default() })
     }
@@ -91,7 +91,7 @@ impl Scenes {
     }
 
     /// Maximum number of objects of a scene.
-    pub fn most_objects(&self) -> usize {
+    pub fn max_objects(&self) -> usize {
         match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| case.scenario.objects.len()).max(),
             Origin::Tasks(tasks) => tasks.iter().map(|task| task.objects.len()).max(),
@@ -113,7 +113,7 @@ impl Scenes {
     ///
     /// # Errors
     /// An index that is none, a task that cannot be laid out, and objects that are not those of the scenario.
-    pub fn open(&self, index: usize, seed: Option<u64>) -> Result<(Case, Stage), RunError> {
+    pub fn open(&self, index: usize, seed: Option<u64>) -> Result<(Case, Stage), WorkspaceError> {
         let is_task = matches!(self.origin, Origin::Tasks(_));
         let number = seed.filter(|_| is_task).unwrap_or_default();
         let known = {
@@ -135,10 +135,10 @@ impl Scenes {
         Ok((case, stage))
     }
 
-    fn made(&self, index: usize, number: u64) -> Result<Ready, RunError> {
+    fn made(&self, index: usize, number: u64) -> Result<Ready, WorkspaceError> {
         let none = || {
             let what = format!("there is no scene {index}");
-            RunError::input(what).with_hint(format!("there are {}, counted from 0", self.len()))
+            WorkspaceError::input(what).with_hint(format!("there are {}, counted from 0", self.len()))
         };
         let case = match &self.origin {
             Origin::Cases(cases, _) => cases.get(index).ok_or_else(none)?.clone(),
@@ -150,7 +150,7 @@ impl Scenes {
         };
         let stage = Stage::open(Arc::clone(&case.scenario), source, self.planner.robot());
         let stage = stage.map_err(|error| {
-            RunError::input(format!("scenario {} cannot be set up", case.scenario.id))
+            WorkspaceError::input(format!("scenario {} cannot be set up", case.scenario.id))
                 .because(error)
                 .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
         })?;
@@ -163,11 +163,11 @@ impl Scenes {
         Ok(made)
     }
 
-    fn laid_out(&self, task: &Task, number: u64) -> Result<Case, RunError> {
+    fn laid_out(&self, task: &Task, number: u64) -> Result<Case, WorkspaceError> {
         let attempt = Attempt::of(task, number, Seed::new(0));
         let resources = Resources::builtin(&self.planner);
         let scenario = attempt.scenario(resources, &self.settings.world, &self.settings.layout).map_err(|error| {
-            RunError::input(format!("task {} has no layout {number}", task.id))
+            WorkspaceError::input(format!("task {} has no layout {number}", task.id))
                 .because(error)
                 .with_hint("another seed gives another layout; `genmanip layout --explain` draws why")
         })?;
@@ -176,8 +176,8 @@ impl Scenes {
     }
 }
 
-impl std::fmt::Debug for Scenes {
+impl std::fmt::Debug for SceneSource {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        out.debug_struct("Scenes").field("ids", &self.ids()).finish_non_exhaustive()
+        out.debug_struct("SceneSource").field("ids", &self.ids()).finish_non_exhaustive()
     }
 }

@@ -14,10 +14,10 @@ use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::layouts::{LayoutOutput, lay_out};
 use crate::policies::PolicyFactory;
 use genmanip_benchmark::suites::KINDS;
-use genmanip_benchmark::suites::candidates::{Wanted, design, traits};
-use genmanip_benchmark::suites::frozen::{self, Head, certificate};
+use genmanip_benchmark::suites::candidates::{CandidateRequest, design, traits};
+use genmanip_benchmark::suites::frozen::{self, SuiteHeader, certificate};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::scenarios;
 
 /// Episodes in which the expert must solve a scenario, all of them.
@@ -59,10 +59,10 @@ pub fn build(
     options: &BuildOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<SuiteFile>, RunError> {
+) -> Result<Option<SuiteFile>, WorkspaceError> {
     frozen::refuse_another(&options.out)?;
     let work = options.out.join("work");
-    let wanted = Wanted {
+    let wanted = CandidateRequest {
         of_each_kind: options.per_kind * options.candidates,
         recorded: &options.tasks,
         catalogue: options.catalogue,
@@ -71,7 +71,7 @@ pub fn build(
     };
     let Some((tasks, designed)) = design(&wanted, progress, stop) else { return Ok(None) };
     let layouts = work.join("layouts");
-    fs::create_dir_all(&layouts).map_err(|error| RunError::file("write", &layouts, error))?;
+    fs::create_dir_all(&layouts).map_err(|error| WorkspaceError::file("write", &layouts, error))?;
     let (scenarios, laid_out) = lay_out_all(&tasks, &layouts, options, progress, stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
@@ -97,14 +97,21 @@ pub fn build(
         let count = chosen.iter().filter(|&&index| entries[index].1.kind == kind).count();
         if count < options.per_kind {
             let what = format!("{count} of {} scenarios of kind {} passed", options.per_kind, kind.name());
-            return Err(RunError::input(what).with_hint("raise --candidates, or take another --seed or --catalog"));
+            return Err(
+                WorkspaceError::input(what).with_hint("raise --candidates, or take another --seed or --catalog")
+            );
         }
     }
     let mut kept: Vec<(Scenario, SuiteEntry)> =
         entries.into_iter().enumerate().filter(|(index, _)| chosen.contains(index)).map(|(_, own)| own).collect();
     kept.sort_by(|a, b| a.0.id.cmp(&b.0.id));
-    let head =
-        Head { name: options.name.clone(), seed: options.seed, per_kind: options.per_kind, perturbation: None, funnel };
+    let head = SuiteHeader {
+        name: options.name.clone(),
+        seed: options.seed,
+        per_kind: options.per_kind,
+        perturbation: None,
+        funnel,
+    };
     frozen::write(&options.out, head, kept).map(Some)
 }
 
@@ -132,7 +139,7 @@ fn lay_out_all(
     options: &BuildOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(Vec<Scenario>, BuildStep), RunError> {
+) -> Result<(Vec<Scenario>, BuildStep), WorkspaceError> {
     let output = LayoutOutput { folder: folder.to_owned(), explain: false };
     let (settings, seed) = (LayoutSettings::default(), options.seed.fork("layouts"));
     let rows =
@@ -162,7 +169,7 @@ fn certify(
     options: &BuildOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<(Certified, BuildStep)>, RunError> {
+) -> Result<Option<(Certified, BuildStep)>, WorkspaceError> {
     let paths: Vec<PathBuf> = scenarios.iter().map(|scenario| layouts.join(format!("{}.json", scenario.id))).collect();
     let suite = Suite::of_scenarios(&paths)?.with_episodes(TRIALS);
     let evaluation =

@@ -15,11 +15,11 @@ use genmanip_rollout::collect::in_parallel;
 
 use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::policies::PolicyFactory;
-use genmanip_benchmark::suites::frozen::{self, Head, certificate};
+use genmanip_benchmark::suites::frozen::{self, SuiteHeader, certificate};
 use genmanip_benchmark::suites::open;
-use genmanip_benchmark::suites::perturb::{Axis, Workshop};
+use genmanip_benchmark::suites::perturb::{Axis, Perturber};
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Episodes in which the expert must solve a changed scenario, all of them.
@@ -56,10 +56,10 @@ pub fn perturb(
     options: &PerturbOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<SuiteFile>, RunError> {
+) -> Result<Option<SuiteFile>, WorkspaceError> {
     frozen::refuse_another(&options.out)?;
     if !(options.dial > 0.0 && options.dial <= 1.0) {
-        return Err(RunError::input(format!("--dial {}: expected a number above 0 and up to 1", options.dial))
+        return Err(WorkspaceError::input(format!("--dial {}: expected a number above 0 and up to 1", options.dial))
             .with_hint("1 is the most that is meant to be solvable"));
     }
     let control = open(&options.suite)?;
@@ -75,11 +75,11 @@ pub fn perturb(
     }
     let paths: Vec<PathBuf> = changed.iter().map(|scenario| drafts.join(format!("{}.json", scenario.id))).collect();
     if paths.is_empty() {
-        return Err(RunError::input("no scenario of the suite can be changed so")
+        return Err(WorkspaceError::input("no scenario of the suite can be changed so")
             .because(made.reasons())
             .with_hint("try a smaller --dial or another --seed"));
     }
-    let trial = |policy: &str, episodes: usize| -> Result<Option<Vec<EpisodeResult>>, RunError> {
+    let trial = |policy: &str, episodes: usize| -> Result<Option<Vec<EpisodeResult>>, WorkspaceError> {
         let suite = Suite::of_scenarios(&paths)?.with_episodes(episodes);
         let out = Some(work.join("trials"));
         let evaluation = EvaluateOptions { out, workers: options.workers, ..EvaluateOptions::default() };
@@ -109,11 +109,11 @@ pub fn perturb(
         }
     }
     if kept.is_empty() {
-        return Err(RunError::input("no changed scenario is certified")
+        return Err(WorkspaceError::input("no changed scenario is certified")
             .because(certified.reasons())
             .with_hint("try a smaller --dial"));
     }
-    let head = Head {
+    let head = SuiteHeader {
         name: options.name.clone(),
         seed: control.seed,
         per_kind: control.per_kind,
@@ -138,13 +138,13 @@ fn change_all(
     options: &PerturbOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(Vec<Scenario>, BuildStep), RunError> {
+) -> Result<(Vec<Scenario>, BuildStep), WorkspaceError> {
     let Some(first) = scenarios.first() else { return Ok((Vec::new(), BuildStep::new("can be changed"))) };
-    let workshop = Workshop::new(&first.world, options.axis, options.dial)?;
+    let workshop = Perturber::new(&first.world, options.axis, options.dial)?;
     let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
     let seed = options.seed.fork("perturbation").fork(options.axis.name());
     progress.begin("changing", scenarios.len());
-    let one = |scenario: &Scenario| -> Result<Changed, RunError> {
+    let one = |scenario: &Scenario| -> Result<Changed, WorkspaceError> {
         let changed = workshop.change(scenario, seed.fork(&scenario.id));
         progress.advance();
         let Ok(changed) = changed else { return Ok(changed) };
@@ -154,7 +154,7 @@ fn change_all(
         let robot = workshop.planner.robot();
         // What stands still after the change is for the expert's trials to say: no time is simulated here.
         let audited = audit(&changed, Catalogue::builtin(), robot, &layout, 0.0)
-            .map_err(|error| RunError::broken(format!("{} cannot be audited", changed.id), error))?;
+            .map_err(|error| WorkspaceError::broken(format!("{} cannot be audited", changed.id), error))?;
         Ok(match audited.hidden {
             Some(reason) => Err(reason.to_string()),
             None if !audited.failed.is_empty() => Err("a relation of the scene does not hold any more".into()),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_agent::picture::Picture;
+use genmanip_agent::image::RgbImage;
 use genmanip_agent_sim::AgentChoice;
 use genmanip_agent_sim::act_on_files::{ActFiles, act};
 use genmanip_assets::Catalogue;
@@ -23,7 +23,7 @@ pub fn files_of(scenario: &Arc<Scenario>, folder: &std::path::Path) -> ActFiles 
     let image: &RgbdImage = &seen.images["overview"];
     let (width, height) = (image.width(), image.height());
     let path = |name: &str| folder.join(name);
-    std::fs::write(path("rgb.png"), Picture::new(width, height, image.rgb.clone()).unwrap().png().unwrap()).unwrap();
+    std::fs::write(path("rgb.png"), RgbImage::new(width, height, image.rgb.clone()).unwrap().png().unwrap()).unwrap();
     std::fs::write(path("depth.png"), encode_depth_png(&image.depth_m, width, height).unwrap()).unwrap();
     let camera = json!({"intrinsics": image.intrinsics, "world_from_camera": image.world_from_camera});
     std::fs::write(path("camera.json"), camera.to_string()).unwrap();

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use genmanip_core::{ActionSpace, CameraRequest, GripperEncoding};
 use genmanip_core::{ActionSpec, EpisodeResult, ImageChannels, Observation};
 use genmanip_pipeline::evaluate::Suite;
-use genmanip_pipeline::sessions::{Scenes, Session, SessionSettings};
+use genmanip_pipeline::sessions::{SceneSource, Session, SessionSettings};
 
 /// A session gives the results of `do_nothing` for half a second; restoring a saved state and invalid actions change
 /// nothing.
 pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult]) {
-    let scenes = Arc::new(Scenes::of_suite(suite).unwrap());
+    let scenes = Arc::new(SceneSource::of_suite(suite).unwrap());
     assert_eq!(scenes.len(), results.len());
     let mut session = Session::new(Arc::clone(&scenes), SessionSettings::new(ActionSpec::native(), 60.0));
     assert!(session.step(&[0.0; 8]).unwrap_err().to_string().contains("there is no episode"));
@@ -46,7 +46,7 @@ pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult])
 }
 
 /// A pose that the arm cannot reach: the last command is held, and time passes until it is over.
-fn out_of_reach(scenes: &Arc<Scenes>) {
+fn out_of_reach(scenes: &Arc<SceneSource>) {
     let action = ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM);
     let settings = SessionSettings { horizon_s: Some(0.2), ..SessionSettings::new(action, 15.0) };
     let mut session = Session::new(Arc::clone(scenes), settings);

@@ -24,9 +24,9 @@ use genmanip_pipeline::report::gather;
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_viz::replay;
+use genmanip_workspace::NoProgress;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
-use genmanip_workspace::Silent;
+use genmanip_workspace::WorkspaceError;
 
 const TASK: &str = "024_appearance";
 const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false, shard: None, verified: None };
@@ -104,16 +104,16 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let first = collected(&folder, &run, &Listener::new(1, &stop), &stop);
     assert_eq!((first.interrupted, first.is_met(), first.finished, first.attempts), (true, false, 1, 2));
     let never = AtomicBool::new(false);
-    let second = collected(&folder, &run, &Silent, &never);
+    let second = collected(&folder, &run, &NoProgress, &never);
     assert_eq!((second.interrupted, second.finished, second.rows.len()), (false, 2, 1));
     assert_eq!((second.rows[0].attempts, &second.dataset), (2, &None), "no images, no dataset");
     // Stopped before it could look at anything: all that is there counts, and no time is negative.
-    let looked = collected(&folder, &run, &Silent, &AtomicBool::new(true));
+    let looked = collected(&folder, &run, &NoProgress, &AtomicBool::new(true));
     assert_eq!((looked.interrupted, looked.finished, looked.attempts), (true, 2, 2));
     assert!(!looked.table(false).contains("-0"), "{}", looked.table(false));
     let other = Run { seed: Seed::new(4), ..run.clone() };
-    let refused = collect(&folder, other.clone(), ALONE, &Silent, &never).unwrap_err();
-    assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");
+    let refused = collect(&folder, other.clone(), ALONE, &NoProgress, &never).unwrap_err();
+    assert!(matches!(refused, WorkspaceError::AnotherRun { .. }), "{refused:?}");
 
     let still = [PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap()];
     let options = EvaluateOptions { out: Some(folder.clone()), workers: 1, ..EvaluateOptions::default() };
@@ -131,10 +131,10 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let model = folder.with_file_name("model.toml");
     std::fs::write(&model, "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmax_retries = 0\n").unwrap();
     let agent = [PolicyFactory::resolve(&format!("agent:vlm={}", model.display())).unwrap()];
-    let down = evaluate(&suite, &agent, &options, &Silent, &never).unwrap_err();
+    let down = evaluate(&suite, &agent, &options, &NoProgress, &never).unwrap_err();
     assert!(down.to_string().contains("could not be reached for any episode"), "{down}");
     let limited = EvaluateOptions { max_cost: Some(1.0), ..options.clone() };
-    let unpriced = evaluate(&suite, &agent, &limited, &Silent, &never).unwrap_err();
+    let unpriced = evaluate(&suite, &agent, &limited, &NoProgress, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
 
     act::an_image_becomes_motions(&suite.scenarios[0].clone().into(), folder.parent().unwrap());
@@ -147,7 +147,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let nowhere = EvaluateOptions { out: None, ..options.clone() };
     let agent = |model: &str| {
         let text = format!("agent:vlm={model},masks=oracle,answers={}", answers.display());
-        evaluate(&suite, &[PolicyFactory::resolve(&text).unwrap()], &nowhere, &Silent, &never)
+        evaluate(&suite, &[PolicyFactory::resolve(&text).unwrap()], &nowhere, &NoProgress, &never)
     };
     let told = |report: &EvaluationReport| -> Vec<EpisodeResult> {
         report.results.iter().map(|result| EpisodeResult { policy: String::new(), ..result.clone() }).collect()
@@ -165,10 +165,10 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let lost = agent("recorded").unwrap_err().to_string();
     assert!(lost.contains("could not be reached for any episode"), "{lost}");
 
-    let replayed = replay::check(&folder, true, None, 2, &Silent, &mut |_| ()).unwrap();
+    let replayed = replay::check(&folder, true, None, 2, &NoProgress, &mut |_| ()).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
-    let input = gather(&folder, None, &Silent).unwrap();
+    let input = gather(&folder, None, &NoProgress).unwrap();
     let [section] = &input.cases[..] else { panic!("{} sections", input.cases.len()) };
     let ids: Vec<&str> = section.attempts.iter().map(|attempt| attempt.id.as_str()).collect();
     assert_eq!(ids, [format!("{TASK}-000"), format!("{TASK}-001")]);
@@ -179,7 +179,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
 
     // One episode, and one task with all its episodes; what is neither is refused with what is near.
     let second = format!("{TASK}-001");
-    let of = |id: &str| gather(&folder, Some(id), &Silent);
+    let of = |id: &str| gather(&folder, Some(id), &NoProgress);
     let episode = of(&second).unwrap();
     assert_eq!((episode.cases.len(), episode.cases[0].shown.as_ref().unwrap().id.as_str()), (1, second.as_str()));
     assert!(episode.episodes.iter().all(|row| row.id == second) && episode.summaries.is_empty());

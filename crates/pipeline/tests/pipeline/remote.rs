@@ -9,7 +9,7 @@ use genmanip_data::EpisodeStore;
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
 use genmanip_remote_policies::fake::{self, Answer};
-use genmanip_workspace::Silent;
+use genmanip_workspace::NoProgress;
 
 /// Rows of a chunk, as many as are executed of it.
 const CHUNK: usize = 8;
@@ -55,7 +55,7 @@ pub fn a_server_leads_the_arm(run: &Path, ids: [&str; 2]) {
     std::fs::create_dir(&out).unwrap();
     std::fs::copy(run.join("run.json"), out.join("run.json")).unwrap();
     let options = EvaluateOptions { out: Some(out), workers: 1, at_once: Some(1), ..EvaluateOptions::default() };
-    let evaluated = || evaluate(&suite, &policy, &options, &Silent, &AtomicBool::new(false)).unwrap().remove(0);
+    let evaluated = || evaluate(&suite, &policy, &options, &NoProgress, &AtomicBool::new(false)).unwrap().remove(0);
     let cut = evaluated();
     assert!(cut.results.len() == 1 && cut.results[0].success, "{:?}", cut.results);
     assert!(!cut.results[0].oracle, "it sees images and joints alone");

@@ -1,7 +1,7 @@
 //! Appearance randomisation: variations sampled from a seed, each part from its own stream.
 
 use genmanip_core::glam::{DQuat, DVec3, EulerRot};
-use genmanip_core::{Camera, CameraMount, Look, Pose, Seed, Vary};
+use genmanip_core::{AppearanceFactor, AppearanceRandomisation, Camera, CameraMount, Pose, Seed};
 use rand::{Rng, RngExt};
 
 use crate::scene::table_tops::TableTop;
@@ -16,8 +16,8 @@ const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017)
 const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
 /// A variation of the named parts sampled from a seed; the rest keeps the defaults.
-pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
-    varied(&RenderVariation::default(), &Look::new(seed, vary.to_vec()))
+pub fn sampled(seed: Seed, vary: &[AppearanceFactor]) -> RenderVariation {
+    varied(&RenderVariation::default(), &AppearanceRandomisation::new(seed, vary.to_vec()))
 }
 
 /// Applies an appearance randomisation to a variation; parts that it does not name stay.
@@ -25,7 +25,7 @@ pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
 /// The key light comes from 35 to 80 degrees above the table, from any side, with a colour temperature of 3000 K to
 /// 7500 K. All ranges are chosen around the default so that everything stays recognisable. Numbers are interpolated
 /// from the given to the sampled value by the strength; table top and room change at any strength.
-pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
+pub fn varied(usual: &RenderVariation, look: &AppearanceRandomisation) -> RenderVariation {
     let mut variation = usual.clone();
     let share = look.strength as f32;
     for &part in &look.vary {
@@ -33,8 +33,8 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
         let own = look.seed.fork(part.name());
         let rng = &mut own.rng();
         match part {
-            Vary::Light => light(&mut variation, share, rng),
-            Vary::Background => {
+            AppearanceFactor::Light => light(&mut variation, share, rng),
+            AppearanceFactor::Background => {
                 let drawn = background(rng);
                 let mixed =
                     |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
@@ -42,16 +42,16 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
                 // A room cannot be interpolated.
                 variation.room = if share > 0.0 { room(rng) } else { usual.room };
             }
-            Vary::Material => {
+            AppearanceFactor::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
                 variation.table_top = TableTop::all().nth(index).unwrap_or_default();
                 variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
             }
-            Vary::Objects => {
+            AppearanceFactor::Objects => {
                 let (tint, roughness, metallic) = PAINT.map(|most| share * most).into();
                 variation.objects = Some(ObjectVariation { seed: own, tint, roughness, metallic });
             }
-            Vary::Camera => {}
+            AppearanceFactor::Camera => {}
         }
     }
     variation
@@ -59,10 +59,11 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
 
 /// The camera with a pose perturbed from the seed; unchanged when cameras are not varied.
 #[must_use]
-pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
-    let tremble = TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&Vary::Camera));
+pub fn moved(camera: &Camera, seed: Seed, vary: &[AppearanceFactor]) -> Camera {
+    let tremble =
+        TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&AppearanceFactor::Camera));
     let Some(&(_, shift_m, turn_rad)) = tremble else { return camera.clone() };
-    jittered(camera, shift_m, turn_rad, &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng())
+    jittered(camera, shift_m, turn_rad, &mut seed.fork(AppearanceFactor::Camera.name()).fork(&camera.name).rng())
 }
 
 /// The camera translated and rotated by uniform random amounts up to `shift_m` and `turn_rad` per axis.
@@ -132,27 +133,39 @@ mod tests {
 
     #[test]
     fn each_part_has_its_own_chance() {
-        let all = sampled(Seed::new(7), &Vary::ALL);
-        assert_eq!(all, sampled(Seed::new(7), &Vary::ALL));
-        assert_ne!(all, sampled(Seed::new(8), &Vary::ALL));
-        let light = sampled(Seed::new(7), &[Vary::Light]);
+        let all = sampled(Seed::new(7), &AppearanceFactor::ALL);
+        assert_eq!(all, sampled(Seed::new(7), &AppearanceFactor::ALL));
+        assert_ne!(all, sampled(Seed::new(8), &AppearanceFactor::ALL));
+        let light = sampled(Seed::new(7), &[AppearanceFactor::Light]);
         assert_eq!(light.light_direction, all.light_direction);
         assert_eq!(light.table_top, TableTop::default());
         assert_eq!(sampled(Seed::new(7), &[]), RenderVariation::default());
-        assert_eq!(sampled(Seed::new(7), &[Vary::Camera]), RenderVariation::default());
+        assert_eq!(sampled(Seed::new(7), &[AppearanceFactor::Camera]), RenderVariation::default());
     }
 
     #[test]
     fn strength_goes_from_the_usual_to_the_drawn() {
-        let (usual, drawn) = (RenderVariation::default(), sampled(Seed::new(7), &[Vary::Light, Vary::Background]));
+        let (usual, drawn) = (
+            RenderVariation::default(),
+            sampled(Seed::new(7), &[AppearanceFactor::Light, AppearanceFactor::Background]),
+        );
         let at = |strength| {
-            varied(&usual, &Look { strength, ..Look::new(Seed::new(7), vec![Vary::Light, Vary::Background]) })
+            varied(
+                &usual,
+                &AppearanceRandomisation {
+                    strength,
+                    ..AppearanceRandomisation::new(
+                        Seed::new(7),
+                        vec![AppearanceFactor::Light, AppearanceFactor::Background],
+                    )
+                },
+            )
         };
         assert_eq!(at(0.0), usual);
         assert_eq!(at(1.0), drawn);
         let half = at(0.5);
         assert!((half.exposure - 0.5 * (usual.exposure + drawn.exposure)).abs() < 1e-6);
-        let other = varied(&drawn, &Look::new(Seed::new(3), vec![Vary::Material]));
+        let other = varied(&drawn, &AppearanceRandomisation::new(Seed::new(3), vec![AppearanceFactor::Material]));
         assert_eq!((other.exposure, other.background), (drawn.exposure, drawn.background), "the rest stays");
     }
 
@@ -170,9 +183,9 @@ mod tests {
         for (mount, shift_m, turn_rad) in TREMBLE {
             let usual = Camera::looking_at("viewpoint", DVec3::new(0.4, 0.3, 1.0), DVec3::ZERO, intrinsics);
             let (camera, pose) = (Camera { mount, ..usual.clone() }, usual.mount_from_camera);
-            assert_eq!(moved(&camera, Seed::new(3), &[Vary::Light]), camera);
+            assert_eq!(moved(&camera, Seed::new(3), &[AppearanceFactor::Light]), camera);
             for seed in 0..100 {
-                let moved = moved(&camera, Seed::new(seed), &[Vary::Camera]).mount_from_camera;
+                let moved = moved(&camera, Seed::new(seed), &[AppearanceFactor::Camera]).mount_from_camera;
                 let (shift, turn) =
                     (moved.position - pose.position, (pose.rotation.inverse() * moved.rotation).to_axis_angle().1);
                 assert!(shift.length() > 0.0 && shift.length() < 1.8 * shift_m && turn < 1.8 * turn_rad);

@@ -5,7 +5,7 @@ use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
 use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
 use genmanip_layout::{Move, obstacles};
 use genmanip_motion::commands;
-use genmanip_motion::{Allowed, Path, PlanningScene};
+use genmanip_motion::{AllowedCollisions, Path, PlanningScene};
 use genmanip_relations::PosedScene;
 
 use super::{Expert, pick::grasp_direction};
@@ -55,7 +55,7 @@ pub(super) fn plan(
         .ok_or_else(|| Failure { cause: FailureCause::Policy, evidence: format!("{name} has no state {state}") })?;
     let (planner, settings) = (&expert.planner, &expert.settings);
     let occupied = obstacles::around(scene, None);
-    let nothing = Allowed::none();
+    let nothing = AllowedCollisions::none();
     // Later tries skip the candidates of earlier ones.
     let mut skip = expert.tries.saturating_sub(1);
     sweeper.search(arm, &mut |sweep| {
@@ -146,7 +146,7 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
         commands.extend(commands::fingers(arm, contact.hold_width, contact.open_width, settings.open_steps));
     }
     let world = obstacles::around(scene, None);
-    let nothing = Allowed::none();
+    let nothing = AllowedCollisions::none();
     let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
     let tcp = planner.tcp_pose(arm);
     let back = backward(scene, turning, &tcp);

@@ -20,11 +20,11 @@ use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
     Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Goal, Grasp, Observation, Policy, PolicyError, PolicySpec,
-    Pose, PrivilegedState, Seed, TriedGrasp,
+    Pose, PrivilegedState, Seed, VerifiedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::commands;
-use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
+use genmanip_motion::{AllowedCollisions, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
 use genmanip_relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
@@ -42,7 +42,7 @@ pub struct Expert {
     stage: Stage,
     planner: Arc<Planner>,
     /// Precomputed grasps of each object.
-    precomputed: Vec<Vec<TriedGrasp>>,
+    precomputed: Vec<Vec<VerifiedGrasp>>,
     /// Grasp proposals from images, instead of geometry.
     grasp_proposer: Option<Arc<dyn GraspProposer>>,
     settings: ExpertSettings,
@@ -168,7 +168,7 @@ impl Expert {
     }
 
     /// Precomputed grasps of an object.
-    fn precomputed_grasps(&self, object: usize) -> &[TriedGrasp] {
+    fn precomputed_grasps(&self, object: usize) -> &[VerifiedGrasp] {
         self.precomputed.get(object).map_or(&[], Vec::as_slice)
     }
 
@@ -335,7 +335,8 @@ impl Expert {
         let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
         // The gripper opens at home, where it has clearance.
-        let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
+        let around =
+            PlanningScene { world: &world, attached: None, allowed: &AllowedCollisions::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
             Ok(path) => {
@@ -350,7 +351,7 @@ impl Expert {
     /// Free motion of the empty gripper during which its opening changes; it changes before the motion if there is no
     /// clearance.
     fn reach(&self, world: &CollisionWorld, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
-        let nothing = Allowed::none();
+        let nothing = AllowedCollisions::none();
         let has_clearance = |width: f64| {
             let around = PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
             let checker = self.planner.checker(&around, 0.0);

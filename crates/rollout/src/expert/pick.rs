@@ -89,7 +89,9 @@ fn feasible(
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
     let known = match seen {
         Some(seen) => seen.to_vec(),
-        None => obstacles::tried_grasps(planner, scene, object, expert.precomputed_grasps(object)).map_err(flawed)?,
+        None => {
+            obstacles::verified_grasps(planner, scene, object, expert.precomputed_grasps(object)).map_err(flawed)?
+        }
     };
     // An object without volume has no grasps.
     let generated = || match seen {

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Pose, RobotModel, Seed, SupportSurface};
 use genmanip_motion::{
-    Allowed, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
-    PlanningScene,
+    AllowedCollisions, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery,
+    PickedObject, PlanningScene,
 };
 use genmanip_sim::{Model, Sim};
 use rand::RngExt;
 use serde::Serialize;
 
-use super::{ExecutedGrasp, GraspTrials, Pick, Table, TrialError};
+use super::{CandidateChoice, ExecutedGrasp, GraspTrials, Table, TrialError};
 
 /// Length of the straight approach, m: clears the object before it, and costs no arm postures.
 const APPROACH_M: f64 = 0.1;
@@ -49,7 +49,7 @@ const JOINT_STEP: f64 = 0.12;
 /// Ending of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ending {
+pub enum TrialEnding {
     /// The object was lifted and shaken and is still in the grip.
     Held,
     /// The sampler found no candidate.
@@ -82,11 +82,11 @@ pub(super) fn execute(
     table: &Table,
     seen: &[DVec3],
     grasps: &[CloudGrasp],
-    pick: Pick,
+    pick: CandidateChoice,
     seed: Seed,
-) -> Result<(Ending, Option<ExecutedGrasp>), TrialError> {
+) -> Result<(TrialEnding, Option<ExecutedGrasp>), TrialError> {
     let mut order: Vec<usize> = (0..grasps.len()).collect();
-    if pick == Pick::Any {
+    if pick == CandidateChoice::Any {
         let mut rng = seed.rng();
         for index in (1..order.len()).rev() {
             order.swap(index, rng.random_range(0..=index));
@@ -98,7 +98,7 @@ pub(super) fn execute(
         Some((rank, motion))
     });
     let Some((rank, motion)) = reachable else {
-        let ending = if grasps.is_empty() { Ending::NoGrasp } else { Ending::OutOfReach };
+        let ending = if grasps.is_empty() { TrialEnding::NoGrasp } else { TrialEnding::OutOfReach };
         return Ok((ending, None));
     };
     let (ending, final_width) = simulate(trials, table, &motion, grasps[rank].opening)?;
@@ -112,7 +112,7 @@ pub(super) fn execute_one(
     table: &Table,
     grasp: &Grasp,
     opening: f64,
-) -> Result<Option<Ending>, TrialError> {
+) -> Result<Option<TrialEnding>, TrialError> {
     let obstacles = Obstacles::new(table, &trials.world.surfaces, &[]);
     let Some(motion) = motion(trials, &obstacles, grasp) else { return Ok(None) };
     Ok(Some(simulate(trials, table, &motion, opening)?.0))
@@ -177,7 +177,7 @@ fn feasibility(max_width: f64) -> FeasibilitySettings {
 fn motion(trials: &GraspTrials, obstacles: &Obstacles, grasp: &Grasp) -> Option<Motion> {
     let planner = &*trials.planner;
     let wide = planner.gripper().max_width;
-    let nothing = Allowed::none();
+    let nothing = AllowedCollisions::none();
     let objects = PlanningScene { world: &obstacles.objects, attached: None, allowed: &nothing, gripper_width: wide };
     let start = planner.checker(&objects, 0.0);
     let query = PickQuery {
@@ -230,7 +230,12 @@ fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
 ///
 /// Steps the simulation itself: there is no task to judge and nothing to record, the robot starts at the pregrasp pose
 /// instead of at home, and only the final state of a few hundred steps matters.
-fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) -> Result<(Ending, f64), TrialError> {
+fn simulate(
+    trials: &GraspTrials,
+    table: &Table,
+    motion: &Motion,
+    opening: f64,
+) -> Result<(TrialEnding, f64), TrialError> {
     let robot = RobotModel { home: motion.approach[0].clone(), ..(*trials.robot).clone() };
     let scene = Arc::new(Model::compile(&trials.world, &robot, &table.objects())?);
     let mut sim = Sim::new(scene);
@@ -249,7 +254,7 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
     for arm in &motion.approach {
         drive(arm, opening, &mut sim)?;
     }
-    let Some(grasp) = motion.approach.last() else { return Ok((Ending::OutOfReach, 0.0)) };
+    let Some(grasp) = motion.approach.last() else { return Ok((TrialEnding::OutOfReach, 0.0)) };
     for _ in 0..REST_STEPS {
         drive(grasp, opening, &mut sim)?;
     }
@@ -258,10 +263,13 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
     }
     let last = motion.shake.last().cloned().unwrap_or_default();
     let hold = vec![last; HOLD_STEPS];
-    let phases =
-        [(&motion.lift, Ending::LostInLift), (&motion.shake, Ending::LostInShake), (&hold, Ending::LostInHold)];
+    let phases = [
+        (&motion.lift, TrialEnding::LostInLift),
+        (&motion.shake, TrialEnding::LostInShake),
+        (&hold, TrialEnding::LostInHold),
+    ];
     if sim.grasped() != Some(0) {
-        return Ok((Ending::Missed, sim.gripper_width()));
+        return Ok((TrialEnding::Missed, sim.gripper_width()));
     }
     for (steps, ending) in phases {
         for arm in steps {
@@ -271,5 +279,8 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
             return Ok((ending, sim.gripper_width()));
         }
     }
-    Ok((if height(&sim) - before >= LIFTED_M { Ending::Held } else { Ending::NotLifted }, sim.gripper_width()))
+    Ok((
+        if height(&sim) - before >= LIFTED_M { TrialEnding::Held } else { TrialEnding::NotLifted },
+        sim.gripper_width(),
+    ))
 }

@@ -19,15 +19,15 @@ use genmanip_motion::{CloudError, CloudTarget, GeometryError, Planner};
 use genmanip_sim::SimError;
 use serde::{Deserialize, Serialize};
 
-pub use arm::Ending;
-pub use robustness::{MAX_FAILED_GRASPS, RobustnessSettings, WANTED_GRASPS, robust_grasps, tried_grasps};
+pub use arm::TrialEnding;
+pub use robustness::{MAX_FAILED_GRASPS, RobustnessSettings, WANTED_GRASPS, robust_grasps, verified_grasps};
 pub use table::Table;
 pub use view::{Cloud, ViewSettings};
 
 /// Kind of target and surroundings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Class {
+pub enum TrialClass {
     /// An object with a body or a rim to grasp, alone.
     Compact,
     /// An object with a handle or shaft, lying flat, alone.
@@ -39,7 +39,7 @@ pub enum Class {
 /// Observation of the objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum View {
+pub enum TrialView {
     /// The whole surface, without noise.
     Full,
     /// One of the three prompt cameras, chosen at random, with noise.
@@ -51,7 +51,7 @@ pub enum View {
 /// Choice of the candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Pick {
+pub enum CandidateChoice {
     /// The best feasible candidate.
     Best,
     /// A random feasible candidate, to evaluate the scores.
@@ -77,7 +77,7 @@ pub struct GraspTrials {
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
     /// Class of the trial.
-    pub class: Class,
+    pub class: TrialClass,
     /// Name of the family's card.
     pub object: String,
     /// Number of objects on the table, including the target.
@@ -89,7 +89,7 @@ pub struct Trial {
     /// Number of candidates.
     pub candidates: usize,
     /// Ending of the trial.
-    pub ending: Ending,
+    pub ending: TrialEnding,
     /// The executed grasp, if any.
     pub grasp: Option<ExecutedGrasp>,
 }
@@ -136,9 +136,9 @@ impl GraspTrials {
     /// If the scene, images or simulation fail; a rejected cloud counts as a trial without grasp.
     pub fn run(
         &self,
-        class: Class,
-        view: View,
-        pick: Pick,
+        class: TrialClass,
+        view: TrialView,
+        pick: CandidateChoice,
         seed: Seed,
         clock: &mut dyn FnMut() -> f64,
     ) -> Result<Trial, TrialError> {

@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, VerifiedGrasp};
 use genmanip_layout::obstacles;
 use genmanip_relations::{PosedObject, PosedScene, ShapeCache};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use super::arm::{self, Ending};
+use super::arm::{self, TrialEnding};
 use super::{GraspTrials, Table, TrialError};
 
 /// Number of trials per grasp, and the errors of each.
@@ -78,12 +78,12 @@ pub const MAX_FAILED_GRASPS: usize = 8;
 ///
 /// # Errors
 /// If the physics engine fails, or a piece of the object has no volume.
-pub fn tried_grasps(
+pub fn verified_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
     settings: &RobustnessSettings,
     seed: Seed,
-) -> Result<Vec<TriedGrasp>, TrialError> {
+) -> Result<Vec<VerifiedGrasp>, TrialError> {
     let (table, candidates) = candidates(trials, model, seed)?;
     let mut tried = Vec::new();
     for (index, grasp) in candidates.into_iter().enumerate() {
@@ -96,7 +96,7 @@ pub fn tried_grasps(
 /// The best candidates that held in every trial: at most `enough`, trying at most `most` failing ones.
 ///
 /// # Errors
-/// As [`tried_grasps`].
+/// As [`verified_grasps`].
 pub fn robust_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
@@ -104,7 +104,7 @@ pub fn robust_grasps(
     enough: usize,
     most: usize,
     seed: Seed,
-) -> Result<Vec<TriedGrasp>, TrialError> {
+) -> Result<Vec<VerifiedGrasp>, TrialError> {
     let (table, candidates) = candidates(trials, model, seed)?;
     let (mut robust, mut lost) = (Vec::new(), 0);
     for (index, grasp) in candidates.into_iter().enumerate() {
@@ -142,12 +142,12 @@ fn try_out(
     grasp: Grasp,
     settings: &RobustnessSettings,
     seed: Seed,
-) -> Result<Option<TriedGrasp>, TrialError> {
-    let mut tried = TriedGrasp { grasp, trials: 0, held: 0 };
+) -> Result<Option<VerifiedGrasp>, TrialError> {
+    let mut tried = VerifiedGrasp { grasp, trials: 0, held: 0 };
     while tried.trials < settings.trials && tried.trials - tried.held < settings.most_lost {
         match try_once(trials, table, &tried.grasp, settings, seed.fork_index(u64::from(tried.trials)))? {
-            Ending::OutOfReach => return Ok(None),
-            ending => tried.held += u32::from(ending == Ending::Held),
+            TrialEnding::OutOfReach => return Ok(None),
+            ending => tried.held += u32::from(ending == TrialEnding::Held),
         }
         tried.trials += 1;
     }
@@ -161,7 +161,7 @@ fn try_once(
     grasp: &Grasp,
     settings: &RobustnessSettings,
     seed: Seed,
-) -> Result<Ending, TrialError> {
+) -> Result<TrialEnding, TrialError> {
     let mut rng = seed.rng();
     let mut spread = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
     let offset = DVec3::new(spread(settings.offset_m), spread(settings.offset_m), spread(settings.offset_m));
@@ -185,7 +185,7 @@ fn try_once(
             return Ok(ending);
         }
     }
-    Ok(Ending::OutOfReach)
+    Ok(TrialEnding::OutOfReach)
 }
 
 /// Rotated about the vertical axis through its origin.

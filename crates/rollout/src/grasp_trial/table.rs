@@ -9,7 +9,7 @@ use genmanip_core::{ObjectCard, ObjectModel, PhysicsFactors, Pose, Seed, World};
 use genmanip_sim::{Model, SceneObject, SettleSettings, Sim};
 use rand::RngExt;
 
-use super::{Class, TrialError};
+use super::{TrialClass, TrialError};
 
 /// Categories of cards that are grasped by a handle or shaft and lie flat.
 pub(super) const UTENSILS: [&str; 9] =
@@ -45,7 +45,12 @@ pub struct Table {
 
 impl Table {
     /// Samples the objects of a class and settles them.
-    pub(super) fn settled(catalogue: &Catalogue, class: Class, world: &World, seed: Seed) -> Result<Self, TrialError> {
+    pub(super) fn settled(
+        catalogue: &Catalogue,
+        class: TrialClass,
+        world: &World,
+        seed: Seed,
+    ) -> Result<Self, TrialError> {
         let graspable = |card: &&ObjectCard| card.can_grasp && !card.is_articulated;
         let is_utensil = |card: &ObjectCard| UTENSILS.contains(&card.category.as_str());
         let of_class = |utensils: bool| -> Vec<&ObjectCard> {
@@ -56,9 +61,9 @@ impl Table {
         let mut rng = seed.fork("things").rng();
         let mut draw = |from: &[&ObjectCard]| from[rng.random_range(0..from.len())].uid.clone();
         let uids: Vec<String> = match class {
-            Class::Compact => vec![draw(&compact)],
-            Class::Utensils => vec![draw(&utensils)],
-            Class::Clutter => std::iter::once(draw(&compact)).chain((1..CLUTTER).map(|_| draw(&all))).collect(),
+            TrialClass::Compact => vec![draw(&compact)],
+            TrialClass::Utensils => vec![draw(&utensils)],
+            TrialClass::Clutter => std::iter::once(draw(&compact)).chain((1..CLUTTER).map(|_| draw(&all))).collect(),
         };
         let mut models = Vec::new();
         for (index, uid) in uids.iter().enumerate() {

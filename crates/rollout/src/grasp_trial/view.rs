@@ -6,7 +6,7 @@ use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, Render
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use super::{Table, TrialError, View};
+use super::{Table, TrialError, TrialView};
 
 /// Resolution and noise of the depth cameras.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ pub struct Cloud {
 pub(super) fn observe(
     table: &Table,
     world: &World,
-    view: View,
+    view: TrialView,
     settings: &ViewSettings,
     seed: Seed,
 ) -> Result<Cloud, TrialError> {
@@ -76,9 +76,9 @@ pub(super) fn observe(
         })
         .collect();
     match view {
-        View::Full => Ok(whole(table, settings, seed)),
-        View::Three => seen(table, world, &prompt, settings, seed),
-        View::One => {
+        TrialView::Full => Ok(whole(table, settings, seed)),
+        TrialView::Three => seen(table, world, &prompt, settings, seed),
+        TrialView::One => {
             let index = seed.fork("camera").rng().random_range(0..prompt.len());
             seen(table, world, &prompt[index..=index], settings, seed)
         }

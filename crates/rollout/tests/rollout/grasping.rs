@@ -7,7 +7,8 @@ use genmanip_assets::{Catalogue, panda};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_motion::{GraspSettings, Planner, PlannerSettings};
 use genmanip_rollout::grasp_trial::{
-    Class, Ending, GraspTrials, Pick, RobustnessSettings, Trial, View, ViewSettings, tried_grasps,
+    CandidateChoice, GraspTrials, RobustnessSettings, Trial, TrialClass, TrialEnding, TrialView, ViewSettings,
+    verified_grasps,
 };
 
 fn trials(robot: Arc<RobotModel>) -> GraspTrials {
@@ -20,24 +21,25 @@ fn trials(robot: Arc<RobotModel>) -> GraspTrials {
     }
 }
 
-fn held(trials: &GraspTrials, class: Class, view: View, count: u64) -> (usize, Vec<Trial>) {
-    let run = |index| trials.run(class, view, Pick::Best, Seed::new(5).fork_index(index), &mut || 0.0).unwrap();
+fn held(trials: &GraspTrials, class: TrialClass, view: TrialView, count: u64) -> (usize, Vec<Trial>) {
+    let run =
+        |index| trials.run(class, view, CandidateChoice::Best, Seed::new(5).fork_index(index), &mut || 0.0).unwrap();
     let done: Vec<Trial> = (0..count).map(run).collect();
-    (done.iter().filter(|trial| trial.ending == Ending::Held).count(), done)
+    (done.iter().filter(|trial| trial.ending == TrialEnding::Held).count(), done)
 }
 
 #[test]
 fn most_objects_are_lifted_shaken_and_held_by_friction_alone() {
     let real = trials(panda());
-    let (count, done) = held(&real, Class::Compact, View::One, 4);
+    let (count, done) = held(&real, TrialClass::Compact, TrialView::One, 4);
     assert!(count >= 3, "{done:?}");
-    let again = held(&real, Class::Compact, View::One, 1).1;
+    let again = held(&real, TrialClass::Compact, TrialView::One, 1).1;
     assert_eq!(serde_json::to_string(&done[..1]).unwrap(), serde_json::to_string(&again).unwrap(), "same seed");
 
     // The same grasps without friction: nothing else may hold the objects.
     let mut slippery = (*panda()).clone();
     slippery.drives.as_mut().unwrap().pad_friction = [0.01, 1e-5, 1e-5];
-    let (count, done) = held(&trials(Arc::new(slippery)), Class::Compact, View::One, 4);
+    let (count, done) = held(&trials(Arc::new(slippery)), TrialClass::Compact, TrialView::One, 4);
     assert!(count <= 1, "{done:?}");
 }
 
@@ -48,11 +50,11 @@ fn catalogue_grasps_are_tried_with_errors() {
     let real = GraspTrials { planner: Arc::new(planner), ..trials(panda()) };
     let ball = real.catalogue.build("050").unwrap();
     let settings = RobustnessSettings { trials: 2, ..RobustnessSettings::default() };
-    let tried = tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();
+    let tried = verified_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();
     assert!(tried.len() == 1 && tried[0].trials == 2 && tried[0].held >= 1, "{tried:?}");
-    assert_eq!(tried, tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap(), "same seed");
+    assert_eq!(tried, verified_grasps(&real, &ball, &settings, Seed::new(5)).unwrap(), "same seed");
 
     let blind = RobustnessSettings { offset_m: 0.2, ..settings };
-    let tried = tried_grasps(&real, &ball, &blind, Seed::new(6)).unwrap();
+    let tried = verified_grasps(&real, &ball, &blind, Seed::new(6)).unwrap();
     assert!(tried.iter().all(|grasp| grasp.held == 0), "errors of decimetres grasp nothing: {tried:?}");
 }

@@ -1,7 +1,7 @@
 //! Instance masks agree with separately rendered ids and depth, and with the recorded poses.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{CameraRequest, ImageChannels, Vary};
+use genmanip_core::{AppearanceFactor, CameraRequest, ImageChannels};
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::masks::{FIRST_OBJECT, seen};
 use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer, render_masks, render_tracks};
@@ -9,7 +9,7 @@ use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer, render_ma
 use crate::episodes;
 
 /// One image per second.
-fn settings(vary: &[Vary]) -> ImageSettings {
+fn settings(vary: &[AppearanceFactor]) -> ImageSettings {
     ImageSettings { fps: 1, vary: vary.into(), ..ImageSettings::default() }
 }
 
@@ -68,7 +68,7 @@ fn masks_equal_the_ids_of_the_images() {
 fn masks_use_the_randomised_camera() {
     let (stage, episode) = &episodes()[1];
     let usual = render_masks(stage, episode, &settings(&[])).unwrap();
-    let settings = settings(&[Vary::Camera]);
+    let settings = settings(&[AppearanceFactor::Camera]);
     let (masks, tracks) =
         (render_masks(stage, episode, &settings).unwrap(), render_tracks(stage, episode, &settings).unwrap());
     assert!(masks.iter().zip(&usual).any(|(moved, usual)| moved.png != usual.png), "no camera was moved");

@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use genmanip_pipeline::sessions::Scenes;
+use genmanip_pipeline::sessions::SceneSource;
 use genmanip_remote_policies::numpy::Array;
 use genmanip_serve::{Endpoint, EnvEndpoint, ServeSettings, Server, openapi};
 use rmpv::Value;
@@ -53,7 +53,8 @@ fn part<'a>(value: &'a Value, name: &str) -> &'a Value {
 #[test]
 fn a_program_drives_an_environment() {
     let task = PathBuf::from(format!("{}/../../examples/tasks/012_pick_and_place.json", env!("CARGO_MANIFEST_DIR")));
-    let endpoint = Endpoint::Env(Arc::new(EnvEndpoint::new(Arc::new(Scenes::of_tasks(&[task], None).unwrap()), 1)));
+    let endpoint =
+        Endpoint::Env(Arc::new(EnvEndpoint::new(Arc::new(SceneSource::of_tasks(&[task], None).unwrap()), 1)));
     let described = openapi(&endpoint).to_string();
     assert!(described.contains("application/msgpack") && described.contains("stop_on_success"), "{described}");
     let address = ([127, 0, 0, 1], 0).into();

@@ -3,7 +3,7 @@
 use genmanip_core::{Atom, Task};
 
 use super::colors::{CONFLICT, INK, MUTED};
-use super::floor_plan::{LayoutPicture, plan_drawing};
+use super::floor_plan::{TopView, plan_drawing};
 use super::graph::graph_drawing;
 use super::svg::{Anchor, Canvas, Svg, wrap};
 
@@ -22,12 +22,12 @@ pub struct Refusal {
     /// Conflicting edges, most frequent first; drawn in red.
     pub conflicts: Vec<Atom>,
     /// The conflicting edges in words with their counts.
-    pub conflicts_in_words: Vec<(String, usize)>,
+    pub conflict_labels: Vec<(String, usize)>,
 }
 
 /// Draws the scene graph with its goals beside the layout; for a rejected task, the furthest attempt with the reasons
 /// below.
-pub fn explain_svg(task: &Task, picture: &LayoutPicture, refusal: Option<&Refusal>) -> Svg {
+pub fn explain_svg(task: &Task, picture: &TopView, refusal: Option<&Refusal>) -> Svg {
     let conflicts = refusal.map_or(&[][..], |refusal| &refusal.conflicts);
     let (graph, [graph_width, graph_height]) = graph_drawing(task, conflicts);
     let (plan, [plan_width, plan_height]) = plan_drawing(picture);
@@ -61,7 +61,7 @@ fn draw_reasons(canvas: &mut Canvas, refusal: &Refusal, at: [f64; 2], width: f64
         y += LINE;
     }
     let reasons = refusal.reasons.iter().take(6).map(|reason| (reason, INK));
-    let conflicts = refusal.conflicts_in_words.iter().take(8).map(|edge| (edge, CONFLICT));
+    let conflicts = refusal.conflict_labels.iter().take(8).map(|edge| (edge, CONFLICT));
     for ((what, count), color) in reasons.chain(conflicts) {
         canvas.text([at[0], y], TEXT_SIZE, Anchor::Start, &format!(r#"fill="{MUTED}""#), &format!("{count}×"));
         for line in wrap(what, TEXT_SIZE, width - 72.0, 2) {

@@ -4,12 +4,12 @@ use genmanip_core::{GraphEdge, Workspace};
 
 use super::colors::{CONFLICT, GOAL, HAIRLINE, INITIAL, INK, MUTED, hex};
 use super::graph::bounds;
-use super::route::{LABEL_SIZE, Routed, Shape, Wire, label_size, route};
+use super::route::{LABEL_SIZE, RoutedEdge, Shape, UnroutedEdge, label_size, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 
 /// Contents of the top view.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LayoutPicture {
+pub struct TopView {
     /// Usable area of the table.
     pub workspace: Workspace,
     /// Objects, and support surfaces other than the table, in any order.
@@ -75,13 +75,13 @@ const FOOT: f64 = 34.0;
 /// Draws a layout from above, the robot at the bottom: up is front (+x), left is the robot's left (+y).
 ///
 /// Non-finite points, and edges to objects without a footprint, are dropped.
-pub fn layout_svg(picture: &LayoutPicture) -> Svg {
+pub fn layout_svg(picture: &TopView) -> Svg {
     let (canvas, [width, height]) = plan_drawing(picture);
     canvas.finish(width, height, "Layout seen from above")
 }
 
 /// [`layout_svg`] with its size.
-pub fn plan_drawing(picture: &LayoutPicture) -> (Canvas, [f64; 2]) {
+pub fn plan_drawing(picture: &TopView) -> (Canvas, [f64; 2]) {
     let view = View::of(picture);
     let mut canvas = Canvas::default();
     draw_table(&mut canvas, &view, picture);
@@ -98,7 +98,7 @@ pub fn plan_drawing(picture: &LayoutPicture) -> (Canvas, [f64; 2]) {
     (canvas, [view.width, view.height])
 }
 
-fn draw_windows(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
+fn draw_windows(canvas: &mut Canvas, view: &View, picture: &TopView) {
     let Workspace { x, y } = picture.workspace;
     let clip = |[low, high]: [f64; 2], [least, most]: [f64; 2]| [low.clamp(least, most), high.clamp(least, most)];
     let style = format!(
@@ -125,7 +125,7 @@ fn draw_windows(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
     }
 }
 
-impl LayoutPicture {
+impl TopView {
     fn radii(&self) -> impl Iterator<Item = f64> {
         self.reach_m.iter().copied().filter(|radius| radius.is_finite() && *radius > 0.0)
     }
@@ -140,7 +140,7 @@ struct View {
 }
 
 impl View {
-    fn of(picture: &LayoutPicture) -> Self {
+    fn of(picture: &TopView) -> Self {
         let Workspace { x, y } = picture.workspace;
         let points: Vec<[f64; 2]> = picture.footprints.iter().flat_map(finite_points).collect();
         // A distant object must not shrink the table to a dot, so the view grows by at most half a metre.
@@ -160,7 +160,7 @@ impl View {
     }
 
     /// Arcs of the reach over the table.
-    fn arcs(&self, picture: &LayoutPicture) -> Vec<Vec<Point>> {
+    fn arcs(&self, picture: &TopView) -> Vec<Vec<Point>> {
         let [right, left] = picture.workspace.y;
         let arc = |radius: f64| {
             (-180..=180)
@@ -178,7 +178,7 @@ fn finite_points(footprint: &Footprint) -> Vec<[f64; 2]> {
     footprint.polygons.iter().flatten().filter(|point| point.iter().all(|value| value.is_finite())).copied().collect()
 }
 
-fn draw_table(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
+fn draw_table(canvas: &mut Canvas, view: &View, picture: &TopView) {
     let Workspace { x, y } = picture.workspace;
     let [left, top] = view.page([x[1], y[1]]);
     let [right, bottom] = view.page([x[0], y[0]]);
@@ -230,11 +230,11 @@ pub struct PlanScene {
     /// Names with their positions.
     pub names: Vec<(Vec<String>, Area)>,
     /// Arrows between footprints.
-    pub arrows: Vec<(Routed, String, EdgeRole)>,
+    pub arrows: Vec<(RoutedEdge, String, EdgeRole)>,
 }
 
 impl PlanScene {
-    fn new(picture: &LayoutPicture, view: &View) -> Self {
+    fn new(picture: &TopView, view: &View) -> Self {
         let mut order: Vec<(&Footprint, Area)> = picture
             .footprints
             .iter()
@@ -258,7 +258,7 @@ impl PlanScene {
                 if edge.relation.is_support() && order[from].1.overlaps(&order[to].1) {
                     carried[from] = Some(format!("{} {}", edge.relation.name(), order[to].0.name));
                 } else {
-                    wires.push(Wire { from, to, label: edge.relation.name().into() });
+                    wires.push(UnroutedEdge { from, to, label: edge.relation.name().into() });
                     roles.push(*role);
                 }
             }
@@ -321,7 +321,7 @@ impl PlanScene {
 
     /// Contents of a diagram, for tests.
     #[cfg(test)]
-    pub fn of(picture: &LayoutPicture) -> Self {
+    pub fn of(picture: &TopView) -> Self {
         Self::new(picture, &View::of(picture))
     }
 }

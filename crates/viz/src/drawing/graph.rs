@@ -3,8 +3,8 @@
 use genmanip_core::{Atom, GraphEdge, Relation, Task};
 
 use super::colors::{CONFLICT, GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
-use super::graph_layout::{Tie, Wish, cells};
-use super::route::{LABEL_SIZE, Routed, Shape, Wire, route};
+use super::graph_layout::{CellConstraint, PreferredCell, cells};
+use super::route::{LABEL_SIZE, RoutedEdge, Shape, UnroutedEdge, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Svg, text_width, wrap};
 
 const NAME_SIZE: f64 = 13.0;
@@ -60,7 +60,7 @@ pub struct Panel {
     heading: String,
     is_goal: bool,
     nodes: Vec<Node>,
-    wires: Vec<Wire>,
+    wires: Vec<UnroutedEdge>,
     /// Flags of wires drawn in red; false beyond the end.
     conflicts: Vec<bool>,
     /// Boxes of the nodes, relative to the graph.
@@ -68,7 +68,7 @@ pub struct Panel {
     /// Frames around stacks.
     frames: Vec<Area>,
     /// Edges.
-    pub routed: Vec<Routed>,
+    pub routed: Vec<RoutedEdge>,
     bounds: Area,
 }
 
@@ -159,12 +159,12 @@ impl Panel {
             }
         }
         let stacks = Stacks::new(&nodes, &links);
-        let ties: Vec<Tie> = links.iter().filter_map(|link| stacks.tie(link)).collect();
+        let ties: Vec<CellConstraint> = links.iter().filter_map(|link| stacks.tie(link)).collect();
         let cells = cells(stacks.roots.len(), &ties);
         let mut wires = Vec::new();
         for link in &links {
             for to in [Some(link.to), link.second].into_iter().flatten().filter(|to| *to != link.from) {
-                wires.push(Wire { from: link.from, to, label: link.relation.name().into() });
+                wires.push(UnroutedEdge { from: link.from, to, label: link.relation.name().into() });
             }
         }
         // Widen gaps until every label has a free position.
@@ -323,17 +323,17 @@ impl Stacks {
         Self { sizes: nodes.iter().map(Node::size).collect(), children, roots, pile }
     }
 
-    fn tie(&self, link: &Link) -> Option<Tie> {
+    fn tie(&self, link: &Link) -> Option<CellConstraint> {
         let (from, to) = (self.pile[link.from], self.pile[link.to]);
         let wish = match (link.relation, link.second) {
-            (Relation::Front, _) => Wish::Step([0, 1]),
-            (Relation::Back, _) => Wish::Step([0, -1]),
-            (Relation::Left, _) => Wish::Step([-1, 0]),
-            (Relation::Right, _) => Wish::Step([1, 0]),
-            (Relation::Between, Some(second)) => Wish::Middle(self.pile[second]),
-            _ => Wish::Close,
+            (Relation::Front, _) => PreferredCell::Step([0, 1]),
+            (Relation::Back, _) => PreferredCell::Step([0, -1]),
+            (Relation::Left, _) => PreferredCell::Step([-1, 0]),
+            (Relation::Right, _) => PreferredCell::Step([1, 0]),
+            (Relation::Between, Some(second)) => PreferredCell::Middle(self.pile[second]),
+            _ => PreferredCell::Close,
         };
-        (from != to).then_some(Tie { from, to, wish })
+        (from != to).then_some(CellConstraint { from, to, wish })
     }
 
     /// Width and height of a stack.

@@ -8,15 +8,15 @@ pub type Cell = [i32; 2];
 
 /// Constraint of an edge on the cells of its two ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tie {
+pub struct CellConstraint {
     pub from: usize,
     pub to: usize,
-    pub wish: Wish,
+    pub wish: PreferredCell,
 }
 
 /// Preferred cell of `from`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
+pub enum PreferredCell {
     /// One step from `to` in this direction.
     Step(Cell),
     /// Next to `to`.
@@ -30,7 +30,7 @@ const RESTARTS: u64 = 6;
 const MAX_ROUNDS: usize = 60;
 
 /// Cells for `count` nodes: the best of several local searches over moves and swaps; deterministic.
-pub fn cells(count: usize, ties: &[Tie]) -> Vec<Cell> {
+pub fn cells(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let side = (count as i32).min(6);
     let mut best = (f64::INFINITY, Vec::new());
     for restart in 0..RESTARTS {
@@ -48,7 +48,7 @@ pub fn cells(count: usize, ties: &[Tie]) -> Vec<Cell> {
 }
 
 /// Initial arrangement: follows the edges from node 0 and satisfies each preference literally.
-fn grown(count: usize, ties: &[Tie]) -> Vec<Cell> {
+fn grown(count: usize, ties: &[CellConstraint]) -> Vec<Cell> {
     let mut cells: Vec<Option<Cell>> = vec![None; count];
     for start in 0..count {
         if cells[start].is_some() {
@@ -57,7 +57,7 @@ fn grown(count: usize, ties: &[Tie]) -> Vec<Cell> {
         cells[start] = Some([start as i32 * 2, 0]);
         for _ in 0..count {
             for tie in ties {
-                let step = if let Wish::Step(step) = tie.wish { step } else { [1, 0] };
+                let step = if let PreferredCell::Step(step) = tie.wish { step } else { [1, 0] };
                 match (cells[tie.from], cells[tie.to]) {
                     (None, Some(to)) => cells[tie.from] = Some([to[0] + step[0], to[1] + step[1]]),
                     (Some(from), None) => cells[tie.to] = Some([from[0] - step[0], from[1] - step[1]]),
@@ -75,7 +75,7 @@ fn scattered(count: usize, side: i32, restart: u64) -> Vec<Cell> {
 }
 
 /// The best single move or swap that reduces the cost.
-fn best_change(cells: &[Cell], ties: &[Tie], side: i32, cost: f64) -> Option<(f64, Vec<Cell>)> {
+fn best_change(cells: &[Cell], ties: &[CellConstraint], side: i32, cost: f64) -> Option<(f64, Vec<Cell>)> {
     let mut best: Option<(f64, Vec<Cell>)> = None;
     let mut consider = |candidate: Vec<Cell>| {
         let candidate_cost = total_cost(&candidate, ties);
@@ -103,7 +103,7 @@ fn best_change(cells: &[Cell], ties: &[Tie], side: i32, cost: f64) -> Option<(f6
 }
 
 /// Cost of an arrangement: violated preferences, nodes on top of each other or of an edge, crossings, spread.
-fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
+fn total_cost(cells: &[Cell], ties: &[CellConstraint]) -> f64 {
     let mut cost = 0.0;
     for (index, cell) in cells.iter().enumerate() {
         cost += 1000.0 * cells[index + 1..].iter().filter(|other| *other == cell).count() as f64;
@@ -111,7 +111,7 @@ fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
     for (index, tie) in ties.iter().enumerate() {
         cost += wish_cost(cells, tie);
         cost += 18.0 * blocked(cells, tie.from, tie.to);
-        if let Wish::Middle(other) = tie.wish {
+        if let PreferredCell::Middle(other) = tie.wish {
             cost += 18.0 * blocked(cells, tie.from, other);
         }
         cost += 6.0 * ties[index + 1..].iter().filter(|other| crosses(cells, tie, other)).count() as f64;
@@ -124,18 +124,18 @@ fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
     cost + 1.0 * columns + 1.2 * rows + 14.0 * (columns - 3.0).max(0.0) + 3.0 * (rows - 4.0).max(0.0)
 }
 
-fn wish_cost(cells: &[Cell], tie: &Tie) -> f64 {
+fn wish_cost(cells: &[Cell], tie: &CellConstraint) -> f64 {
     let (from, to) = (cells[tie.from], cells[tie.to]);
     let delta = [from[0] - to[0], from[1] - to[1]];
     match tie.wish {
-        Wish::Step(step) => {
+        PreferredCell::Step(step) => {
             let along = f64::from(delta[0] * step[0] + delta[1] * step[1]);
             let across = f64::from((delta[0] * step[1] - delta[1] * step[0]).abs());
             let wrong = if along < 1.0 { 60.0 + 20.0 * (1.0 - along) } else { 3.0 * (along - 1.0) };
             wrong + 4.0 * across
         }
-        Wish::Close => 3.0 * f64::from((delta[0].abs() + delta[1].abs() - 1).max(0)),
-        Wish::Middle(other) => {
+        PreferredCell::Close => 3.0 * f64::from((delta[0].abs() + delta[1].abs() - 1).max(0)),
+        PreferredCell::Middle(other) => {
             let other = cells[other];
             let off = (2 * from[0] - to[0] - other[0]).abs() + (2 * from[1] - to[1] - other[1]).abs();
             let apart = (to[0] - other[0]).abs() + (to[1] - other[1]).abs();
@@ -157,7 +157,7 @@ fn blocked(cells: &[Cell], from: usize, to: usize) -> f64 {
     cells.iter().enumerate().filter(|(node, cell)| *node != from && *node != to && in_the_way(cell)).count() as f64
 }
 
-fn crosses(cells: &[Cell], a: &Tie, b: &Tie) -> bool {
+fn crosses(cells: &[Cell], a: &CellConstraint, b: &CellConstraint) -> bool {
     if a.from == b.from || a.from == b.to || a.to == b.from || a.to == b.to {
         return false;
     }

@@ -14,7 +14,7 @@ mod tests;
 
 pub use colors::color_of_word;
 pub use explain::{Refusal, explain_svg};
-pub use floor_plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, layout_svg};
+pub use floor_plan::{DrawnEdge, EdgeRole, Footprint, PlaceWindow, TopView, layout_svg};
 pub use graph::graph_svg;
 pub use graph::letter;
 pub use svg::Svg;

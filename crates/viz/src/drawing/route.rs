@@ -20,7 +20,7 @@ pub struct Shape {
 
 /// An edge to be routed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wire {
+pub struct UnroutedEdge {
     /// Index of its source shape.
     pub from: usize,
     /// Index of its target shape.
@@ -31,7 +31,7 @@ pub struct Wire {
 
 /// A routed edge.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Routed {
+pub struct RoutedEdge {
     /// From the border of one shape to the border of the other.
     pub points: Vec<Point>,
     /// Area of the label.
@@ -97,11 +97,11 @@ fn inside(outline: &[Point], point: Point) -> bool {
 ///
 /// `clip` is the scale of the shapes at which a line starts and ends: 1 at the border, less inside.
 /// Also returns the number of labels or lines that could not avoid a solid shape.
-pub fn route(shapes: &[Shape], wires: &[Wire], clip: [f64; 2]) -> (Vec<Routed>, usize) {
-    let mut routed: Vec<Routed> = Vec::with_capacity(wires.len());
+pub fn route(shapes: &[Shape], wires: &[UnroutedEdge], clip: [f64; 2]) -> (Vec<RoutedEdge>, usize) {
+    let mut routed: Vec<RoutedEdge> = Vec::with_capacity(wires.len());
     let mut clashes = 0;
     for (index, wire) in wires.iter().enumerate() {
-        let mut best: Option<(f64, usize, Routed)> = None;
+        let mut best: Option<(f64, usize, RoutedEdge)> = None;
         for bend in BENDS {
             // The bend is measured in a direction independent of the order of the ends.
             let bend = if wire.from < wire.to { bend } else { -bend };
@@ -129,7 +129,7 @@ pub fn route(shapes: &[Shape], wires: &[Wire], clip: [f64; 2]) -> (Vec<Routed>, 
             let hard = hits(true) + place.overlaps + over_labels + beside;
             let cost = 100.0 * hard as f64 + 25.0 * hits(false) as f64 + 0.4 * bend.abs() + 0.5 * place.cost;
             if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
-                best = Some((cost, hard, Routed { points, label: place.area }));
+                best = Some((cost, hard, RoutedEdge { points, label: place.area }));
             }
         }
         if let Some((_, hard, drawn)) = best {
@@ -140,7 +140,7 @@ pub fn route(shapes: &[Shape], wires: &[Wire], clip: [f64; 2]) -> (Vec<Routed>, 
     (routed, clashes)
 }
 
-fn same_pair(a: &Wire, b: &Wire) -> bool {
+fn same_pair(a: &UnroutedEdge, b: &UnroutedEdge) -> bool {
     (a.from, a.to) == (b.from, b.to) || (a.from, a.to) == (b.to, b.from)
 }
 
@@ -173,7 +173,7 @@ struct LabelPlace {
 }
 
 /// The best label position along a line.
-fn place_label(shapes: &[Shape], routed: &[Routed], points: &[Point], label: &str) -> LabelPlace {
+fn place_label(shapes: &[Shape], routed: &[RoutedEdge], points: &[Point], label: &str) -> LabelPlace {
     let (width, height) = label_size(label);
     let length: f64 = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum();
     let mut best =

@@ -4,7 +4,7 @@ use genmanip_core::{
 };
 use proptest::prelude::*;
 
-use super::floor_plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, PlanScene, layout_svg};
+use super::floor_plan::{DrawnEdge, EdgeRole, Footprint, PlaceWindow, PlanScene, TopView, layout_svg};
 use super::graph::{Panel, graph_svg};
 use super::svg::{Area, text_width, wrap};
 
@@ -148,7 +148,7 @@ fn what_is_not_finite_or_far_away_does_not_spoil_a_layout() {
     let square = |x: f64, y: f64| vec![[x, y], [x + 0.1, y], [x + 0.1, y + 0.1], [x, y + 0.1]];
     let footprint =
         |uid: &str, polygons| Footprint { id: uid.into(), name: uid.into(), color: [200, 60, 50], polygons };
-    let picture = LayoutPicture {
+    let picture = TopView {
         workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
         footprints: vec![
             footprint("a", vec![square(0.4, 0.1)]),
@@ -232,7 +232,7 @@ proptest! {
                 polygons: vec![vec![[x, y], [x + 0.09, y + 0.02], [x + 0.07, y + 0.1], [x - 0.02, y + 0.08]]],
             }
         });
-        let picture = LayoutPicture {
+        let picture = TopView {
             workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
             footprints: footprints.collect(),
             edges: vec![DrawnEdge { edge: edge("u0", Relation::Left, "u1"), role: EdgeRole::Initial }],

@@ -7,7 +7,7 @@ use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
 use genmanip_render::encode;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// Writes the images of one camera as they come.
@@ -26,24 +26,24 @@ impl Writer {
         camera: &Camera,
         channels: ImageChannels,
         fps: Option<u32>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self, WorkspaceError> {
         let [width, height] = [camera.intrinsics.width, camera.intrinsics.height];
         let fps_of_color = fps.filter(|_| channels.rgb);
         if fps_of_color.is_some() && (width % 2 != 0 || height % 2 != 0) {
-            return Err(RunError::input(format!("camera {} has {width}x{height} pixels", camera.name))
+            return Err(WorkspaceError::input(format!("camera {} has {width}x{height} pixels", camera.name))
                 .with_hint("films need even sides; choose another --size"));
         }
         let film = fps_of_color.map(|fps| VideoEncoder::new(width, height, fps, &VideoSettings::default())).transpose();
-        let film = film.map_err(|error| RunError::broken("cannot encode the film", error))?;
+        let film = film.map_err(|error| WorkspaceError::broken("cannot encode the film", error))?;
         Ok(Self { stem: folder.join(&camera.name), channels, film, is_film: fps.is_some() })
     }
 
     /// Writes the channels that were asked for.
-    pub(super) fn push(&mut self, index: usize, image: &RgbdImage) -> Result<(), RunError> {
-        let unencoded = |error: encode::EncodeError| RunError::broken("cannot encode a picture", error);
+    pub(super) fn push(&mut self, index: usize, image: &RgbdImage) -> Result<(), WorkspaceError> {
+        let unencoded = |error: encode::EncodeError| WorkspaceError::broken("cannot encode a picture", error);
         let (width, height) = (image.width(), image.height());
         if let Some(film) = &mut self.film {
-            film.push(&image.rgb).map_err(|error| RunError::broken("cannot encode the film", error))?;
+            film.push(&image.rgb).map_err(|error| WorkspaceError::broken("cannot encode the film", error))?;
         } else if self.channels.rgb {
             self.write_still(image)?;
         }
@@ -65,13 +65,13 @@ impl Writer {
     }
 
     /// Writes the colours of one image as PNG, beside the video if there is one.
-    pub(super) fn write_still(&self, image: &RgbdImage) -> Result<(), RunError> {
+    pub(super) fn write_still(&self, image: &RgbdImage) -> Result<(), WorkspaceError> {
         let png = encode::png_rgb(image.width(), image.height(), &image.rgb);
-        let png = png.map_err(|error| RunError::broken("cannot encode a picture", error))?;
+        let png = png.map_err(|error| WorkspaceError::broken("cannot encode a picture", error))?;
         documents::write_file(&self.stem.with_extension("png"), &png)
     }
 
-    fn write(&self, channel: &str, index: usize, png: &[u8]) -> Result<(), RunError> {
+    fn write(&self, channel: &str, index: usize, png: &[u8]) -> Result<(), WorkspaceError> {
         let name = format!("{}_{channel}", self.stem.file_name().unwrap_or_default().to_string_lossy());
         let place = self.stem.with_file_name(name);
         let file = if self.is_film { place.join(format!("{index:06}.png")) } else { place.with_extension("png") };
@@ -79,9 +79,9 @@ impl Writer {
     }
 
     /// Closes the video.
-    pub(super) fn finish(self) -> Result<(), RunError> {
+    pub(super) fn finish(self) -> Result<(), WorkspaceError> {
         let Some(film) = self.film else { return Ok(()) };
-        let mp4 = mux_mp4([&film.finish()]).map_err(|error| RunError::broken("cannot encode the film", error))?;
+        let mp4 = mux_mp4([&film.finish()]).map_err(|error| WorkspaceError::broken("cannot encode the film", error))?;
         documents::write_file(&self.stem.with_extension("mp4"), &mp4)
     }
 }

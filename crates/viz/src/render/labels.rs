@@ -13,7 +13,7 @@ use genmanip_rollout::images::StageRenderer;
 
 use super::moment::{Boxes, Moment};
 use crate::scene_images::not_drawn;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::documents;
 
 /// The file of boxes, a line per image and camera.
@@ -37,10 +37,10 @@ impl<'a> Labels<'a> {
         has_boxes: bool,
         has_clouds: bool,
         is_film: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self, WorkspaceError> {
         let file = folder.join(FILE);
         let lines = has_boxes.then(|| Writing::begin(&file)).transpose();
-        let lines = lines.map_err(|error| RunError::of_file("write", &file, error))?.map(BufWriter::new);
+        let lines = lines.map_err(|error| WorkspaceError::of_file("write", &file, error))?.map(BufWriter::new);
         Ok(Self { stage, folder: folder.to_owned(), lines, boxes: Boxes::new(stage), has_clouds, is_film })
     }
 
@@ -51,7 +51,7 @@ impl<'a> Labels<'a> {
         moment: &Moment,
         cameras: &[Camera],
         images: &[RgbdImage],
-    ) -> Result<(), RunError> {
+    ) -> Result<(), WorkspaceError> {
         if self.lines.is_some() {
             let whole = painter.unoccluded(&moment.arm, moment.width, moment.placed(), cameras);
             let whole = whole.map_err(|error| not_drawn(&self.stage.scenario.id, error))?;
@@ -73,7 +73,7 @@ impl<'a> Labels<'a> {
         camera: &Camera,
         image: &RgbdImage,
         whole: &[VisibleRegion],
-    ) -> Result<(), RunError> {
+    ) -> Result<(), WorkspaceError> {
         let objects = &self.stage.scenario.objects;
         let visible = perception::visible_regions(&image.ids, image.width(), objects.len());
         let whole = whole.iter().copied().chain(std::iter::repeat(VisibleRegion::default()));
@@ -89,10 +89,10 @@ impl<'a> Labels<'a> {
         };
         let Some(lines) = &mut self.lines else { return Ok(()) };
         let written = writeln!(lines, "{}", line.to_value());
-        written.map_err(|error| RunError::file("write", &self.folder.join(FILE), error))
+        written.map_err(|error| WorkspaceError::file("write", &self.folder.join(FILE), error))
     }
 
-    fn write_clouds(&self, picture: usize, camera: &Camera, image: &RgbdImage) -> Result<(), RunError> {
+    fn write_clouds(&self, picture: usize, camera: &Camera, image: &RgbdImage) -> Result<(), WorkspaceError> {
         let place = self.folder.join(format!("{}_clouds", camera.name));
         let place = if self.is_film { place.join(format!("{picture:06}")) } else { place };
         let objects = &self.stage.scenario.objects;
@@ -104,11 +104,11 @@ impl<'a> Labels<'a> {
         Ok(())
     }
 
-    pub(super) fn finish(self) -> Result<(), RunError> {
+    pub(super) fn finish(self) -> Result<(), WorkspaceError> {
         let Some(lines) = self.lines else { return Ok(()) };
         let file = self.folder.join(FILE);
-        let lines = lines.into_inner().map_err(|error| RunError::file("write", &file, error.into_error()))?;
-        lines.finish().map_err(|error| RunError::of_file("write", &file, error))
+        let lines = lines.into_inner().map_err(|error| WorkspaceError::file("write", &file, error.into_error()))?;
+        lines.finish().map_err(|error| WorkspaceError::of_file("write", &file, error))
     }
 }
 

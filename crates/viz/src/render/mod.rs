@@ -26,7 +26,7 @@ use std::sync::atomic::AtomicBool;
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Seed};
 use genmanip_data::images::variation_seed;
-pub use genmanip_render::Vary;
+pub use genmanip_render::AppearanceFactor;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
 use genmanip_render_reference::ReferenceSettings;
 use genmanip_rollout::Stage;
@@ -42,7 +42,7 @@ use self::overlay::Overlays;
 use crate::replay;
 use crate::scene_images::not_drawn;
 use genmanip_workspace::Progress;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Options of `genmanip render`.
 #[derive(Clone, Debug)]
@@ -68,7 +68,7 @@ pub struct RenderOptions {
     /// Images per second of an episode, whose rate it divides, and of a turn.
     pub fps: u32,
     /// The look; the usual one without.
-    pub look: Option<Look>,
+    pub look: Option<AppearanceOptions>,
     /// Sensors of all cameras; each camera's own without.
     pub sensor: Option<CameraSensor>,
     /// Shutter time of all cameras, s; each camera's own if `None`.
@@ -91,23 +91,23 @@ impl RenderOptions {
 
 /// A look that is drawn by chance.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub struct AppearanceOptions {
     /// Seed of the randomisation.
-    pub seed: LookSeed,
+    pub seed: AppearanceSeed,
     /// Randomised parts of the appearance.
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
 }
 
 /// The seed of looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LookSeed {
+pub enum AppearanceSeed {
     /// Seed derived from the episode's, as in `collect --variation per-episode`.
     Episode,
     /// A number; each episode gets a look of its own from it.
     Number(Seed),
 }
 
-impl LookSeed {
+impl AppearanceSeed {
     fn of(self, id: &str, episode: Seed) -> Seed {
         match self {
             Self::Episode => variation_seed(episode),
@@ -136,7 +136,7 @@ struct Card {
     fps: Option<u32>,
     frames: usize,
     variation_seed: Option<Seed>,
-    vary: Vec<Vary>,
+    vary: Vec<AppearanceFactor>,
     variation: RenderVariation,
     /// Light paths per pixel; null for the rasteriser.
     paths: Option<u32>,
@@ -159,15 +159,18 @@ pub fn render(
     options: &RenderOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Vec<Rendered>, RunError> {
+) -> Result<Vec<Rendered>, WorkspaceError> {
     check_combination(options)?;
     if path.is_file() {
         let stage = scenarios::read_stage(path)?;
         return Ok(vec![draw(&stage, None, out, options, options.workers)?]);
     }
     if options.turntable.is_some() {
-        return Err(RunError::input(format!("--turntable of {}: expected the file of a scenario", path.display()))
-            .with_hint("a turn shows things at rest; the scenario of an episode is in the `scenarios` of its run"));
+        return Err(WorkspaceError::input(format!(
+            "--turntable of {}: expected the file of a scenario",
+            path.display()
+        ))
+        .with_hint("a turn shows things at rest; the scenario of an episode is in the `scenarios` of its run"));
     }
     let located = replay::locate(path)?;
     progress.begin("drawing", located.ids.len());
@@ -175,7 +178,7 @@ pub fn render(
         let episode = located.store.read(id).map_err(|error| replay::unreadable(id, error))?;
         let rendered = draw(&replay::stage(&episode)?, Some(&episode), out, options, 1)?;
         progress.advance();
-        Ok::<_, RunError>(rendered)
+        Ok::<_, WorkspaceError>(rendered)
     })?;
     progress.end();
     Ok(rendered)
@@ -188,7 +191,7 @@ fn draw(
     out: &Path,
     options: &RenderOptions,
     threads: usize,
-) -> Result<Rendered, RunError> {
+) -> Result<Rendered, WorkspaceError> {
     let scenario = &stage.scenario;
     worlds::check_robot(&scenario.world, options.robot.as_deref())?;
     let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
@@ -197,7 +200,7 @@ fn draw(
     let usual = usual_variation(stage);
     let variation = look.map_or_else(
         || usual.clone(),
-        |(seed, vary)| sampling::varied(&usual, &genmanip_core::Look::new(seed, vary.to_vec())),
+        |(seed, vary)| sampling::varied(&usual, &genmanip_core::AppearanceRandomisation::new(seed, vary.to_vec())),
     );
     let (count, cameras) = match options.turntable {
         Some(count) => (count as usize, turntable::draw(stage, count, &folder, variation.clone(), options, threads)?),
@@ -228,7 +231,8 @@ fn draw(
         cameras,
         ids,
     };
-    let text = serde_json::to_string_pretty(&card).map_err(|error| RunError::broken("cannot write render.json", error));
+    let text =
+        serde_json::to_string_pretty(&card).map_err(|error| WorkspaceError::broken("cannot write render.json", error));
     documents::write_file(&folder.join("render.json"), text?.as_bytes())?;
     Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })
 }
@@ -250,7 +254,7 @@ impl Source<'_> {
         variation: RenderVariation,
         options: &RenderOptions,
         threads: usize,
-    ) -> Result<usize, RunError> {
+    ) -> Result<usize, WorkspaceError> {
         let Self { stage, episode, id, seed } = *self;
         let broken = |error| not_drawn(id, error);
         let painter = StageRenderer::with_appearance(stage, variation).map_err(broken)?;
@@ -289,10 +293,10 @@ impl Source<'_> {
 }
 
 /// Refuses what makes no sense for any source.
-fn check_combination(options: &RenderOptions) -> Result<(), RunError> {
+fn check_combination(options: &RenderOptions) -> Result<(), WorkspaceError> {
     let RenderOptions { channels, overlays, captions, turntable, .. } = options;
     let other = channels.depth || channels.ids || channels.normals || options.boxes || options.clouds;
-    let refuse = |what: &str, hint: &str| Err(RunError::input(what).with_hint(hint));
+    let refuse = |what: &str, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
     if !channels.rgb && (!overlays.is_empty() || *captions) {
         return refuse("--overlay and --captions draw over colours, which are not asked for", "add rgb to --channels");
     }
@@ -318,11 +322,11 @@ fn reference(seed: Seed, options: &RenderOptions, threads: usize) -> Option<Refe
 }
 
 /// The cameras that are asked for, at the size that is asked for.
-fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, RunError> {
+fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, WorkspaceError> {
     let known = &stage.scenario.world.cameras;
     let names: Vec<&str> = known.iter().map(|camera| camera.name.as_str()).collect();
     if let Some(unknown) = options.cameras.iter().find(|name| !names.contains(&name.as_str())) {
-        return Err(RunError::unknown("camera", "cameras", unknown, &names));
+        return Err(WorkspaceError::unknown("camera", "cameras", unknown, &names));
     }
     let asked = |camera: &&Camera| options.cameras.is_empty() || options.cameras.contains(&camera.name);
     let sized = |camera: &Camera| {
@@ -337,16 +341,16 @@ fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, RunErr
     let cameras: Vec<Camera> = known.iter().filter(asked).map(sized).collect();
     match &camera_faults(&cameras)[..] {
         [] => Ok(cameras),
-        [fault, ..] => Err(RunError::input(format!("scenario {}: {fault}", stage.scenario.id))),
+        [fault, ..] => Err(WorkspaceError::input(format!("scenario {}: {fault}", stage.scenario.id))),
     }
 }
 
 /// The frames of an episode that are drawn with their numbers, as `collect` chooses them.
-fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, RunError> {
+fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, WorkspaceError> {
     let rate = episode.result.control_rate_hz;
     let stride = rate / f64::from(fps);
     if stride < 1.0 || (stride - stride.round()).abs() > 1e-9 {
-        return Err(RunError::input(format!("--fps {fps} does not divide the rate of {}", episode.result.id))
+        return Err(WorkspaceError::input(format!("--fps {fps} does not divide the rate of {}", episode.result.id))
             .with_hint(format!("expected a divisor of {rate} Hz, e.g. 15 or 30")));
     }
     Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())

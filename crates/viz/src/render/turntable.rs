@@ -14,7 +14,7 @@ use super::moment::Moment;
 use super::overlay::Overlays;
 use super::{RenderOptions, reference};
 use crate::scene_images::not_drawn;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Name of the camera, and of the video.
 pub(super) const NAME: &str = "turntable";
@@ -53,12 +53,12 @@ pub(super) fn draw(
     variation: RenderVariation,
     options: &RenderOptions,
     threads: usize,
-) -> Result<Vec<Camera>, RunError> {
+) -> Result<Vec<Camera>, WorkspaceError> {
     let scenario = &stage.scenario;
     let cameras = cameras(stage, count, options);
     let faults = genmanip_core::world::camera_faults(&cameras[..1]);
     if let Some(fault) = faults.first() {
-        return Err(RunError::input(format!("--turntable of {}: {fault}", scenario.id)));
+        return Err(WorkspaceError::input(format!("--turntable of {}: {fault}", scenario.id)));
     }
     let mut overlays = Overlays::new(stage, None, &options.overlays, options.captions)?;
     let mut writer = Writer::new(folder, &cameras[0], ImageChannels::RGB, Some(options.fps))?;

@@ -8,11 +8,11 @@ use std::sync::Arc;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PlacedObject, Relation,
-    Request, Scenario, Seed, TaskKind, Vary, World,
+    AppearanceFactor, AppearanceRandomisation, Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal,
+    ObjectCard, PlacedObject, Relation, Request, Scenario, Seed, TaskKind, World,
 };
 use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
-use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
+use genmanip_motion::{AllowedCollisions, Planner, PlannerSettings, PlanningScene};
 use genmanip_relations::{Rest, ShapeCache, judge_goal};
 use genmanip_render::sampling::jittered;
 use genmanip_rollout::physics_variation::vary_physics;
@@ -21,7 +21,7 @@ use genmanip_tasks::wording::{from_the_camera, paraphrases};
 use rand::{Rng, RngExt};
 
 use super::Axis;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::worlds;
 
 /// Maximum shift of a camera along each axis, m, and rotation about each, rad, by its mount.
@@ -45,7 +45,7 @@ const PARAPHRASES: usize = 8;
 const REQUESTS: usize = 200;
 
 /// Perturbs scenarios along one axis; planner and settings are built once.
-pub struct Workshop {
+pub struct Perturber {
     axis: Axis,
     dial: f64,
     /// Planner of the robot in the world of the suite.
@@ -53,12 +53,12 @@ pub struct Workshop {
     layout: LayoutSettings,
 }
 
-impl Workshop {
+impl Perturber {
     /// A perturber for scenarios of a world; `dial` in (0, 1] is the strength of the perturbation.
     ///
     /// # Errors
     /// If the robot of the world is unknown.
-    pub fn new(world: &World, axis: Axis, dial: f64) -> Result<Self, RunError> {
+    pub fn new(world: &World, axis: Axis, dial: f64) -> Result<Self, WorkspaceError> {
         let planner = worlds::planner(world, &PlannerSettings::default())?;
         Ok(Self { axis, dial, planner, layout: LayoutSettings::default() })
     }
@@ -74,10 +74,10 @@ impl Workshop {
             Axis::Layout => changed.objects = self.laid_out_anew(scenario, seed)?,
             Axis::Camera => world.cameras.iter_mut().for_each(|camera| self.shift(camera, rng)),
             Axis::RobotStart => world.robot.start = Some(self.posture(scenario, rng)?),
-            Axis::Light => world.look = Some(self.look(Vary::Light, seed)),
-            Axis::Background => world.look = Some(self.look(Vary::Background, seed)),
-            Axis::Texture => world.look = Some(self.look(Vary::Material, seed)),
-            Axis::Paint => world.look = Some(self.look(Vary::Objects, seed)),
+            Axis::Light => world.look = Some(self.look(AppearanceFactor::Light, seed)),
+            Axis::Background => world.look = Some(self.look(AppearanceFactor::Background, seed)),
+            Axis::Texture => world.look = Some(self.look(AppearanceFactor::Material, seed)),
+            Axis::Paint => world.look = Some(self.look(AppearanceFactor::Objects, seed)),
             Axis::Sensor => {
                 let sensor = self.sensor(rng);
                 world.cameras.iter_mut().for_each(|camera| camera.sensor = Some(sensor));
@@ -122,7 +122,7 @@ impl Workshop {
         let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
         let around = obstacles::around(&scene.map_err(|error| error.to_string())?, None);
         let robot = self.planner.robot();
-        let nothing = Allowed::none();
+        let nothing = AllowedCollisions::none();
         let gripper_width = robot.gripper.max_width;
         let around = PlanningScene { world: &around, attached: None, allowed: &nothing, gripper_width };
         let draw = |rng: &mut dyn FnMut() -> f64| -> Vec<f64> {
@@ -138,8 +138,8 @@ impl Workshop {
         free.ok_or_else(|| "the arm touches something in every posture that was drawn".into())
     }
 
-    fn look(&self, vary: Vary, seed: Seed) -> Look {
-        Look { strength: self.dial, ..Look::new(seed, vec![vary]) }
+    fn look(&self, vary: AppearanceFactor, seed: Seed) -> AppearanceRandomisation {
+        AppearanceRandomisation { strength: self.dial, ..AppearanceRandomisation::new(seed, vec![vary]) }
     }
 
     /// A D435's noise with changed exposure and white balance.

@@ -6,4 +6,4 @@ mod change;
 mod tests;
 
 pub use axis::Axis;
-pub use change::Workshop;
+pub use change::Perturber;

@@ -7,7 +7,7 @@ use genmanip_tasks::designer::{DesignSettings, Series};
 use serde_json::Value;
 
 use super::Axis;
-use super::change::Workshop;
+use super::change::Perturber;
 use genmanip_workspace::worlds;
 
 fn scenario() -> Scenario {
@@ -15,7 +15,7 @@ fn scenario() -> Scenario {
     let (kinds, settings) = ([TaskKind::Appearance], DesignSettings::default());
     let task = Series::new(&kinds, cards, Seed::new(7), &settings, false).unwrap().compose().unwrap();
     let world = worlds::read_world(None).unwrap();
-    let planner = Workshop::new(&world, Axis::Layout, 1.0).unwrap().planner;
+    let planner = Perturber::new(&world, Axis::Layout, 1.0).unwrap().planner;
     let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
     lay_out(&task, catalogue, &world, &planner, grasps, Seed::new(7), &LayoutSettings::default()).unwrap()
 }
@@ -44,7 +44,7 @@ fn each_axis_changes_only_what_it_is_about() {
     let scenario = scenario();
     let check = |axis: Axis, places: &[&str]| {
         let change = |dial: f64| {
-            let workshop = Workshop::new(&scenario.world, axis, dial).unwrap();
+            let workshop = Perturber::new(&scenario.world, axis, dial).unwrap();
             workshop.change(&scenario, Seed::new(11)).unwrap_or_else(|reason| panic!("{axis}: {reason}"))
         };
         let changed = change(1.0);
@@ -74,7 +74,7 @@ fn each_axis_changes_only_what_it_is_about() {
 #[test]
 fn things_stay_where_they_are_when_more_are_added() {
     let scenario = scenario();
-    let workshop = Workshop::new(&scenario.world, Axis::Distractors, 1.0).unwrap();
+    let workshop = Perturber::new(&scenario.world, Axis::Distractors, 1.0).unwrap();
     let crowded = workshop.change(&scenario, Seed::new(3)).unwrap();
     assert_eq!(crowded.objects.len(), scenario.objects.len() + 5);
     assert_eq!(crowded.objects[..scenario.objects.len()], scenario.objects);

@@ -16,7 +16,7 @@ use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{ACTIONS, ROTATIONS, action};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection, zarr};
-use genmanip_dataset_tools::check::{self, Checked, leaks};
+use genmanip_dataset_tools::check::{self, DatasetCheck, leaks};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::{Value, json};
@@ -61,11 +61,11 @@ pub fn settings(action: ActionSpec) -> LerobotSettings {
     }
 }
 
-pub fn checked(dataset: &Path) -> Checked {
+pub fn checked(dataset: &Path) -> DatasetCheck {
     check::check(dataset, &robots()).unwrap()
 }
 
-pub fn listed(checked: &Checked) -> String {
+pub fn listed(checked: &DatasetCheck) -> String {
     checked.findings.iter().map(|finding| format!("{finding:?}\n")).collect()
 }
 
@@ -571,7 +571,7 @@ fn leaks_between_training_and_test_data_are_found() {
         renamed(episode, "another");
         episode.scenario.task.instruction = "Something else.".into();
     });
-    let leaked = |test: &Checked| leaks(&train, test).iter().map(|leak| leak.expected.clone()).collect::<Vec<_>>();
+    let leaked = |test: &DatasetCheck| leaks(&train, test).iter().map(|leak| leak.expected.clone()).collect::<Vec<_>>();
     assert_eq!(leaked(&other), Vec::<String>::new());
     assert_eq!(leaked(&train).len(), 3, "{:?}", leaked(&train));
     assert!(leaked(&sentence)[0].starts_with("a sentence not in"), "{:?}", leaked(&sentence));

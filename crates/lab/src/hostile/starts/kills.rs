@@ -83,7 +83,7 @@ fn kill(
     starts.killed_in_time += usize::from(child.try_wait().map_err(failed)?.is_none());
     let _ = child.kill();
     child.wait().map_err(failed)?;
-    let doing = work.phase.map_or(work.doing, |_| Phase::of(&run).in_words());
+    let doing = work.phase.map_or(work.doing, |_| Phase::of(&run).describe());
     *starts.killed_while.entry(doing).or_default() += 1;
     let mut wrong = halves(work, &files(sandbox));
     let again = start(arguments, sandbox, &work.call, SAID[1])?.wait().map_err(failed)?;
@@ -270,7 +270,7 @@ impl Phase {
         }
     }
 
-    fn in_words(self) -> &'static str {
+    fn describe(self) -> &'static str {
         match self {
             Self::Recording => "recording",
             Self::Drawing => "drawing",

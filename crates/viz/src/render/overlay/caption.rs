@@ -1,6 +1,6 @@
 //! A line or two below an image: the instruction, the step, the time, and how it ended.
 
-use genmanip_agent::picture::{BLACK, Color, Picture, WHITE};
+use genmanip_agent::image::{BLACK, Color, RgbImage, WHITE};
 use genmanip_core::Episode;
 use genmanip_core::glam::DVec2;
 use genmanip_data::export::steps::Steps;
@@ -46,7 +46,7 @@ impl Caption {
     }
 
     /// Draws it over the lower edge of an image of a moment.
-    pub(super) fn draw(&self, picture: &mut Picture, moment: &Moment) {
+    pub(super) fn draw(&self, picture: &mut RgbImage, moment: &Moment) {
         let (columns, rows) = (f64::from(picture.width), f64::from(picture.height));
         let margin = 0.02 * columns;
         let (below, color) = self.below(moment);
@@ -120,7 +120,7 @@ mod tests {
         let long = "Put the small red mug that stands left of the blue bowl on the plate. ".repeat(6);
         for (columns, rows) in [(512, 288), (1280, 720), (96, 54), (256, 256)] {
             for text in ["Lift it.", "Put the red mug on the plate and the fork into the bowl.", &long] {
-                let mut picture = Picture::plain(columns, rows, [200, 180, 160]);
+                let mut picture = RgbImage::plain(columns, rows, [200, 180, 160]);
                 let caption = Caption { instruction: text.into(), told: None };
                 let moment = Moment {
                     picture: 0,

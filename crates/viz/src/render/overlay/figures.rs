@@ -1,6 +1,6 @@
 //! The figures of the world that are drawn over an image.
 
-use genmanip_agent::picture::Color;
+use genmanip_agent::image::Color;
 use genmanip_core::geometry::OrientedBox;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Pose, Projection};
@@ -21,7 +21,7 @@ const FINGER_HALF_M: f64 = 0.008;
 /// Points of a way are at least so far apart, m; chosen: below a pixel of usual cameras.
 const STEP_M: f64 = 0.004;
 /// Forces below are not drawn, N: noise of things at rest.
-const LEAST_N: f64 = 0.05;
+const MIN_FORCE_N: f64 = 0.05;
 /// Length of the arrow of 1 N, m; arrows are as long as the square root of the force, so that 0.1 N and 60 N are both
 /// seen.
 const NEWTON_M: f64 = 0.015;
@@ -88,7 +88,7 @@ fn thinned(points: &[DVec3]) -> Vec<DVec3> {
 pub(super) fn contacts(pen: &mut Pen, contacts: &[ContactReport]) {
     let is_object = |body: BodyId| matches!(body, BodyId::Object { .. });
     let is_robot = |body: BodyId| matches!(body, BodyId::Robot { .. });
-    for contact in contacts.iter().filter(|contact| contact.normal_force >= LEAST_N) {
+    for contact in contacts.iter().filter(|contact| contact.normal_force >= MIN_FORCE_N) {
         if is_robot(contact.a) && is_robot(contact.b) {
             continue;
         }

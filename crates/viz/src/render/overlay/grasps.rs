@@ -5,7 +5,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Episode, Grasp, Pose};
 use genmanip_rollout::Stage;
 
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Grasps of each object; chosen: more hide what they are on.
 const PER_OBJECT: usize = 3;
@@ -26,11 +26,12 @@ pub(super) struct DrawnGrasp {
 }
 
 /// The grasps of a scenario's objects that held most often, from above and apart from each other.
-pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, RunError> {
+pub(super) fn tried(stage: &Stage) -> Result<Vec<DrawnGrasp>, WorkspaceError> {
     let mut drawn = Vec::new();
     for (object, (placed, model)) in stage.scenario.objects.iter().zip(&stage.models).enumerate() {
         let tried = GraspLibrary::builtin().of(&stage.robot, model);
-        let tried = tried.map_err(|error| RunError::broken(format!("cannot draw grasps of {}", placed.id), error))?;
+        let tried =
+            tried.map_err(|error| WorkspaceError::broken(format!("cannot draw grasps of {}", placed.id), error))?;
         let mut kept: Vec<DVec3> = Vec::new();
         for tried in tried.iter().filter(|tried| tried.share() >= HELD) {
             let grasp = Grasp { pose: placed.pose * tried.grasp.pose, ..tried.grasp.clone() };

@@ -6,7 +6,7 @@ mod grasps;
 mod pen;
 
 use genmanip_agent::grid::Grid;
-use genmanip_agent::picture::{Color, Picture, marks};
+use genmanip_agent::image::{Color, RgbImage, marks};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::DVec3;
 use genmanip_core::perception::FIRST_OBJECT;
@@ -20,7 +20,7 @@ use self::grasps::DrawnGrasp;
 use self::pen::Pen;
 use super::moment::{Boxes, Moment};
 use crate::scene_images::not_drawn;
-use genmanip_workspace::RunError;
+use genmanip_workspace::WorkspaceError;
 
 /// Colours that people with any kind of colour blindness tell apart: those of M. Okabe and K. Ito, "Color Universal
 /// Design" (2008), without black; vermilion stands last, next to no object of usual scenes. They repeat.
@@ -98,12 +98,12 @@ impl<'a> Overlays<'a> {
         episode: Option<&'a Episode>,
         chosen: &[Overlay],
         has_captions: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self, WorkspaceError> {
         if episode.is_none()
             && let Some(overlay) = chosen.iter().find(|overlay| overlay.is_of_episodes())
         {
             let what = format!("--overlay {}: scenario {} has no motion", overlay.name(), stage.scenario.id);
-            return Err(RunError::input(what).with_hint("name an episode, a folder of episodes or a run"));
+            return Err(WorkspaceError::input(what).with_hint("name an episode, a folder of episodes or a run"));
         }
         let has = |overlay: Overlay| chosen.contains(&overlay);
         let replayed = episode.filter(|_| has(Overlay::Contacts)).map(|episode| ContactReplay::new(stage, episode));
@@ -140,7 +140,7 @@ impl<'a> Overlays<'a> {
         moment: &Moment,
         cameras: &[Camera],
         images: &mut [RgbdImage],
-    ) -> Result<(), RunError> {
+    ) -> Result<(), WorkspaceError> {
         if self.chosen.is_empty() && self.caption.is_none() {
             return Ok(());
         }
@@ -157,7 +157,7 @@ impl<'a> Overlays<'a> {
     }
 
     fn draw_over(&self, moment: &Moment, image: &mut RgbdImage, others: &[(String, genmanip_core::Projection)]) {
-        let Some(mut picture) = Picture::new(image.width(), image.height(), std::mem::take(&mut image.rgb)) else {
+        let Some(mut picture) = RgbImage::new(image.width(), image.height(), std::mem::take(&mut image.rgb)) else {
             return;
         };
         let masks = self.masks(image);

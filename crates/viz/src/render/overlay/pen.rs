@@ -1,6 +1,6 @@
 //! Lines of the world on an image, and text.
 
-use genmanip_agent::picture::{BLACK, Color, Picture};
+use genmanip_agent::image::{BLACK, Color, RgbImage};
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Projection, stroke_font};
 
@@ -13,13 +13,13 @@ const BEHIND_M: f64 = 0.006;
 /// of hidden lines.
 const PIECE_PX: f64 = 4.0;
 /// Most pieces of a line; chosen: more than the diagonal of the largest usual image has.
-const MOST_PIECES: usize = 512;
+const MAX_LINE_PIECES: usize = 512;
 /// Dark edge of lines on either side, pixels of a 512x288 image.
 const EDGE_PX: f64 = 0.7;
 
 /// Draws on an image of a camera.
 pub(super) struct Pen<'a> {
-    pub(super) picture: &'a mut Picture,
+    pub(super) picture: &'a mut RgbImage,
     pub(super) projection: Projection,
     /// Depth buffer that hides lines, m; empty to hide none.
     pub(super) depth_m: &'a [f32],
@@ -65,7 +65,7 @@ impl Pen<'_> {
         let ends = self.projection.pixel(from).zip(self.projection.pixel(to));
         // Where a lens shows no place for an end, the line is still tried piece by piece.
         let length = ends.map_or(f64::from(self.picture.width), |(from, to)| from.0.distance(to.0));
-        let count = ((length / (PIECE_PX * unit)).ceil() as usize).clamp(1, MOST_PIECES);
+        let count = ((length / (PIECE_PX * unit)).ceil() as usize).clamp(1, MAX_LINE_PIECES);
         let at = |index: usize| from.lerp(to, index as f64 / count as f64);
         let piece = |index: usize| {
             let (start, end) = (self.projection.pixel(at(index))?.0, self.projection.pixel(at(index + 1))?.0);
@@ -136,7 +136,7 @@ impl Pen<'_> {
 }
 
 /// Writes a text with its base line beginning at a pixel, capitals `height` pixels high, with a dark edge.
-pub(super) fn write(picture: &mut Picture, text: &str, at: DVec2, height: f64, color: Color) {
+pub(super) fn write(picture: &mut RgbImage, text: &str, at: DVec2, height: f64, color: Color) {
     // A tenth of the height is what stroke fonts are usually drawn with; thinner than a pixel and a half is grey.
     let stroke = (0.11 * height).max(1.3);
     let (strokes, _) = stroke_font::strokes(text);

@@ -5,7 +5,7 @@ pub mod marks;
 
 /// An 8-bit sRGB image, three bytes per pixel, row-major from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Picture {
+pub struct RgbImage {
     /// Width (px).
     pub width: u32,
     /// Height (px).
@@ -25,7 +25,7 @@ pub const WHITE: Color = [255, 255, 255];
 /// Background colour of labels.
 pub const BLACK: Color = [0, 0, 0];
 
-impl Picture {
+impl RgbImage {
     /// Creates an image of one colour.
     pub fn plain(width: u32, height: u32, color: Color) -> Self {
         Self { width, height, rgb: color.repeat(width as usize * height as usize) }

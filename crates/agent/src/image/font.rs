@@ -1,6 +1,6 @@
 //! A 5x7 bitmap font made for this project: capitals, digits and the few signs that labels need.
 
-use super::{BLACK, Color, Picture, WHITE};
+use super::{BLACK, Color, RgbImage, WHITE};
 
 /// Dots per letter, across and down.
 pub(super) const LETTER: [f64; 2] = [5.0, 7.0];
@@ -55,7 +55,7 @@ pub(super) fn width(text: &str) -> f64 {
     (text.chars().count() as f64 * (LETTER[0] + 1.0) - 1.0).max(0.0)
 }
 
-impl Picture {
+impl RgbImage {
     /// Draws a text at its top left corner with `dot` pixels per dot; lower case is drawn as upper case.
     pub(super) fn text(&mut self, text: &str, at: [f64; 2], dot: f64, color: Color) {
         for (index, letter) in text.chars().enumerate() {
@@ -84,7 +84,7 @@ pub(super) fn label_size(text: &str, dot: f64) -> [f64; 2] {
     [(width(text) + 4.0) * dot, (LETTER[1] + 4.0) * dot]
 }
 
-impl Picture {
+impl RgbImage {
     /// Draws a text with an outline and no background, which hides little of the image.
     pub(super) fn small_label(&mut self, text: &str, at: [f64; 2], dot: f64) {
         for [dx, dy] in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {

@@ -8,25 +8,25 @@ use crate::Seed;
 /// Appearance randomisation of a world; the renderer defines the range of each factor.
 ///
 /// ```
-/// use genmanip_core::{Look, Seed, Vary};
-/// let look = Look::new(Seed::new(7), vec![Vary::Light]);
+/// use genmanip_core::{AppearanceFactor, AppearanceRandomisation, Seed};
+/// let look = AppearanceRandomisation::new(Seed::new(7), vec![AppearanceFactor::Light]);
 /// assert_eq!(look.strength, 1.0);
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Look {
+pub struct AppearanceRandomisation {
     /// Seed of the randomisation.
     pub seed: Seed,
     /// Randomised factors.
-    pub vary: Vec<Vary>,
+    pub vary: Vec<AppearanceFactor>,
     /// Strength of the randomisation: 0 is the default appearance, 1 the full range.
     #[serde(default = "full_strength", skip_serializing_if = "is_full_strength")]
     pub strength: f64,
 }
 
-impl Look {
+impl AppearanceRandomisation {
     /// Full-strength randomisation of the given factors.
-    pub fn new(seed: Seed, vary: Vec<Vary>) -> Self {
+    pub fn new(seed: Seed, vary: Vec<AppearanceFactor>) -> Self {
         Self { seed, vary, strength: full_strength() }
     }
 }
@@ -43,7 +43,7 @@ fn is_full_strength(strength: &f64) -> bool {
 /// Factor of appearance randomisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Vary {
+pub enum AppearanceFactor {
     /// Direction, colour, intensity and size of the key light; ambient light; exposure.
     Light,
     /// Background: one colour, or a room with walls and floor.
@@ -56,7 +56,7 @@ pub enum Vary {
     Camera,
 }
 
-impl Vary {
+impl AppearanceFactor {
     /// All factors.
     pub const ALL: [Self; 5] = [Self::Light, Self::Background, Self::Material, Self::Objects, Self::Camera];
 

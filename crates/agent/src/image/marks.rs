@@ -6,7 +6,7 @@ use genmanip_core::RgbdImage;
 use glam::DVec3;
 
 use super::font::label_size;
-use super::{BLACK, Color, Picture, WHITE};
+use super::{BLACK, Color, RgbImage, WHITE};
 use crate::grid::Grid;
 use crate::segmentation::Mask;
 
@@ -39,41 +39,41 @@ fn color(index: usize) -> Color {
 }
 
 /// Label dot size (px), a whole number so that letters stay sharp.
-fn dot(picture: &Picture) -> f64 {
-    (DOT * picture.unit()).round().max(1.0)
+fn dot(image: &RgbImage) -> f64 {
+    (DOT * image.unit()).round().max(1.0)
 }
 
 /// Draws masks outlined, tinted and numbered from 1.
-pub fn masks(picture: &Picture, masks: &[Mask]) -> Picture {
-    let mut marked = picture.clone();
+pub fn masks(image: &RgbImage, masks: &[Mask]) -> RgbImage {
+    let mut marked = image.clone();
     tints(&mut marked, masks, &COLORS, FILL);
     numbers(&mut marked, masks, &COLORS);
     marked
 }
 
 /// Outlines masks in cyclic colours and fills them with opacity `fill` in [0, 1].
-pub fn tints(picture: &mut Picture, masks: &[Mask], colors: &[Color], fill: f64) {
+pub fn tints(image: &mut RgbImage, masks: &[Mask], colors: &[Color], fill: f64) {
     for (mask, color) in masks.iter().zip(colors.iter().cycle()) {
-        tint(picture, mask, *color, fill);
+        tint(image, mask, *color, fill);
     }
 }
 
 /// Numbers masks from 1; each label has a frame in its mask's colour, used cyclically.
-pub fn numbers(picture: &mut Picture, masks: &[Mask], colors: &[Color]) {
-    let taken = labels(picture, masks);
-    let size = dot(picture);
+pub fn numbers(image: &mut RgbImage, masks: &[Mask], colors: &[Color]) {
+    let taken = labels(image, masks);
+    let size = dot(image);
     for ((index, middle), color) in taken.into_iter().enumerate().zip(colors.iter().cycle()) {
         let Some(middle) = middle else { continue };
         if let Some(anchor) = anchor(&masks[index]).filter(|anchor| !is_on(&masks[index], middle, *anchor)) {
-            picture.line(middle, anchor, size.max(1.0), *color);
+            image.line(middle, anchor, size.max(1.0), *color);
         }
-        picture.label(&(index + 1).to_string(), middle, size);
-        frame(picture, &(index + 1).to_string(), middle, size, *color);
+        image.label(&(index + 1).to_string(), middle, size);
+        frame(image, &(index + 1).to_string(), middle, size, *color);
     }
 }
 
 /// Draws a thin coloured frame around a label to associate it with its outline.
-fn frame(picture: &mut Picture, text: &str, middle: [f64; 2], dot: f64, color: Color) {
+fn frame(image: &mut RgbImage, text: &str, middle: [f64; 2], dot: f64, color: Color) {
     let size = label_size(text, dot);
     let [left, top] = [(middle[0] - size[0] / 2.0).round(), (middle[1] - size[1] / 2.0).round()];
     let (right, bottom) = (left + size[0], top + size[1]);
@@ -83,11 +83,11 @@ fn frame(picture: &mut Picture, text: &str, middle: [f64; 2], dot: f64, color: C
         [[left - dot, top], [left, bottom]],
         [[right, top], [right + dot, bottom]],
     ] {
-        picture.rectangle(from, to, color, 1.0);
+        image.rectangle(from, to, color, 1.0);
     }
 }
 
-fn tint(picture: &mut Picture, mask: &Mask, color: Color, fill: f64) {
+fn tint(image: &mut RgbImage, mask: &Mask, color: Color, fill: f64) {
     let width = mask.width as usize;
     let has = |x: i64, y: i64| {
         x >= 0
@@ -96,11 +96,11 @@ fn tint(picture: &mut Picture, mask: &Mask, color: Color, fill: f64) {
             && y < i64::from(mask.height)
             && mask.pixels[y as usize * width + x as usize]
     };
-    let reach = (picture.unit().round() as i64).max(1);
+    let reach = (image.unit().round() as i64).max(1);
     for index in mask.indices() {
         let (x, y) = ((index % width) as i64, (index / width) as i64);
         let edge = [(-reach, 0), (reach, 0), (0, -reach), (0, reach)].iter().any(|(dx, dy)| !has(x + dx, y + dy));
-        picture.blend(x, y, color, if edge { 0.9 } else { fill });
+        image.blend(x, y, color, if edge { 0.9 } else { fill });
     }
 }
 
@@ -123,8 +123,8 @@ const DIRECTIONS: usize = 16;
 const STEPS: usize = 12;
 
 /// Label position of each mask: on large objects, otherwise beside them where no other mask is covered.
-fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
-    let size_dot = dot(picture);
+fn labels(image: &RgbImage, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
+    let size_dot = dot(image);
     let mut placed: Vec<[f64; 4]> = Vec::new();
     let bounds = |middle: [f64; 2], size: [f64; 2]| {
         [middle[0] - size[0] / 2.0, middle[1] - size[1] / 2.0, middle[0] + size[0] / 2.0, middle[1] + size[1] / 2.0]
@@ -151,7 +151,7 @@ fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
             let overlap = |middle: [f64; 2], placed: &[[f64; 4]]| {
                 let [left, top, right, bottom] = bounds(middle, size);
                 let outside =
-                    left < 0.0 || top < 0.0 || right > f64::from(picture.width) || bottom > f64::from(picture.height);
+                    left < 0.0 || top < 0.0 || right > f64::from(image.width) || bottom > f64::from(image.height);
                 let crossing = placed
                     .iter()
                     .any(|other| left < other[2] && right > other[0] && top < other[3] && bottom > other[1]);
@@ -181,17 +181,17 @@ fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
 }
 
 /// Crops the image around an object; returns the plain crop and one with the parts outlined and numbered.
-pub fn crops(picture: &Picture, whole: &Mask, parts: &[Mask]) -> [Picture; 2] {
+pub fn crops(image: &RgbImage, whole: &Mask, parts: &[Mask]) -> [RgbImage; 2] {
     let width = whole.width as usize;
-    let Some([columns, rows]) = whole.bounds() else { return [picture.clone(), picture.clone()] };
+    let Some([columns, rows]) = whole.bounds() else { return [image.clone(), image.clone()] };
     let (low, high) = ([columns[0], rows[0]], [columns[1], rows[1]]);
     let margin = ((high[0] - low[0]).max(high[1] - low[1]) / 5).max(6);
     let corner = low.map(|side| side.saturating_sub(margin));
-    let end = [(high[0] + margin + 1).min(picture.width), (high[1] + margin + 1).min(picture.height)];
+    let end = [(high[0] + margin + 1).min(image.width), (high[1] + margin + 1).min(image.height)];
     let size = [end[0] - corner[0], end[1] - corner[1]];
     // Enlarge to about the default image size.
     let scale = (512 / size[0].max(1)).min(288 / size[1].max(1)).clamp(1, 6);
-    let plain = picture.cropped(corner, size, scale);
+    let plain = image.cropped(corner, size, scale);
     let cut = |mask: &Mask| {
         let [columns, rows] = size.map(|side| (side * scale) as usize);
         let pixels = (0..rows * columns).map(|index| {
@@ -207,9 +207,9 @@ pub fn crops(picture: &Picture, whole: &Mask, parts: &[Mask]) -> [Picture; 2] {
 }
 
 /// Draws points numbered from 1, each with its label beside it.
-pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
-    let mut marked = picture.clone();
-    let (size, width) = (dot(picture), picture.width as usize);
+pub fn points(image: &RgbImage, pixels: &[usize]) -> RgbImage {
+    let mut marked = image.clone();
+    let (size, width) = (dot(image), image.width as usize);
     let places: Vec<[f64; 2]> = pixels.iter().map(|pixel| [(pixel % width) as f64, (pixel / width) as f64]).collect();
     let count = places.len().max(1) as f64;
     let middle = places.iter().fold([0.0, 0.0], |sum, at| [sum[0] + at[0] / count, sum[1] + at[1] / count]);
@@ -225,8 +225,8 @@ pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
         let label = label_size("5", size);
         let keep = |value: f64, side: f64, most: u32| value.clamp(side / 2.0 + 1.0, f64::from(most) - side / 2.0 - 1.0);
         let at = [
-            keep(middle[0] + reach * angle.cos(), label[0], picture.width),
-            keep(middle[1] + reach * angle.sin(), label[1], picture.height),
+            keep(middle[0] + reach * angle.cos(), label[0], image.width),
+            keep(middle[1] + reach * angle.sin(), label[1], image.height),
         ];
         marked.line(places[index], at, size, color(index));
         marked.label(&(index + 1).to_string(), at, size);
@@ -240,32 +240,32 @@ pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
 }
 
 /// Draws a labelled grid and a cross at the grab point.
-pub fn grid(picture: &Picture, grid: &Grid, grab: [f64; 2]) -> Picture {
-    let mut marked = picture.clone();
+pub fn grid(image: &RgbImage, grid: &Grid, grab: [f64; 2]) -> RgbImage {
+    let mut marked = image.clone();
     lettered(&mut marked, grid);
     cross(&mut marked, grab);
     marked
 }
 
 /// Draws the lines and labels of a grid.
-pub fn lettered(picture: &mut Picture, grid: &Grid) {
-    let size = dot(picture);
+pub fn lettered(image: &mut RgbImage, grid: &Grid) {
+    let size = dot(image);
     for cell in grid.cells() {
         let [left, top, right, bottom] = grid.edges(cell);
         for [from, to] in [[[left, top], [right, top + size]], [[left, top], [left + size, bottom]]] {
-            picture.rectangle(from, to, BLACK, 0.45);
+            image.rectangle(from, to, BLACK, 0.45);
         }
-        picture.small_label(&cell.to_string(), [left + 2.0 * size, top + 2.0 * size], size);
+        image.small_label(&cell.to_string(), [left + 2.0 * size, top + 2.0 * size], size);
     }
 }
 
 /// Draws a cross with a white outline.
-fn cross(picture: &mut Picture, at: [f64; 2]) {
-    let (size, reach) = (dot(picture), 6.0 * dot(picture));
+fn cross(image: &mut RgbImage, at: [f64; 2]) {
+    let (size, reach) = (dot(image), 6.0 * dot(image));
     for (width, color) in [(4.0, WHITE), (2.0, [220, 0, 0])] {
         for (dx, dy) in [(1.0, 1.0), (1.0, -1.0)] {
             let (from, to) = ([at[0] - reach * dx, at[1] - reach * dy], [at[0] + reach * dx, at[1] + reach * dy]);
-            picture.line(from, to, width * size, color);
+            image.line(from, to, width * size, color);
         }
     }
 }
@@ -276,13 +276,13 @@ const ARROW_M: f64 = 0.11;
 const ARROWS_AT: [f64; 2] = [0.9, 0.86];
 
 /// Draws arrows for the robot's left, right, far and near directions into a corner of the image, in perspective.
-pub fn arrows(picture: &mut Picture, image: &RgbdImage, table_m: f64) {
-    let at = [ARROWS_AT[0] * f64::from(picture.width), ARROWS_AT[1] * f64::from(picture.height)];
-    let Some(foot) = crate::perception::on_plane(image, at, table_m) else { return };
-    let camera_from_world = image.world_from_camera.inverse();
-    let pixel = |point: DVec3| image.intrinsics.project(camera_from_world.transform_point(point));
+pub fn arrows(image: &mut RgbImage, view: &RgbdImage, table_m: f64) {
+    let at = [ARROWS_AT[0] * f64::from(image.width), ARROWS_AT[1] * f64::from(image.height)];
+    let Some(foot) = crate::perception::on_plane(view, at, table_m) else { return };
+    let camera_from_world = view.world_from_camera.inverse();
+    let pixel = |point: DVec3| view.intrinsics.project(camera_from_world.transform_point(point));
     let Some(start) = pixel(foot) else { return };
-    let size = dot(picture);
+    let size = dot(image);
     for (direction, name) in [(DVec3::Y, "LEFT"), (DVec3::NEG_Y, "RIGHT"), (DVec3::X, "FAR"), (DVec3::NEG_X, "NEAR")] {
         let Some(end) = pixel(foot + direction * ARROW_M) else { continue };
         let step = end - start;
@@ -297,15 +297,15 @@ pub fn arrows(picture: &mut Picture, image: &RgbdImage, table_m: f64) {
         let back = tip - step * (4.5 * size);
         let (from, to) = (start + step * (3.0 * size), tip);
         for (width, color) in [(3.0, WHITE), (1.4, [0, 70, 160])] {
-            picture.line(from.to_array(), to.to_array(), width * size, color);
+            image.line(from.to_array(), to.to_array(), width * size, color);
             for barb in [back + side, back - side] {
-                picture.line(barb.to_array(), tip.to_array(), width * size, color);
+                image.line(barb.to_array(), tip.to_array(), width * size, color);
             }
         }
         let label = label_size(name, size);
         let beyond = tip + step * (2.0 * size) + step * glam::DVec2::new(label[0], label[1]) / 2.0;
         let keep = |value: f64, side: f64, most: u32| value.clamp(side / 2.0, f64::from(most) - side / 2.0);
-        let middle = [keep(beyond.x, label[0], picture.width), keep(beyond.y, label[1], picture.height)];
-        picture.label(name, middle, size);
+        let middle = [keep(beyond.x, label[0], image.width), keep(beyond.y, label[1], image.height)];
+        image.label(name, middle, size);
     }
 }
