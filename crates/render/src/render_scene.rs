@@ -1,6 +1,6 @@
 //! Scene data shared by all passes of a job.
 
-use crate::ambient::irradiance_grid::IrradianceGrid;
+use crate::ambient::irradiance_grid::IrradianceGrids;
 use crate::ambient::proxy_set::AoProxies;
 use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
@@ -20,6 +20,6 @@ pub(crate) struct RenderScene<'a> {
     pub shadow: &'a ShadowMap,
     /// Ellipsoid proxies for occlusion outside the image.
     pub proxies: &'a AoProxies,
-    /// Ambient light on the support surface.
-    pub irradiance_grid: &'a IrradianceGrid,
+    /// Ambient light on the support surfaces.
+    pub irradiance_grids: &'a IrradianceGrids,
 }

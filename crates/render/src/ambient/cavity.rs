@@ -96,7 +96,6 @@ pub(super) fn enclose(own: &AoProxy, points: &Points, share: &mut BatchColumn) {
 mod tests {
     use super::super::proxies::tests::{ball, looking_up};
     use super::*;
-    use crate::simd::CHUNK;
 
     /// The bottom of a mug is darker than that of a plate; outer walls are unaffected.
     #[test]
@@ -106,7 +105,7 @@ mod tests {
             if turned {
                 points.normal[2][0] = -1.0;
             }
-            let mut share = [1.0; CHUNK];
+            let mut share = BatchColumn::of(1.0);
             enclose(&ball([0.0, 0.0, half[2]], half), &points, &mut share);
             share[0]
         };

@@ -197,7 +197,6 @@ pub(crate) fn form_factor(proxy: &AoProxy, toward: [f32; 3], normal: [f32; 3]) -
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::simd::CHUNK;
 
     pub(in crate::ambient) fn ball(place: [f32; 3], half: [f32; 3]) -> AoProxy {
         let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
@@ -266,7 +265,7 @@ pub(super) mod tests {
             ([0.0, 0.0, -1.0], [0.1; 3], 0.0, 1e-6),
             ([5.0, 0.0, 0.0], [0.1; 3], 0.0, 1e-4),
         ] {
-            let mut share = [1.0; CHUNK];
+            let mut share = BatchColumn::of(1.0);
             occlude(&ball(center, half), &looking_up([0.0; 3]), &mut share);
             let got = (1.0 - share[0]) / STRENGTH;
             assert!((got - expected).abs() < tolerance, "{got}, expected {expected}: {half:?} at {center:?}");

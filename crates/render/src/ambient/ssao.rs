@@ -9,7 +9,7 @@ use crate::gbuffer::points::Points;
 use crate::gbuffer::view::CameraView;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::turn_of;
-use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, Column, dot, nearest_integer, whole_registers, within};
 
 /// Taps per point. Chosen.
 const TAPS: usize = 8;
@@ -51,32 +51,17 @@ pub(crate) fn occlude(
 }
 
 /// Taps around a batch of points.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct SsaoTaps {
     cosine: BatchColumn,
     sine: BatchColumn,
     /// Offset of each tap from the point (px).
     dx: [BatchColumn; TAPS],
     dy: [BatchColumn; TAPS],
-    index: [[u32; CHUNK]; TAPS],
+    index: [Column<u32>; TAPS],
     depth: [BatchColumn; TAPS],
     darkening: BatchColumn,
     pub share: BatchColumn,
-}
-
-impl Default for SsaoTaps {
-    fn default() -> Self {
-        Self {
-            cosine: ZERO,
-            sine: ZERO,
-            dx: [ZERO; TAPS],
-            dy: [ZERO; TAPS],
-            index: [[0; CHUNK]; TAPS],
-            depth: [ZERO; TAPS],
-            darkening: ZERO,
-            share: ZERO,
-        }
-    }
 }
 
 impl SsaoTaps {

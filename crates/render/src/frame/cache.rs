@@ -70,7 +70,7 @@ impl FrameCache {
         self.colors.len()
     }
 
-    /// Renders a frame; with the camera of the last frame only its dirty tiles.
+    /// Renders a frame of whole tiles; with the camera of the last frame only its dirty tiles.
     pub fn draw(&mut self, scene: &RenderScene<'_>, frame: &FrameState, camera: CameraView) {
         let assets = scene.assets;
         let (width, height) = (camera.width, camera.height);
@@ -92,7 +92,7 @@ impl FrameCache {
             self.transparent.draw(assets, view, SCALE);
         }
         self.light_buffer.read_surfaces(scene, &self.opaque.target, &self.opaque.changed, view);
-        self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grid.surface());
+        self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grids);
         self.find_dirty(scene, continues);
         self.run_passes(scene);
     }
@@ -111,9 +111,9 @@ impl FrameCache {
         }
         *blurred = dilated(estimated, columns);
         *shaded = dilated(blurred, columns);
-        let grid = scene.irradiance_grid;
-        if grid.version() != self.grid_version {
-            self.light_buffer.mark_support(grid, self.grid_version, &self.view.camera, shaded);
+        let grids = scene.irradiance_grids;
+        if grids.version() != self.grid_version {
+            self.light_buffer.mark_irradiance(grids, self.grid_version, &self.view.camera, shaded);
         }
         *resolved = dilated(shaded, columns);
         for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {
@@ -126,7 +126,7 @@ impl FrameCache {
             }
         }
         self.proxies.clone_from(scene.proxies);
-        (self.shadow_version, self.grid_version) = (scene.shadow.version(), grid.version());
+        (self.shadow_version, self.grid_version) = (scene.shadow.version(), grids.version());
     }
 
     /// Runs the passes strip by strip, so that the output of one is in the cache for the next; each is one strip behind the
@@ -215,13 +215,16 @@ impl FrameCache {
         }
     }
 
-    /// Writes the requested channels.
-    pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
-        let CameraView { width, height, .. } = self.view.camera;
-        out.rgb.clone_from(&self.rgb);
+    /// Writes the requested channels of the first columns and rows.
+    pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
+        let CameraView { width: stride, height, .. } = self.view.camera;
+        out.rgb.clear();
+        for row in self.rgb.chunks_exact(3 * stride).take(size[1]) {
+            out.rgb.extend_from_slice(&row[..3 * size[0]]);
+        }
         if channels.normal || channels.parts {
-            self.find_centers(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
-            write_geometry(assets, &self.view, &self.centers, channels, out);
+            self.find_centers(assets, &[Rectangle { columns: 0..stride, rows: 0..height }]);
+            write_geometry(assets, &self.view, &self.centers, size, channels, out);
             return;
         }
         out.normal.clear();
@@ -229,19 +232,22 @@ impl FrameCache {
         out.depth_m.clear();
         out.instance.clear();
         let instances = instances_of(assets);
-        if channels.depth {
-            out.depth_m.extend_from_slice(&self.light_buffer.depth);
-        }
-        if channels.instance {
-            out.instance.extend(self.light_buffer.surface.iter().map(|&surface| instances[usize::from(surface)]));
+        let LightBuffer { depth, surface, .. } = &self.light_buffer;
+        for (depth, surface) in depth.chunks_exact(stride).zip(surface.chunks_exact(stride)).take(size[1]) {
+            if channels.depth {
+                out.depth_m.extend_from_slice(&depth[..size[0]]);
+            }
+            if channels.instance {
+                out.instance.extend(surface[..size[0]].iter().map(|&surface| instances[usize::from(surface)]));
+            }
         }
         if !self.view.has_transparent {
             return;
         }
         let areas = self.transparent.areas.clone();
         self.find_centers(assets, &areas);
-        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
-            let (pixel, sample) = (row * width + column, row * self.centers.stride + column);
+        for (row, column) in areas.iter().flat_map(Rectangle::pixels).filter(|&(row, x)| row < size[1] && x < size[0]) {
+            let (pixel, sample) = (row * size[0] + column, row * self.centers.stride + column);
             if channels.depth {
                 out.depth_m[pixel] = depth_of(&self.centers.reversed_z[sample]);
             }
@@ -281,11 +287,12 @@ fn depth_of(reversed_z: &f32) -> f32 {
     if *reversed_z > 0.0 { 1.0 / reversed_z } else { 0.0 }
 }
 
-/// Writes depth, ids and normals of a visibility buffer with one sample per pixel.
+/// Writes depth, ids and normals of the first columns and rows of a visibility buffer with one sample per pixel.
 pub(crate) fn write_geometry(
     assets: &RenderAssets,
     view: &View,
     seen: &VisibilityBuffer,
+    size: [usize; 2],
     channels: Channels,
     out: &mut FrameBuffers,
 ) {
@@ -294,7 +301,7 @@ pub(crate) fn write_geometry(
     out.instance.clear();
     out.normal.clear();
     out.parts.clear();
-    for (reversed_z, ids) in seen.rows() {
+    for (reversed_z, ids) in seen.rows(size) {
         if channels.depth {
             out.depth_m.extend(reversed_z.iter().map(depth_of));
         }
@@ -306,6 +313,6 @@ pub(crate) fn write_geometry(
         }
     }
     if channels.normal {
-        super::normals::write(assets, view, seen, &mut out.normal);
+        super::normals::write(assets, view, seen.rows(size), &mut out.normal);
     }
 }

@@ -1,8 +1,6 @@
 //! Pixels binned by part (a mesh of one material), so that each part is processed in batches.
 
-use std::ops::Range;
-
-use crate::gbuffer::points::{PixelCenters, Pixels, packed};
+use crate::gbuffer::points::{PixelCenters, Pixels};
 use crate::simd::CHUNK;
 
 /// [`packed`] pixels by part.
@@ -36,17 +34,11 @@ impl MaterialBins {
         }
     }
 
-    /// Adds every `STEP`th row and column of a tile that shows one surface.
-    pub fn push_every<const STEP: usize>(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
-        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
-        for row in rows.clone().step_by(STEP) {
-            bin.pixels.extend(columns.clone().step_by(STEP).map(|column| packed(column, row)));
-        }
-    }
-
     /// Adds a whole tile of one surface by its first pixel.
     pub fn push_whole(&mut self, surface: u16, place: u32) {
-        self.parts[surface as usize - 1].tiles.push(place);
+        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
+            bin.tiles.push(place);
+        }
     }
 
     /// Visible parts with the first pixels of their whole tiles and their other pixels.

@@ -5,9 +5,9 @@ use glam::{Mat3A, Vec2, Vec3A};
 use multiversion::multiversion;
 
 use crate::error::RenderError;
-use crate::gbuffer::static_layer::{Motion, Rectangle};
+use crate::gbuffer::static_layer::{Motion, Rectangle, TILE};
 use crate::job::{FrameState, ViewJob};
-use crate::raster::{Corner, Sides, Viewpoint, VisibilityBuffer, area_of, draw_mesh};
+use crate::raster::{Corner, Sides, Viewpoint, VisibilityBuffer, area_of, draw_mesh, extremes};
 use crate::scene::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::scene::mesh::{ERRORS_M, Mesh};
 
@@ -48,6 +48,8 @@ pub(crate) struct View {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
+    /// Height of the support surface below its centre (m).
+    pub ground: Option<f32>,
     pub visible: bool,
     /// Level of detail, see [`Mesh::at_level`].
     pub level: usize,
@@ -140,6 +142,7 @@ impl View {
             motion.before.clone_from(&motion.now);
             if motion.moved {
                 motion.now = placed.place(part, pose, &camera_from_world, &self.camera);
+                placed.ground = assets.ground_below(pose.transform_point(part.mesh.bounds_center.as_dvec3()));
             }
             self.has_transparent |= placed.visible && part.is_transparent();
         }
@@ -263,14 +266,7 @@ impl PartView {
         let mut corners = std::mem::take(&mut self.corners);
         corners.extend(positions.iter().map(|&position| camera.project(turn * Vec3A::from(position) + shift)));
         self.corners = corners;
-        let first = Corner { x: f32::MAX, y: f32::MAX, reversed_z: f32::MAX };
-        let last = Corner { x: f32::MIN, y: f32::MIN, reversed_z: f32::MIN };
-        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (
-                low.joined(corner, |a, b| if a < b { a } else { b }),
-                high.joined(corner, |a, b| if a > b { a } else { b }),
-            )
-        });
+        let (low, high) = extremes(self.corners.iter().copied());
         // Negative behind the camera.
         self.is_cut = low.reversed_z < 0.0 || high.reversed_z > 1.0 / NEAR_M;
         if self.is_cut {
@@ -283,26 +279,24 @@ impl PartView {
 impl CameraView {
     /// Coarsest level of detail with a surface error below [`LEVEL_PX`] at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
-        if self.width.max(self.height) >= FULL_DETAIL_PX {
+        // Whole tiles: the same with and without padding.
+        if self.width.max(self.height).next_multiple_of(TILE) >= FULL_DETAIL_PX {
             return 0;
         }
         let pixel_m = distance_m / self.focal.x;
         ERRORS_M.iter().take_while(|&&error| error < LEVEL_PX * pixel_m).count()
     }
 
+    /// The view with columns and rows added up to whole tiles.
+    pub(crate) fn in_whole_tiles(self) -> Self {
+        let [width, height] = [self.width, self.height].map(|size| size.next_multiple_of(TILE));
+        Self { width, height, ..self }
+    }
+
     /// World position of a pixel at a depth.
     pub fn point_at(&self, pixel: Vec2, depth: f32) -> Vec3A {
         let flat = (pixel - self.center) / self.focal;
         self.viewpoint + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
-    }
-
-    /// World heights of neighbouring pixels at some depths.
-    #[inline(always)]
-    pub fn heights_at<const N: usize>(&self, [column, row]: [usize; 2], depths: &[f32; N]) -> [f32; N] {
-        let [x, y, z] = [self.turn.x_axis.z, self.turn.y_axis.z, self.turn.z_axis.z];
-        let (slope, first) = (x / self.focal.x, column as f32 - self.center.x);
-        let rest = (row as f32 - self.center.y) / self.focal.y * y + z;
-        std::array::from_fn(|step| self.viewpoint.z + ((first + step as f32) * slope + rest) * depths[step])
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Triangle setup in batches: edges, depth gradients and spans.
 
 use super::span::{DepthGradient, Span};
-use super::vertex::{Corner, area_of, extremes, first_sample};
+use super::vertex::{Corner, area_of, first_sample, range_of_three};
 
 /// Vertices of triangles as structure of arrays.
 pub(super) struct Corners<const N: usize> {
@@ -84,7 +84,7 @@ impl<const N: usize> Corners<N> {
             out.rows[2][i] = if area == 0.0 { first } else { end };
             let inverse = 1.0 / area;
             let (ab, ac) = (b.reversed_z - a.reversed_z, c.reversed_z - a.reversed_z);
-            (out.low[i], out.high[i]) = extremes(a.reversed_z, b.reversed_z, c.reversed_z);
+            (out.low[i], out.high[i]) = range_of_three(a.reversed_z, b.reversed_z, c.reversed_z);
             let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
             let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
             let [x, y] = [a.x, a.y].map(f64::from);

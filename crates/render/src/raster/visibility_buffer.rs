@@ -5,7 +5,7 @@
 use crate::simd::within;
 
 use super::triangle_setup::{Corners, TriangleSetup};
-use super::vertex::{Corner, area_of, extremes};
+use super::vertex::{Corner, area_of, range_of_three};
 
 /// Spans of a triangle computed at once. Measured: 8 are as fast in large images and slower in small ones.
 const ROWS: usize = 4;
@@ -136,8 +136,8 @@ impl Block {
         let [ay, by, cy] = &self.corners.y;
         for i in 0..BLOCK {
             let area = area_of([ax[i], ay[i]], [bx[i], by[i]], [cx[i], cy[i]]);
-            let (left, right) = extremes(ax[i], bx[i], cx[i]);
-            let (top, bottom) = extremes(ay[i], by[i], cy[i]);
+            let (left, right) = range_of_three(ax[i], bx[i], cx[i]);
+            let (top, bottom) = range_of_three(ay[i], by[i], cy[i]);
             let covers_column = ceiling(left * scale, columns) < ceiling(right * scale, columns);
             let covers_row = ceiling(top * scale, rows) < ceiling(bottom * scale, rows);
             let side = if area < 0.0 { front } else { back };
@@ -175,10 +175,10 @@ pub(crate) struct VisibilityBuffer {
 }
 
 impl VisibilityBuffer {
-    /// Reversed z and ids of each row.
-    pub fn rows(&self) -> impl Iterator<Item = (&[f32], &[u32])> {
-        let row = |row: usize| row * self.stride..row * self.stride + self.width;
-        (0..self.height).map(move |index| (&self.reversed_z[row(index)], &self.ids[row(index)]))
+    /// Reversed z and ids of the first columns of the first rows.
+    pub fn rows(&self, [width, height]: [usize; 2]) -> impl Iterator<Item = (&[f32], &[u32])> {
+        let row = move |row: usize| row * self.stride..row * self.stride + width;
+        (0..height).map(move |index| (&self.reversed_z[row(index)], &self.ids[row(index)]))
     }
 
     /// Clears to the background at a size in pixels.

@@ -55,9 +55,8 @@ impl EdgePixels {
         colors: &[Vec3A],
     ) -> u64 {
         let [columns, rows] = light_buffer.pixels_of(tile);
-        let (first_row, width) = (0xff >> (TILE - columns.len()), opaque.width / 2);
-        let inside = (0..rows.len()).fold(0, |bits, row| bits | first_row << (row * TILE));
-        let found = match_samples(ids, &mut self.matches) & inside;
+        let width = opaque.width / 2;
+        let found = match_samples(ids, &mut self.matches);
         if found == 0 {
             return 0;
         }

@@ -8,6 +8,7 @@ pub(crate) mod mesh;
 pub(crate) mod patterns;
 pub(crate) mod posed;
 pub mod sampling;
+pub(crate) mod supports;
 pub(crate) mod table_tops;
 pub(crate) mod texture;
 pub(crate) mod variation;

@@ -84,7 +84,7 @@ pub(super) fn cavity_term<const LANES: usize>(cavity: Option<Cavity>, points: &S
     }
 }
 
-/// Multiplies the ambient light on the support surface by the irradiance grid.
+/// Multiplies the ambient light on a support surface by its irradiance grid.
 #[inline(always)]
 pub(super) fn apply_irradiance_grid(
     irradiance_grid: &IrradianceGrid,

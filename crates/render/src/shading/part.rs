@@ -14,7 +14,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::Face;
 
 /// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
-/// support surface, whose irradiance grid covers most of it. Fitted to path-traced images.
+/// support surfaces, whose irradiance grids cover most of it. Fitted to path-traced images.
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_SUPPORT: f32 = 0.091;
 
@@ -36,7 +36,7 @@ pub(crate) struct PartLight<'a> {
     pub lighting: &'a Lighting,
     /// Environment prefiltered for its roughness.
     pub glossy: Glossy,
-    /// Irradiance grid, on the main support surface.
+    /// Irradiance grid, on a support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
     /// Height of the support surface that reflects light onto it (m), and its lit share, 0-1.
     pub ground: Option<f32>,
@@ -68,8 +68,8 @@ impl<'a> ShadedPart<'a> {
         let light = PartLight {
             lighting: scene.lighting,
             glossy: scene.lighting.sky.glossy(material.roughness),
-            irradiance_grid: material.is_main_support.then_some(scene.irradiance_grid),
-            ground: part.body.and(scene.irradiance_grid.top()),
+            irradiance_grid: scene.irradiance_grids.of(index as u16 + 1),
+            ground: placed.ground,
             ground_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
             cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
             mirrored: match part.body {

@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn wide_registers_give_the_same_bits() {
         let variation = RenderVariation::default();
-        let lighting = Lighting::new(&variation, &[]);
+        let lighting = Lighting::new(&variation, None);
         let camera =
             CameraView { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..CameraView::default() };
         let mut state = 1_u32;
@@ -341,7 +341,6 @@ mod tests {
                 opacity: draw(0.2, 1.2).min(1.0),
                 reflectance: 0.04,
                 texture: None,
-                is_main_support: false,
             };
             let glossy = lighting.sky.glossy(material.roughness);
             let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]

@@ -12,7 +12,7 @@ use crate::gbuffer::points::TRIANGLE;
 use crate::gbuffer::static_layer::TILE;
 use crate::light_buffer::LightBuffer;
 use crate::scene::texture::{Samples, find_codes, srgb_table};
-use crate::simd::{BatchColumn, CHUNK, REGISTER};
+use crate::simd::{BatchColumn, CHUNK, Column, REGISTER};
 
 /// A point on the image to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,20 +30,13 @@ pub(crate) struct ShadingPoint {
 }
 
 /// Shades batches of points of one part.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Shading {
     points: ShadingPoints,
     samples: Samples,
     reflected: ShadingTerms,
     /// Indices of the colours in the sRGB table.
-    codes: [[u32; CHUNK]; 3],
-}
-
-impl Default for Shading {
-    fn default() -> Self {
-        let (points, samples, reflected) = Default::default();
-        Self { points, samples, reflected, codes: [[0; CHUNK]; 3] }
-    }
+    codes: [Column<u32>; 3],
 }
 
 impl Shading {
@@ -78,10 +71,10 @@ impl Shading {
     pub fn load_tile(&mut self, place: u32, light_buffer: &LightBuffer) {
         let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
         pixels.tile(place, light_buffer.centers());
-        let (_, first) = light_buffer.tile_at(place);
         for (column, values) in [(&mut *shadow, &light_buffer.shadow_mask), (ambient, &light_buffer.ambient)] {
-            let lines = light_buffer.lines(values, first);
-            column.as_chunks_mut::<TILE>().0.iter_mut().zip(lines).for_each(|(out, line)| *out = *line);
+            for (out, &first) in column.as_chunks_mut::<TILE>().0.iter_mut().zip(pixels.pixel.iter().step_by(TILE)) {
+                out.copy_from_slice(&values[first as usize..][..TILE]);
+            }
         }
         clamp_unknown(shadow);
     }
@@ -161,7 +154,7 @@ impl Shading {
 /// Clamps the unknown shadow mask to 0.
 #[inline(always)]
 fn clamp_unknown(shadow: &mut BatchColumn) {
-    for shadow in shadow {
+    for shadow in shadow.iter_mut() {
         *shadow = if *shadow > 0.0 { *shadow } else { 0.0 };
     }
 }

@@ -12,14 +12,13 @@ use crate::gbuffer::view::rotation;
 use crate::job::FrameState;
 use crate::lights::key_light::{KeyLight, MAX_RADIUS};
 use crate::lights::sky::luminance;
-use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh};
+use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh, extremes};
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, near_pattern, tap, turn_of};
-use crate::shadow::planar::PlanarReceivers;
-use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
 
 /// Depth map seen from the key light.
 #[derive(Debug, Default)]
@@ -37,8 +36,6 @@ pub(crate) struct ShadowMap {
     changed_in: Vec<u64>,
     light: KeyLight,
     clear: Clear,
-    /// Shadow masks of horizontal fixtures.
-    planar_receivers: PlanarReceivers,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -49,13 +46,18 @@ struct Caster {
     corners: Vec<Corner>,
 }
 
-/// Bounds of an image tile on the shadow map: first and last column and row of map tiles; first after last for nothing.
+/// Bounds of an image tile on the shadow map.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MapFootprint([[i32; 2]; 2]);
+pub(crate) struct MapFootprint {
+    /// First and last column and row of map tiles; first after last for nothing.
+    tiles: [[i32; 2]; 2],
+    /// Smallest reversed z.
+    lowest: f32,
+}
 
 impl Default for MapFootprint {
     fn default() -> Self {
-        Self([[0; 2], [-1; 2]])
+        Self { tiles: [[0; 2], [-1; 2]], lowest: 0.0 }
     }
 }
 
@@ -65,7 +67,7 @@ const REACH_TILES: isize = 4;
 impl MapFootprint {
     /// First and last column and row of the map tiles on which its shadows depend.
     pub fn reach(&self) -> [[isize; 2]; 2] {
-        let [from, to] = self.0.map(|tile| tile.map(|at| at as isize));
+        let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
             return [from, to];
         }
@@ -144,16 +146,7 @@ impl ShadowMap {
                 *changed_in = self.version;
             }
             self.summarise();
-            if is_new {
-                self.planar_receivers = PlanarReceivers::new(assets, &self.light);
-            }
-            self.planar_receivers.update(&self.layers.target, &self.layers.changed, self.version);
         }
-    }
-
-    /// Shadow masks of horizontal fixtures.
-    pub fn planar_receivers(&self) -> &PlanarReceivers {
-        &self.planar_receivers
     }
 
     /// Marks of the map tiles that changed after a version, and tiles per row.
@@ -165,13 +158,23 @@ impl ShadowMap {
     pub fn footprint_of(&self, points: impl Iterator<Item = Vec3A>) -> MapFootprint {
         /// The bias along the normal is at most two texels.
         const MARGIN: f32 = 2.0;
-        let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-        for point in points {
-            let Corner { x, y, .. } = self.light.on_map(self.light.light_from_world * point);
-            (low, high) = ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]);
-        }
+        let (low, high) = extremes(points.map(|point| self.light.on_map(self.light.light_from_world * point)));
         let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
-        MapFootprint([low.map(|at| tile(at - MARGIN)), high.map(|at| tile(at + MARGIN))])
+        let tiles = [[low.x - MARGIN, low.y - MARGIN].map(tile), [high.x + MARGIN, high.y + MARGIN].map(tile)];
+        MapFootprint { tiles, lowest: low.reversed_z }
+    }
+
+    /// True if no shadow falls on a flat piece of surface with a unit normal.
+    pub fn lights(&self, footprint: &MapFootprint, normal: Vec3A) -> bool {
+        // The plane of the surface changes by at most two texels per texel.
+        let lowest = footprint.lowest - 2.0 * MAX_RADIUS / self.light.texels_per_m;
+        let count = self.layers.tile_columns;
+        let [columns, mut rows] = [0, 1].map(|axis| {
+            let [from, to] = footprint.tiles.map(|tile| tile[axis]);
+            from.clamp(0, count as i32) as usize..(to + 1).clamp(0, count as i32) as usize
+        });
+        let is_lit = |row: usize| self.highest[row * count..][columns.clone()].iter().all(|&high| high <= lowest);
+        self.light.light_from_world.row(2).dot(normal) < 0.0 && rows.all(is_lit)
     }
 
     /// Writes the shadow mask of points that are fully lit, fully shadowed or facing away; queues the others.
@@ -221,7 +224,7 @@ impl ShadowMap {
     /// Blocker search.
     fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         let widest = self.light.search_radius();
-        search.radius = [widest; CHUNK];
+        search.radius = BatchColumn::of(widest);
         tap(search, &self.layers.target, near_pattern(), taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
@@ -278,14 +281,7 @@ impl Caster {
             return Rectangle::default();
         }
         self.corners.extend(mesh.positions.iter().map(|&position| light.on_map(turn * Vec3A::from(position) + shift)));
-        let first = Corner { x: f32::MAX, y: f32::MAX, reversed_z: f32::MAX };
-        let last = Corner { x: f32::MIN, y: f32::MIN, reversed_z: f32::MIN };
-        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (
-                low.joined(corner, |a, b| if a < b { a } else { b }),
-                high.joined(corner, |a, b| if a > b { a } else { b }),
-            )
-        });
+        let (low, high) = extremes(self.corners.iter().copied());
         Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
     }
 }
@@ -329,13 +325,13 @@ impl Clear {
 }
 
 /// Points projected onto the map.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct MapPoints {
     x: BatchColumn,
     y: BatchColumn,
     /// Map tile.
-    tile_x: [u32; CHUNK],
-    tile_y: [u32; CHUNK],
+    tile_x: Column<u32>,
+    tile_y: Column<u32>,
     reversed_z: BatchColumn,
     /// Cosine between normal and light.
     facing: BatchColumn,
@@ -344,23 +340,6 @@ struct MapPoints {
     tilt_y: BatchColumn,
     /// Largest change of reversed z within the largest radius.
     slack: BatchColumn,
-}
-
-impl Default for MapPoints {
-    fn default() -> Self {
-        let none = [0; CHUNK];
-        Self {
-            x: ZERO,
-            y: ZERO,
-            tile_x: none,
-            tile_y: none,
-            reversed_z: ZERO,
-            facing: ZERO,
-            tilt_x: ZERO,
-            tilt_y: ZERO,
-            slack: ZERO,
-        }
-    }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]

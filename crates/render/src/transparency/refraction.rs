@@ -9,7 +9,7 @@ use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
 use crate::shading::tone_map::tone_map;
-use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, within};
+use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, within};
 
 /// Largest displacement of a refracted ray on the image [px]: within the dilation of dirty tiles.
 const MOST_BENT: f32 = (TILE - 1) as f32;
@@ -18,10 +18,10 @@ const MOST_BENT: f32 = (TILE - 1) as f32;
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
 /// A batch of refracted view rays.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RefractedRays {
     /// Pixels that they hit.
-    pub pixel: [u32; CHUNK],
+    pub pixel: Column<u32>,
     /// Environment in their direction, and its weight where a ray leaves the reach of the image.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
@@ -29,12 +29,6 @@ pub(super) struct RefractedRays {
     pub gap: BatchColumn,
     /// True if the object refracts.
     pub are_bent: bool,
-}
-
-impl Default for RefractedRays {
-    fn default() -> Self {
-        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO, gap: ZERO, are_bent: false }
-    }
 }
 
 /// Refracts view rays at the near and far interfaces of a solid object, whose thickness is the distance between both.
@@ -46,8 +40,9 @@ pub(super) fn refract(
     lighting: &Lighting,
     out: &mut RefractedRays,
 ) {
-    let lanes = [ZERO; 3];
-    let (mut first, mut inside, mut behind, mut leaving, mut depth) = (lanes, lanes, lanes, lanes, ZERO);
+    let lanes = [BatchColumn::default(); 3];
+    let (mut first, mut inside, mut behind, mut leaving, mut depth) =
+        (lanes, lanes, lanes, lanes, BatchColumn::default());
     let turn = [camera.turn.x_axis, camera.turn.y_axis, camera.turn.z_axis].map(|column| column.to_array());
     let (viewpoint, focal, center) = (camera.viewpoint.to_array(), camera.focal.to_array(), camera.center.to_array());
     for i in 0..CHUNK {
@@ -67,7 +62,7 @@ pub(super) fn refract(
         }
     }
     let last = [camera.width as f32 - 1.0, camera.height as f32 - 1.0];
-    let mut pixel = [[0; CHUNK]; 2];
+    let mut pixel = [Column::of(0); 2];
     for axis in 0..2 {
         for i in 0..CHUNK {
             let behind = at(&behind, i);
