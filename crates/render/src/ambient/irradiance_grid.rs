@@ -10,8 +10,8 @@ use std::ops::Range;
 use glam::{Vec2, Vec3A, Vec4};
 use multiversion::multiversion;
 
-use crate::ambient::proxies::{AoProxy, form_factor, penumbra};
-use crate::ambient::proxy_set::AoProxies;
+use crate::ambient::proxies::{Proxy, form_factor, penumbra};
+use crate::ambient::proxy_set::Proxies;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
@@ -75,13 +75,13 @@ pub(crate) struct IrradianceGrid {
 /// An ellipsoid and the light that it reflects.
 #[derive(Clone, Debug, PartialEq)]
 struct Body {
-    proxy: AoProxy,
+    proxy: Proxy,
     /// Weight, 0-1.
     weight: f32,
     /// Reflected sky light and key light, relative to the ambient light on the support surface.
     ambient: [f32; 3],
     key: [f32; 3],
-    /// Direction of the ambient light from the key light's side, see [`AoProxy::stretched`].
+    /// Direction of the ambient light from the key light's side, see [`Proxy::stretched`].
     lamp: [f32; 3],
 }
 
@@ -110,13 +110,7 @@ impl IrradianceGrids {
 
     /// Updates the grids for the bodies of a frame: for a fixed camera those standing on a surface, for a wrist camera
     /// all of them, where it looks.
-    pub fn update(
-        &mut self,
-        proxies: &AoProxies,
-        variation: &RenderVariation,
-        lighting: &Lighting,
-        camera: &CameraView,
-    ) {
+    pub fn update(&mut self, proxies: &Proxies, variation: &RenderVariation, lighting: &Lighting, camera: &CameraView) {
         let version = self.version + 1;
         for grid in &mut self.grids {
             if grid.update(version, proxies, variation, lighting, camera) {
@@ -155,7 +149,7 @@ impl IrradianceGrid {
     fn update(
         &mut self,
         version: u64,
-        proxies: &AoProxies,
+        proxies: &Proxies,
         variation: &RenderVariation,
         lighting: &Lighting,
         camera: &CameraView,
@@ -351,7 +345,7 @@ mod tests {
         }
 
         fn follow(&self, grids: &mut IrradianceGrids, mount: CameraMount, places: [DVec3; 2]) {
-            let mut proxies = AoProxies::default();
+            let mut proxies = Proxies::default();
             let frame = FrameState { body_poses: places.map(Pose::from_position).to_vec() };
             proxies.place(&self.assets, &self.colors, &frame, mount, self.lighting.to_light);
             grids.update(&proxies, &self.variation, &self.lighting, &View::default().camera);

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use crate::ambient::proxy_set::AoProxies;
+use crate::ambient::proxy_set::Proxies;
 use crate::gbuffer::material_bins::MaterialBins;
-use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
+use crate::gbuffer::static_layer::{LayeredBuffer, TILE, dilated};
 use crate::gbuffer::view::{CameraView, View, surface_of};
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::light_buffer::{Estimator, LightBuffer, UpsampleWindow, Windows};
@@ -34,7 +34,7 @@ pub(crate) struct FrameCache {
     /// Inputs of the last frame, to find what changed.
     shadow_version: u64,
     grid_version: u64,
-    proxies: AoProxies,
+    proxies: Proxies,
     /// Linear display colours of the opaque surfaces at the pixel centres.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
@@ -136,7 +136,7 @@ impl FrameCache {
         let tiles_in_strip = columns * (STRIP_PIXELS / (TILE * TILE) / columns).max(1);
         let strips = count.div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
-        self.resolver.begin(scene.assets, &self.view, count);
+        self.resolver.begin(scene.assets, &self.view);
         let strip_of = |step: usize, behind: usize| {
             let strip = step.checked_sub(behind).filter(|&strip| strip < strips)?;
             Some(strip * tiles_in_strip..((strip + 1) * tiles_in_strip).min(count))
@@ -188,14 +188,9 @@ impl FrameCache {
         }
         self.light_buffer.fill_bins(scene.assets.parts.len(), tiles, &mut self.bins);
         let (light_buffer, shading) = (&self.light_buffer, &mut *self.shading);
-        for (part, tiles, places) in self.bins.parts() {
+        for (part, places) in self.bins.parts() {
             let shaded_part = ShadedPart::new(scene, &self.view, part);
-            self.shaded_pixels += tiles.len() * TILE * TILE + places.len();
-            for &place in tiles {
-                shading.load_tile(place, light_buffer);
-                shading.shade(&shaded_part);
-                shading.write(&mut self.colors, &mut self.rgb);
-            }
+            self.shaded_pixels += places.len();
             for places in places.chunks(CHUNK) {
                 shading.load_pixels(places, light_buffer);
                 shading.shade(&shaded_part);
@@ -208,67 +203,31 @@ impl FrameCache {
     fn restore(&mut self, tiles: &[usize]) {
         for &tile in tiles.iter().filter(|&&tile| !self.dirty.shaded[tile]) {
             let [columns, rows] = self.light_buffer.pixels_of(tile);
-            for place in self.resolver.rewritten(tile) {
-                let pixel = (rows.start + place / TILE) * self.view.camera.width + columns.start + place % TILE;
-                self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
+            for row in rows {
+                for pixel in columns.clone().map(|column| row * self.view.camera.width + column) {
+                    self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
+                }
             }
         }
     }
 
     /// Writes the requested channels of the first columns and rows.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
-        let CameraView { width: stride, height, .. } = self.view.camera;
         out.rgb.clear();
-        for row in self.rgb.chunks_exact(3 * stride).take(size[1]) {
+        for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {
             out.rgb.extend_from_slice(&row[..3 * size[0]]);
         }
-        if channels.normal || channels.parts {
-            self.find_centers(assets, &[Rectangle { columns: 0..stride, rows: 0..height }]);
-            write_geometry(assets, &self.view, &self.centers, size, channels, out);
-            return;
-        }
-        out.normal.clear();
-        out.parts.clear();
-        out.depth_m.clear();
-        out.instance.clear();
-        let instances = instances_of(assets);
-        let LightBuffer { depth, surface, .. } = &self.light_buffer;
-        for (depth, surface) in depth.chunks_exact(stride).zip(surface.chunks_exact(stride)).take(size[1]) {
-            if channels.depth {
-                out.depth_m.extend_from_slice(&depth[..size[0]]);
-            }
-            if channels.instance {
-                out.instance.extend(surface[..size[0]].iter().map(|&surface| instances[usize::from(surface)]));
-            }
-        }
-        if !self.view.has_transparent {
-            return;
-        }
-        let areas = self.transparent.areas.clone();
-        self.find_centers(assets, &areas);
-        for (row, column) in areas.iter().flat_map(Rectangle::pixels).filter(|&(row, x)| row < size[1] && x < size[0]) {
-            let (pixel, sample) = (row * size[0] + column, row * self.centers.stride + column);
-            if channels.depth {
-                out.depth_m[pixel] = depth_of(&self.centers.reversed_z[sample]);
-            }
-            if channels.instance {
-                out.instance[pixel] = instances[surface_of(self.centers.ids[sample]) as usize];
-            }
-        }
-    }
-
-    /// Finds the visibility at the pixel centres of some areas, transparent parts included.
-    fn find_centers(&mut self, assets: &RenderAssets, areas: &[Rectangle]) {
-        let CameraView { width, height, .. } = self.view.camera;
+        // Visibility at the pixel centres, transparent parts included.
         let (opaque, centers) = (&self.opaque.target, &mut self.centers);
-        if (centers.width, centers.height) != (width, height) {
-            centers.reset::<true>(width, height, 1);
-        }
-        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
-            let sample = row * centers.stride + column;
-            (centers.ids[sample], centers.reversed_z[sample]) = opaque.sample(column * SCALE, row * SCALE);
+        centers.reset::<true>(size[0], size[1], 1);
+        for row in 0..size[1] {
+            let (from, to) = (row * SCALE * opaque.stride, row * centers.stride);
+            let samples = opaque.ids[from..].iter().zip(&opaque.reversed_z[from..]).step_by(SCALE);
+            let own = centers.ids[to..to + size[0]].iter_mut().zip(&mut centers.reversed_z[to..]);
+            own.zip(samples).for_each(|((id, reversed_z), sample)| (*id, *reversed_z) = (*sample.0, *sample.1));
         }
         self.view.draw_transparent(assets, [true, true], centers);
+        write_geometry(assets, &self.view, centers, channels, out);
     }
 }
 
@@ -277,31 +236,26 @@ fn marked(marks: &[bool], range: Range<usize>) -> Vec<usize> {
     range.filter(|&tile| marks[tile]).collect()
 }
 
-/// Instance id of each surface number; 0 is the background.
-fn instances_of(assets: &RenderAssets) -> Vec<u16> {
-    std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
-}
-
 /// Depth from reversed z; 0 for the background.
 fn depth_of(reversed_z: &f32) -> f32 {
     if *reversed_z > 0.0 { 1.0 / reversed_z } else { 0.0 }
 }
 
-/// Writes depth, ids and normals of the first columns and rows of a visibility buffer with one sample per pixel.
+/// Writes depth, ids and normals of a visibility buffer with one sample per pixel.
 pub(crate) fn write_geometry(
     assets: &RenderAssets,
     view: &View,
     seen: &VisibilityBuffer,
-    size: [usize; 2],
     channels: Channels,
     out: &mut FrameBuffers,
 ) {
-    let instances = instances_of(assets);
+    // By surface number; 0 is the background.
+    let instances: Vec<u16> = std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect();
     out.depth_m.clear();
     out.instance.clear();
     out.normal.clear();
     out.parts.clear();
-    for (reversed_z, ids) in seen.rows(size) {
+    for (reversed_z, ids) in seen.rows() {
         if channels.depth {
             out.depth_m.extend(reversed_z.iter().map(depth_of));
         }
@@ -313,6 +267,6 @@ pub(crate) fn write_geometry(
         }
     }
     if channels.normal {
-        super::normals::write(assets, view, seen.rows(size), &mut out.normal);
+        super::normals::write(assets, view, seen.rows(), &mut out.normal);
     }
 }

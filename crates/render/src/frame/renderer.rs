@@ -6,7 +6,7 @@ use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::{DQuat, Vec3A};
 
 use crate::ambient::irradiance_grid::IrradianceGrids;
-use crate::ambient::proxy_set::{AoProxies, colors_of};
+use crate::ambient::proxy_set::{Proxies, colors_of};
 use crate::error::RenderError;
 use crate::frame::cache::{FrameCache, write_geometry};
 use crate::gbuffer::view::{CameraView, View};
@@ -42,7 +42,7 @@ pub struct Renderer {
     /// Shadow maps for large and for small images, with the frame they show.
     shadows: [(ShadowMap, Option<FrameState>); 2],
     /// AO proxies of the last job.
-    proxies: AoProxies,
+    proxies: Proxies,
     /// Mean linear colours of the bodies.
     body_colors: Vec<Vec3A>,
     /// Irradiance grids for large and small images, for fixed and for wrist cameras.
@@ -77,7 +77,7 @@ impl Renderer {
             materials,
             variation,
             shadows: Default::default(),
-            proxies: AoProxies::default(),
+            proxies: Proxies::default(),
             body_colors,
             irradiance_grids,
             kept: Vec::new(),
@@ -138,8 +138,7 @@ impl Renderer {
                     self.view.draw_opaque(&self.assets, part, &mut self.solid);
                 }
                 self.view.draw_transparent(&self.assets, [true, true], &mut self.solid);
-                let size = [self.solid.width, self.solid.height];
-                write_geometry(&self.assets, &self.view, &self.solid, size, job.channels, buffers);
+                write_geometry(&self.assets, &self.view, &self.solid, job.channels, buffers);
             }
         }
         Ok(())
@@ -172,7 +171,7 @@ impl Renderer {
             }
             let mut out = FrameBuffers { width: width as u32, height: height as u32, ..FrameBuffers::default() };
             let ids = Channels { instance: true, ..Channels::default() };
-            write_geometry(&self.assets, &self.view, &self.solid, [width, height], ids, &mut out);
+            write_geometry(&self.assets, &self.view, &self.solid, ids, &mut out);
             take(instance, out)?;
         }
         Ok(())

@@ -4,7 +4,6 @@
 
 use multiversion::multiversion;
 
-use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::assets::{Part, TRIANGLE_BITS};
 use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, turned, whole_registers};
@@ -31,12 +30,10 @@ pub(crate) struct PixelCenters<'a> {
     pub depth: &'a [f32],
 }
 
-/// A batch of pixels that show one part: a whole tile, or a list.
+/// A batch of pixels that show one part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pixels {
     pub count: usize,
-    /// True for a whole tile, row by row.
-    pub is_tile: bool,
     pub pixel: Column<u32>,
     pub column: BatchColumn,
     pub row: BatchColumn,
@@ -52,9 +49,8 @@ pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
     /// Loads a list of [`packed`] pixels.
-    pub fn list(&mut self, places: &[u32], centers: PixelCenters<'_>) {
+    pub fn load(&mut self, places: &[u32], centers: PixelCenters<'_>) {
         self.count = places.len().min(CHUNK);
-        self.is_tile = false;
         place_pixels(self, &places[..self.count], centers.width as u32);
         for i in 0..self.count {
             let pixel = self.pixel[i] as usize;
@@ -62,12 +58,6 @@ impl Pixels {
         }
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
-    }
-
-    /// Loads the tile that begins at a packed pixel.
-    pub fn tile(&mut self, place: u32, centers: PixelCenters<'_>) {
-        (self.count, self.is_tile) = (CHUNK, true);
-        fill_tile(self, place, centers);
     }
 }
 
@@ -78,28 +68,6 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
         pixels.pixel[i] = row * width + column;
         (pixels.column[i], pixels.row[i]) = (column as i32 as f32, row as i32 as f32);
     }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn fill_tile(pixels: &mut Pixels, place: u32, centers: PixelCenters<'_>) {
-    let [column, row] = unpacked(place).map(|at| at as usize);
-    let first_triangle = centers.ids[row * centers.width + column] & TRIANGLE;
-    let mut differ = 0;
-    for step in 0..TILE {
-        let first = (row + step) * centers.width + column;
-        let (depths, ids) = (&centers.depth[first..][..TILE], &centers.ids[first..][..TILE]);
-        let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
-        for x in 0..TILE {
-            let i = step * TILE + x;
-            pixels.pixel[i] = first + x as u32;
-            pixels.column[i] = (column + x as u32) as i32 as f32;
-            pixels.row[i] = row;
-            pixels.depth[i] = depths[x];
-            pixels.triangle[i] = ids[x] & TRIANGLE;
-            differ |= pixels.triangle[i] ^ first_triangle;
-        }
-    }
-    pixels.is_flat = differ == 0;
 }
 
 /// A batch of surface points of one part.

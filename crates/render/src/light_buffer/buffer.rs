@@ -128,13 +128,13 @@ impl LightBuffer {
     /// Adds the pixels of a tile to the bins of their parts.
     pub(super) fn push_tile(&self, tile: usize, bins: &mut MaterialBins) {
         let ([columns, rows], surface) = (self.pixels_of(tile), self.tiles[tile].surface);
-        if surface != SEVERAL {
-            bins.push_whole(surface, packed(columns.start, rows.start));
-            return;
-        }
         for row in rows {
+            if surface != SEVERAL {
+                bins.extend(surface, columns.clone().map(|column| packed(column, row)));
+                continue;
+            }
             for column in columns.clone() {
-                bins.push(self.surface[row * self.width + column], packed(column, row));
+                bins.extend(self.surface[row * self.width + column], [packed(column, row)]);
             }
         }
     }

@@ -129,7 +129,7 @@ impl LightBuffer {
                     let is_lit = own == SEVERAL && is_lit(surface);
                     self.raw_half_ao[row / 2 * (self.width / 2) + column / 2] = if is_lit { 1.0 } else { UNKNOWN };
                     if !is_lit {
-                        bins.push(surface, packed(column, row));
+                        bins.extend(surface, [packed(column, row)]);
                     }
                 }
             }

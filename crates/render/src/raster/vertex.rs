@@ -13,14 +13,6 @@ pub(crate) struct Corner {
     pub reversed_z: f32,
 }
 
-impl Corner {
-    /// Coordinates in samples; the first sample of a pixel is at its centre.
-    #[inline(always)]
-    pub fn scaled(self, scale: f32) -> Self {
-        Self { x: self.x * scale, y: self.y * scale, ..self }
-    }
-}
-
 /// Smallest and largest coordinates of some vertices.
 #[inline(always)]
 pub(crate) fn extremes(corners: impl Iterator<Item = Corner>) -> (Corner, Corner) {
@@ -37,7 +29,7 @@ pub(crate) fn extremes(corners: impl Iterator<Item = Corner>) -> (Corner, Corner
 
 /// Twice the signed area of a triangle on the image, negative for counter-clockwise (front) faces.
 #[inline(always)]
-pub(crate) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
+pub(super) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
 }
 

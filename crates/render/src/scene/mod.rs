@@ -6,7 +6,6 @@ pub(crate) mod fixtures;
 pub(crate) mod material;
 pub(crate) mod mesh;
 pub(crate) mod patterns;
-pub(crate) mod posed;
 pub mod sampling;
 pub(crate) mod supports;
 pub(crate) mod table_tops;

@@ -2,9 +2,8 @@
 
 use glam::Vec3A;
 
-use crate::ambient::cavity::Cavity;
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::reflection_proxies::ReflectionProxy;
+use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::{CameraView, PartView, View};
 use crate::job::ROBOT;
 use crate::lights::lighting::Lighting;
@@ -41,19 +40,15 @@ pub(crate) struct PartLight<'a> {
     /// Height of the support surface that reflects light onto it (m), and its lit share, 0-1.
     pub ground: Option<f32>,
     pub ground_lit: f32,
-    pub cavity: Option<Cavity>,
-    /// Reflection proxies, the farther first.
-    pub mirrored: [Option<ReflectionProxy>; 2],
+    /// Proxy with its lit cavity.
+    pub cavity: Option<&'a Proxy>,
+    /// Proxies that it reflects, the farther first.
+    pub mirrored: [Option<&'a Proxy>; 2],
     /// Share of a surface's own bounce light that returns to it, 0-1.
     pub bounce: f32,
 }
 
 impl PartLight<'_> {
-    /// Share of the sky visible from the cavity, 1 without one.
-    pub fn open(&self) -> f32 {
-        self.cavity.map_or(1.0, |cavity| cavity.open)
-    }
-
     /// Share of the ambient light occluded together with the key light.
     pub fn with_key(&self) -> f32 {
         if self.irradiance_grid.is_some() { WITH_KEY_ON_SUPPORT } else { WITH_KEY }
@@ -73,9 +68,7 @@ impl<'a> ShadedPart<'a> {
             ground_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
             cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
             mirrored: match part.body {
-                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => {
-                    scene.proxies.reflection_proxies_of(body)
-                }
+                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => scene.proxies.reflected_by(body),
                 _ => [None; 2],
             },
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),

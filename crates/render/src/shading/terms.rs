@@ -22,8 +22,6 @@ pub(super) struct ShadingTerms {
     pub(super) occluded_ambient: BatchColumn,
     /// Share of interreflected key light in concave corners.
     pub(super) corner: BatchColumn,
-    /// Key light inside a cavity, relative to a surface that faces the light.
-    pub(super) cavity: BatchColumn,
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
     pub color: [BatchColumn; 3],
