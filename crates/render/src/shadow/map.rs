@@ -18,7 +18,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, near_pattern, tap, turn_of};
-use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, Column, floor, nearest_integer, whole_registers, within};
 
 /// Depth map seen from the key light.
 #[derive(Debug, Default)]
@@ -26,10 +26,9 @@ pub(crate) struct ShadowMap {
     layers: LayeredBuffer,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// By map tile: smallest solid and largest reversed z within reach of a point's taps.
-    lowest: Vec<f32>,
+    /// By map tile: largest reversed z in it, and within reach of a point's taps.
+    own_highest: Vec<f32>,
     highest: Vec<f32>,
-    own: [Vec<f32>; 2],
     /// Number of updates.
     version: u64,
     /// Version in which each tile last changed.
@@ -78,7 +77,7 @@ impl MapFootprint {
 /// Queues of points that may lie in a penumbra: before the blocker search, and before filtering.
 #[derive(Debug, Default)]
 pub(crate) struct UnresolvedSamples {
-    places: MapPoints,
+    points: MapPoints,
     search: SampleQueue,
     filter: SampleQueue,
     taps: PcfTaps,
@@ -177,37 +176,24 @@ impl ShadowMap {
         self.light.light_from_world.row(2).dot(normal) < 0.0 && rows.all(is_lit)
     }
 
-    /// Writes the shadow mask of points that are fully lit, fully shadowed or facing away; queues the others.
+    /// Writes the shadow mask of points that are lit or facing away; queues the others.
     pub fn classify(&self, points: &Points, share: &mut [f32], unresolved: &mut UnresolvedSamples) {
-        place_points(&self.light, points, &mut unresolved.places);
-        let UnresolvedSamples { places, search: queue, filter, taps } = unresolved;
-        let limit = self.light.size as f32 - 1.0;
+        let UnresolvedSamples { points: on_map, search, filter, taps } = unresolved;
+        place_points(&self.light, points, on_map);
+        on_map.samples.pixel = points.pixel;
+        let (limit, widest) = (self.light.size as f32 - 1.0, self.light.search_radius());
         for i in 0..points.count {
-            let pixel = points.pixel[i] as usize;
-            if places.facing[i] <= 0.0 {
-                share[pixel] = UNKNOWN;
-                continue;
-            }
-            let (x, y) = (places.x[i], places.y[i]);
-            if !(x >= 0.0 && y >= 0.0 && x <= limit && y <= limit) {
-                share[pixel] = 1.0;
-                continue;
-            }
-            let tile = places.tile_y[i] as usize * self.layers.tile_columns + places.tile_x[i] as usize;
-            let (reversed_z, slack) = (places.reversed_z[i], places.slack[i]);
-            share[pixel] = if self.highest[tile] <= reversed_z - slack {
+            let (x, y) = (on_map.samples.x[i], on_map.samples.y[i]);
+            let is_on_map = x >= 0.0 && y >= 0.0 && x <= limit && y <= limit;
+            let is_lit = || self.highest[on_map.tile[i] as usize] <= on_map.samples.reversed_z[i] - on_map.slack[i];
+            share[points.pixel[i] as usize] = if on_map.facing[i] <= 0.0 {
+                UNKNOWN
+            } else if !is_on_map || is_lit() {
                 1.0
-            } else if self.lowest[tile] >= reversed_z + slack {
-                0.0
             } else {
-                let to = queue.count;
-                queue.pixel[to] = points.pixel[i];
-                (queue.x[to], queue.y[to], queue.reversed_z[to]) = (x, y, reversed_z);
-                (queue.tilt_x[to], queue.tilt_y[to]) = (places.tilt_x[i], places.tilt_y[i]);
-                (queue.sine[to], queue.cosine[to]) = turn_of(points.turn(i));
-                queue.count += 1;
-                if queue.count == CHUNK {
-                    self.search(queue, filter, taps, share);
+                (on_map.samples.sine[i], on_map.samples.cosine[i]) = turn_of(points.turn(i));
+                if search.push(&on_map.samples, i, widest) {
+                    self.search(search, filter, taps, share);
                 }
                 continue;
             };
@@ -224,7 +210,6 @@ impl ShadowMap {
     /// Blocker search.
     fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         let widest = self.light.search_radius();
-        search.radius = BatchColumn::of(widest);
         tap(search, &self.layers.target, near_pattern(), taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
@@ -253,18 +238,13 @@ impl ShadowMap {
         filter.count = 0;
     }
 
-    /// Updates the range of reversed z within reach of each tile.
+    /// Updates the largest reversed z within reach of each tile's taps.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
-        // Blockers are searched within half the penumbra radius, and filtered within the largest one.
-        let search = self.light.search_radius();
-        let [low, high] = &mut self.own;
-        low.resize(tiles * tiles, 0.0);
-        high.resize(tiles * tiles, 0.0);
-        summarise_tiles(&self.layers.target, &self.layers.changed, low, high);
-        let reach = |radius: f32| (radius as usize + 1).div_ceil(TILE);
-        spread(low, tiles, reach(MAX_RADIUS), &mut self.lowest, |a, b| if a < b { a } else { b });
-        spread(high, tiles, reach(search), &mut self.highest, |a, b| if a > b { a } else { b });
+        self.own_highest.resize(tiles * tiles, 0.0);
+        summarise_tiles(&self.layers.target, &self.layers.changed, &mut self.own_highest);
+        let reach = (self.light.search_radius() as usize + 1).div_ceil(TILE);
+        spread(&self.own_highest, tiles, reach, &mut self.highest);
     }
 }
 
@@ -327,28 +307,24 @@ impl Clear {
 /// Points projected onto the map.
 #[derive(Debug, Default)]
 struct MapPoints {
-    x: BatchColumn,
-    y: BatchColumn,
+    /// Positions on the map, and slopes of the receiving planes.
+    samples: SampleQueue,
     /// Map tile.
-    tile_x: Column<u32>,
-    tile_y: Column<u32>,
-    reversed_z: BatchColumn,
+    tile: Column<u32>,
     /// Cosine between normal and light.
     facing: BatchColumn,
-    /// Slope of the receiving plane [reversed z per texel].
-    tilt_x: BatchColumn,
-    tilt_y: BatchColumn,
     /// Largest change of reversed z within the largest radius.
     slack: BatchColumn,
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
+fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
+    let MapPoints { samples, tile, facing, slack } = out;
     let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
         .map(|axis| axis.to_array());
     let center = light.center.to_array();
     let (texels_per_m, radius) = (light.texels_per_m, light.radius);
-    let limit = (light.size - 1) as i32 as f32;
+    let (limit, tiles) = ((light.size - 1) as i32 as f32, (light.size / TILE) as u32);
     for i in 0..whole_registers(points.count) {
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let slope = |row: usize| axes[0][row] * normal[0] + axes[1][row] * normal[1] + axes[2][row] * normal[2];
@@ -362,44 +338,38 @@ fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
         let local = |row: usize| axes[0][row] * at[0] + axes[1][row] * at[1] + axes[2][row] * at[2] - center[row];
         let x = (local(0) + radius) * texels_per_m - 0.5;
         let y = (local(1) + radius) * texels_per_m - 0.5;
-        (places.x[i], places.y[i]) = (x, y);
-        places.tile_x[i] = nearest_integer(floor(within(x, 0.0, limit) * (1.0 / TILE as f32)));
-        places.tile_y[i] = nearest_integer(floor(within(y, 0.0, limit) * (1.0 / TILE as f32)));
-        places.reversed_z[i] = 3.0 * radius - local(2);
-        places.facing[i] = -slopes[2];
-        (places.tilt_x[i], places.tilt_y[i]) = (tilt_x, tilt_y);
-        places.slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
+        let tile_of = |at: f32| nearest_integer(floor(within(at, 0.0, limit) * (1.0 / TILE as f32)));
+        tile[i] = tile_of(y) * tiles + tile_of(x);
+        (samples.x[i], samples.y[i], samples.reversed_z[i]) = (x, y, 3.0 * radius - local(2));
+        (samples.tilt_x[i], samples.tilt_y[i]) = (tilt_x, tilt_y);
+        facing[i] = -slopes[2];
+        slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
     }
 }
 
-/// Range of reversed z in changed tiles.
+/// Largest reversed z in changed tiles.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
+fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
         // Per column of the tile: vectorises.
-        let (mut lows, mut highs) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
+        let mut highs = [0.0_f32; TILE];
         for row in 0..TILE {
             let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
             let texels = &target.reversed_z[first..first + TILE];
             for column in 0..TILE {
-                let value = texels[column];
-                // Transparent texels never occlude fully.
-                let solid = if value.to_bits() & 1 == 0 { value } else { 0.0 };
-                lows[column] = if solid < lows[column] { solid } else { lows[column] };
-                highs[column] = if value > highs[column] { value } else { highs[column] };
+                highs[column] = if texels[column] > highs[column] { texels[column] } else { highs[column] };
             }
         }
-        low[tile] = lows.into_iter().fold(f32::INFINITY, f32::min);
-        high[tile] = highs.into_iter().fold(0.0, f32::max);
+        highest[tile] = highs.into_iter().fold(0.0, f32::max);
     }
 }
 
-/// Extreme value within `reach` tiles, along rows and then along columns.
-fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: impl Fn(f32, f32) -> f32 + Copy) {
+/// Largest value within `reach` tiles, along rows and then along columns.
+fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>) {
     // Joins each value with its neighbour in the other list.
     let widen = |list: &mut [f32], others: &[f32]| {
-        list.iter_mut().zip(others).for_each(|(value, &other)| *value = join(*value, other));
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = if other > *value { other } else { *value });
     };
     let mut rows = own.to_vec();
     for step in (1..=reach).filter(|&step| step < tiles) {

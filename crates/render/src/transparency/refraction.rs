@@ -9,7 +9,7 @@ use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
 use crate::shading::tone_map::tone_map;
-use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, within};
+use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, within};
 
 /// Largest displacement of a refracted ray on the image [px]: within the dilation of dirty tiles.
 const MOST_BENT: f32 = (TILE - 1) as f32;
@@ -69,7 +69,7 @@ pub(super) fn refract(
             let reversed_z = 1.0 / dot(turn[2], behind);
             let place = near.place[axis][i];
             let aside = focal[axis] * dot(turn[axis], behind) * reversed_z + center[axis] - place;
-            pixel[axis][i] = nearest(within(place + within(aside, -MOST_BENT, MOST_BENT), 0.0, last[axis]));
+            pixel[axis][i] = nearest_integer(within(place + within(aside, -MOST_BENT, MOST_BENT), 0.0, last[axis]));
         }
     }
     let width = camera.width as u32;
@@ -139,12 +139,6 @@ fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     normalized(bent, along)
 }
 
-/// Dot product without fused multiply-adds.
-#[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[inline(always)]
 fn less(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
@@ -165,11 +159,4 @@ fn normalized(vector: [f32; 3], otherwise: [f32; 3]) -> [f32; 3] {
         out[axis] = if has_length { vector[axis] * inverse } else { otherwise[axis] };
     }
     out
-}
-
-/// Nearest integer of a number from 0 to 2²², rounding half up.
-#[inline(always)]
-fn nearest(value: f32) -> u32 {
-    let whole = floor(value);
-    nearest_integer(if value - whole >= 0.5 { whole + 1.0 } else { whole })
 }
