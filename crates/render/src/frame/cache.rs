@@ -113,7 +113,7 @@ impl FrameCache {
         *shaded = dilated(blurred, columns);
         let grids = scene.irradiance_grids;
         if grids.version() != self.grid_version {
-            self.light_buffer.mark_irradiance(grids, self.grid_version, &self.view.camera, shaded);
+            self.light_buffer.mark_supports(grids, shaded);
         }
         *resolved = dilated(shaded, columns);
         for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {

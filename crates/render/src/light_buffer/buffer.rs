@@ -62,8 +62,6 @@ pub(super) struct TileSummary {
     pub fixture: u16,
     /// Visibility id of the one triangle that all its samples show, or [`MIXED`].
     pub only: u32,
-    /// True if its pixels lie on the top of a support surface.
-    pub is_on_top: bool,
     /// Reach of its SSAO taps on the image (px).
     pub reach: u16,
     /// Its bounds on the shadow map.

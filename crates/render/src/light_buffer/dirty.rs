@@ -1,17 +1,11 @@
 //! Dirty tiles: where shadow mask, ambient occlusion or shading may differ from the last frame.
 
-use glam::Vec2;
-
 use super::buffer::{LightBuffer, MIXED, SEVERAL, TileSummary};
 use crate::ambient::irradiance_grid::IrradianceGrids;
 use crate::gbuffer::static_layer::MarkCount;
-use crate::gbuffer::view::CameraView;
 use crate::scene::assets::RenderAssets;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::map::ShadowMap;
-
-/// Pixels beyond a tile within which shading reads the irradiance grid: one pixel, and rounding.
-const EDGE_PX: f32 = 1.5;
 
 impl LightBuffer {
     /// Marks the tiles whose raw shadow mask or AO may have changed: those with other geometry within reach, and those on
@@ -62,20 +56,10 @@ impl LightBuffer {
         self.is_unoccluded = self.tiles.iter().enumerate().map(is_unoccluded).collect();
     }
 
-    /// Marks the tiles that may show a support surface where its irradiance changed after a version.
-    pub fn mark_irradiance(&self, grids: &IrradianceGrids, version: u64, camera: &CameraView, marks: &mut [bool]) {
-        for (tile, mark) in marks.iter_mut().enumerate().filter(|(_, mark)| !**mark) {
-            let summary = &self.tiles[tile];
-            let [columns, rows] =
-                self.pixels_of(tile).map(|range| [range.start as f32 - EDGE_PX, (range.end - 1) as f32 + EDGE_PX]);
-            let corners = [[columns[0], rows[0]], [columns[1], rows[0]], [columns[0], rows[1]], [columns[1], rows[1]]];
-            *mark = match grids.of(summary.surface) {
-                _ if summary.only == MIXED => true,
-                None => false,
-                Some(grid) => {
-                    !summary.is_on_top || grid.changed_between(version, camera, corners.map(Vec2::from_array))
-                }
-            };
+    /// Marks the tiles that may show a support surface.
+    pub fn mark_supports(&self, grids: &IrradianceGrids, marks: &mut [bool]) {
+        for (mark, tile) in marks.iter_mut().zip(&self.tiles) {
+            *mark |= tile.only == MIXED || grids.of(tile.surface).is_some();
         }
     }
 }

@@ -14,9 +14,6 @@ use crate::render_scene::RenderScene;
 use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
 
-/// Largest distance of a point from the top of a support surface [m]: rounding errors of depth.
-const FLAT_M: f32 = 2e-4;
-
 impl LightBuffer {
     /// Reads the visibility buffer in the tiles that changed.
     pub fn read_surfaces(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
@@ -43,13 +40,6 @@ impl LightBuffer {
             let shown = lines.flat_map(|first| &self.surface[first..first + TILE]);
             let shown = shown.take(if surface == SEVERAL { TILE * TILE } else { 1 }).copied();
             let fixture = shown.filter(|&surface| is_fixed(surface)).reduce(|a, b| if a == b { a } else { SEVERAL });
-            let is_on_top = scene.irradiance_grids.of(surface).is_some_and(|grid| {
-                let corner = |x: usize, y: usize| rays.point_at(x, y, self.depth[y * self.width + x]);
-                let [(left, right), (top, bottom)] = [&columns, &rows].map(|range| (range.start, range.end - 1));
-                [corner(left, top), corner(right, top), corner(left, bottom), corner(right, bottom)]
-                    .iter()
-                    .all(|place| (place.z - grid.height()).abs() < FLAT_M)
-            });
             let footprint = if !scene.shadow.is_on() || high == 0.0 {
                 MapFootprint::default()
             } else {
@@ -63,7 +53,6 @@ impl LightBuffer {
                 surface,
                 fixture: fixture.unwrap_or(0),
                 only: if differ_all == 0 { first } else { MIXED },
-                is_on_top,
                 reach: reach as u16 + 2,
                 footprint,
             };
