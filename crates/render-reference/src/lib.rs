@@ -67,7 +67,7 @@ pub fn trace(
 ) -> Result<Exposed, RenderError> {
     let camera = CameraView::of(assets, job)?;
     let materials = variation.materials(assets);
-    let lighting = Lighting::new(variation, &materials);
+    let lighting = Lighting::new(variation, assets.ground_color(&materials));
     let poses: Vec<Pose> =
         assets.parts().iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
     let reference = Reference {

@@ -92,7 +92,7 @@ fn a_block_before_the_light_darkens_and_glass_only_a_little() {
 #[test]
 fn a_metal_ball_gives_back_what_its_reflection_says() {
     let sky = RenderVariation { light_intensity: 0.0, ..RenderVariation::default() };
-    let lighting = Lighting::new(&sky, &[]);
+    let lighting = Lighting::new(&sky, None);
     for roughness in [0.3_f32, 0.8] {
         let metal = Material { metallic: 1.0, ..Material::plain([1.0; 3], roughness) };
         let scene = placed(&[(object("ball", ball(0.5, 64), metal), DVec3::ZERO)]);

@@ -62,7 +62,6 @@ pub use frame::renderer::Renderer;
 pub use genmanip_core::{AppearanceFactor, AppearanceRandomisation};
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use scene::assets::RenderAssets;
-pub use scene::posed::PosedMesh;
 pub use scene::sampling;
 pub use scene::table_tops::TableTop;
 pub use scene::variation::{ObjectVariation, RenderVariation};

@@ -1,7 +1,7 @@
 //! Scene data shared by all passes of a job.
 
-use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxy_set::AoProxies;
+use crate::ambient::irradiance_grid::IrradianceGrids;
+use crate::ambient::proxy_set::Proxies;
 use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
@@ -19,7 +19,7 @@ pub(crate) struct RenderScene<'a> {
     pub backdrop: &'a Backdrop,
     pub shadow: &'a ShadowMap,
     /// Ellipsoid proxies for occlusion outside the image.
-    pub proxies: &'a AoProxies,
-    /// Ambient light on the support surface.
-    pub irradiance_grid: &'a IrradianceGrid,
+    pub proxies: &'a Proxies,
+    /// Ambient light on the support surfaces.
+    pub irradiance_grids: &'a IrradianceGrids,
 }

@@ -3,6 +3,8 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
+use std::ops::{Deref, DerefMut};
+
 /// Points per batch: several of the widest registers, while all components of a batch fit the first-level cache.
 pub(crate) const CHUNK: usize = 64;
 
@@ -16,9 +18,40 @@ pub(crate) fn whole_registers(count: usize) -> usize {
 }
 
 /// One component of a batch of points.
-pub(crate) type BatchColumn = [f32; CHUNK];
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Column<T>([T; CHUNK]);
 
-pub(crate) const ZERO: BatchColumn = [0.0; CHUNK];
+pub(crate) type BatchColumn = Column<f32>;
+
+impl<T: Copy> Column<T> {
+    /// The same value for all points.
+    #[inline(always)]
+    pub fn of(value: T) -> Self {
+        Self([value; CHUNK])
+    }
+}
+
+impl<T: Copy + Default> Default for Column<T> {
+    fn default() -> Self {
+        Self::of(T::default())
+    }
+}
+
+impl<T> Deref for Column<T> {
+    type Target = [T; CHUNK];
+
+    #[inline(always)]
+    fn deref(&self) -> &[T; CHUNK] {
+        &self.0
+    }
+}
+
+impl<T> DerefMut for Column<T> {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [T; CHUNK] {
+        &mut self.0
+    }
+}
 
 /// Dot product with fused multiply-adds, which round once and give the same bits on all processors.
 #[inline(always)]

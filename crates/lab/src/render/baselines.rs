@@ -13,7 +13,6 @@ use std::sync::Arc;
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{Camera, Seed};
-use genmanip_render::PosedMesh;
 use genmanip_render::{FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_workspace::Progress;
 use serde::{Deserialize, Serialize};
@@ -193,14 +192,14 @@ fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, 
     write("depth.f32", bytes(&depth_m))?;
     write("ids.u16", instance.iter().flat_map(|id| id.to_le_bytes()).collect())?;
     let mut meshes = Vec::new();
-    for (index, mesh) in assets.posed_meshes(frame).map_err(render_failed)?.enumerate() {
-        let PosedMesh { instance, world_from_mesh, positions, triangles, base_color_linear, .. } = mesh;
-        let place = |position| world_from_mesh.transform_point(position).as_vec3().to_array();
-        let corners: Vec<f32> = positions.iter().flat_map(|position| place(position.as_dvec3())).collect();
-        let indices = triangles.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
+    for (index, part) in assets.parts().iter().enumerate() {
+        let world_from_body = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
+        let place = |position| world_from_body.transform_point(position).as_vec3().to_array();
+        let corners: Vec<f32> = part.mesh.positions.iter().flat_map(|position| place(position.as_dvec3())).collect();
+        let indices = part.mesh.triangles.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
         write(&format!("{index}.f32"), bytes(&corners))?;
         write(&format!("{index}.u32"), indices)?;
-        meshes.push(json!({ "file": index.to_string(), "instance": instance, "color": base_color_linear }));
+        meshes.push(json!({ "file": index.to_string(), "instance": part.instance, "color": part.material.base.to_array() }));
     }
     let (pose, k) = (camera.mount_from_camera, camera.intrinsics);
     let axes = genmanip_core::glam::DMat3::from_quat(pose.rotation).transpose();

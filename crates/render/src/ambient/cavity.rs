@@ -5,7 +5,7 @@
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use super::proxies::{AoProxy, unoccluded_lamp, unoccluded_sky};
+use super::proxies::{Proxy, unoccluded_lamp, unoccluded_sky};
 use crate::gbuffer::points::Points;
 use crate::simd::{BatchColumn, dot, smooth_step, whole_registers};
 
@@ -19,32 +19,29 @@ const UPRIGHT: f32 = 0.5;
 const COVERED: f32 = 0.5;
 const HALF_OPEN: f32 = 0.75;
 
-/// A lit cavity of a body.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cavity {
-    /// Its centre in the body's frame (m).
-    pub middle: Vec3,
-    /// Share of the sky visible from its bottom.
-    pub open: f32,
-    /// Entering key light, relative to a surface that faces the light.
-    pub light: f32,
-}
+impl Proxy {
+    /// Centre in the body's frame (m).
+    pub fn middle(&self) -> Vec3 {
+        self.shape.middle()
+    }
 
-/// The lit cavity of a body, if light enters it.
-pub(super) fn cavity_of(own: &AoProxy) -> Option<Cavity> {
-    (own.entering > 0.0).then(|| {
-        let [x, y, z] = own.axes[2];
-        let half = 1.0 / (x * x + y * y + z * z).sqrt();
-        Cavity { middle: own.middle, open: open_share(own.volume, half), light: own.entering * CAVITY_KEY }
-    })
+    /// Share of the sky visible from the bottom of its cavity.
+    pub fn cavity_opening(&self) -> f32 {
+        open_share(self.volume, Vec3A::from_array(self.axes[2]).length_recip())
+    }
+
+    /// Key light entering its cavity, relative to a surface that faces the light.
+    pub fn cavity_light(&self) -> f32 {
+        self.entering * CAVITY_KEY
+    }
 }
 
 /// Share of the key and sky light from above that enters a body past some others through the side of its third axis, where
 /// concave bodies are open.
-pub(super) fn entering(own: &AoProxy, others: &[AoProxy]) -> f32 {
+pub(super) fn entering(own: &Proxy, others: &[Proxy]) -> f32 {
     let axis = Vec3A::from_array(own.axes[2]);
     let (up, half) = (axis.normalize(), axis.length_recip());
-    if up.z < UPRIGHT || !own.has_inside {
+    if up.z < UPRIGHT || !own.shape.has_inside {
         return 0.0;
     }
     let place = own.center() + up * half;
@@ -70,7 +67,7 @@ pub(crate) fn facing_middle(cosine: f32) -> f32 {
 /// Limits the ambient light at points that face the body's centre to the share that enters an open box; convex bodies
 /// have no such points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn enclose(own: &AoProxy, points: &Points, share: &mut BatchColumn) {
+pub(super) fn enclose(own: &Proxy, points: &Points, share: &mut BatchColumn) {
     let (center, axes, volume) = (own.center, own.axes, own.volume);
     let end = whole_registers(points.count);
     let mut faces_middle = false;
@@ -96,7 +93,6 @@ pub(super) fn enclose(own: &AoProxy, points: &Points, share: &mut BatchColumn) {
 mod tests {
     use super::super::proxies::tests::{ball, looking_up};
     use super::*;
-    use crate::simd::CHUNK;
 
     /// The bottom of a mug is darker than that of a plate; outer walls are unaffected.
     #[test]
@@ -106,7 +102,7 @@ mod tests {
             if turned {
                 points.normal[2][0] = -1.0;
             }
-            let mut share = [1.0; CHUNK];
+            let mut share = BatchColumn::of(1.0);
             enclose(&ball([0.0, 0.0, half[2]], half), &points, &mut share);
             share[0]
         };

@@ -1,7 +1,6 @@
-//! Ellipsoid AO proxies: occlusion that SSAO misses because it is outside the image, by the gripper above a wrist
-//! camera and by walls of cavities.
+//! Proxies: ellipsoids that stand for bodies where the image does not show them, such as the gripper above a wrist camera.
 //!
-//! Each body is an ellipsoid, whose form factor has a closed form.
+//! Their form factors have a closed form.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -11,6 +10,7 @@ use multiversion::multiversion;
 
 use crate::gbuffer::points::Points;
 use crate::gbuffer::view::rotation;
+use crate::scene::body_shape::BodyShape;
 use crate::simd::{BatchColumn, dot, smooth_step, whole_registers, within};
 
 /// Half axes of the ellipsoid relative to the bounding box. Fitted to path-traced images.
@@ -26,17 +26,19 @@ const LAMP_BEYOND: f32 = 0.21;
 /// large.
 const LAMP_BLUR: f32 = 0.3;
 /// Smallest half axis (m). Chosen.
-pub(super) const THINNEST_M: f32 = 0.005;
+const THINNEST_M: f32 = 0.005;
 /// Smallest form factor that counts. Chosen: an invisible step.
-pub(super) const LEAST: f32 = 0.01;
+const LEAST: f32 = 0.01;
 /// Inverse length of the fade-out, in squared reach. Chosen.
 const FADE: f32 = 4.0;
 
-/// Ellipsoid AO proxy of a body.
+/// Stand-in for a body: an ellipsoid that occludes light, whose bounding box or inscribed ellipsoid metal close to it
+/// reflects, and that may hold a cavity.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct AoProxy {
+pub(crate) struct Proxy {
     /// Body index.
     pub(super) body: usize,
+    pub(super) shape: BodyShape,
     /// Centre in the world (m).
     pub(super) center: [f32; 3],
     /// Unit axes in the world divided by the half axes.
@@ -47,23 +49,42 @@ pub(crate) struct AoProxy {
     pub(super) color: [f32; 3],
     /// Distance of the centre beyond which it has no effect (m).
     pub(super) reach: f32,
-    /// Centre in the body's frame (m).
-    pub(super) middle: Vec3,
     /// Direction to the key light in the space where the ellipsoid is the unit sphere.
     pub(super) to_lamp: [f32; 3],
     /// Share of the key light on it and the surface around it that other bodies leave, for wrist cameras.
     pub(super) lit: f32,
-    /// Share of the light from above that enters through the side of its third axis.
+    /// Share of the light from above that enters its cavity through the side of its third axis.
     pub(super) entering: f32,
-    /// See [`crate::scene::body_shape::BodyShape`].
-    pub(super) is_box: bool,
-    pub(super) has_inside: bool,
-    pub(super) is_concave: bool,
     /// Degree to which it is held in the gripper, 0-1, for wrist cameras.
-    pub(super) in_gripper: f32,
+    pub(super) held: f32,
 }
 
-impl AoProxy {
+impl Proxy {
+    /// Proxy of a free, lit body without a cavity, from its shape, pose, mean linear colour and the direction to the
+    /// key light.
+    pub fn new(body: usize, shape: BodyShape, pose: &Pose, color: Vec3A, to_light: Vec3A) -> Self {
+        let half = ((shape.high - shape.low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
+        let turn = rotation(pose);
+        let center = turn * Vec3A::from(shape.middle()) + pose.position.as_vec3a();
+        let axes = [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array());
+        let volume = half.element_product();
+        let own = Self {
+            body,
+            shape,
+            center: center.to_array(),
+            axes,
+            volume,
+            color: color.to_array(),
+            // At a distance a body covers at most its largest cross-section.
+            reach: (volume / half.min_element() / LEAST).sqrt(),
+            to_lamp: [0.0; 3],
+            lit: 1.0,
+            entering: 0.0,
+            held: 0.0,
+        };
+        Self { to_lamp: own.stretched(to_light).to_array(), ..own }
+    }
+
     /// Centre in the world (m).
     pub fn center(&self) -> Vec3A {
         Vec3A::from_array(self.center)
@@ -71,7 +92,7 @@ impl AoProxy {
 
     /// Unit vector of a direction in the space where the ellipsoid is the unit sphere.
     pub fn stretched(&self, direction: Vec3A) -> Vec3A {
-        stretched(self.axes, direction)
+        Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
     }
 
     /// Height of its lowest point (m).
@@ -96,23 +117,9 @@ impl AoProxy {
     }
 }
 
-/// Centre in the world and unit axes divided by the half axes, of a box or ellipsoid at a pose, from its centre and
-/// half axes in the body's frame (m).
-pub(super) fn placed(pose: &Pose, middle: Vec3, half: Vec3) -> ([f32; 3], [[f32; 3]; 3]) {
-    let turn = rotation(pose);
-    let center = turn * Vec3A::from(middle) + pose.position.as_vec3a();
-    let axes = [turn.x_axis / half.x, turn.y_axis / half.y, turn.z_axis / half.z].map(|axis| axis.to_array());
-    (center.to_array(), axes)
-}
-
-/// Unit vector of a direction in the space where an ellipsoid with such axes is the unit sphere.
-pub(super) fn stretched(axes: [[f32; 3]; 3], direction: Vec3A) -> Vec3A {
-    Vec3A::from_array(axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
-}
-
 /// Multiplies the ambient light at points by what an ellipsoid leaves.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn) {
+pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     let (center, per_reach) = (proxy.center, 1.0 / (proxy.reach * proxy.reach));
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
@@ -125,7 +132,7 @@ pub(super) fn occlude(proxy: &AoProxy, points: &Points, share: &mut BatchColumn)
 
 /// Share of the sky above a point that all bodies but one leave, as if they occluded independently.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
+pub(super) fn unoccluded_sky(bodies: &[Proxy], but: usize, place: [f32; 3], normal: [f32; 3]) -> f32 {
     let mut left = 1.0;
     for other in bodies {
         let [x, y, z] = other.center;
@@ -138,7 +145,7 @@ pub(super) fn unoccluded_sky(bodies: &[AoProxy], but: usize, place: [f32; 3], no
 
 /// Share of the key light at a position that all bodies but one leave.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(super) fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
+pub(super) fn unoccluded_lamp(bodies: &[Proxy], but: usize, [x, y, z]: [f32; 3]) -> f32 {
     let mut left = 1.0;
     for other in bodies {
         let toward = [other.center[0] - x, other.center[1] - y, other.center[2] - z];
@@ -157,7 +164,7 @@ pub(super) fn unoccluded_lamp(bodies: &[AoProxy], but: usize, [x, y, z]: [f32; 3
 /// Share of a broad light that an ellipsoid covers; `toward` points to its centre, `lamp` to the light in the space
 /// where the ellipsoid is the unit sphere.
 #[inline(always)]
-pub(crate) fn penumbra(proxy: &AoProxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
+pub(crate) fn penumbra(proxy: &Proxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
     let along = proxy.axes.map(|axis| dot(axis, toward));
     let (square, nearest) = (dot(along, along), dot(along, lamp));
     let beside = nearest.mul_add(-nearest, square);
@@ -171,7 +178,7 @@ pub(crate) fn penumbra(proxy: &AoProxy, toward: [f32; 3], lamp: [f32; 3]) -> f32
 /// Cosine-weighted share of the sky above a point that an ellipsoid covers: exact for small, distant ellipsoids above
 /// the horizon, and nearly 1 for one that touches the point from above.
 #[inline(always)]
-pub(crate) fn form_factor(proxy: &AoProxy, toward: [f32; 3], normal: [f32; 3]) -> f32 {
+pub(crate) fn form_factor(proxy: &Proxy, toward: [f32; 3], normal: [f32; 3]) -> f32 {
     let square = dot(toward, toward) + 1e-12;
     let inverse = 1.0 / square.sqrt();
     let cosine = dot(normal, toward) * inverse;
@@ -197,26 +204,12 @@ pub(crate) fn form_factor(proxy: &AoProxy, toward: [f32; 3], normal: [f32; 3]) -
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::simd::CHUNK;
 
-    pub(in crate::ambient) fn ball(place: [f32; 3], half: [f32; 3]) -> AoProxy {
-        let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
-        AoProxy {
-            body: 0,
-            color: [0.0; 3],
-            middle: Vec3::ZERO,
-            to_lamp: [0.0, 0.0, 1.0],
-            lit: 1.0,
-            entering: 0.0,
-            is_box: false,
-            has_inside: false,
-            is_concave: false,
-            in_gripper: 0.0,
-            center: place,
-            axes,
-            volume: half.iter().product(),
-            reach: f32::INFINITY,
-        }
+    pub(in crate::ambient) fn ball(place: [f32; 3], half: [f32; 3]) -> Proxy {
+        let high = Vec3::from_array(half) / FULLNESS;
+        let pose = Pose::from_position(Vec3::from_array(place).as_dvec3());
+        let own = Proxy::new(0, BodyShape { low: -high, high, ..BodyShape::default() }, &pose, Vec3A::ZERO, Vec3A::Z);
+        Proxy { reach: f32::INFINITY, ..own }
     }
 
     /// A point of the plane z = 0 with an upward normal.
@@ -266,7 +259,7 @@ pub(super) mod tests {
             ([0.0, 0.0, -1.0], [0.1; 3], 0.0, 1e-6),
             ([5.0, 0.0, 0.0], [0.1; 3], 0.0, 1e-4),
         ] {
-            let mut share = [1.0; CHUNK];
+            let mut share = BatchColumn::of(1.0);
             occlude(&ball(center, half), &looking_up([0.0; 3]), &mut share);
             let got = (1.0 - share[0]) / STRENGTH;
             assert!((got - expected).abs() < tolerance, "{got}, expected {expected}: {half:?} at {center:?}");

@@ -1,15 +1,14 @@
-//! AO and reflection proxies of all bodies of a frame.
+//! Proxies of all bodies of a frame.
 
 use genmanip_core::CameraMount;
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 
-use super::cavity::{Cavity, cavity_of, enclose, entering};
-use super::proxies::{AoProxy, FULLNESS, LEAST, THINNEST_M, occlude, placed, stretched, unoccluded_lamp};
-use super::reflection_proxies::{ReflectionProxy, held, in_gripper};
+use super::cavity::{enclose, entering};
+use super::proxies::{Proxy, occlude, unoccluded_lamp};
+use super::reflection::held;
 use crate::gbuffer::points::Points;
 use crate::job::FrameState;
-use crate::scene::assets::{Pad, RenderAssets};
-use crate::scene::body_shape::BodyShape;
+use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::simd::BatchColumn;
 
@@ -17,18 +16,18 @@ use crate::simd::BatchColumn;
 /// path-traced images.
 const SHADED: f32 = 0.55;
 
-/// AO proxies of all bodies of a frame.
+/// Proxies of all bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct AoProxies {
-    bodies: Vec<AoProxy>,
+pub(crate) struct Proxies {
+    bodies: Vec<Proxy>,
     /// Finger pads, for wrist cameras.
-    pads: Vec<(usize, ReflectionProxy)>,
+    pads: Vec<Proxy>,
     /// True if bodies occlude each other. Only for wrist cameras, which are close to objects, below the gripper, and
     /// never continue a frame.
     count: bool,
 }
 
-impl AoProxies {
+impl Proxies {
     /// Places the proxies of a frame, with mean colours by body, for a camera mount and a light direction; transparent
     /// bodies do not occlude.
     pub fn place(
@@ -42,60 +41,40 @@ impl AoProxies {
         self.count = mount == CameraMount::Hand;
         self.bodies.clear();
         for (body, pose) in frame.body_poses.iter().enumerate() {
-            let Some(&BodyShape { low, high, is_box, has_inside, is_concave }) = assets.shape_of(body) else {
-                continue;
-            };
-            let half = ((high - low) * (0.5 * FULLNESS)).max(Vec3::splat(THINNEST_M));
-            let middle = (low + high) * 0.5;
-            let (center, axes) = placed(pose, middle, half);
-            let volume = half.x * half.y * half.z;
-            // At a distance a body covers at most its largest cross-section.
-            let reach = (volume / half.min_element() / LEAST).sqrt();
-            let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
-            self.bodies.push(AoProxy {
-                body,
-                center,
-                axes,
-                volume,
-                color,
-                reach,
-                middle,
-                to_lamp: stretched(axes, to_light).to_array(),
-                lit: 1.0,
-                entering: 0.0,
-                is_box,
-                has_inside,
-                is_concave,
-                in_gripper: 0.0,
-            });
+            if let Some(&shape) = assets.shape_of(body) {
+                let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO);
+                self.bodies.push(Proxy::new(body, shape, pose, color, to_light));
+            }
         }
         self.pads.clear();
         if self.count {
-            let at_pose = |pad: &Pad| (pad.body, ReflectionProxy::pad(pad, &frame.body_poses[pad.body]));
-            self.pads.extend(assets.pads().iter().map(at_pose));
+            self.pads.extend(assets.pads().iter().map(|pad| {
+                let pose = &frame.body_poses[pad.body];
+                Proxy { held: 1.0, ..Proxy::new(pad.body, pad.shape, pose, pad.color, to_light) }
+            }));
         }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
             let (robot, others) = (self.robot(assets.robot_bodies()), if self.count { &*self.bodies } else { &[] });
             let is_free = self.count && own.body >= assets.robot_bodies();
-            let (entering, in_gripper) = (entering(own, others), if is_free { in_gripper(own, robot) } else { 0.0 });
+            let (entering, held) = (entering(own, others), if is_free { held(own, robot) } else { 0.0 });
             // Arm and held object hang in the light, whatever shadows their proxies cast on each other.
-            let is_arm = own.body < assets.robot_bodies() || in_gripper > 0.0;
+            let is_arm = own.body < assets.robot_bodies() || held > 0.0;
             let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
             let own = &mut self.bodies[index];
-            (own.lit, own.entering, own.in_gripper) = (lit, entering, in_gripper);
+            (own.lit, own.entering, own.held) = (lit, entering, held);
         }
     }
 
-    fn of_body(&self, body: usize) -> Option<&AoProxy> {
+    fn of_body(&self, body: usize) -> Option<&Proxy> {
         // Proxies are sorted by body.
         let index = self.bodies.binary_search_by_key(&body, |proxy| proxy.body).ok()?;
         Some(&self.bodies[index])
     }
 
     /// All proxies.
-    pub fn bodies(&self) -> &[AoProxy] {
+    pub fn bodies(&self) -> &[Proxy] {
         &self.bodies
     }
 
@@ -141,23 +120,24 @@ impl AoProxies {
     }
 
     /// Proxies of the robot, whose bodies come first.
-    fn robot(&self, robot_bodies: usize) -> &[AoProxy] {
+    fn robot(&self, robot_bodies: usize) -> &[Proxy] {
         &self.bodies[..self.bodies.partition_point(|other| other.body < robot_bodies)]
     }
 
-    /// The lit cavity of a body, if light enters it.
-    pub fn cavity_of(&self, body: usize) -> Option<Cavity> {
-        cavity_of(self.of_body(body)?)
+    /// Proxy of a body with a cavity that light enters.
+    pub fn cavity_of(&self, body: usize) -> Option<&Proxy> {
+        self.of_body(body).filter(|own| own.entering > 0.0)
     }
 
     /// Share of a body's bounce light that returns to it: less in the dark gripper, all of it inside a cavity.
     pub fn bounce_of(&self, body: usize) -> f32 {
-        self.of_body(body).filter(|own| !own.is_concave).map_or(1.0, |own| 1.0 - own.in_gripper)
+        self.of_body(body).filter(|own| !own.shape.is_concave).map_or(1.0, |own| 1.0 - own.held)
     }
 
-    /// Reflection proxies for the metal of a robot's body, the farther first: the held object and the finger's pad.
-    pub fn reflection_proxies_of(&self, body: usize) -> [Option<ReflectionProxy>; 2] {
-        [held(&self.bodies), self.pads.iter().find(|(own, _)| *own == body).map(|(_, pad)| *pad)]
+    /// Proxies that the metal of a robot's body reflects, the farther first: the held object and the finger's pad.
+    pub fn reflected_by(&self, body: usize) -> [Option<&Proxy>; 2] {
+        let held = self.bodies.iter().max_by(|a, b| a.held.total_cmp(&b.held)).filter(|own| own.held > 0.0);
+        [held, self.pads.iter().find(|pad| pad.body == body)]
     }
 }
 

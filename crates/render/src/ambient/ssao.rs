@@ -5,11 +5,11 @@
 use glam::Vec2;
 use multiversion::multiversion;
 
-use crate::gbuffer::points::Points;
+use crate::gbuffer::points::{PATTERN, Points};
 use crate::gbuffer::view::CameraView;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::turn_of;
-use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, Column, dot, nearest_integer, whole_registers, within};
 
 /// Taps per point. Chosen.
 const TAPS: usize = 8;
@@ -51,32 +51,17 @@ pub(crate) fn occlude(
 }
 
 /// Taps around a batch of points.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct SsaoTaps {
     cosine: BatchColumn,
     sine: BatchColumn,
     /// Offset of each tap from the point (px).
     dx: [BatchColumn; TAPS],
     dy: [BatchColumn; TAPS],
-    index: [[u32; CHUNK]; TAPS],
+    index: [Column<u32>; TAPS],
     depth: [BatchColumn; TAPS],
     darkening: BatchColumn,
     pub share: BatchColumn,
-}
-
-impl Default for SsaoTaps {
-    fn default() -> Self {
-        Self {
-            cosine: ZERO,
-            sine: ZERO,
-            dx: [ZERO; TAPS],
-            dy: [ZERO; TAPS],
-            index: [[0; CHUNK]; TAPS],
-            depth: [ZERO; TAPS],
-            darkening: ZERO,
-            share: ZERO,
-        }
-    }
 }
 
 impl SsaoTaps {
@@ -86,14 +71,11 @@ impl SsaoTaps {
             let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
             // Points are at every second pixel; rotations repeat every 4×4 points.
             let turn = |lane: &BatchColumn| nearest_integer(lane[i]) as usize / 2 % 4;
-            let (sine, cosine) = turn_of(TURN[turn(&points.row)][turn(&points.column)]);
+            let (sine, cosine) = turn_of(PATTERN[turn(&points.row)][turn(&points.column)]);
             (self.cosine[i], self.sine[i]) = (cosine * reach, sine * reach);
         }
     }
 }
-
-/// Rotations within a block of 4×4 points.
-const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_taps(taps: &mut SsaoTaps, points: &Points, [width, height]: [usize; 2]) {

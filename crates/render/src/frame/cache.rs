@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use crate::ambient::proxy_set::AoProxies;
+use crate::ambient::proxy_set::Proxies;
 use crate::gbuffer::material_bins::MaterialBins;
-use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
+use crate::gbuffer::static_layer::{LayeredBuffer, TILE, dilated};
 use crate::gbuffer::view::{CameraView, View, surface_of};
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::light_buffer::{Estimator, LightBuffer, UpsampleWindow, Windows};
@@ -34,7 +34,7 @@ pub(crate) struct FrameCache {
     /// Inputs of the last frame, to find what changed.
     shadow_version: u64,
     grid_version: u64,
-    proxies: AoProxies,
+    proxies: Proxies,
     /// Linear display colours of the opaque surfaces at the pixel centres.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
@@ -70,7 +70,7 @@ impl FrameCache {
         self.colors.len()
     }
 
-    /// Renders a frame; with the camera of the last frame only its dirty tiles.
+    /// Renders a frame of whole tiles; with the camera of the last frame only its dirty tiles.
     pub fn draw(&mut self, scene: &RenderScene<'_>, frame: &FrameState, camera: CameraView) {
         let assets = scene.assets;
         let (width, height) = (camera.width, camera.height);
@@ -92,7 +92,7 @@ impl FrameCache {
             self.transparent.draw(assets, view, SCALE);
         }
         self.light_buffer.read_surfaces(scene, &self.opaque.target, &self.opaque.changed, view);
-        self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grid.surface());
+        self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grids);
         self.find_dirty(scene, continues);
         self.run_passes(scene);
     }
@@ -111,9 +111,9 @@ impl FrameCache {
         }
         *blurred = dilated(estimated, columns);
         *shaded = dilated(blurred, columns);
-        let grid = scene.irradiance_grid;
-        if grid.version() != self.grid_version {
-            self.light_buffer.mark_support(grid, self.grid_version, &self.view.camera, shaded);
+        let grids = scene.irradiance_grids;
+        if grids.version() != self.grid_version {
+            self.light_buffer.mark_supports(grids, shaded);
         }
         *resolved = dilated(shaded, columns);
         for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {
@@ -126,7 +126,7 @@ impl FrameCache {
             }
         }
         self.proxies.clone_from(scene.proxies);
-        (self.shadow_version, self.grid_version) = (scene.shadow.version(), grid.version());
+        (self.shadow_version, self.grid_version) = (scene.shadow.version(), grids.version());
     }
 
     /// Runs the passes strip by strip, so that the output of one is in the cache for the next; each is one strip behind the
@@ -136,7 +136,7 @@ impl FrameCache {
         let tiles_in_strip = columns * (STRIP_PIXELS / (TILE * TILE) / columns).max(1);
         let strips = count.div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
-        self.resolver.begin(scene.assets, &self.view, count);
+        self.resolver.begin(scene.assets, &self.view);
         let strip_of = |step: usize, behind: usize| {
             let strip = step.checked_sub(behind).filter(|&strip| strip < strips)?;
             Some(strip * tiles_in_strip..((strip + 1) * tiles_in_strip).min(count))
@@ -188,14 +188,9 @@ impl FrameCache {
         }
         self.light_buffer.fill_bins(scene.assets.parts.len(), tiles, &mut self.bins);
         let (light_buffer, shading) = (&self.light_buffer, &mut *self.shading);
-        for (part, tiles, places) in self.bins.parts() {
+        for (part, places) in self.bins.parts() {
             let shaded_part = ShadedPart::new(scene, &self.view, part);
-            self.shaded_pixels += tiles.len() * TILE * TILE + places.len();
-            for &place in tiles {
-                shading.load_tile(place, light_buffer);
-                shading.shade(&shaded_part);
-                shading.write(&mut self.colors, &mut self.rgb);
-            }
+            self.shaded_pixels += places.len();
             for places in places.chunks(CHUNK) {
                 shading.load_pixels(places, light_buffer);
                 shading.shade(&shaded_part);
@@ -208,72 +203,37 @@ impl FrameCache {
     fn restore(&mut self, tiles: &[usize]) {
         for &tile in tiles.iter().filter(|&&tile| !self.dirty.shaded[tile]) {
             let [columns, rows] = self.light_buffer.pixels_of(tile);
-            for place in self.resolver.rewritten(tile) {
-                let pixel = (rows.start + place / TILE) * self.view.camera.width + columns.start + place % TILE;
-                self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
+            for row in rows {
+                for pixel in columns.clone().map(|column| row * self.view.camera.width + column) {
+                    self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
+                }
             }
         }
     }
 
-    /// Writes the requested channels.
-    pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
-        let CameraView { width, height, .. } = self.view.camera;
-        out.rgb.clone_from(&self.rgb);
-        if channels.normal || channels.parts {
-            self.find_centers(assets, &[Rectangle { columns: 0..width, rows: 0..height }]);
-            write_geometry(assets, &self.view, &self.centers, channels, out);
-            return;
+    /// Writes the requested channels of the first columns and rows.
+    pub fn write(&mut self, assets: &RenderAssets, channels: Channels, size: [usize; 2], out: &mut FrameBuffers) {
+        out.rgb.clear();
+        for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {
+            out.rgb.extend_from_slice(&row[..3 * size[0]]);
         }
-        out.normal.clear();
-        out.parts.clear();
-        out.depth_m.clear();
-        out.instance.clear();
-        let instances = instances_of(assets);
-        if channels.depth {
-            out.depth_m.extend_from_slice(&self.light_buffer.depth);
-        }
-        if channels.instance {
-            out.instance.extend(self.light_buffer.surface.iter().map(|&surface| instances[usize::from(surface)]));
-        }
-        if !self.view.has_transparent {
-            return;
-        }
-        let areas = self.transparent.areas.clone();
-        self.find_centers(assets, &areas);
-        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
-            let (pixel, sample) = (row * width + column, row * self.centers.stride + column);
-            if channels.depth {
-                out.depth_m[pixel] = depth_of(&self.centers.reversed_z[sample]);
-            }
-            if channels.instance {
-                out.instance[pixel] = instances[surface_of(self.centers.ids[sample]) as usize];
-            }
-        }
-    }
-
-    /// Finds the visibility at the pixel centres of some areas, transparent parts included.
-    fn find_centers(&mut self, assets: &RenderAssets, areas: &[Rectangle]) {
-        let CameraView { width, height, .. } = self.view.camera;
+        // Visibility at the pixel centres, transparent parts included.
         let (opaque, centers) = (&self.opaque.target, &mut self.centers);
-        if (centers.width, centers.height) != (width, height) {
-            centers.reset::<true>(width, height, 1);
-        }
-        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
-            let sample = row * centers.stride + column;
-            (centers.ids[sample], centers.reversed_z[sample]) = opaque.sample(column * SCALE, row * SCALE);
+        centers.reset::<true>(size[0], size[1], 1);
+        for row in 0..size[1] {
+            let (from, to) = (row * SCALE * opaque.stride, row * centers.stride);
+            let samples = opaque.ids[from..].iter().zip(&opaque.reversed_z[from..]).step_by(SCALE);
+            let own = centers.ids[to..to + size[0]].iter_mut().zip(&mut centers.reversed_z[to..]);
+            own.zip(samples).for_each(|((id, reversed_z), sample)| (*id, *reversed_z) = (*sample.0, *sample.1));
         }
         self.view.draw_transparent(assets, [true, true], centers);
+        write_geometry(assets, &self.view, centers, channels, out);
     }
 }
 
 /// Marked tiles of a range.
 fn marked(marks: &[bool], range: Range<usize>) -> Vec<usize> {
     range.filter(|&tile| marks[tile]).collect()
-}
-
-/// Instance id of each surface number; 0 is the background.
-fn instances_of(assets: &RenderAssets) -> Vec<u16> {
-    std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
 }
 
 /// Depth from reversed z; 0 for the background.
@@ -289,7 +249,8 @@ pub(crate) fn write_geometry(
     channels: Channels,
     out: &mut FrameBuffers,
 ) {
-    let instances = instances_of(assets);
+    // By surface number; 0 is the background.
+    let instances: Vec<u16> = std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect();
     out.depth_m.clear();
     out.instance.clear();
     out.normal.clear();
@@ -306,6 +267,6 @@ pub(crate) fn write_geometry(
         }
     }
     if channels.normal {
-        super::normals::write(assets, view, seen, &mut out.normal);
+        super::normals::write(assets, view, seen.rows(), &mut out.normal);
     }
 }

@@ -101,25 +101,6 @@ pub fn resize_rgb(size: [u32; 2], rgb: &[u8], new_size: [u32; 2]) -> Result<Vec<
     Ok(out)
 }
 
-/// Resizes depth or ids: each new pixel takes the value under its centre.
-///
-/// # Errors
-/// A buffer of the wrong size, or an empty size.
-pub fn resize_nearest<T: Copy>(size: [u32; 2], values: &[T], new_size: [u32; 2]) -> Result<Vec<T>, EncodeError> {
-    check_size(size[0], size[1], 1, values.len())?;
-    check_not_empty(new_size)?;
-    // Twice the coordinate of the new centre in old pixels, as an integer.
-    let source = |index: u32, axis: usize| {
-        let doubled = (2 * u64::from(index) + 1) * u64::from(size[axis]) / (2 * u64::from(new_size[axis]));
-        (doubled as usize).min(size[axis] as usize - 1)
-    };
-    let row = |y: u32| source(y, 1) * size[0] as usize;
-    Ok((0..new_size[1])
-        .flat_map(|y| (0..new_size[0]).map(move |x| (x, y)))
-        .map(|(x, y)| values[row(y) + source(x, 0)])
-        .collect())
-}
-
 /// Interval of old pixels (px).
 #[derive(Clone)]
 struct Span {

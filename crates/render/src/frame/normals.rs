@@ -3,11 +3,15 @@
 use glam::{Vec3A, Vec4};
 
 use crate::gbuffer::view::{View, part_and_triangle};
-use crate::raster::VisibilityBuffer;
 use crate::scene::assets::RenderAssets;
 
 /// Unit normal towards the camera in camera axes, times 127, at every pixel centre; zero for the background.
-pub(crate) fn write(assets: &RenderAssets, view: &View, seen: &VisibilityBuffer, out: &mut Vec<[i8; 3]>) {
+pub(crate) fn write<'a>(
+    assets: &RenderAssets,
+    view: &View,
+    seen: impl Iterator<Item = (&'a [f32], &'a [u32])>,
+    out: &mut Vec<[i8; 3]>,
+) {
     let normal_at = |x: usize, y: usize, reversed_z: f32, id: u32| {
         let Some((part, triangle)) = part_and_triangle(id) else { return [0; 3] };
         let (part, placed, camera) = (&assets.parts[part], &view.parts[part], &view.camera);
@@ -23,7 +27,7 @@ pub(crate) fn write(assets: &RenderAssets, view: &View, seen: &VisibilityBuffer,
         let towards = if plane.dot(direction) > 0.0 { -normal } else { normal };
         (towards * 127.0).to_array().map(|value| value.round() as i8)
     };
-    for (y, (reversed_z, ids)) in seen.rows().enumerate() {
+    for (y, (reversed_z, ids)) in seen.enumerate() {
         out.extend(
             reversed_z.iter().zip(ids).enumerate().map(|(x, (&reversed_z, &id))| normal_at(x, y, reversed_z, id)),
         );

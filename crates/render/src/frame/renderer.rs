@@ -5,8 +5,8 @@ use std::sync::Arc;
 use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::{DQuat, Vec3A};
 
-use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::proxy_set::{AoProxies, colors_of};
+use crate::ambient::irradiance_grid::IrradianceGrids;
+use crate::ambient::proxy_set::{Proxies, colors_of};
 use crate::error::RenderError;
 use crate::frame::cache::{FrameCache, write_geometry};
 use crate::gbuffer::view::{CameraView, View};
@@ -42,11 +42,11 @@ pub struct Renderer {
     /// Shadow maps for large and for small images, with the frame they show.
     shadows: [(ShadowMap, Option<FrameState>); 2],
     /// AO proxies of the last job.
-    proxies: AoProxies,
+    proxies: Proxies,
     /// Mean linear colours of the bodies.
     body_colors: Vec<Vec3A>,
     /// Irradiance grids for large and small images, for fixed and for wrist cameras.
-    irradiance_grids: [[IrradianceGrid; 2]; 2],
+    irradiance_grids: [[IrradianceGrids; 2]; 2],
     /// Frame caches by camera, the most recent last.
     kept: Vec<(CacheKey, FrameCache)>,
     /// Depth and ids without colour.
@@ -67,7 +67,7 @@ impl Renderer {
     /// A renderer of some assets with a variation.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         let materials = variation.materials(&assets);
-        let lighting = Lighting::new(&variation, &materials);
+        let lighting = Lighting::new(&variation, assets.ground_color(&materials));
         let body_colors = colors_of(&assets, &materials);
         let irradiance_grids = irradiance_grids(&assets, &variation);
         Self {
@@ -77,7 +77,7 @@ impl Renderer {
             materials,
             variation,
             shadows: Default::default(),
-            proxies: AoProxies::default(),
+            proxies: Proxies::default(),
             body_colors,
             irradiance_grids,
             kept: Vec::new(),
@@ -178,6 +178,7 @@ impl Renderer {
     }
 
     fn draw(&mut self, job: &ViewJob<'_>, frame: &FrameState, camera: CameraView, out: &mut FrameBuffers) {
+        let (image_size, camera) = ([camera.width, camera.height], camera.in_whole_tiles());
         let intrinsics = job.camera.intrinsics;
         let is_small = intrinsics.width.max(intrinsics.height) <= SMALL_PX;
         let full = self.variation.shadow_resolution.min(8192) as usize;
@@ -189,9 +190,9 @@ impl Renderer {
         }
         let (colors, to_light) = (&self.body_colors, self.lighting.to_light);
         self.proxies.place(&self.assets, colors, frame, job.camera.mount, to_light);
-        let irradiance_grid =
+        let irradiance_grids =
             &mut self.irradiance_grids[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
-        irradiance_grid.update(&self.proxies, &self.variation, &self.lighting, &camera);
+        irradiance_grids.update(&self.proxies, &self.variation, &self.lighting, &camera);
         let key = CacheKey { mount: job.camera.mount, mount_from_camera: job.camera.mount_from_camera, intrinsics };
         let (key, mut cache) = match self.kept.iter().position(|(known, _)| *known == key) {
             Some(index) => self.kept.remove(index),
@@ -199,10 +200,10 @@ impl Renderer {
         };
         let (assets, materials) = (&*self.assets, &*self.materials);
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
-        let (proxies, irradiance_grid) = (&self.proxies, &*irradiance_grid);
-        let scene = RenderScene { assets, materials, variation, lighting, backdrop, shadow, proxies, irradiance_grid };
+        let (proxies, irradiance_grids) = (&self.proxies, &*irradiance_grids);
+        let scene = RenderScene { assets, materials, variation, lighting, backdrop, shadow, proxies, irradiance_grids };
         cache.draw(&scene, frame, camera);
-        cache.write(&self.assets, job.channels, out);
+        cache.write(&self.assets, job.channels, image_size, out);
         self.shaded_pixels = cache.shaded_pixels;
         self.kept.push((key, cache));
         while self.kept.len() > 1 && self.kept.iter().map(|(_, cache)| cache.pixels()).sum::<usize>() > KEPT_PIXELS {
@@ -211,8 +212,8 @@ impl Renderer {
     }
 }
 
-fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[IrradianceGrid; 2]; 2] {
-    [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrid::new(assets, variation, is_small)))
+fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[IrradianceGrids; 2]; 2] {
+    [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrids::new(assets, variation, is_small)))
 }
 
 /// Rounds poses to 8 µm and 8 µrad, far below the resolution of depth images, so that simulation jitter of resting

@@ -4,10 +4,9 @@
 
 use multiversion::multiversion;
 
-use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::assets::{Part, TRIANGLE_BITS};
-use crate::simd::{BatchColumn, CHUNK, ZERO, dot, nearest_integer, turned, whole_registers};
+use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, turned, whole_registers};
 
 /// A pixel as one number: column in the low half, row in the high half.
 #[inline(always)]
@@ -21,9 +20,6 @@ pub(crate) fn unpacked(place: u32) -> [u32; 2] {
     [place & 0xffff, place >> 16]
 }
 
-/// Stands for several visibility ids in a tile.
-pub(crate) const MIXED: u32 = u32::MAX;
-
 /// Visible opaque surfaces at the pixel centres of an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PixelCenters<'a> {
@@ -32,54 +28,20 @@ pub(crate) struct PixelCenters<'a> {
     /// Visibility ids.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
-    /// Tiles per row, and the one visibility id of each tile's samples, or [`MIXED`].
-    pub columns: usize,
-    pub only: &'a [u32],
 }
 
-impl PixelCenters<'_> {
-    /// The one visibility id of the tile that begins at a packed pixel.
-    pub fn only(&self, place: u32) -> Option<u32> {
-        let [column, row] = unpacked(place).map(|at| at as usize);
-        Some(self.only[row / TILE * self.columns + column / TILE]).filter(|&id| id != MIXED)
-    }
-
-    fn first_id(&self, place: u32) -> u32 {
-        let [column, row] = unpacked(place).map(|at| at as usize);
-        self.ids[row * self.width + column]
-    }
-}
-
-/// A batch of pixels that show one part: a whole tile, or a list.
-#[derive(Clone, Debug)]
+/// A batch of pixels that show one part.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Pixels {
     pub count: usize,
-    /// True for a whole tile, row by row.
-    pub is_tile: bool,
-    pub pixel: [u32; CHUNK],
+    pub pixel: Column<u32>,
     pub column: BatchColumn,
     pub row: BatchColumn,
     pub depth: BatchColumn,
-    /// Triangle indices; only the first is valid if all are equal.
-    pub triangle: [u32; CHUNK],
+    /// Triangle indices.
+    pub triangle: Column<u32>,
     /// True if all pixels show one triangle.
     pub is_flat: bool,
-}
-
-impl Default for Pixels {
-    fn default() -> Self {
-        let none = [0; CHUNK];
-        Self {
-            count: 0,
-            is_tile: false,
-            pixel: none,
-            column: ZERO,
-            row: ZERO,
-            depth: ZERO,
-            triangle: none,
-            is_flat: false,
-        }
-    }
 }
 
 /// Bits of a visibility id that hold the triangle.
@@ -87,9 +49,8 @@ pub(crate) const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
     /// Loads a list of [`packed`] pixels.
-    pub fn list(&mut self, places: &[u32], centers: PixelCenters<'_>) {
+    pub fn load(&mut self, places: &[u32], centers: PixelCenters<'_>) {
         self.count = places.len().min(CHUNK);
-        self.is_tile = false;
         place_pixels(self, &places[..self.count], centers.width as u32);
         for i in 0..self.count {
             let pixel = self.pixel[i] as usize;
@@ -97,15 +58,6 @@ impl Pixels {
         }
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
-    }
-
-    /// Loads the tile that begins at a packed pixel.
-    pub fn tile(&mut self, place: u32, centers: PixelCenters<'_>) {
-        (self.count, self.is_tile) = (CHUNK, true);
-        match centers.only(place) {
-            Some(id) => fill_tile::<true>(self, place, centers, id),
-            None => fill_tile::<false>(self, place, centers, centers.first_id(place)),
-        }
     }
 }
 
@@ -118,37 +70,11 @@ fn place_pixels(pixels: &mut Pixels, places: &[u32], width: u32) {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: PixelCenters<'_>, first_id: u32) {
-    let [column, row] = unpacked(place).map(|at| at as usize);
-    let mut differ = 0;
-    let first_triangle = first_id & TRIANGLE;
-    for step in 0..TILE {
-        let first = (row + step) * centers.width + column;
-        let depths = &centers.depth[first..][..TILE];
-        let ids = if IS_ONE { &[0; TILE] } else { &centers.ids[first..][..TILE] };
-        let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
-        for x in 0..TILE {
-            let i = step * TILE + x;
-            pixels.pixel[i] = first + x as u32;
-            pixels.column[i] = (column + x as u32) as i32 as f32;
-            pixels.row[i] = row;
-            pixels.depth[i] = depths[x];
-            if !IS_ONE {
-                pixels.triangle[i] = ids[x] & TRIANGLE;
-                differ |= pixels.triangle[i] ^ first_triangle;
-            }
-        }
-    }
-    pixels.triangle[0] = first_triangle;
-    pixels.is_flat = differ == 0;
-}
-
 /// A batch of surface points of one part.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Points {
     pub count: usize,
-    pub pixel: [u32; CHUNK],
+    pub pixel: Column<u32>,
     pub column: BatchColumn,
     pub row: BatchColumn,
     /// Positions in the world (m).
@@ -161,23 +87,6 @@ pub(crate) struct Points {
     plane: [BatchColumn; 3],
 }
 
-impl Default for Points {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            count: 0,
-            pixel: [0; CHUNK],
-            column: ZERO,
-            row: ZERO,
-            place: lanes,
-            normal: lanes,
-            place_in_camera: lanes,
-            normal_in_camera: lanes,
-            plane: lanes,
-        }
-    }
-}
-
 impl Points {
     /// Computes positions and normals of pixels of a part.
     pub fn fill(&mut self, pixels: &Pixels, part: &Part, placed: &PartView, camera: &CameraView) {
@@ -187,7 +96,7 @@ impl Points {
         (self.column, self.row) = (pixels.column, pixels.row);
         if pixels.is_flat {
             let [x, y, z, _] = faces[pixels.triangle[0] as usize].plane.to_array();
-            self.plane = [[x; CHUNK], [y; CHUNK], [z; CHUNK]];
+            self.plane = [x, y, z].map(BatchColumn::of);
         } else {
             for (i, &triangle) in pixels.triangle.iter().enumerate().take(pixels.count) {
                 let [x, y, z, _] = faces[triangle as usize].plane.to_array();
@@ -231,7 +140,7 @@ fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: 
     }
 }
 
-/// Rotations of blocks of 2×2 pixels: neighbours differ much, and all sixteen occur in 4×4 blocks.
-const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+/// Rotations of sampling patterns in a block of 4×4 points: neighbours differ much, and all sixteen occur in 4×4 blocks.
+pub(crate) const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 /// Offsets within a block, modulo 16, so that nearly all rotations occur in 4×4 pixels.
 const WITHIN: [[u8; 2]; 2] = [[0, 2], [3, 1]];

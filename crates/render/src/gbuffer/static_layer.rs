@@ -37,12 +37,6 @@ impl Rectangle {
         Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
     }
 
-    /// Rows and columns of its pixels.
-    pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let columns = self.columns.clone();
-        self.rows.clone().flat_map(move |row| columns.clone().map(move |column| (row, column)))
-    }
-
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty() || self.rows.is_empty()
     }

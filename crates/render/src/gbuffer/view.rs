@@ -1,13 +1,13 @@
 //! Camera views: placed parts, projected vertices and rasterisation of parts.
 
 use genmanip_core::{Camera, Pose};
-use glam::{Mat3A, Vec2, Vec3A};
+use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use multiversion::multiversion;
 
 use crate::error::RenderError;
-use crate::gbuffer::static_layer::{Motion, Rectangle};
+use crate::gbuffer::static_layer::{Motion, Rectangle, TILE};
 use crate::job::{FrameState, ViewJob};
-use crate::raster::{Corner, Sides, Viewpoint, VisibilityBuffer, area_of, draw_mesh};
+use crate::raster::{Block, Corner, Sides, Viewpoint, VisibilityBuffer, draw_mesh, extremes};
 use crate::scene::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::scene::mesh::{ERRORS_M, Mesh};
 
@@ -48,6 +48,8 @@ pub(crate) struct View {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
+    /// Height of the support surface below its centre (m).
+    pub ground: Option<f32>,
     pub visible: bool,
     /// Level of detail, see [`Mesh::at_level`].
     pub level: usize,
@@ -140,6 +142,7 @@ impl View {
             motion.before.clone_from(&motion.now);
             if motion.moved {
                 motion.now = placed.place(part, pose, &camera_from_world, &self.camera);
+                placed.ground = assets.ground_below(pose.transform_point(part.mesh.bounds_center.as_dvec3()));
             }
             self.has_transparent |= placed.visible && part.is_transparent();
         }
@@ -152,16 +155,10 @@ impl View {
         if !placed.visible {
             return;
         }
-        let mesh = placed.mesh(part);
         let first_id = (index as u32 + 1) << TRIANGLE_BITS;
-        let mut cut = Vec::new();
-        if placed.is_cut {
-            draw_beyond(mesh, &placed.corners, sides, first_id, target, &mut cut);
-        } else {
-            draw_triangles(mesh, placed, sides, first_id, target);
-        }
-        for triangle in cut {
-            self.draw_clipped(placed, mesh, triangle as usize, sides, first_id, target);
+        match placed.is_cut {
+            true => draw_clipped(placed.mesh(part), placed, &self.camera, sides, first_id, target),
+            false => draw_triangles(placed.mesh(part), placed, sides, first_id, target),
         }
     }
 
@@ -203,39 +200,6 @@ impl View {
             draw_triangles(turned.mesh(part), &turned, [false, true], (index as u32 + 1) << TRIANGLE_BITS, target);
         }
     }
-
-    /// Clips a triangle at the near plane and rasterises the rest as a fan.
-    #[cold]
-    fn draw_clipped(
-        &self,
-        placed: &PartView,
-        mesh: &Mesh,
-        triangle: usize,
-        sides: Sides,
-        first_id: u32,
-        target: &mut VisibilityBuffer,
-    ) {
-        let in_camera = |index: u32| {
-            placed.body_from_camera.transpose()
-                * (Vec3A::from(mesh.positions[index as usize]) - placed.viewpoint_in_body)
-        };
-        let corners = mesh.triangles[triangle].map(in_camera);
-        let scale = target.scale as f32;
-        let mut polygon: Vec<Corner> = Vec::with_capacity(4);
-        for (from, to) in [(0, 1), (1, 2), (2, 0)] {
-            let (from, to) = (corners[from], corners[to]);
-            if from.z >= NEAR_M {
-                polygon.push(self.camera.project(from).scaled(scale));
-            }
-            if (from.z >= NEAR_M) != (to.z >= NEAR_M) {
-                // Always from the visible vertex, so that neighbours clip their common edge at the same point.
-                let (inside, outside) = if from.z >= NEAR_M { (from, to) } else { (to, from) };
-                let cut = inside + (outside - inside) * ((NEAR_M - inside.z) / (outside.z - inside.z));
-                polygon.push(self.camera.project(cut.with_z(NEAR_M)).scaled(scale));
-            }
-        }
-        draw_fan(&polygon, sides, first_id + triangle as u32, target);
-    }
 }
 
 impl PartView {
@@ -263,14 +227,7 @@ impl PartView {
         let mut corners = std::mem::take(&mut self.corners);
         corners.extend(positions.iter().map(|&position| camera.project(turn * Vec3A::from(position) + shift)));
         self.corners = corners;
-        let first = Corner { x: f32::MAX, y: f32::MAX, reversed_z: f32::MAX };
-        let last = Corner { x: f32::MIN, y: f32::MIN, reversed_z: f32::MIN };
-        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (
-                low.joined(corner, |a, b| if a < b { a } else { b }),
-                high.joined(corner, |a, b| if a > b { a } else { b }),
-            )
-        });
+        let (low, high) = extremes(self.corners.iter().copied());
         // Negative behind the camera.
         self.is_cut = low.reversed_z < 0.0 || high.reversed_z > 1.0 / NEAR_M;
         if self.is_cut {
@@ -283,26 +240,24 @@ impl PartView {
 impl CameraView {
     /// Coarsest level of detail with a surface error below [`LEVEL_PX`] at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
-        if self.width.max(self.height) >= FULL_DETAIL_PX {
+        // Whole tiles: the same with and without padding.
+        if self.width.max(self.height).next_multiple_of(TILE) >= FULL_DETAIL_PX {
             return 0;
         }
         let pixel_m = distance_m / self.focal.x;
         ERRORS_M.iter().take_while(|&&error| error < LEVEL_PX * pixel_m).count()
     }
 
+    /// The view with columns and rows added up to whole tiles.
+    pub(crate) fn in_whole_tiles(self) -> Self {
+        let [width, height] = [self.width, self.height].map(|size| size.next_multiple_of(TILE));
+        Self { width, height, ..self }
+    }
+
     /// World position of a pixel at a depth.
     pub fn point_at(&self, pixel: Vec2, depth: f32) -> Vec3A {
         let flat = (pixel - self.center) / self.focal;
         self.viewpoint + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
-    }
-
-    /// World heights of neighbouring pixels at some depths.
-    #[inline(always)]
-    pub fn heights_at<const N: usize>(&self, [column, row]: [usize; 2], depths: &[f32; N]) -> [f32; N] {
-        let [x, y, z] = [self.turn.x_axis.z, self.turn.y_axis.z, self.turn.z_axis.z];
-        let (slope, first) = (x / self.focal.x, column as f32 - self.center.x);
-        let rest = (row as f32 - self.center.y) / self.focal.y * y + z;
-        std::array::from_fn(|step| self.viewpoint.z + ((first + step as f32) * slope + rest) * depths[step])
     }
 
     #[inline(always)]
@@ -329,45 +284,53 @@ fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, t
     draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, viewpoint, sides, first_id, target);
 }
 
-/// Rasterises the triangles beyond the near plane; lists those that cross it.
+/// Rasterises a mesh that crosses the near plane, at which its triangles are clipped.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn draw_beyond(
+fn draw_clipped(
     mesh: &Mesh,
-    corners: &[Corner],
+    placed: &PartView,
+    camera: &CameraView,
     sides: Sides,
     first_id: u32,
     target: &mut VisibilityBuffer,
-    cut: &mut Vec<u32>,
 ) {
-    let scale = target.scale as f32;
+    let mut block = Block::default();
     let is_beyond = |corner: &Corner| corner.reversed_z > 0.0 && corner.reversed_z <= 1.0 / NEAR_M;
     for (triangle, id) in mesh.triangles.iter().zip(first_id..) {
-        let triangle = triangle.map(|corner| corners[corner as usize]);
-        match triangle.iter().filter(|corner| is_beyond(corner)).count() {
+        let corners = triangle.map(|corner| placed.corners[corner as usize]);
+        match corners.iter().filter(|corner| is_beyond(corner)).count() {
             0 => {}
-            3 => draw_facing(triangle.map(|corner| corner.scaled(scale)), sides, id, target),
-            _ => cut.push(id - first_id),
+            3 => block.push::<true>(id, corners.each_ref(), sides, target),
+            _ => {
+                let polygon = clipped(triangle.map(|corner| mesh.positions[corner as usize]), placed, camera);
+                for pair in polygon.get(1..).unwrap_or_default().windows(2) {
+                    block.push::<true>(id, [&polygon[0], &pair[0], &pair[1]], sides, target);
+                }
+            }
         }
     }
+    block.draw::<true>(sides, target);
 }
 
-/// Rasterises a triangle fan.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut VisibilityBuffer) {
-    for pair in polygon.get(1..).unwrap_or_default().windows(2) {
-        draw_facing([polygon[0], pair[0], pair[1]], sides, id, target);
+/// Projected polygon of the piece of a triangle (vertices in the body's frame) beyond the near plane.
+#[cold]
+fn clipped(triangle: [Vec3; 3], placed: &PartView, camera: &CameraView) -> Vec<Corner> {
+    let camera_from_body = placed.body_from_camera.transpose();
+    let corners = triangle.map(|corner| camera_from_body * (Vec3A::from(corner) - placed.viewpoint_in_body));
+    let mut polygon: Vec<Corner> = Vec::with_capacity(4);
+    for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+        let (from, to) = (corners[from], corners[to]);
+        if from.z >= NEAR_M {
+            polygon.push(camera.project(from));
+        }
+        if (from.z >= NEAR_M) != (to.z >= NEAR_M) {
+            // Always from the visible vertex, so that neighbours clip their common edge at the same point.
+            let (inside, outside) = if from.z >= NEAR_M { (from, to) } else { (to, from) };
+            let cut = inside + (outside - inside) * ((NEAR_M - inside.z) / (outside.z - inside.z));
+            polygon.push(camera.project(cut.with_z(NEAR_M)));
+        }
     }
-}
-
-/// Rasterises a triangle if its side is requested.
-#[inline(always)]
-fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut VisibilityBuffer) {
-    let [a, b, c] = corners;
-    let area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
-    let wanted = if area < 0.0 { sides[0] } else { sides[1] };
-    if wanted {
-        target.draw::<true>(corners, id);
-    }
+    polygon
 }
 
 /// Rotation matrix of a pose.

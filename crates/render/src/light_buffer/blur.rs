@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::buffer::{HALF, LightBuffer, ON_RECEIVER, SAME_DEPTH, fill, put};
+use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill};
 use crate::gbuffer::static_layer::TILE;
 use crate::shadow::pcss::UNKNOWN;
 
@@ -26,49 +26,31 @@ impl LightBuffer {
     }
 
     fn blur_shadow_mask(&mut self, tile: usize, windows: &mut Windows) {
-        if self.tiles[tile].receiver.is_some() {
-            return;
-        }
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, &self.shadow_range);
-        let has_receiver = self.tiles[tile].has_receiver;
-        // One value all around; without any, the tile faces away from the light.
-        let constant = if low == high { low } else { UNKNOWN };
-        if low >= high && !has_receiver {
+        if low >= high {
+            // One value all around; without any, the tile faces away from the light.
+            let constant = if low == high { low } else { UNKNOWN };
             fill(&mut self.shadow_mask, self.width, [columns, rows], constant);
             return;
         }
-        let blurred = if low >= high {
-            [[constant; TILE]; TILE]
-        } else {
-            blur_tile(&mut windows.full, self, &self.raw_shadow_mask, [columns.start, rows.start])
-        };
+        let blurred = blur_tile(&mut windows.full, self, &self.raw_shadow_mask, [columns.start, rows.start]);
         for (row, line) in rows.zip(&blurred) {
-            let pixels = row * self.width + columns.start..row * self.width + columns.end;
-            let mask = &mut self.shadow_mask[pixels.clone()];
-            if has_receiver {
-                for ((mask, &raw), &blurred) in mask.iter_mut().zip(&self.raw_shadow_mask[pixels]).zip(line) {
-                    *mask = if raw > ON_RECEIVER { blurred } else { *mask };
-                }
-            } else {
-                put(mask, line);
-            }
+            self.shadow_mask[row * self.width..][columns.clone()].copy_from_slice(line);
         }
     }
 
     fn blur_ao(&mut self, tile: usize, windows: &mut Windows) {
-        let [columns, rows] = self.half_pixels_of(tile);
+        let ([columns, rows], width) = (self.half_pixels_of(tile), self.width / 2);
         let [low, high] = self.range_around(tile, &self.ao_range);
         if low >= high {
-            for row in rows {
-                let range = row * self.half_width + columns.start..row * self.half_width + columns.end;
-                self.half_ao[range.clone()].copy_from_slice(&self.raw_half_ao[range]);
-            }
+            let constant = if low == high { low } else { UNKNOWN };
+            fill(&mut self.half_ao, width, [columns, rows], constant);
             return;
         }
         let blurred = blur_half_tile(&mut windows.half, self, &self.raw_half_ao, [columns.start, rows.start]);
         for (row, line) in rows.zip(&blurred) {
-            put(&mut self.half_ao[row * self.half_width..][columns.clone()], line);
+            self.half_ao[row * width..][columns.clone()].copy_from_slice(line);
         }
     }
 }
@@ -99,45 +81,20 @@ impl<const SIDE: usize> Window<SIDE> {
     /// the image are unknown.
     #[inline(always)]
     fn load<const PIXELS: usize>(&mut self, light_buffer: &LightBuffer, values: &[f32], [x0, y0]: [usize; 2]) {
-        let (width, height) = match PIXELS {
-            1 => (light_buffer.width, light_buffer.height),
-            _ => (light_buffer.half_width, light_buffer.half_height),
-        };
-        let from = MARGIN.saturating_sub(x0);
-        let to = SIDE.min(width + MARGIN - x0);
+        let (width, height) = (light_buffer.width / PIXELS, light_buffer.height / PIXELS);
+        let (from, to) = (MARGIN.saturating_sub(x0), SIDE.min(width + MARGIN - x0));
+        self.value = [[UNKNOWN; SIDE]; SIDE];
         for row in 0..SIDE {
-            self.value[row] = [UNKNOWN; SIDE];
             let Some(y) = (y0 + row).checked_sub(MARGIN).filter(|&y| y < height) else { continue };
             let x = x0 + from - MARGIN;
-            let (values, pixel) = (&values[y * width + x..], (y * light_buffer.width + x) * PIXELS);
+            let pixel = (y * light_buffer.width + x) * PIXELS;
             let (depths, surfaces) = (&light_buffer.depth[pixel..], &light_buffer.surface[pixel..]);
-            if to - from == SIDE {
-                self.load_row::<PIXELS>(row, 0, SIDE, [values, depths], surfaces);
-            } else {
-                self.load_row::<PIXELS>(row, from, to, [values, depths], surfaces);
+            let pixels = depths.iter().zip(surfaces).step_by(PIXELS).zip(&values[y * width + x..]);
+            for (column, ((&depth, &surface), &value)) in (from..to).zip(pixels) {
+                self.value[row][column] = value;
+                self.depth[row][column] = depth;
+                self.surface[row][column] = u32::from(surface);
             }
-        }
-    }
-
-    /// Loads some columns of a row from lists that begin at the first of them.
-    #[inline(always)]
-    fn load_row<const PIXELS: usize>(
-        &mut self,
-        row: usize,
-        from: usize,
-        to: usize,
-        [values, depths]: [&[f32]; 2],
-        surfaces: &[u16],
-    ) {
-        let count = to - from;
-        let last = (count - 1) * PIXELS + 1;
-        let (values, depths, surfaces) = (&values[..count], &depths[..last], &surfaces[..last]);
-        let (value, depth) = (&mut self.value[row][from..to], &mut self.depth[row][from..to]);
-        let surface = &mut self.surface[row][from..to];
-        for i in 0..count {
-            value[i] = values[i];
-            depth[i] = depths[i * PIXELS];
-            surface[i] = u32::from(surfaces[i * PIXELS]);
         }
     }
 

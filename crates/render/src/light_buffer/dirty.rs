@@ -1,18 +1,11 @@
 //! Dirty tiles: where shadow mask, ambient occlusion or shading may differ from the last frame.
 
-use glam::Vec2;
-
-use super::buffer::{LightBuffer, SEVERAL, TileSummary};
-use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::gbuffer::points::MIXED;
+use super::buffer::{LightBuffer, MIXED, SEVERAL, TileSummary};
+use crate::ambient::irradiance_grid::IrradianceGrids;
 use crate::gbuffer::static_layer::MarkCount;
-use crate::gbuffer::view::CameraView;
 use crate::scene::assets::RenderAssets;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::map::ShadowMap;
-
-/// Pixels beyond a tile within which shading reads the irradiance grid: one pixel, and rounding.
-const EDGE_PX: f32 = 1.5;
 
 impl LightBuffer {
     /// Marks the tiles whose raw shadow mask or AO may have changed: those with other geometry within reach, and those on
@@ -25,32 +18,26 @@ impl LightBuffer {
         dirty.clear();
         dirty.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
             let [from, to] = self.around(tile, summary.reach);
-            if changed[tile] || self.marks.any(from, to) {
-                return true;
-            }
-            if let (Some(blocks), Some(receiver)) = (summary.receiver, shadow.planar_receivers().of(summary.surface)) {
-                return receiver.changed_after(version, blocks);
-            }
-            let [mut shadow_from, mut shadow_to] = summary.footprint.reach();
-            if summary.has_receiver {
-                // Cells of a receiver reach farther than the taps of a pixel.
-                shadow_from = shadow_from.map(|tile| tile - 1);
-                shadow_to = shadow_to.map(|tile| tile + 1);
-            }
-            shadow_changes.any(shadow_from, shadow_to)
+            let [shadow_from, shadow_to] = summary.footprint.reach();
+            changed[tile] || self.marks.any(from, to) || shadow_changes.any(shadow_from, shadow_to)
         }));
     }
 
-    /// Marks tiles that need no SSAO: no depth edge within reach (on the main support surface: no other fixture).
-    pub fn find_unoccluded(&mut self, assets: &RenderAssets, variation: &RenderVariation, support: u16) {
+    /// Marks tiles that need no SSAO: no depth edge within reach (on a support surface: no other fixture).
+    pub fn find_unoccluded(&mut self, assets: &RenderAssets, variation: &RenderVariation, grids: &IrradianceGrids) {
         let is_on = variation.occlusion_radius_m > 0.0;
-        let Self { columns, rows, .. } = *self;
-        self.marks.count(self.tiles.iter().map(|tile| tile.has_fixture), columns, rows);
-        let is_far = |(tile, summary): (usize, &TileSummary)| {
-            let [from, to] = self.around(tile, summary.reach);
-            !self.marks.any(from, to)
-        };
-        self.is_far_from_statics = self.tiles.iter().enumerate().map(is_far).collect();
+        let (columns, rows) = (self.columns, self.rows);
+        self.is_far_from_statics.clear();
+        self.is_far_from_statics.resize(self.tiles.len(), false);
+        // Without a grid: far from all fixtures.
+        for support in grids.surfaces().chain([0]) {
+            let is_other = |tile: &TileSummary| tile.fixture != 0 && tile.fixture != support;
+            self.marks.count(self.tiles.iter().map(is_other), columns, rows);
+            for (tile, summary) in self.tiles.iter().enumerate() {
+                let [from, to] = self.around(tile, summary.reach);
+                self.is_far_from_statics[tile] |= !self.marks.any(from, to);
+            }
+        }
         let tiles = &self.tiles;
         let is_boundary = |(tile, own): (usize, &TileSummary)| {
             let ([column, row], own) = ([tile % columns, tile / columns], own.surface);
@@ -64,23 +51,15 @@ impl LightBuffer {
             let [from, to] = self.around(tile, summary.reach);
             // Only one convex part within reach.
             let is_alone = || part.is_none_or(|part| part.convex) && !self.marks.any(from, to);
-            !is_on || self.is_far_from_statics[tile] && summary.surface == support && support > 0 || is_alone()
+            !is_on || self.is_far_from_statics[tile] && grids.of(summary.surface).is_some() || is_alone()
         };
         self.is_unoccluded = self.tiles.iter().enumerate().map(is_unoccluded).collect();
     }
 
-    /// Marks the tiles that may show the main support surface where its irradiance changed after a version.
-    pub fn mark_support(&self, grid: &IrradianceGrid, version: u64, camera: &CameraView, marks: &mut [bool]) {
-        for (tile, mark) in marks.iter_mut().enumerate().filter(|(_, mark)| !**mark) {
-            let summary = &self.tiles[tile];
-            if self.only[tile] != MIXED && summary.surface != grid.surface() {
-                continue;
-            }
-            let is_whole = self.only[tile] != MIXED && summary.receiver.is_some();
-            let [columns, rows] =
-                self.pixels_of(tile).map(|range| [range.start as f32 - EDGE_PX, (range.end - 1) as f32 + EDGE_PX]);
-            let corners = [[columns[0], rows[0]], [columns[1], rows[0]], [columns[0], rows[1]], [columns[1], rows[1]]];
-            *mark = !is_whole || grid.changed_between(version, camera, corners.map(Vec2::from_array));
+    /// Marks the tiles that may show a support surface.
+    pub fn mark_supports(&self, grids: &IrradianceGrids, marks: &mut [bool]) {
+        for (mark, tile) in marks.iter_mut().zip(&self.tiles) {
+            *mark |= tile.only == MIXED || grids.of(tile.surface).is_some();
         }
     }
 }

@@ -9,7 +9,6 @@ mod blur;
 mod buffer;
 mod dirty;
 mod estimate;
-mod shadow_mask;
 mod surfaces;
 mod upsample;
 

@@ -2,14 +2,11 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over batch columns by index are compiled for wide registers")]
 
-use std::ops::Range;
-
 use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::buffer::{LightBuffer, SEVERAL, TileSummary};
+use super::buffer::{LightBuffer, MIXED, SEVERAL, TileSummary};
 use crate::ambient::ssao::MAX_REACH;
-use crate::gbuffer::points::MIXED;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, View};
 use crate::raster::VisibilityBuffer;
@@ -17,91 +14,49 @@ use crate::render_scene::RenderScene;
 use crate::scene::assets::TRIANGLE_BITS;
 use crate::shadow::map::MapFootprint;
 
-/// Surface flags: on a planar receiver; a fixture other than the main support surface.
-const ON_PLANE: u8 = 1;
-const FIXTURE: u8 = 2;
-
 impl LightBuffer {
     /// Reads the visibility buffer in the tiles that changed.
     pub fn read_surfaces(&mut self, scene: &RenderScene<'_>, opaque: &VisibilityBuffer, changed: &[bool], view: &View) {
-        let RenderScene { assets, shadow, variation, irradiance_grid, .. } = *scene;
         let (camera, rays) = (&view.camera, Rays::new(&view.camera));
-        let receivers = shadow.planar_receivers();
-        let flags = |surface: u16| {
-            let on_plane = if receivers.of(surface).is_some() { ON_PLANE } else { 0 };
-            on_plane | if irradiance_grid.is_fixed(surface) { FIXTURE } else { 0 }
+        let is_fixed = |surface: u16| {
+            let part = usize::from(surface).checked_sub(1);
+            part.is_some_and(|part| scene.assets.parts[part].body.is_none())
         };
-        let flags: Vec<u8> = (0..=assets.parts.len() as u16).map(flags).collect();
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
+            let first_pixel = rows.start * self.width + columns.start;
+            let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
+            let seen = Seen {
+                width: self.width,
+                depth: &mut self.depth[first_pixel..],
+                ids: &mut self.ids[first_pixel..],
+                surface: &mut self.surface[first_pixel..],
+            };
             let TileContents { reversed_z: [low, high], first, differ, differ_all } =
-                self.read_tile(opaque, columns.clone(), rows.clone());
+                read_tile((&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride), seen);
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
-            let mut own_flags = 0;
-            for row in rows.clone() {
-                let surfaces = &self.surface[row * self.width..][columns.clone()];
-                let surfaces = if surface == SEVERAL { surfaces } else { &surfaces[..1] };
-                own_flags = surfaces.iter().fold(own_flags, |all, &surface| all | flags[usize::from(surface)]);
-            }
-            let receiver = receivers.of(surface).and_then(|receiver| {
-                let (right, bottom) = (columns.end - 1, rows.end - 1);
-                let corners =
-                    [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
-                        .map(|(x, y)| rays.point_at(x, y, self.depth[y * self.width + x]));
-                let is_whole = corners.iter().all(|place| receiver.holds(place.z));
-                is_whole.then(|| receiver.blocks_of(corners.iter().map(|place| place.truncate())))
-            });
-            let footprint = if receiver.is_some() || !shadow.is_on() || high == 0.0 {
+            // Without several surfaces the first pixel is enough.
+            let lines = rows.clone().map(|row| row * self.width + columns.start);
+            let shown = lines.flat_map(|first| &self.surface[first..first + TILE]);
+            let shown = shown.take(if surface == SEVERAL { TILE * TILE } else { 1 }).copied();
+            let fixture = shown.filter(|&surface| is_fixed(surface)).reduce(|a, b| if a == b { a } else { SEVERAL });
+            let footprint = if !scene.shadow.is_on() || high == 0.0 {
                 MapFootprint::default()
             } else {
-                let depths = [1.0 / low, 1.0 / high];
-                let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
-                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| rays.point_at(x, y, depth)))
-                });
-                shadow.footprint_of(corners)
+                let corner = |x: usize, y: usize| [1.0 / low, 1.0 / high].map(|depth| rays.point_at(x, y, depth));
+                let side = |y: usize| [corner(columns.start, y), corner(columns.end, y)];
+                let corners = [side(rows.start), side(rows.end)];
+                scene.shadow.footprint_of(corners.as_flattened().as_flattened().iter().copied())
             };
-            let reach = (variation.occlusion_radius_m * camera.focal.x * high).clamp(3.0, MAX_REACH);
-            self.only[tile] = if differ_all == 0 { first } else { MIXED };
+            let reach = (scene.variation.occlusion_radius_m * camera.focal.x * high).clamp(3.0, MAX_REACH);
             self.tiles[tile] = TileSummary {
                 surface,
+                fixture: fixture.unwrap_or(0),
+                only: if differ_all == 0 { first } else { MIXED },
                 reach: reach as u16 + 2,
                 footprint,
-                receiver,
-                has_receiver: receiver.is_none() && own_flags & ON_PLANE != 0,
-                has_fixture: own_flags & FIXTURE != 0,
             };
         }
-        self.find_uniform();
-    }
-
-    /// Finds the tiles that show one triangle together with their neighbours.
-    fn find_uniform(&mut self) {
-        let Self { columns, rows, only, .. } = self;
-        let is_uniform = |tile: usize| {
-            let (column, row) = (tile % *columns, tile / *columns);
-            let across = column.saturating_sub(1)..(column + 2).min(*columns);
-            let id = only[tile];
-            id != MIXED
-                && (row.saturating_sub(1)..(row + 2).min(*rows))
-                    .all(|row| only[row * *columns..][across.clone()].iter().all(|&other| other == id))
-        };
-        self.only_around = (0..only.len()).map(is_uniform).collect();
-    }
-
-    /// Reads the visible surfaces of a tile.
-    fn read_tile(&mut self, opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>) -> TileContents {
-        let first = rows.start * self.width + columns.start;
-        let sample = (rows.start * opaque.stride + columns.start) * opaque.scale;
-        let seen = Seen {
-            width: self.width,
-            depth: &mut self.depth[first..],
-            ids: &mut self.ids[first..],
-            surface: &mut self.surface[first..],
-        };
-        if columns.len() != TILE || rows.len() != TILE {
-            return read_part(opaque, columns, rows, seen);
-        }
-        read_stored((&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride), seen)
     }
 }
 
@@ -148,14 +103,14 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
-/// Reads a whole tile from its first sample on.
+/// Reads a tile of 2×2 samples per pixel from its first sample on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn read_stored((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
+fn read_tile((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_>) -> TileContents {
     const SCALE: usize = 2;
     let first = ids[0];
-    let (mut extent, mut differ, mut differ_all) = (Extent::default(), [0_u32; TILE], [0_u32; TILE]);
+    let (mut low, mut high) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
+    let (mut differ, mut differ_all) = ([0_u32; TILE], [0_u32; TILE]);
     for row in 0..TILE {
-        let (mut own, mut near) = ([0; TILE], [0.0; TILE]);
         for step in 0..SCALE {
             let line = &ids[(row * SCALE + step) * stride..][..TILE * SCALE];
             for ids in line.as_chunks::<TILE>().0 {
@@ -164,85 +119,21 @@ fn read_stored((ids, reversed_z, stride): (&[u32], &[f32], usize), seen: Seen<'_
         }
         let at = row * SCALE * stride;
         let (line, reversed_z) = (&ids[at..][..TILE * SCALE], &reversed_z[at..][..TILE * SCALE]);
-        for column in 0..TILE {
-            (own[column], near[column]) = (line[column * SCALE], reversed_z[column * SCALE]);
-        }
-        extent.widen(&near);
         let pixel = row * seen.width;
-        let (depth, ids, surface) = (
-            seen.depth[pixel..].first_chunk_mut(),
-            seen.ids[pixel..].first_chunk_mut(),
-            seen.surface[pixel..].first_chunk_mut::<TILE>(),
-        );
-        if let (Some(depth), Some(ids), Some(surface)) = (depth, ids, surface) {
-            (*depth, *ids) = (depths_of(&near), own);
-            for column in 0..TILE {
-                surface[column] = (own[column] >> TRIANGLE_BITS) as u16;
-                differ[column] |= own[column] ^ first;
-            }
+        let (depth, ids) = (&mut seen.depth[pixel..][..TILE], &mut seen.ids[pixel..][..TILE]);
+        let surface = &mut seen.surface[pixel..][..TILE];
+        for column in 0..TILE {
+            let (id, near) = (line[column * SCALE], reversed_z[column * SCALE]);
+            ids[column] = id;
+            surface[column] = (id >> TRIANGLE_BITS) as u16;
+            differ[column] |= id ^ first;
+            depth[column] = if near > 0.0 { 1.0 / near } else { 0.0 };
+            low[column] = if (near > 0.0) & (near < low[column]) { near } else { low[column] };
+            high[column] = if near > high[column] { near } else { high[column] };
         }
     }
     let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);
-    TileContents { reversed_z: extent.reversed_z(), first, differ: any(&differ), differ_all: any(&differ_all) }
-}
-
-/// Reads a tile that is cut by the image border.
-#[cold]
-fn read_part(opaque: &VisibilityBuffer, columns: Range<usize>, rows: Range<usize>, seen: Seen<'_>) -> TileContents {
-    let scale = opaque.scale;
-    let (first, _) = opaque.sample(columns.start * scale, rows.start * scale);
-    let (mut extent, mut differ, mut differ_all) = (Extent::default(), 0, 0);
-    for (y, row) in rows.enumerate() {
-        for (x, column) in columns.clone().enumerate() {
-            let (id, near) = opaque.sample(column * scale, row * scale);
-            let pixel = y * seen.width + x;
-            (seen.depth[pixel], seen.ids[pixel]) = (depths_of(&[near])[0], id);
-            seen.surface[pixel] = (id >> TRIANGLE_BITS) as u16;
-            extent.widen(&[near; TILE]);
-            differ |= id ^ first;
-            for step in 0..scale * scale {
-                differ_all |= opaque.sample(column * scale + step % scale, row * scale + step / scale).0 ^ first;
-            }
-        }
-    }
-    TileContents { reversed_z: extent.reversed_z(), first, differ, differ_all }
-}
-
-/// Depths from reversed z, 0 for the background.
-#[inline(always)]
-fn depths_of<const N: usize>(near: &[f32; N]) -> [f32; N] {
-    let mut depths = [0.0; N];
-    for i in 0..N {
-        depths[i] = if near[i] > 0.0 { 1.0 / near[i] } else { 0.0 };
-    }
-    depths
-}
-
-/// Range of reversed z by column, without the background.
-struct Extent {
-    low: [f32; TILE],
-    high: [f32; TILE],
-}
-
-impl Default for Extent {
-    fn default() -> Self {
-        Self { low: [f32::INFINITY; TILE], high: [0.0; TILE] }
-    }
-}
-
-impl Extent {
-    #[inline(always)]
-    fn widen(&mut self, near: &[f32; TILE]) {
-        for column in 0..TILE {
-            let (near, low, high) = (near[column], self.low[column], self.high[column]);
-            self.low[column] = if (near > 0.0) & (near < low) { near } else { low };
-            self.high[column] = if near > high { near } else { high };
-        }
-    }
-
-    #[inline(always)]
-    fn reversed_z(&self) -> [f32; 2] {
-        let low = self.low.iter().fold(f32::INFINITY, |low, &near| if near < low { near } else { low });
-        [low, self.high.iter().fold(0.0, |high, &near| if near > high { near } else { high })]
-    }
+    let low = low.into_iter().fold(f32::INFINITY, |low, near| if near < low { near } else { low });
+    let high = high.into_iter().fold(0.0, |high, near| if near > high { near } else { high });
+    TileContents { reversed_z: [low, high], first, differ: any(&differ), differ_all: any(&differ_all) }
 }

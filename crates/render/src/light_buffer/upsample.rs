@@ -4,12 +4,11 @@
 
 use multiversion::multiversion;
 
-use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill, line_of, put};
+use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill};
 use crate::gbuffer::static_layer::TILE;
-use crate::shadow::pcss::UNKNOWN;
 
 /// A tile and the AO samples around it, each beside the pixels to its left or right.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct UpsampleWindow {
     surface: [[u32; TILE]; TILE],
     depth: [[f32; TILE]; TILE],
@@ -17,18 +16,6 @@ pub(crate) struct UpsampleWindow {
     coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
     coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
     value: [[[f32; TILE]; 2]; HALF + 1],
-}
-
-impl Default for UpsampleWindow {
-    fn default() -> Self {
-        Self {
-            surface: [[0; TILE]; TILE],
-            depth: [[0.0; TILE]; TILE],
-            coarse_surface: [[[0; TILE]; 2]; HALF + 1],
-            coarse_depth: [[[0.0; TILE]; 2]; HALF + 1],
-            value: [[[UNKNOWN; TILE]; 2]; HALF + 1],
-        }
-    }
 }
 
 impl LightBuffer {
@@ -44,46 +31,29 @@ impl LightBuffer {
             }
             self.fill_window(columns.start, rows.start, window);
             for (row, line) in rows.zip(&upsample_tile(window)) {
-                put(&mut self.ambient[row * self.width..][columns.clone()], line);
+                self.ambient[row * self.width..][columns.clone()].copy_from_slice(line);
             }
         }
     }
 
-    /// Gathers a tile and the AO samples around it.
+    /// Gathers a tile and the AO samples around it; beyond the image those of its border.
     fn fill_window(&self, first_column: usize, first_row: usize, window: &mut UpsampleWindow) {
+        let (half_width, half_height) = (self.width / 2, self.height / 2);
         let (x, y) = (first_column / 2, first_row / 2);
-        for row in 0..TILE.min(self.height - first_row) {
+        for row in 0..TILE {
             let fine = (first_row + row) * self.width + first_column;
-            let pixels = fine..fine + TILE.min(self.width - first_column);
-            window.surface[row] = line_of(&self.surface[pixels.clone()], 0).map(u32::from);
-            window.depth[row] = line_of(&self.depth[pixels], 0.0);
+            window.surface[row] = std::array::from_fn(|column| u32::from(self.surface[fine + column]));
+            window.depth[row] = std::array::from_fn(|column| self.depth[fine + column]);
         }
         for row in 0..=HALF {
-            let y = (y + row).min(self.half_height - 1);
-            let (fine, coarse) = (2 * y * self.width + 2 * x, y * self.half_width + x);
-            let (surfaces, depths) = (&self.surface[fine..], &self.depth[fine..]);
-            let (mut surface, mut depth, mut value) = ([0; HALF + 1], [0.0; HALF + 1], [UNKNOWN; HALF + 1]);
-            if let (Some(surfaces), Some(depths), true) = (
-                surfaces.first_chunk::<{ TILE + 1 }>(),
-                depths.first_chunk::<{ TILE + 1 }>(),
-                x + HALF < self.half_width,
-            ) {
-                surface = std::array::from_fn(|column| u32::from(surfaces[2 * column]));
-                depth = std::array::from_fn(|column| depths[2 * column]);
-                value.copy_from_slice(&self.half_ao[coarse..][..=HALF]);
-            } else {
-                for column in 0..=HALF {
-                    let right = column.min(self.half_width - 1 - x);
-                    surface[column] = u32::from(surfaces[2 * right]);
-                    depth[column] = depths[2 * right];
-                    value[column] = self.half_ao[coarse + right];
-                }
-            }
+            let y = (y + row).min(half_height - 1);
             for column in 0..TILE {
-                for (side, x) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
-                    window.coarse_surface[row][side][column] = surface[x];
-                    window.coarse_depth[row][side][column] = depth[x];
-                    window.value[row][side][column] = value[x];
+                for (side, step) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
+                    let x = (x + step).min(half_width - 1);
+                    let pixel = 2 * y * self.width + 2 * x;
+                    window.coarse_surface[row][side][column] = u32::from(self.surface[pixel]);
+                    window.coarse_depth[row][side][column] = self.depth[pixel];
+                    window.value[row][side][column] = self.half_ao[y * half_width + x];
                 }
             }
         }

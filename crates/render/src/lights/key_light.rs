@@ -8,16 +8,6 @@ use crate::scene::variation::RenderVariation;
 /// Largest penumbra radius (texels).
 pub(crate) const MAX_RADIUS: f32 = 30.0;
 
-/// A horizontal plane on the shadow map.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Plane {
-    /// Texel column and row as linear functions of world x, y (m) and 1.
-    pub x: [f32; 3],
-    pub y: [f32; 3],
-    /// Reversed z of the plane at the first texel, and its change per column and row.
-    pub reversed_z: [f32; 3],
-}
-
 /// Axes of the light and scale of its shadow map.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLight {
@@ -71,34 +61,6 @@ impl KeyLight {
             y: (local.y + self.radius) * self.texels_per_m - 0.5,
             reversed_z: 3.0 * self.radius - local.z,
         }
-    }
-
-    /// A horizontal plane at a height (m), with normal bias in its reversed z only; `None` if it faces away from the
-    /// light.
-    pub fn plane(&self, height: f32) -> Option<Plane> {
-        let slope = self.light_from_world * Vec3A::Z;
-        if slope.z > -0.01 {
-            return None;
-        }
-        let (lift, _) = self.lift_and_tilt(slope.to_array());
-        let at = |x: f32, y: f32, z: f32| self.on_map(self.light_from_world * Vec3A::new(x, y, z));
-        let middle = at(0.0, 0.0, height);
-        let lifted = height + lift;
-        let (origin, right, up) = (at(0.0, 0.0, lifted), at(1.0, 0.0, lifted), at(0.0, 1.0, lifted));
-        let step = |to: Corner| [to.x - origin.x, to.y - origin.y, to.reversed_z - origin.reversed_z];
-        let ([a, b, e], [c, d, f]) = (step(right), step(up));
-        let area = a * d - b * c;
-        let (tilt_x, tilt_y) = ((e * d - f * b) / area, (a * f - c * e) / area);
-        Some(Plane {
-            x: [right.x - origin.x, up.x - origin.x, middle.x],
-            y: [right.y - origin.y, up.y - origin.y, middle.y],
-            reversed_z: [origin.reversed_z - origin.x * tilt_x - origin.y * tilt_y, tilt_x, tilt_y],
-        })
-    }
-
-    /// Penumbra radius per metre between occluder and receiver [texels/m].
-    pub fn radius_per_m(&self) -> f32 {
-        self.spread * self.texels_per_m
     }
 
     /// Radius of the blocker search (texels).

@@ -3,7 +3,6 @@
 use glam::Vec3A;
 
 use crate::lights::sky::Sky;
-use crate::scene::material::Material;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::variation::RenderVariation;
 
@@ -24,11 +23,10 @@ pub struct Lighting {
 }
 
 impl Lighting {
-    /// Lights of a variation; the main support surface among the materials reflects light upwards.
-    pub fn new(variation: &RenderVariation, surfaces: &[Material]) -> Self {
-        let support = surfaces.iter().find(|surface| surface.is_main_support).map(Material::mean_color);
+    /// Lights of a variation; `ground` is the mean linear colour of the support surfaces, which reflect light upwards.
+    pub fn new(variation: &RenderVariation, ground: Option<Vec3A>) -> Self {
         Self {
-            sky: Sky::new(variation, support),
+            sky: Sky::new(variation, ground),
             to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
             key_turn_squared: (variation.light_angular_radius.clamp(0.0, 1.0) / 2.0).powi(2),

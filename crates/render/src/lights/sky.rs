@@ -61,7 +61,7 @@ impl Sky {
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
         let lit_ground = support.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
-        // A table is finite: it is seen straight below, and the studio's ground towards the horizon.
+        // Support surfaces are finite: they are seen straight below, and the studio's ground towards the horizon.
         let seen = lit_ground * GROUND_SEEN[0] / scale;
         let below = |direction: Vec3A| studio.ground.lerp(seen, smooth_step(-direction.z));
         let harmonics = support.map_or(bare, |_| project(&studio, below));

@@ -11,5 +11,5 @@ mod triangle_setup;
 mod vertex;
 mod visibility_buffer;
 
-pub(crate) use vertex::{Corner, area_of};
-pub(crate) use visibility_buffer::{Planes, Sides, Viewpoint, VisibilityBuffer, draw_mesh, read_window};
+pub(crate) use vertex::{Corner, extremes};
+pub(crate) use visibility_buffer::{Block, Planes, Sides, Viewpoint, VisibilityBuffer, draw_mesh, read_window};

@@ -1,42 +1,40 @@
 //! Triangle setup in batches: edges, depth gradients and spans.
 
 use super::span::{DepthGradient, Span};
-use super::vertex::{Corner, area_of, extremes, first_sample};
+use super::vertex::{Corner, area_of, first_sample, range_of_three};
+
+/// Triangles in a batch.
+pub(super) const BLOCK: usize = 16;
 
 /// Vertices of triangles as structure of arrays.
-pub(super) struct Corners<const N: usize> {
-    pub x: [[f32; N]; 3],
-    pub y: [[f32; N]; 3],
-    pub reversed_z: [[f32; N]; 3],
+#[derive(Default)]
+pub(super) struct Corners {
+    pub x: [[f32; BLOCK]; 3],
+    pub y: [[f32; BLOCK]; 3],
+    pub reversed_z: [[f32; BLOCK]; 3],
 }
 
 /// Edges of triangles, and reversed z as a linear function of the image position.
-pub(super) struct TriangleSetup<const N: usize> {
+pub(super) struct TriangleSetup {
     /// Upper end of the long edge, and of the lower short edge.
-    pub top: [[f32; N]; 2],
-    pub middle: [[f32; N]; 2],
+    pub top: [[f32; BLOCK]; 2],
+    pub middle: [[f32; BLOCK]; 2],
     /// Columns per row of the long, the upper short and the lower short edge.
-    pub slopes: [[f32; N]; 3],
+    pub slopes: [[f32; BLOCK]; 3],
     /// All bits set if the long edge is on the left, else 0.
-    pub long_is_left: [u32; N],
+    pub long_is_left: [u32; BLOCK],
     /// First row, first row of the lower short edge, and end row.
-    pub rows: [[u32; N]; 3],
+    pub rows: [[u32; BLOCK]; 3],
     /// Reversed z at the image origin, in double precision: vertices may lie far outside.
-    pub constant: [f64; N],
-    pub dx: [f32; N],
-    pub dy: [f32; N],
+    pub constant: [f64; BLOCK],
+    pub dx: [f32; BLOCK],
+    pub dy: [f32; BLOCK],
     /// Range over the vertices, which rounding on slivers must not exceed.
-    pub low: [f32; N],
-    pub high: [f32; N],
+    pub low: [f32; BLOCK],
+    pub high: [f32; BLOCK],
 }
 
-impl<const N: usize> Default for Corners<N> {
-    fn default() -> Self {
-        Self { x: [[0.0; N]; 3], y: [[0.0; N]; 3], reversed_z: [[0.0; N]; 3] }
-    }
-}
-
-impl<const N: usize> Corners<N> {
+impl Corners {
     #[inline(always)]
     pub fn put(&mut self, at: usize, corners: [&Corner; 3]) {
         for (index, corner) in corners.into_iter().enumerate() {
@@ -48,21 +46,21 @@ impl<const N: usize> Corners<N> {
 
     /// Setup at `scale` samples per pixel on an image with `height` rows of samples.
     #[inline(always)]
-    pub fn setup(&self, scale: f32, height: usize) -> TriangleSetup<N> {
-        let (none, no_rows) = ([0.0; N], [0; N]);
+    pub fn setup(&self, scale: f32, height: usize) -> TriangleSetup {
+        let (none, no_rows) = ([0.0; BLOCK], [0; BLOCK]);
         let mut out = TriangleSetup {
             top: [none; 2],
             middle: [none; 2],
             slopes: [none; 3],
             long_is_left: no_rows,
             rows: [no_rows; 3],
-            constant: [0.0; N],
+            constant: [0.0; BLOCK],
             dx: none,
             dy: none,
             low: none,
             high: none,
         };
-        for i in 0..N {
+        for i in 0..BLOCK {
             let corner = |index: usize| Corner {
                 x: self.x[index][i] * scale,
                 y: self.y[index][i] * scale,
@@ -84,7 +82,7 @@ impl<const N: usize> Corners<N> {
             out.rows[2][i] = if area == 0.0 { first } else { end };
             let inverse = 1.0 / area;
             let (ab, ac) = (b.reversed_z - a.reversed_z, c.reversed_z - a.reversed_z);
-            (out.low[i], out.high[i]) = extremes(a.reversed_z, b.reversed_z, c.reversed_z);
+            (out.low[i], out.high[i]) = range_of_three(a.reversed_z, b.reversed_z, c.reversed_z);
             let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
             let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
             let [x, y] = [a.x, a.y].map(f64::from);
@@ -116,7 +114,7 @@ pub(super) struct Triangle {
     pub gradient: DepthGradient,
 }
 
-impl<const N: usize> TriangleSetup<N> {
+impl TriangleSetup {
     /// One triangle of the batch.
     #[inline(always)]
     pub fn triangle(&self, i: usize) -> Triangle {

@@ -13,23 +13,23 @@ pub(crate) struct Corner {
     pub reversed_z: f32,
 }
 
-impl Corner {
-    /// Coordinates in samples; the first sample of a pixel is at its centre.
-    #[inline(always)]
-    pub fn scaled(self, scale: f32) -> Self {
-        Self { x: self.x * scale, y: self.y * scale, ..self }
-    }
-
-    /// Combines two vertices component by component.
-    #[inline(always)]
-    pub fn joined(&self, other: &Self, join: impl Fn(f32, f32) -> f32) -> Self {
-        Self { x: join(self.x, other.x), y: join(self.y, other.y), reversed_z: join(self.reversed_z, other.reversed_z) }
-    }
+/// Smallest and largest coordinates of some vertices.
+#[inline(always)]
+pub(crate) fn extremes(corners: impl Iterator<Item = Corner>) -> (Corner, Corner) {
+    let joined = |a: Corner, b: Corner, join: fn(f32, f32) -> f32| Corner {
+        x: join(a.x, b.x),
+        y: join(a.y, b.y),
+        reversed_z: join(a.reversed_z, b.reversed_z),
+    };
+    let all = |value: f32| Corner { x: value, y: value, reversed_z: value };
+    corners.fold((all(f32::MAX), all(f32::MIN)), |(low, high), corner| {
+        (joined(low, corner, |a, b| if a < b { a } else { b }), joined(high, corner, |a, b| if a > b { a } else { b }))
+    })
 }
 
 /// Twice the signed area of a triangle on the image, negative for counter-clockwise (front) faces.
 #[inline(always)]
-pub(crate) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
+pub(super) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
 }
 
@@ -47,7 +47,7 @@ pub(super) fn first_sample(coordinate: f32, limit: usize) -> u32 {
 
 /// Smallest and largest of three numbers.
 #[inline(always)]
-pub(super) fn extremes(a: f32, b: f32, c: f32) -> (f32, f32) {
+pub(super) fn range_of_three(a: f32, b: f32, c: f32) -> (f32, f32) {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     (if c < low { c } else { low }, if c > high { c } else { high })
 }

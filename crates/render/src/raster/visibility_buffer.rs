@@ -4,14 +4,11 @@
 
 use crate::simd::within;
 
-use super::triangle_setup::{Corners, TriangleSetup};
-use super::vertex::{Corner, area_of, extremes};
+use super::triangle_setup::{BLOCK, Corners, TriangleSetup};
+use super::vertex::{Corner, area_of, range_of_three};
 
 /// Spans of a triangle computed at once. Measured: 8 are as fast in large images and slower in small ones.
 const ROWS: usize = 4;
-
-/// Triangles tested at once.
-pub(crate) const BLOCK: usize = 16;
 
 /// Requested sides of triangles: front faces, back faces.
 pub(crate) type Sides = [bool; 2];
@@ -85,10 +82,7 @@ pub(crate) fn draw_mesh<const IDS: bool>(
             let i = showing.trailing_zeros() as usize;
             showing &= showing - 1;
             let id = first_id + (index * BLOCK + i) as u32;
-            block.put(id, triangles_of_block[i].map(|corner| &corners[corner as usize]));
-            if block.count == BLOCK {
-                block.draw::<IDS>(sides, target);
-            }
+            block.push::<IDS>(id, triangles_of_block[i].map(|corner| &corners[corner as usize]), sides, target);
         }
     }
     block.draw::<IDS>(sides, target);
@@ -96,31 +90,41 @@ pub(crate) fn draw_mesh<const IDS: bool>(
 
 /// Triangles to be rasterised at once.
 #[derive(Default)]
-struct Block {
+pub(crate) struct Block {
     count: usize,
     ids: [u32; BLOCK],
     /// At one sample per pixel.
-    corners: Corners<BLOCK>,
+    corners: Corners,
 }
 
 impl Block {
+    /// Adds a triangle; rasterises them if the block is full.
     #[inline(always)]
-    fn put(&mut self, id: u32, corners: [&Corner; 3]) {
+    pub fn push<const IDS: bool>(
+        &mut self,
+        id: u32,
+        corners: [&Corner; 3],
+        sides: Sides,
+        target: &mut VisibilityBuffer,
+    ) {
         let at = self.count & (BLOCK - 1);
         self.ids[at] = id;
         self.corners.put(at, corners);
         self.count += 1;
+        if self.count == BLOCK {
+            self.draw::<IDS>(sides, target);
+        }
     }
 
     /// Rasterises and removes its triangles.
     #[inline(always)]
-    fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut VisibilityBuffer) {
+    pub fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut VisibilityBuffer) {
         let mut visible = self.visible(sides, target);
         let setup = self.corners.setup(target.scale as i32 as f32, target.height);
         while visible != 0 {
             let i = visible.trailing_zeros() as usize & (BLOCK - 1);
             visible &= visible - 1;
-            target.scan::<IDS, BLOCK>(&setup, i, self.ids[i]);
+            target.scan::<IDS>(&setup, i, self.ids[i]);
         }
         self.count = 0;
     }
@@ -136,8 +140,8 @@ impl Block {
         let [ay, by, cy] = &self.corners.y;
         for i in 0..BLOCK {
             let area = area_of([ax[i], ay[i]], [bx[i], by[i]], [cx[i], cy[i]]);
-            let (left, right) = extremes(ax[i], bx[i], cx[i]);
-            let (top, bottom) = extremes(ay[i], by[i], cy[i]);
+            let (left, right) = range_of_three(ax[i], bx[i], cx[i]);
+            let (top, bottom) = range_of_three(ay[i], by[i], cy[i]);
             let covers_column = ceiling(left * scale, columns) < ceiling(right * scale, columns);
             let covers_row = ceiling(top * scale, rows) < ceiling(bottom * scale, rows);
             let side = if area < 0.0 { front } else { back };
@@ -230,17 +234,9 @@ impl VisibilityBuffer {
         })
     }
 
-    /// Draws a triangle of either orientation; corners must be finite.
-    #[inline(always)]
-    pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
-        let mut one = Corners::<1>::default();
-        one.put(0, corners.each_ref());
-        self.scan::<IDS, 1>(&one.setup(1.0, self.height), 0, id);
-    }
-
     /// Draws one of some triangles.
     #[inline(always)]
-    fn scan<const IDS: bool, const N: usize>(&mut self, setup: &TriangleSetup<N>, i: usize, id: u32) {
+    fn scan<const IDS: bool>(&mut self, setup: &TriangleSetup, i: usize, id: u32) {
         let triangle = setup.triangle(i);
         let (width, stride, scale) = (self.width, self.stride, self.scale as u32);
         let [mut first, _, end] = triangle.rows;

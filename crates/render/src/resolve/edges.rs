@@ -45,7 +45,7 @@ impl EdgePixels {
         self.unmatched.clear();
     }
 
-    /// Blends the known colours of a tile's edge pixels; returns these pixels as bits.
+    /// Blends the known colours of a tile's edge pixels.
     pub fn blend_tile(
         &mut self,
         opaque: &VisibilityBuffer,
@@ -53,13 +53,12 @@ impl EdgePixels {
         light_buffer: &LightBuffer,
         tile: usize,
         colors: &[Vec3A],
-    ) -> u64 {
+    ) {
         let [columns, rows] = light_buffer.pixels_of(tile);
-        let (first_row, width) = (0xff >> (TILE - columns.len()), opaque.width / 2);
-        let inside = (0..rows.len()).fold(0, |bits, row| bits | first_row << (row * TILE));
-        let found = match_samples(ids, &mut self.matches) & inside;
+        let width = opaque.width / 2;
+        let found = match_samples(ids, &mut self.matches);
         if found == 0 {
-            return 0;
+            return;
         }
         let window = color_window(colors, [width, opaque.height / 2], [columns.start, rows.start]);
         let mut sums = [Vec3A::ZERO; TILE * TILE];
@@ -92,7 +91,6 @@ impl EdgePixels {
             let color = sum + window[y + 1][x + 1] * self.matches.own_share(place);
             self.pixels.push((pixel as u32, color));
         }
-        found
     }
 
     /// Lists a sample to be shaded; samples of one surface in a pixel are shaded once.

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3A};
 use super::coverage::{Coverage, find_coverage};
 use super::edges::{EdgePixels, UnmatchedSample};
 use super::surface_ids::{NormalCodes, TileSurfaceIds};
-use crate::gbuffer::static_layer::{TILE, each_place};
+use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{View, complement_z, surface_of};
 use crate::light_buffer::LightBuffer;
 use crate::raster::VisibilityBuffer;
@@ -23,17 +23,13 @@ use crate::transparency::visibility::TransparentBuffers;
 pub(crate) struct Resolver {
     edges: EdgePixels,
     layers: TransparencyLayers,
-    order: Vec<u32>,
-    /// By tile: pixels whose bytes are not those of their centre colour, as bits row by row.
-    rewritten: Vec<u64>,
     ids: TileSurfaceIds,
     codes: NormalCodes,
 }
 
 impl Resolver {
     /// Begins a frame.
-    pub fn begin(&mut self, assets: &RenderAssets, view: &View, tiles: usize) {
-        self.rewritten.resize(tiles, 0);
+    pub fn begin(&mut self, assets: &RenderAssets, view: &View) {
         self.edges.clear();
         self.layers.clear();
         let placed = assets.parts.iter().zip(&view.parts);
@@ -52,20 +48,13 @@ impl Resolver {
         for &tile in tiles {
             let place = light_buffer.pixels_of(tile).map(|range| range.start);
             let first_edge = self.edges.pixels.len();
-            let mut rewritten = 0;
             if !light_buffer.shows_one(tile) && self.ids.load(opaque, place, &self.codes) {
-                rewritten = self.edges.blend_tile(opaque, &self.ids, light_buffer, tile, colors);
+                self.edges.blend_tile(opaque, &self.ids, light_buffer, tile, colors);
             }
             if let Some(transparent) = transparent.filter(|transparent| transparent.reaches(tile)) {
-                rewritten |= self.find_transparent(opaque, &transparent.layers, light_buffer, tile, first_edge);
+                self.find_transparent(opaque, &transparent.layers, light_buffer, tile, first_edge);
             }
-            self.rewritten[tile] = rewritten;
         }
-    }
-
-    /// Pixels of a tile whose bytes were not those of their centre colour when it was last resolved, by place.
-    pub fn rewritten(&self, tile: usize) -> impl Iterator<Item = usize> {
-        each_place(self.rewritten[tile])
     }
 
     /// Shades unmatched samples and transparent layers, and writes the bytes of all found pixels.
@@ -92,27 +81,23 @@ impl Resolver {
             pixels[*edge_pixel as usize].1 += scene.backdrop.color(camera.viewpoint, ray) * *share;
         }
         unmatched.retain(|sample| sample.point.id != 0);
-        by_surface(unmatched.iter().map(|sample| surface_of(sample.point.id)), &mut self.order);
+        let surface = |sample: &UnmatchedSample| surface_of(sample.point.id);
+        unmatched.sort_by_key(surface);
         let mut shading = Shading::default();
-        let surface = |sample: &u32| surface_of(unmatched[*sample as usize].point.id);
-        for same in self.order.chunk_by(|a, b| surface(a) == surface(b)) {
+        for same in unmatched.chunk_by(|a, b| surface(a) == surface(b)) {
             let part = ShadedPart::new(scene, view, surface(&same[0]) as usize - 1);
-            for chunk in same.chunks(CHUNK) {
+            for samples in same.chunks(CHUNK) {
                 shading.clear();
-                for &sample in chunk {
-                    shading.push(unmatched[sample as usize].point);
-                }
+                samples.iter().for_each(|sample| shading.push(sample.point));
                 shading.shade(&part);
-                for (index, &sample) in chunk.iter().enumerate() {
-                    let UnmatchedSample { edge_pixel, share, .. } = unmatched[sample as usize];
-                    pixels[edge_pixel as usize].1 += shading.color_of(index) * share;
+                for (index, sample) in samples.iter().enumerate() {
+                    pixels[sample.edge_pixel as usize].1 += shading.color_of(index) * sample.share;
                 }
             }
         }
     }
 
-    /// Lists the transparent layers in front of a tile's pixels, whose edge pixels begin at an index; returns the pixels as
-    /// bits.
+    /// Lists the transparent layers in front of a tile's pixels, whose edge pixels begin at an index.
     fn find_transparent(
         &mut self,
         opaque: &VisibilityBuffer,
@@ -120,12 +105,11 @@ impl Resolver {
         light_buffer: &LightBuffer,
         tile: usize,
         first_edge: usize,
-    ) -> u64 {
+    ) {
         let [columns, rows] = light_buffer.pixels_of(tile);
         let coverage = find_coverage(layers, opaque, [columns.start, rows.start]);
         let width = opaque.width / 2;
         let mut edges = (first_edge as u32..).zip(&self.edges.pixels[first_edge..]).peekable();
-        let mut found = 0;
         for (y, row) in rows.enumerate() {
             for (x, column) in columns.clone().enumerate() {
                 let coverage = coverage.each_ref().map(|coverage| coverage[y * TILE + x]);
@@ -158,25 +142,7 @@ impl Resolver {
                     Some(LayerSample { point, coverage: share })
                 };
                 self.layers.add(pixel, edge, [sample(0), sample(1)]);
-                found |= 1 << (y * TILE + x);
             }
         }
-        found
-    }
-}
-
-/// Stable counting sort of indices by surface number.
-fn by_surface(surfaces: impl Iterator<Item = u32> + Clone, order: &mut Vec<u32>) {
-    let mut ends = vec![0; surfaces.clone().max().map_or(0, |last| last as usize + 2)];
-    surfaces.clone().for_each(|surface| ends[surface as usize + 1] += 1);
-    for surface in 1..ends.len() {
-        ends[surface] += ends[surface - 1];
-    }
-    order.clear();
-    order.resize(ends.last().map_or(0, |count| *count as usize), 0);
-    for (index, surface) in (0..).zip(surfaces) {
-        let place = &mut ends[surface as usize];
-        order[*place as usize] = index;
-        *place += 1;
     }
 }

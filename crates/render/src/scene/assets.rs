@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use genmanip_core::glam::DVec3;
 use genmanip_core::{Frame, ObjectModel, Pose, RobotModel, VisualPart, World};
 use glam::Vec3A;
 
@@ -11,6 +12,7 @@ use crate::scene::body_shape::BodyShape;
 use crate::scene::fixtures;
 use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
+use crate::scene::supports::SupportTop;
 
 /// Meshes, materials and textures of a robot, its objects and the fixtures: immutable, shared by all frames of a
 /// scenario.
@@ -23,6 +25,7 @@ pub struct RenderAssets {
     /// Shape of each body's opaque parts, by body index.
     shapes: Vec<Option<BodyShape>>,
     pads: Vec<Pad>,
+    supports: Vec<SupportTop>,
 }
 
 /// A non-metallic part of a finger, mirrored by the finger's metal.
@@ -84,11 +87,11 @@ impl RenderAssets {
         objects: &[Arc<ObjectModel>],
         world: Option<&World>,
     ) -> Result<Arc<Self>, RenderError> {
-        let mut parts = Vec::new();
+        let (mut parts, mut supports) = (Vec::new(), Vec::new());
         for fixed in world.map(fixtures::visuals).unwrap_or_default() {
             let part = Part::new(&fixed.visual, "surroundings", None, TABLE)?;
-            let material = Material { is_main_support: fixed.is_main_support, ..part.material };
-            parts.push(Part { material, convex: true, casts_shadow: fixed.casts_shadow, ..part });
+            supports.extend(SupportTop::of(parts.len(), &part.mesh).filter(|_| fixed.is_slab));
+            parts.push(Part { convex: true, casts_shadow: fixed.casts_shadow, ..part });
         }
         let mut body = 0;
         for link in robot.iter().flat_map(|robot| &robot.links) {
@@ -113,7 +116,7 @@ impl RenderAssets {
         }
         let shapes = shapes(&parts, body);
         let pads = robot.as_ref().map_or_else(Vec::new, |robot| pads(&parts, robot));
-        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads }))
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads, supports }))
     }
 
     /// Parts in the order of their numbers; see [`crate::internals`].
@@ -135,6 +138,27 @@ impl RenderAssets {
     /// Pads of the robot's fingers.
     pub(crate) fn pads(&self) -> &[Pad] {
         &self.pads
+    }
+
+    /// Support surfaces, in the order of the world.
+    pub(crate) fn supports(&self) -> &[SupportTop] {
+        &self.supports
+    }
+
+    /// Height of the support surface below a position (m): the highest of those under it, or else the highest beside it.
+    pub(crate) fn ground_below(&self, place: DVec3) -> Option<f32> {
+        let place = place.as_vec3a();
+        let below = self.supports.iter().filter(|top| top.height < place.z);
+        let ranked = below.map(|top| (top.is_under(place), top.height));
+        ranked.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, height)| height)
+    }
+
+    /// Mean linear colour of the support surfaces, by area; see [`crate::internals`].
+    #[doc(hidden)]
+    pub fn ground_color(&self, materials: &[Material]) -> Option<Vec3A> {
+        let area: f32 = self.supports.iter().map(SupportTop::area).sum();
+        let share = |top: &SupportTop| materials[top.part].mean_color() * (top.area() / area);
+        self.supports.iter().map(share).reduce(|a, b| a + b)
     }
 
     /// Number of the robot's bodies; they come before those of objects.

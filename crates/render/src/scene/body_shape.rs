@@ -5,7 +5,7 @@ use glam::Vec3;
 use crate::scene::mesh::Mesh;
 
 /// Bounding box of a body's opaque parts in its frame, and their shape class.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct BodyShape {
     /// Corners (m).
     pub low: Vec3,
@@ -28,6 +28,11 @@ const HOLLOW: f32 = 0.3;
 const INSIDE: f32 = 1e-3;
 
 impl BodyShape {
+    /// Centre of the bounding box (m).
+    pub fn middle(&self) -> Vec3 {
+        (self.low + self.high) * 0.5
+    }
+
     /// Shape of a body from its meshes; `None` without vertices.
     pub fn of(meshes: &[&Mesh]) -> Option<Self> {
         let corners = || meshes.iter().flat_map(|mesh| &mesh.positions).copied();

@@ -15,8 +15,8 @@ const LEG_INSET_M: f32 = 0.08;
 pub(crate) struct Fixture {
     /// Visual part; its `link_from_part` is its pose in the world.
     pub visual: VisualPart,
-    /// True for the slab of the first support surface, whose material a [`crate::RenderVariation`] replaces.
-    pub is_main_support: bool,
+    /// True for the slab of a support surface.
+    pub is_slab: bool,
     /// False for the first support surface: nothing below it is visible.
     pub casts_shadow: bool,
 }
@@ -25,16 +25,16 @@ pub(crate) struct Fixture {
 pub(crate) fn visuals(world: &World) -> Vec<Fixture> {
     let mut fixed = Vec::new();
     for (index, surface) in world.surfaces.iter().enumerate() {
-        let is_main_support = index == 0;
+        let is_first = index == 0;
         let mut add = |mesh: TriMesh, material: Material, is_slab: bool| {
             fixed.push(Fixture {
                 visual: VisualPart::new(&surface.id, mesh, material, surface.world_from_surface()),
-                is_main_support: is_main_support && is_slab,
-                casts_shadow: !is_main_support,
+                is_slab,
+                casts_shadow: !is_first,
             });
         };
         let paint = || Material::plain([0.80, 0.81, 0.82], 0.5);
-        add(slab(surface), if is_main_support { TableTop::default().material() } else { paint() }, true);
+        add(slab(surface), if is_first { TableTop::default().material() } else { paint() }, true);
         for board in &surface.boards {
             let (center, half) = (board.center_m.as_vec3(), board.size_m.as_vec3() * 0.5);
             let mut mesh = TriMesh::default();

@@ -21,8 +21,6 @@ pub struct Material {
     pub reflectance: f32,
     /// Texture of the base colour.
     pub texture: Option<Arc<MipTexture>>,
-    /// True for the slab whose material a [`crate::RenderVariation`] replaces.
-    pub is_main_support: bool,
 }
 
 impl Material {
@@ -79,7 +77,6 @@ impl Material {
             opacity: material.opacity.clamp(0.0, 1.0),
             reflectance: ((ior - 1.0) / (ior + 1.0)).powi(2),
             texture: material.texture.as_ref().and_then(MipTexture::shared),
-            is_main_support: false,
         }
     }
 }

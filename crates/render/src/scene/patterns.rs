@@ -1,14 +1,14 @@
 //! Procedural, seamlessly tiling textures of two colours, so that no third-party images are needed.
 
 use std::f32::consts::TAU;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 use genmanip_core::{Material, Texture};
 use glam::Vec3;
 
 use crate::simd::smooth_step;
 
-/// Appearance of a table top or wall: two 8-bit sRGB colours and a pattern.
+/// Appearance of a support surface, floor or wall: two 8-bit sRGB colours and a pattern.
 pub(crate) struct Patterned {
     pub name: &'static str,
     pub pattern: Pattern,
@@ -31,7 +31,7 @@ pub(crate) enum Pattern {
     Flecks { across: u32, share: f32 },
     /// Threads over and under each other.
     Weave { threads: u32 },
-    /// Stripes that cross, as on a table cloth.
+    /// Stripes that cross, as on a cloth.
     Checks { count: u32 },
     /// Squares with dark joints.
     Tiles { count: u32 },
@@ -55,8 +55,54 @@ use Pattern::{
     Boards, Bricks, Brushed, Checks, Concrete, Dots, Flecks, Folds, Grain, Plain, Stripes, Tiles, Veins, Weave,
 };
 
-/// Weak reference to a cached texture.
-pub(crate) type Known = Weak<Texture>;
+/// Defines a type of materials that are known by their names in files and on the command line.
+macro_rules! named_materials {
+    ($(#[$attribute:meta])* $name:ident, $what:literal, $list:ident, $size:ident) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+        #[serde(try_from = "String", into = "String")]
+        pub struct $name(u8);
+
+        impl $name {
+            /// All of them, the default first.
+            pub fn all() -> impl ExactSizeIterator<Item = Self> {
+                (0..$list.len() as u8).map(Self)
+            }
+
+            /// The name in files.
+            pub fn name(self) -> &'static str {
+                $list[usize::from(self.0)].name
+            }
+
+            /// The material; its texture is cached while in use.
+            pub(crate) fn material(self) -> genmanip_core::Material {
+                type Known = std::sync::Weak<genmanip_core::Texture>;
+                static MADE: std::sync::Mutex<[Known; $list.len()]> =
+                    std::sync::Mutex::new([const { Known::new() }; $list.len()]);
+                let index = usize::from(self.0);
+                $list[index].material(&mut MADE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)[index], $size)
+            }
+        }
+
+        impl TryFrom<String> for $name {
+            type Error = String;
+
+            fn try_from(name: String) -> Result<Self, String> {
+                let known = || $list.map(|material| material.name).join(", ");
+                let found = Self::all().find(|material| material.name() == name);
+                found.ok_or_else(|| format!("unknown {} `{name}`: expected one of {}", $what, known()))
+            }
+        }
+
+        impl From<$name> for String {
+            fn from(material: $name) -> Self {
+                material.name().into()
+            }
+        }
+    };
+}
+
+pub(crate) use named_materials;
 
 pub(crate) const fn patterned(
     name: &'static str,
@@ -70,11 +116,10 @@ pub(crate) const fn patterned(
 }
 
 impl Patterned {
-    /// Material with the pattern as texture (`size`² texels), cached while in use.
-    pub fn material<const COUNT: usize>(&self, made: &Mutex<[Known; COUNT]>, index: usize, size: u32) -> Material {
-        let mut made = made.lock().unwrap_or_else(PoisonError::into_inner);
-        let texture = made[index].upgrade().unwrap_or_else(|| Arc::new(self.texture(size)));
-        made[index] = Arc::downgrade(&texture);
+    /// Material with the pattern as texture (`size`² texels), which is made if nothing holds it.
+    pub fn material(&self, made: &mut Weak<Texture>, size: u32) -> Material {
+        let texture = made.upgrade().unwrap_or_else(|| Arc::new(self.texture(size)));
+        *made = Arc::downgrade(&texture);
         Material { texture: Some(texture), metallic: self.metallic, ..Material::plain([1.0; 3], self.roughness) }
     }
 

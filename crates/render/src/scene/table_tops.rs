@@ -1,22 +1,20 @@
-//! Materials of table tops: procedural textures.
-
-use std::sync::Mutex;
-
-use genmanip_core::Material;
-use serde::{Deserialize, Serialize};
+//! Materials of support surfaces and floors: procedural textures.
 
 use crate::scene::patterns::Pattern::{Boards, Brushed, Checks, Concrete, Flecks, Grain, Plain, Tiles, Veins, Weave};
-use crate::scene::patterns::{Known, Patterned, patterned as top};
+use crate::scene::patterns::{Patterned, named_materials, patterned as top};
 
 /// Size of one texture repetition (m).
 pub(crate) const TOP_SIZE_M: f32 = 1.5;
 /// Texels per side of a texture: 1.5 mm each.
 const SIZE: u32 = 1024;
 
-/// A table-top material by its name in files and on the command line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct TableTop(u8);
+named_materials!(
+    /// A material of support surfaces and floors, by its name in files and on the command line.
+    TableTop,
+    "table top",
+    TOPS,
+    SIZE
+);
 
 /// All materials, the default first. Colours and roughness are chosen to match their names; none is so dark or
 /// saturated that objects on it would be hard to see.
@@ -54,43 +52,6 @@ const TOPS: [Patterned; 32] = [
     top("beige_laminate", Plain, [214, 202, 178], [206, 194, 170], 0.4, 0.0),
     top("blue_laminate", Plain, [120, 148, 176], [112, 140, 168], 0.4, 0.0),
 ];
-
-impl TableTop {
-    /// All of them, the default first.
-    pub fn all() -> impl ExactSizeIterator<Item = Self> {
-        (0..TOPS.len() as u8).map(Self)
-    }
-
-    /// The name in files.
-    pub fn name(self) -> &'static str {
-        self.top().name
-    }
-
-    fn top(self) -> &'static Patterned {
-        &TOPS[usize::from(self.0) % TOPS.len()]
-    }
-
-    /// The material; its texture is cached while in use.
-    pub(crate) fn material(self) -> Material {
-        static MADE: Mutex<[Known; TOPS.len()]> = Mutex::new([const { Known::new() }; TOPS.len()]);
-        self.top().material(&MADE, usize::from(self.0) % TOPS.len(), SIZE)
-    }
-}
-
-impl TryFrom<String> for TableTop {
-    type Error = String;
-
-    fn try_from(name: String) -> Result<Self, String> {
-        let unknown = || format!("unknown table top `{name}`: expected one of {}", TOPS.map(|top| top.name).join(", "));
-        Self::all().find(|top| top.name() == name).ok_or_else(unknown)
-    }
-}
-
-impl From<TableTop> for String {
-    fn from(top: TableTop) -> Self {
-        top.name().into()
-    }
-}
 
 #[cfg(test)]
 mod tests {

@@ -9,7 +9,7 @@ use genmanip_core::Texture;
 use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
-use crate::simd::{BatchColumn, CHUNK, ZERO, floor, lerp, nearest_integer, polynomial, whole_registers, within};
+use crate::simd::{BatchColumn, CHUNK, Column, floor, lerp, nearest_integer, polynomial, whole_registers, within};
 
 /// A texture and its mip levels, created on first use.
 #[derive(Debug)]
@@ -37,34 +37,26 @@ struct Level {
 }
 
 /// Texture lookups of a batch of points.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Samples {
     /// Mip level.
-    octave: [u32; CHUNK],
+    octave: Column<u32>,
     levels: Levels,
     /// Bilinear weights.
     x: BatchColumn,
     y: BatchColumn,
-    index: [u32; CHUNK],
+    index: Column<u32>,
     /// Upper and lower pair of texels, left one first.
-    texels: [[[u32; 2]; CHUNK]; 2],
+    texels: [Column<[u32; 2]>; 2],
 }
 
 /// [`Level`]s of a batch as structure of arrays.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Levels {
     width: BatchColumn,
     height: BatchColumn,
-    stride: [u32; CHUNK],
-    first: [u32; CHUNK],
-}
-
-impl Default for Samples {
-    fn default() -> Self {
-        let none = [0; CHUNK];
-        let levels = Levels { width: ZERO, height: ZERO, stride: none, first: none };
-        Self { octave: none, levels, x: ZERO, y: ZERO, index: none, texels: [[[0; 2]; CHUNK]; 2] }
-    }
+    stride: Column<u32>,
+    first: Column<u32>,
 }
 
 impl MipTexture {
@@ -120,33 +112,22 @@ impl MipTexture {
     ) {
         let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
         find_octaves(count, texels_per_pixel, &mut samples.octave);
-        let first = samples.octave[0];
-        let differ = samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first));
-        let even = (differ == 0).then_some(first);
-        if let Some(octave) = even {
-            let level = pyramid.at(octave);
-            find_texels_at(level, count, place, samples);
-            samples.read(count, &pyramid.texels, |_, _| level.stride);
-        } else {
-            for i in 0..count.min(CHUNK) {
-                let Level { width, height, stride, first } = *pyramid.at(samples.octave[i]);
-                let levels = &mut samples.levels;
-                (levels.width[i], levels.height[i]) = (width, height);
-                (levels.stride[i], levels.first[i]) = (stride, first);
-            }
-            find_texels(count, place, samples);
-            samples.read(count, &pyramid.texels, |levels, i| levels.stride[i]);
+        for i in 0..count.min(CHUNK) {
+            let Level { width, height, stride, first } = *pyramid.at(samples.octave[i]);
+            let levels = &mut samples.levels;
+            (levels.width[i], levels.height[i], levels.stride[i], levels.first[i]) = (width, height, stride, first);
         }
+        find_texels(count, place, samples);
+        samples.read(count, &pyramid.texels);
         mix_texels(count, tint, samples, out);
     }
 }
 
 impl Samples {
     /// Reads the four texels around each point.
-    #[inline(always)]
-    fn read(&mut self, count: usize, texels: &[[u8; 4]], stride: impl Fn(&Levels, usize) -> u32) {
+    fn read(&mut self, count: usize, texels: &[[u8; 4]]) {
         for i in 0..count.min(CHUNK) {
-            let (index, stride) = (self.index[i] as usize, stride(&self.levels, i) as usize);
+            let (index, stride) = (self.index[i] as usize, self.levels.stride[i] as usize);
             if let ([a, b, ..], [c, d, ..]) = (&texels[index..], &texels[index + stride..]) {
                 self.texels[0][i] = [u32::from_le_bytes(*a), u32::from_le_bytes(*b)];
                 self.texels[1][i] = [u32::from_le_bytes(*c), u32::from_le_bytes(*d)];
@@ -169,7 +150,7 @@ impl Samples {
 
 /// Mip levels of a batch: about one texel per pixel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut [u32; CHUNK]) {
+fn find_octaves(count: usize, texels_per_pixel: &BatchColumn, octaves: &mut Column<u32>) {
     for i in 0..whole_registers(count) {
         octaves[i] = octave(texels_per_pixel[i]);
     }
@@ -183,15 +164,7 @@ fn octave(texels_per_pixel: f32) -> u32 {
     ((texels * 1.19).to_bits() >> 23) - 127
 }
 
-/// First of the four texels around each point, on one mip level.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn find_texels_at(level: &Level, count: usize, [u, v]: [&BatchColumn; 2], samples: &mut Samples) {
-    for i in 0..whole_registers(count) {
-        samples.find(i, [u[i], v[i]], *level);
-    }
-}
-
-/// The same with a mip level per point.
+/// First of the four texels around each point.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn find_texels(count: usize, [u, v]: [&BatchColumn; 2], samples: &mut Samples) {
     for i in 0..whole_registers(count) {
@@ -283,7 +256,7 @@ pub fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
 
 /// Indices of linear colours in [`srgb_table`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-pub(crate) fn find_codes(colors: &[BatchColumn; 3], codes: &mut [[u32; CHUNK]; 3]) {
+pub(crate) fn find_codes(colors: &[BatchColumn; 3], codes: &mut [Column<u32>; 3]) {
     for channel in 0..3 {
         for i in 0..CHUNK {
             codes[channel][i] = nearest_integer(within(colors[channel][i], 0.0, 1.0) * 4095.0);

@@ -1,4 +1,4 @@
-//! Appearance of a rendering: light, exposure, background, table top and object paint.
+//! Appearance of a rendering: light, exposure, background, support surface and object paint.
 
 use genmanip_core::Seed;
 use glam::Vec3A;
@@ -36,9 +36,9 @@ pub struct RenderVariation {
     pub background: [u8; 3],
     /// Room shown instead of the background colour; it has neither depth nor ids.
     pub room: Option<Room>,
-    /// Material of the table top.
+    /// Material of the first support surface.
     pub table_top: TableTop,
-    /// Tint of the table top's texture.
+    /// Tint of its texture.
     pub table_color: [f32; 3],
     /// Variation of the objects' paint; `None` keeps it.
     pub objects: Option<ObjectVariation>,
@@ -73,12 +73,13 @@ impl RenderVariation {
     /// Materials of all parts of the assets.
     #[doc(hidden)]
     pub fn materials(&self, assets: &RenderAssets) -> Vec<Material> {
-        let top = Material { is_main_support: true, ..Material::new(&self.table_top.material()) };
-        let surface = |part: &crate::scene::assets::Part| match part.material.is_main_support {
-            true => Material { base: top.base * linear_from_srgb(self.table_color), ..top.clone() },
-            false => self.painted(part.instance, &part.material),
-        };
-        assets.parts.iter().map(surface).collect()
+        let mut materials: Vec<Material> =
+            assets.parts.iter().map(|part| self.painted(part.instance, &part.material)).collect();
+        if let Some(first) = assets.supports().first() {
+            let top = Material::new(&self.table_top.material());
+            materials[first.part] = Material { base: top.base * linear_from_srgb(self.table_color), ..top };
+        }
+        materials
     }
 
     fn painted(&self, instance: u16, surface: &Material) -> Material {
@@ -106,7 +107,7 @@ impl Default for RenderVariation {
             light_intensity: 0.62,              // with the ambient light a white sheet stays just below clipping
             light_angular_radius: 0.075,        // a softbox: 8.6 degrees across
             sky_color: [0.95, 0.975, 1.0],      // a little cool
-            ground_color: [0.80, 0.78, 0.75],   // light from the table
+            ground_color: [0.80, 0.78, 0.75],   // light from below
             ambient_intensity: 0.42,            // shadows stay readable
             exposure: 1.1,                      // a white sheet facing the light becomes sRGB 241
             background: [255, 255, 255],        // the benchmark's plain white
@@ -117,7 +118,7 @@ impl Default for RenderVariation {
             occlusion_radius_m: 0.09,           // shadows around hand-sized things
             occlusion_strength: 1.4,            // as dark as traced ones
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
-            shadow_center: [0.4, 0.0, 0.3],     // the arm and the table's usable area …
+            shadow_center: [0.4, 0.0, 0.3],     // the arm and its usable area …
             shadow_radius_m: 1.0,               // … fit into this ball
         }
     }

@@ -1,14 +1,11 @@
 //! Materials of walls: procedural textures.
 
-use std::sync::Mutex;
-
-use genmanip_core::Material;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::patterns::Pattern::{
     Boards, Bricks, Checks, Concrete, Dots, Folds, Plain, Stripes, Tiles, Veins, Weave,
 };
-use crate::scene::patterns::{Known, Patterned, patterned as wall};
+use crate::scene::patterns::{Patterned, named_materials, patterned as wall};
 use crate::scene::table_tops::TableTop;
 
 /// Size of one texture repetition (m).
@@ -16,10 +13,13 @@ pub(crate) const WALL_SIZE_M: f32 = 2.4;
 /// Texels per side of a texture: 5 mm each.
 const SIZE: u32 = 512;
 
-/// A wall material by its name in files.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Wall(u8);
+named_materials!(
+    /// A wall material by its name in files.
+    Wall,
+    "wall",
+    WALLS,
+    SIZE
+);
 
 /// All wall materials. Colours are chosen to match their names.
 const WALLS: [Patterned; 32] = [
@@ -56,43 +56,6 @@ const WALLS: [Patterned; 32] = [
     wall("grey_curtain", Folds { count: 22 }, [186, 184, 182], [120, 118, 118], 0.9, 0.0),
     wall("checked_cloth", Checks { count: 24 }, [222, 218, 210], [146, 160, 150], 0.9, 0.0),
 ];
-
-impl Wall {
-    /// All of them.
-    pub fn all() -> impl ExactSizeIterator<Item = Self> {
-        (0..WALLS.len() as u8).map(Self)
-    }
-
-    /// The name in files.
-    pub fn name(self) -> &'static str {
-        self.look().name
-    }
-
-    fn look(self) -> &'static Patterned {
-        &WALLS[usize::from(self.0) % WALLS.len()]
-    }
-
-    /// The material; its texture is cached while in use.
-    pub(crate) fn material(self) -> Material {
-        static MADE: Mutex<[Known; WALLS.len()]> = Mutex::new([const { Known::new() }; WALLS.len()]);
-        self.look().material(&MADE, usize::from(self.0) % WALLS.len(), SIZE)
-    }
-}
-
-impl TryFrom<String> for Wall {
-    type Error = String;
-
-    fn try_from(name: String) -> Result<Self, String> {
-        let unknown = || format!("unknown wall `{name}`: expected one of {}", WALLS.map(|wall| wall.name).join(", "));
-        Self::all().find(|wall| wall.name() == name).ok_or_else(unknown)
-    }
-}
-
-impl From<Wall> for String {
-    fn from(wall: Wall) -> Self {
-        wall.name().into()
-    }
-}
 
 /// A room around the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

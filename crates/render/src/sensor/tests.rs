@@ -9,8 +9,9 @@ use genmanip_core::{Camera, CameraSensor, ColorSensor, DepthSensor, Distortion, 
 use proptest::prelude::*;
 
 use super::{color, depth, developed, needed, pinhole};
+use crate::tests::continued;
 use crate::tests::fixture::{camera, frame, objects, robot};
-use crate::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use crate::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer};
 
 fn preset(name: &str) -> CameraSensor {
     SensorPreset::named(name).unwrap().sensor
@@ -135,11 +136,8 @@ fn shot(camera: &Camera, wanted: Channels, seed: u64) -> FrameBuffers {
     let assets = RenderAssets::new(robot(), &objects(), Some(&default_world())).unwrap();
     let state = frame(&assets);
     let seen = pinhole(camera).unwrap();
-    let job = ViewJob::new(&state, &seen, needed(camera, wanted));
-    let mut out = [FrameBuffers::default()];
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-    renderer.render(&[job], &mut out).unwrap();
-    let [out] = out;
+    let out = continued(&mut renderer, &state, &seen, needed(camera, wanted));
     developed(&renderer, camera, wanted, out, Seed::new(seed)).unwrap()
 }
 
@@ -148,17 +146,16 @@ fn without_sensors_pictures_are_perfect_and_with_them_the_seed_decides() {
     let perfect = camera(96, 54);
     let assets = RenderAssets::new(robot(), &objects(), Some(&default_world())).unwrap();
     let state = frame(&assets);
-    let mut drawn = [FrameBuffers::default()];
     let mut renderer = Renderer::new(assets, RenderVariation::default());
-    renderer.render(&[ViewJob::new(&state, &perfect, Channels::ALL)], &mut drawn).unwrap();
-    assert_eq!(shot(&perfect, Channels::ALL, 1), drawn[0]);
+    let drawn = continued(&mut renderer, &state, &perfect, Channels::ALL);
+    assert_eq!(shot(&perfect, Channels::ALL, 1), drawn);
 
     for name in SensorPreset::names() {
         let real = Camera { sensor: Some(preset(name)), ..perfect.clone() };
         let [one, again, other] = [1, 1, 2].map(|seed| shot(&real, Channels::ALL, seed));
         assert_eq!(one, again, "{name}");
         assert!(one.depth_m != other.depth_m && one.rgb != other.rgb, "{name}");
-        assert_eq!((&one.instance, &one.normal), (&drawn[0].instance, &drawn[0].normal), "labels stay true");
+        assert_eq!((&one.instance, &one.normal), (&drawn.instance, &drawn.normal), "labels stay true");
         assert!(one.parts.is_empty());
         let alone = shot(&real, Channels { rgb: false, ..Channels::RGBD }, 1);
         assert_eq!(alone.depth_m, one.depth_m, "{name}: depth does not depend on what else is asked for");

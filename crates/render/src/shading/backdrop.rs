@@ -20,7 +20,7 @@ const HIGH: Vec3A = Vec3A::new(3.6, 2.9, 2.2);
 const EDGE: (f32, f32) = (0.35, 0.3);
 /// Brightness of the ceiling relative to the ambient light. Chosen.
 const CEILING: f32 = 0.7;
-/// Share of the key light on walls and floor. Chosen: the light is aimed at the table.
+/// Share of the key light on walls and floor. Chosen: the light is aimed at the scene.
 const KEY_SHARE: f32 = 0.4;
 
 /// Background colours after tone mapping.
@@ -102,7 +102,7 @@ mod tests {
     fn rooms_surround_what_is_inside() {
         let room = Room { wall: Wall::try_from("red_brick".to_owned()).unwrap(), floor: TableTop::default() };
         let variation = RenderVariation { room: Some(room), background: [0, 0, 255], ..RenderVariation::default() };
-        let backdrop = Backdrop::new(&variation, &Lighting::new(&variation, &[]));
+        let backdrop = Backdrop::new(&variation, &Lighting::new(&variation, None));
         assert!(backdrop.plain().is_none());
         let viewpoint = Vec3A::new(1.0, 0.2, 0.9);
         let colors = [Vec3A::X, Vec3A::NEG_X, Vec3A::Y, Vec3A::Z, Vec3A::NEG_Z, Vec3A::new(1.0, 0.0, -1.0)]

@@ -5,11 +5,13 @@
 use super::part::PartLight;
 use super::points::ShadingPoints;
 use super::terms::{ShadingTerms, mirrored};
-use crate::ambient::cavity::{Cavity, facing_middle};
+use crate::ambient::cavity::facing_middle;
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::reflection_proxies::ReflectionProxy;
+use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
+use crate::scene::material::Material;
+use crate::shading::reflectance::cavity_interreflection;
 use crate::simd::{BatchColumn, CHUNK, dot};
 
 /// Adds the light of the support surface, `viewpoint_height` (m) below the camera, on objects close above it.
@@ -38,7 +40,7 @@ pub(super) fn ground_bounce<const LANES: usize>(
 /// Replaces the specular environment by a reflection proxy where the mirror ray hits it.
 #[inline(always)]
 pub(super) fn proxy_reflection<const LANES: usize>(
-    thing: &ReflectionProxy,
+    proxy: &Proxy,
     points: &ShadingPoints,
     camera: &CameraView,
     lighting: &Lighting,
@@ -53,7 +55,7 @@ pub(super) fn proxy_reflection<const LANES: usize>(
         let along = |axis: usize| viewer[axis].mul_add(distance, viewpoint[axis]);
         let place = [along(0), along(1), along(2)];
         let twice = 2.0 * dot(normal, viewer);
-        let (share, [x, y, z]) = thing.meet(place, mirrored(normal, viewer, twice));
+        let (share, [x, y, z]) = proxy.meet(place, mirrored(normal, viewer, twice));
         shares[i] = share;
         (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
     }
@@ -64,27 +66,38 @@ pub(super) fn proxy_reflection<const LANES: usize>(
     let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
     for i in 0..LANES {
         let (share, normal) = (shares[i], [normals[0][i], normals[1][i], normals[2][i]]);
-        let light = thing.light(share, normal, lighting.sky.diffuse(normal), lamp);
+        let light = proxy.light(share, normal, lighting.sky.diffuse(normal), lamp);
         for channel in 0..3 {
             out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(1.0 - share, light[channel]);
         }
     }
 }
 
-/// Key light on the walls of a lit cavity.
+/// Adds the key light interreflected by the walls of a lit cavity.
 #[inline(always)]
-pub(super) fn cavity_term<const LANES: usize>(cavity: Option<Cavity>, points: &ShadingPoints, out: &mut ShadingTerms) {
-    let Some(cavity) = cavity else { return };
-    let middle = cavity.middle.to_array();
+pub(super) fn cavity_term<const LANES: usize>(
+    cavity: &Proxy,
+    points: &ShadingPoints,
+    material: &Material,
+    lighting: &Lighting,
+    out: &mut ShadingTerms,
+) {
+    let middle = cavity.middle().to_array();
+    let opening = cavity.cavity_opening();
+    let key = (lighting.key * (cavity.cavity_light() * material.scatters() * lighting.exposure)).to_array();
     for i in 0..LANES {
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let toward = [middle[0] - points.place[0][i], middle[1] - points.place[1][i], middle[2] - points.place[2][i]];
         let lengths = dot(normal, normal) * dot(toward, toward) + 1e-20;
-        out.cavity[i] = cavity.light * facing_middle(dot(normal, toward) / lengths.sqrt());
+        let facing = facing_middle(dot(normal, toward) / lengths.sqrt());
+        for channel in 0..3 {
+            let albedo = points.base[channel][i] * (1.0 - material.metallic);
+            out.color[channel][i] += cavity_interreflection(albedo, opening) * facing * key[channel];
+        }
     }
 }
 
-/// Multiplies the ambient light on the support surface by the irradiance grid.
+/// Multiplies the ambient light on a support surface by its irradiance grid.
 #[inline(always)]
 pub(super) fn apply_irradiance_grid(
     irradiance_grid: &IrradianceGrid,

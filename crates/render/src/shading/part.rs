@@ -2,9 +2,8 @@
 
 use glam::Vec3A;
 
-use crate::ambient::cavity::Cavity;
 use crate::ambient::irradiance_grid::IrradianceGrid;
-use crate::ambient::reflection_proxies::ReflectionProxy;
+use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::{CameraView, PartView, View};
 use crate::job::ROBOT;
 use crate::lights::lighting::Lighting;
@@ -14,7 +13,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::Face;
 
 /// Share of the ambient light that comes from around the key light and is occluded with it: on objects, and on the
-/// support surface, whose irradiance grid covers most of it. Fitted to path-traced images.
+/// support surfaces, whose irradiance grids cover most of it. Fitted to path-traced images.
 const WITH_KEY: f32 = 0.1725;
 const WITH_KEY_ON_SUPPORT: f32 = 0.091;
 
@@ -36,24 +35,20 @@ pub(crate) struct PartLight<'a> {
     pub lighting: &'a Lighting,
     /// Environment prefiltered for its roughness.
     pub glossy: Glossy,
-    /// Irradiance grid, on the main support surface.
+    /// Irradiance grid, on a support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
     /// Height of the support surface that reflects light onto it (m), and its lit share, 0-1.
     pub ground: Option<f32>,
     pub ground_lit: f32,
-    pub cavity: Option<Cavity>,
-    /// Reflection proxies, the farther first.
-    pub mirrored: [Option<ReflectionProxy>; 2],
+    /// Proxy with its lit cavity.
+    pub cavity: Option<&'a Proxy>,
+    /// Proxies that it reflects, the farther first.
+    pub mirrored: [Option<&'a Proxy>; 2],
     /// Share of a surface's own bounce light that returns to it, 0-1.
     pub bounce: f32,
 }
 
 impl PartLight<'_> {
-    /// Share of the sky visible from the cavity, 1 without one.
-    pub fn open(&self) -> f32 {
-        self.cavity.map_or(1.0, |cavity| cavity.open)
-    }
-
     /// Share of the ambient light occluded together with the key light.
     pub fn with_key(&self) -> f32 {
         if self.irradiance_grid.is_some() { WITH_KEY_ON_SUPPORT } else { WITH_KEY }
@@ -68,14 +63,12 @@ impl<'a> ShadedPart<'a> {
         let light = PartLight {
             lighting: scene.lighting,
             glossy: scene.lighting.sky.glossy(material.roughness),
-            irradiance_grid: material.is_main_support.then_some(scene.irradiance_grid),
-            ground: part.body.and(scene.irradiance_grid.top()),
+            irradiance_grid: scene.irradiance_grids.of(index as u16 + 1),
+            ground: placed.ground,
             ground_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
             cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
             mirrored: match part.body {
-                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => {
-                    scene.proxies.reflection_proxies_of(body)
-                }
+                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => scene.proxies.reflected_by(body),
                 _ => [None; 2],
             },
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),

@@ -10,10 +10,10 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::scene::material::Material;
 use crate::scene::mesh::Face;
 use crate::scene::texture::Samples;
-use crate::simd::{BatchColumn, CHUNK, ZERO, dot, turned};
+use crate::simd::{BatchColumn, CHUNK, dot, turned};
 
 /// A batch of shading points of one part.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ShadingPoints {
     /// Image positions and triangles; not always pixel centres.
     pub pixels: Pixels,
@@ -31,22 +31,6 @@ pub(super) struct ShadingPoints {
     pub base: [BatchColumn; 3],
 }
 
-impl Default for ShadingPoints {
-    fn default() -> Self {
-        Self {
-            pixels: Pixels::default(),
-            shadow: ZERO,
-            ambient: ZERO,
-            place: [ZERO; 3],
-            normal: [ZERO; 3],
-            u: ZERO,
-            v: ZERO,
-            texels: ZERO,
-            base: [ZERO; 3],
-        }
-    }
-}
-
 impl ShadingPoints {
     /// Samples the linear base colour at all points.
     pub fn paint(&mut self, material: &Material, samples: &mut Samples) {
@@ -55,7 +39,7 @@ impl ShadingPoints {
             Some(texture) => {
                 texture.sample(self.pixels.count, [&self.u, &self.v], &self.texels, tint, samples, &mut self.base);
             }
-            None => self.base = tint.map(|tint| [tint; CHUNK]),
+            None => self.base = tint.map(|tint| BatchColumn::of(tint)),
         }
     }
 }

@@ -12,8 +12,8 @@ use crate::gbuffer::view::{CameraView, PartView};
 use crate::lights::lighting::Lighting;
 use crate::lights::sky::{Glossy, Sky};
 use crate::scene::material::Material;
-use crate::shading::reflectance::{ambient_fresnel, cavity_interreflection, multibounce_ao, schlick_weight};
-use crate::shading::tone_map::{is_compressed, tone_map, tone_map_dark};
+use crate::shading::reflectance::{ambient_fresnel, multibounce_ao, schlick_weight};
+use crate::shading::tone_map::tone_map;
 use crate::simd::{BatchColumn, CHUNK, REGISTER, dot, lerp, turned, within};
 
 /// Strength of twice-reflected key light in concave corners. Fitted to path-traced images.
@@ -42,20 +42,17 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     if let Some(top) = light.ground {
         ground_bounce::<LANES>(light, camera.viewpoint.z - top, points, placed, out);
     }
-    for thing in light.mirrored.iter().flatten() {
-        proxy_reflection::<LANES>(thing, points, camera, light.lighting, out);
+    for proxy in light.mirrored.iter().flatten() {
+        proxy_reflection::<LANES>(proxy, points, camera, light.lighting, out);
     }
     if let Some(irradiance_grid) = light.irradiance_grid {
         apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
     }
     find_highlights::<LANES>(material.roughness, light.lighting, out);
     apply_shadow::<LANES>(&points.shadow, light.with_key(), out);
-    if material.metallic > 0.0 {
-        sum_terms::<LANES>(points, material, light, out);
-    } else {
-        cavity_term::<LANES>(light.cavity, points, out);
-        mirror::<LANES>(material.reflectance, out);
-        sum_terms_dielectric::<LANES>(points, material.scatters(), light, out);
+    sum_terms::<LANES>(points, material, light, out);
+    if let Some(cavity) = light.cavity {
+        cavity_term::<LANES>(cavity, points, material, light.lighting, out);
     }
     tone_map_all::<LANES>(material.opacity < 1.0, out);
 }
@@ -157,7 +154,7 @@ fn apply_shadow<const LANES: usize>(key: &BatchColumn, with_key: f32, out: &mut 
     }
 }
 
-/// Sum of all terms of a metal.
+/// Sum of all terms but the light of a cavity.
 #[inline(always)]
 fn sum_terms<const LANES: usize>(
     points: &ShadingPoints,
@@ -168,6 +165,7 @@ fn sum_terms<const LANES: usize>(
     let (lighting, bounce) = (light.lighting, light.bounce);
     let (metallic, reflectance, exposure) = (material.metallic, material.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
+    // One interface scatters this share.
     let side = material.scatters();
     for channel in 0..3 {
         let lamp = key[channel];
@@ -201,106 +199,16 @@ fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, 
     albedo * around.mul_add(multibounce_ao(open, albedo * bounce), corner + arriving)
 }
 
-/// Multiplies `mirrored` and `lobe` by a dielectric's specular reflectances, which do not depend on colour.
-#[inline(always)]
-fn mirror<const LANES: usize>(reflectance: f32, out: &mut ShadingTerms) {
-    for i in 0..LANES {
-        let [ambient, direct] = mirrored_shares(reflectance, out, i);
-        out.lobe[i] = direct;
-        for channel in 0..3 {
-            out.mirrored[channel][i] *= ambient;
-        }
-    }
-}
-
-/// Sum of all terms of a dielectric, after [`mirror`]; one interface scatters the share `side`.
-#[inline(always)]
-fn sum_terms_dielectric<const LANES: usize>(
-    points: &ShadingPoints,
-    side: f32,
-    light: &PartLight<'_>,
-    out: &mut ShadingTerms,
-) {
-    let (mut is_open, mut has_cavity) = (true, false);
-    for i in 0..LANES {
-        is_open &= points.ambient[i] == 1.0;
-    }
-    if light.cavity.is_some() {
-        for i in 0..LANES {
-            has_cavity |= out.cavity[i] > 0.0;
-        }
-    }
-    // Terms that are zero are skipped, with the same bits.
-    match [is_open, has_cavity] {
-        [true, false] => sum_terms_of::<LANES, true, false>(points, side, light, out),
-        [false, false] => sum_terms_of::<LANES, false, false>(points, side, light, out),
-        [_, true] => sum_terms_of::<LANES, false, true>(points, side, light, out),
-    }
-}
-
-/// [`sum_terms_dielectric`] without ambient occlusion, or with cavity light.
-#[inline(always)]
-fn sum_terms_of<const LANES: usize, const IS_OPEN: bool, const HAS_CAVITY: bool>(
-    points: &ShadingPoints,
-    side: f32,
-    light: &PartLight<'_>,
-    out: &mut ShadingTerms,
-) {
-    let (key, exposure, bounce, open) =
-        (light.lighting.key.to_array(), light.lighting.exposure, light.bounce, light.open());
-    for channel in 0..3 {
-        let lamp = key[channel];
-        for i in 0..LANES {
-            let around = out.around[channel][i] * (1.0 - out.occluded_ambient[i]);
-            let arriving = lamp * out.strength[i];
-            let albedo = points.base[channel][i];
-            let mirrored = out.mirrored[channel][i];
-            let (mut diffuse, ambient) = if IS_OPEN {
-                (albedo * around.mul_add(multibounce_ao(1.0, albedo * bounce), arriving), mirrored)
-            } else {
-                let share = points.ambient[i];
-                (scattered([albedo, bounce], share, around, arriving, [out.corner[i], lamp]), mirrored * share)
-            };
-            if HAS_CAVITY {
-                diffuse = (cavity_interreflection(albedo, open) * out.cavity[i]).mul_add(lamp, diffuse);
-            }
-            let specular = arriving.mul_add(out.lobe[i], ambient);
-            out.color[channel][i] = diffuse.mul_add(side, specular) * exposure;
-        }
-    }
-}
-
-/// Tone mapping.
+/// Tone mapping; transparent interfaces add to a tone-mapped background, where only the sum has dark tones.
 #[inline(always)]
 fn tone_map_all<const LANES: usize>(is_transparent: bool, out: &mut ShadingTerms) {
-    if is_transparent {
-        // Transparent interfaces add to a tone-mapped background: only the sum has dark tones.
-        for i in 0..LANES {
-            for channel in 0..3 {
-                let color = out.color[channel][i];
-                out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
-            }
-        }
-        return;
-    }
-    let mut is_bright = false;
     for i in 0..LANES {
-        is_bright |= is_compressed([out.color[0][i], out.color[1][i], out.color[2][i]]);
-    }
-    if !is_bright {
-        for i in 0..LANES {
-            let color = tone_map_dark([out.color[0][i], out.color[1][i], out.color[2][i]]);
-            out.color[0][i] = color[0];
-            out.color[1][i] = color[1];
-            out.color[2][i] = color[2];
+        let color = [out.color[0][i], out.color[1][i], out.color[2][i]];
+        let mapped = tone_map(color);
+        for channel in 0..3 {
+            let bounded = if color[channel] < 1.0 { color[channel] } else { 1.0 };
+            out.color[channel][i] = if is_transparent { bounded } else { mapped[channel] };
         }
-        return;
-    }
-    for i in 0..LANES {
-        let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
-        out.color[0][i] = color[0];
-        out.color[1][i] = color[1];
-        out.color[2][i] = color[2];
     }
 }
 
@@ -309,14 +217,15 @@ mod tests {
     use glam::{Vec2, Vec3A};
 
     use super::*;
-    use crate::ambient::reflection_proxies::held_cube as held;
+    use crate::ambient::reflection::held_cube as held;
     use crate::scene::variation::RenderVariation;
 
     /// All instruction sets give the bits of the scalar loop.
     #[test]
     fn wide_registers_give_the_same_bits() {
         let variation = RenderVariation::default();
-        let lighting = Lighting::new(&variation, &[]);
+        let lighting = Lighting::new(&variation, None);
+        let (cube, ball) = (held(true), held(false));
         let camera =
             CameraView { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..CameraView::default() };
         let mut state = 1_u32;
@@ -341,11 +250,10 @@ mod tests {
                 opacity: draw(0.2, 1.2).min(1.0),
                 reflectance: 0.04,
                 texture: None,
-                is_main_support: false,
             };
             let glossy = lighting.sky.glossy(material.roughness);
-            let mirrored = [[None; 2], [Some(held(true)), None], [Some(held(false)), Some(held(true))]]
-                [(draw(0.0, 3.0) as usize).min(2)];
+            let mirrored =
+                [[None; 2], [Some(&cube), None], [Some(&ball), Some(&cube)]][(draw(0.0, 3.0) as usize).min(2)];
             let (bounce, ground) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
             let light = PartLight {
                 lighting: &lighting,

@@ -9,10 +9,9 @@ use super::points::{ShadingPoints, find_footprints, interpolate, interpolate_one
 use super::reflect::reflect;
 use super::terms::ShadingTerms;
 use crate::gbuffer::points::TRIANGLE;
-use crate::gbuffer::static_layer::TILE;
 use crate::light_buffer::LightBuffer;
 use crate::scene::texture::{Samples, find_codes, srgb_table};
-use crate::simd::{BatchColumn, CHUNK, REGISTER};
+use crate::simd::{BatchColumn, CHUNK, Column, REGISTER};
 
 /// A point on the image to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,27 +29,20 @@ pub(crate) struct ShadingPoint {
 }
 
 /// Shades batches of points of one part.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Shading {
     points: ShadingPoints,
     samples: Samples,
     reflected: ShadingTerms,
     /// Indices of the colours in the sRGB table.
-    codes: [[u32; CHUNK]; 3],
-}
-
-impl Default for Shading {
-    fn default() -> Self {
-        let (points, samples, reflected) = Default::default();
-        Self { points, samples, reflected, codes: [[0; CHUNK]; 3] }
-    }
+    codes: [Column<u32>; 3],
 }
 
 impl Shading {
     /// Starts a batch.
     pub fn clear(&mut self) {
         let pixels = &mut self.points.pixels;
-        (pixels.count, pixels.is_tile, pixels.is_flat) = (0, false, true);
+        (pixels.count, pixels.is_flat) = (0, true);
     }
 
     /// Adds a point to the batch.
@@ -67,21 +59,9 @@ impl Shading {
     /// Loads the centres of listed (packed) pixels and their incoming light.
     pub fn load_pixels(&mut self, places: &[u32], light_buffer: &LightBuffer) {
         let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
-        pixels.list(places, light_buffer.centers());
+        pixels.load(places, light_buffer.centers());
         for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
             (shadow[i], ambient[i]) = (light_buffer.shadow_mask[pixel as usize], light_buffer.ambient[pixel as usize]);
-        }
-        clamp_unknown(shadow);
-    }
-
-    /// Loads the pixel centres of a tile, given by its first (packed) pixel.
-    pub fn load_tile(&mut self, place: u32, light_buffer: &LightBuffer) {
-        let ShadingPoints { pixels, shadow, ambient, .. } = &mut self.points;
-        pixels.tile(place, light_buffer.centers());
-        let (_, first) = light_buffer.tile_at(place);
-        for (column, values) in [(&mut *shadow, &light_buffer.shadow_mask), (ambient, &light_buffer.ambient)] {
-            let lines = light_buffer.lines(values, first);
-            column.as_chunks_mut::<TILE>().0.iter_mut().zip(lines).for_each(|(out, line)| *out = *line);
         }
         clamp_unknown(shadow);
     }
@@ -92,27 +72,10 @@ impl Shading {
         let pixels = &self.points.pixels;
         let table = srgb_table();
         let code = |channel: usize, point: usize| table[self.codes[channel][point] as usize & 4095];
-        if pixels.is_tile {
-            for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
-                let (from, to) = (step * TILE, first as usize);
-                for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
-                    *color = self.color_of(from + x);
-                }
-                let [a, b, c, d, e, f, g, h] = std::array::from_fn(|x| {
-                    let [red, green, blue] = [0, 1, 2].map(|channel| u64::from(code(channel, from + x)));
-                    red | green << 8 | blue << 16
-                });
-                // Three bytes each, packed into three words.
-                let words = [a | b << 24 | c << 48, c >> 16 | d << 8 | e << 32 | f << 56, f >> 8 | g << 16 | h << 40];
-                let bytes = rgb[to * 3..(to + TILE) * 3].as_chunks_mut().0;
-                bytes.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-            }
-        } else {
-            for (point, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
-                colors[pixel as usize] = self.color_of(point);
-                let bytes: [u8; 3] = std::array::from_fn(|channel| code(channel, point));
-                rgb[pixel as usize * 3..][..3].copy_from_slice(&bytes);
-            }
+        for (point, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+            colors[pixel as usize] = self.color_of(point);
+            let bytes: [u8; 3] = std::array::from_fn(|channel| code(channel, point));
+            rgb[pixel as usize * 3..][..3].copy_from_slice(&bytes);
         }
     }
 
@@ -161,7 +124,7 @@ impl Shading {
 /// Clamps the unknown shadow mask to 0.
 #[inline(always)]
 fn clamp_unknown(shadow: &mut BatchColumn) {
-    for shadow in shadow {
+    for shadow in shadow.iter_mut() {
         *shadow = if *shadow > 0.0 { *shadow } else { 0.0 };
     }
 }

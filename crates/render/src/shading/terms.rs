@@ -1,9 +1,9 @@
 //! Terms of the reflected radiance of a batch of points.
 
-use crate::simd::{BatchColumn, ZERO};
+use crate::simd::BatchColumn;
 
 /// Intermediate terms and result of [`super::reflect::reflect`], by point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ShadingTerms {
     pub normal: [BatchColumn; 3],
     pub(super) viewer: [BatchColumn; 3],
@@ -22,34 +22,9 @@ pub(super) struct ShadingTerms {
     pub(super) occluded_ambient: BatchColumn,
     /// Share of interreflected key light in concave corners.
     pub(super) corner: BatchColumn,
-    /// Key light inside a cavity, relative to a surface that faces the light.
-    pub(super) cavity: BatchColumn,
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
     pub color: [BatchColumn; 3],
-}
-
-impl Default for ShadingTerms {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            normal: lanes,
-            viewer: lanes,
-            facing: ZERO,
-            around: lanes,
-            mirrored: lanes,
-            scale: ZERO,
-            bias: ZERO,
-            lit: ZERO,
-            strength: ZERO,
-            occluded_ambient: ZERO,
-            corner: ZERO,
-            cavity: ZERO,
-            lobe: ZERO,
-            weight: ZERO,
-            color: lanes,
-        }
-    }
 }
 
 /// Mirror direction, from twice the cosine between normal and view direction.

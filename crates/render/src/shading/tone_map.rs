@@ -10,7 +10,7 @@ const START: f32 = 0.8 - 0.04;
 pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     const DESATURATION: f32 = 0.15;
     const D: f32 = 1.0 - START;
-    let color = tone_map_dark(color);
+    let color = toe(color);
     let peak = largest(color);
     let bright = if peak > START { peak } else { START };
     let new_peak = 1.0 - D * D / (bright + (D - START));
@@ -25,15 +25,9 @@ pub fn tone_map(color: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// True if [`tone_map`] compresses a colour; otherwise it equals [`tone_map_dark`].
-#[inline(always)]
-pub(crate) fn is_compressed(color: [f32; 3]) -> bool {
-    largest(tone_map_dark(color)) >= START
-}
-
 /// Toe of [`tone_map`]: darkens dark tones.
 #[inline(always)]
-pub(crate) fn tone_map_dark([r, g, b]: [f32; 3]) -> [f32; 3] {
+fn toe([r, g, b]: [f32; 3]) -> [f32; 3] {
     let low = if r < g { r } else { g };
     let low = if b < low { b } else { low };
     let offset = if low < 0.08 { (low * low).mul_add(-6.25, low) } else { 0.04 };

@@ -12,14 +12,13 @@ use crate::gbuffer::view::rotation;
 use crate::job::FrameState;
 use crate::lights::key_light::{KeyLight, MAX_RADIUS};
 use crate::lights::sky::luminance;
-use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh};
+use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh, extremes};
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
 use crate::scene::variation::RenderVariation;
 use crate::shadow::pcss::{PcfTaps, SampleQueue, TAPS, UNKNOWN, even_pattern, near_pattern, tap, turn_of};
-use crate::shadow::planar::PlanarReceivers;
-use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, Column, floor, nearest_integer, whole_registers, within};
 
 /// Depth map seen from the key light.
 #[derive(Debug, Default)]
@@ -27,18 +26,15 @@ pub(crate) struct ShadowMap {
     layers: LayeredBuffer,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// By map tile: smallest solid and largest reversed z within reach of a point's taps.
-    lowest: Vec<f32>,
+    /// By map tile: largest reversed z in it, and within reach of a point's taps.
+    own_highest: Vec<f32>,
     highest: Vec<f32>,
-    own: [Vec<f32>; 2],
     /// Number of updates.
     version: u64,
     /// Version in which each tile last changed.
     changed_in: Vec<u64>,
     light: KeyLight,
     clear: Clear,
-    /// Shadow masks of horizontal fixtures.
-    planar_receivers: PlanarReceivers,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -49,13 +45,18 @@ struct Caster {
     corners: Vec<Corner>,
 }
 
-/// Bounds of an image tile on the shadow map: first and last column and row of map tiles; first after last for nothing.
+/// Bounds of an image tile on the shadow map.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MapFootprint([[i32; 2]; 2]);
+pub(crate) struct MapFootprint {
+    /// First and last column and row of map tiles; first after last for nothing.
+    tiles: [[i32; 2]; 2],
+    /// Smallest reversed z.
+    lowest: f32,
+}
 
 impl Default for MapFootprint {
     fn default() -> Self {
-        Self([[0; 2], [-1; 2]])
+        Self { tiles: [[0; 2], [-1; 2]], lowest: 0.0 }
     }
 }
 
@@ -65,7 +66,7 @@ const REACH_TILES: isize = 4;
 impl MapFootprint {
     /// First and last column and row of the map tiles on which its shadows depend.
     pub fn reach(&self) -> [[isize; 2]; 2] {
-        let [from, to] = self.0.map(|tile| tile.map(|at| at as isize));
+        let [from, to] = self.tiles.map(|tile| tile.map(|at| at as isize));
         if from[0] > to[0] {
             return [from, to];
         }
@@ -76,7 +77,7 @@ impl MapFootprint {
 /// Queues of points that may lie in a penumbra: before the blocker search, and before filtering.
 #[derive(Debug, Default)]
 pub(crate) struct UnresolvedSamples {
-    places: MapPoints,
+    points: MapPoints,
     search: SampleQueue,
     filter: SampleQueue,
     taps: PcfTaps,
@@ -144,16 +145,7 @@ impl ShadowMap {
                 *changed_in = self.version;
             }
             self.summarise();
-            if is_new {
-                self.planar_receivers = PlanarReceivers::new(assets, &self.light);
-            }
-            self.planar_receivers.update(&self.layers.target, &self.layers.changed, self.version);
         }
-    }
-
-    /// Shadow masks of horizontal fixtures.
-    pub fn planar_receivers(&self) -> &PlanarReceivers {
-        &self.planar_receivers
     }
 
     /// Marks of the map tiles that changed after a version, and tiles per row.
@@ -165,46 +157,43 @@ impl ShadowMap {
     pub fn footprint_of(&self, points: impl Iterator<Item = Vec3A>) -> MapFootprint {
         /// The bias along the normal is at most two texels.
         const MARGIN: f32 = 2.0;
-        let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-        for point in points {
-            let Corner { x, y, .. } = self.light.on_map(self.light.light_from_world * point);
-            (low, high) = ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]);
-        }
+        let (low, high) = extremes(points.map(|point| self.light.on_map(self.light.light_from_world * point)));
         let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as i32;
-        MapFootprint([low.map(|at| tile(at - MARGIN)), high.map(|at| tile(at + MARGIN))])
+        let tiles = [[low.x - MARGIN, low.y - MARGIN].map(tile), [high.x + MARGIN, high.y + MARGIN].map(tile)];
+        MapFootprint { tiles, lowest: low.reversed_z }
     }
 
-    /// Writes the shadow mask of points that are fully lit, fully shadowed or facing away; queues the others.
+    /// True if no shadow falls on a flat piece of surface with a unit normal.
+    pub fn lights(&self, footprint: &MapFootprint, normal: Vec3A) -> bool {
+        // The plane of the surface changes by at most two texels per texel.
+        let lowest = footprint.lowest - 2.0 * MAX_RADIUS / self.light.texels_per_m;
+        let count = self.layers.tile_columns;
+        let [columns, mut rows] = [0, 1].map(|axis| {
+            let [from, to] = footprint.tiles.map(|tile| tile[axis]);
+            from.clamp(0, count as i32) as usize..(to + 1).clamp(0, count as i32) as usize
+        });
+        let is_lit = |row: usize| self.highest[row * count..][columns.clone()].iter().all(|&high| high <= lowest);
+        self.light.light_from_world.row(2).dot(normal) < 0.0 && rows.all(is_lit)
+    }
+
+    /// Writes the shadow mask of points that are lit or facing away; queues the others.
     pub fn classify(&self, points: &Points, share: &mut [f32], unresolved: &mut UnresolvedSamples) {
-        place_points(&self.light, points, &mut unresolved.places);
-        let UnresolvedSamples { places, search: queue, filter, taps } = unresolved;
-        let limit = self.light.size as f32 - 1.0;
+        let UnresolvedSamples { points: on_map, search, filter, taps } = unresolved;
+        place_points(&self.light, points, on_map);
+        on_map.samples.pixel = points.pixel;
+        let (limit, widest) = (self.light.size as f32 - 1.0, self.light.search_radius());
         for i in 0..points.count {
-            let pixel = points.pixel[i] as usize;
-            if places.facing[i] <= 0.0 {
-                share[pixel] = UNKNOWN;
-                continue;
-            }
-            let (x, y) = (places.x[i], places.y[i]);
-            if !(x >= 0.0 && y >= 0.0 && x <= limit && y <= limit) {
-                share[pixel] = 1.0;
-                continue;
-            }
-            let tile = places.tile_y[i] as usize * self.layers.tile_columns + places.tile_x[i] as usize;
-            let (reversed_z, slack) = (places.reversed_z[i], places.slack[i]);
-            share[pixel] = if self.highest[tile] <= reversed_z - slack {
+            let (x, y) = (on_map.samples.x[i], on_map.samples.y[i]);
+            let is_on_map = x >= 0.0 && y >= 0.0 && x <= limit && y <= limit;
+            let is_lit = || self.highest[on_map.tile[i] as usize] <= on_map.samples.reversed_z[i] - on_map.slack[i];
+            share[points.pixel[i] as usize] = if on_map.facing[i] <= 0.0 {
+                UNKNOWN
+            } else if !is_on_map || is_lit() {
                 1.0
-            } else if self.lowest[tile] >= reversed_z + slack {
-                0.0
             } else {
-                let to = queue.count;
-                queue.pixel[to] = points.pixel[i];
-                (queue.x[to], queue.y[to], queue.reversed_z[to]) = (x, y, reversed_z);
-                (queue.tilt_x[to], queue.tilt_y[to]) = (places.tilt_x[i], places.tilt_y[i]);
-                (queue.sine[to], queue.cosine[to]) = turn_of(points.turn(i));
-                queue.count += 1;
-                if queue.count == CHUNK {
-                    self.search(queue, filter, taps, share);
+                (on_map.samples.sine[i], on_map.samples.cosine[i]) = turn_of(points.turn(i));
+                if search.push(&on_map.samples, i, widest) {
+                    self.search(search, filter, taps, share);
                 }
                 continue;
             };
@@ -221,7 +210,6 @@ impl ShadowMap {
     /// Blocker search.
     fn search(&self, search: &mut SampleQueue, filter: &mut SampleQueue, taps: &mut PcfTaps, share: &mut [f32]) {
         let widest = self.light.search_radius();
-        search.radius = [widest; CHUNK];
         tap(search, &self.layers.target, near_pattern(), taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
@@ -250,18 +238,13 @@ impl ShadowMap {
         filter.count = 0;
     }
 
-    /// Updates the range of reversed z within reach of each tile.
+    /// Updates the largest reversed z within reach of each tile's taps.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
-        // Blockers are searched within half the penumbra radius, and filtered within the largest one.
-        let search = self.light.search_radius();
-        let [low, high] = &mut self.own;
-        low.resize(tiles * tiles, 0.0);
-        high.resize(tiles * tiles, 0.0);
-        summarise_tiles(&self.layers.target, &self.layers.changed, low, high);
-        let reach = |radius: f32| (radius as usize + 1).div_ceil(TILE);
-        spread(low, tiles, reach(MAX_RADIUS), &mut self.lowest, |a, b| if a < b { a } else { b });
-        spread(high, tiles, reach(search), &mut self.highest, |a, b| if a > b { a } else { b });
+        self.own_highest.resize(tiles * tiles, 0.0);
+        summarise_tiles(&self.layers.target, &self.layers.changed, &mut self.own_highest);
+        let reach = (self.light.search_radius() as usize + 1).div_ceil(TILE);
+        spread(&self.own_highest, tiles, reach, &mut self.highest);
     }
 }
 
@@ -278,14 +261,7 @@ impl Caster {
             return Rectangle::default();
         }
         self.corners.extend(mesh.positions.iter().map(|&position| light.on_map(turn * Vec3A::from(position) + shift)));
-        let first = Corner { x: f32::MAX, y: f32::MAX, reversed_z: f32::MAX };
-        let last = Corner { x: f32::MIN, y: f32::MIN, reversed_z: f32::MIN };
-        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (
-                low.joined(corner, |a, b| if a < b { a } else { b }),
-                high.joined(corner, |a, b| if a > b { a } else { b }),
-            )
-        });
+        let (low, high) = extremes(self.corners.iter().copied());
         Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
     }
 }
@@ -329,47 +305,26 @@ impl Clear {
 }
 
 /// Points projected onto the map.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct MapPoints {
-    x: BatchColumn,
-    y: BatchColumn,
+    /// Positions on the map, and slopes of the receiving planes.
+    samples: SampleQueue,
     /// Map tile.
-    tile_x: [u32; CHUNK],
-    tile_y: [u32; CHUNK],
-    reversed_z: BatchColumn,
+    tile: Column<u32>,
     /// Cosine between normal and light.
     facing: BatchColumn,
-    /// Slope of the receiving plane [reversed z per texel].
-    tilt_x: BatchColumn,
-    tilt_y: BatchColumn,
     /// Largest change of reversed z within the largest radius.
     slack: BatchColumn,
 }
 
-impl Default for MapPoints {
-    fn default() -> Self {
-        let none = [0; CHUNK];
-        Self {
-            x: ZERO,
-            y: ZERO,
-            tile_x: none,
-            tile_y: none,
-            reversed_z: ZERO,
-            facing: ZERO,
-            tilt_x: ZERO,
-            tilt_y: ZERO,
-            slack: ZERO,
-        }
-    }
-}
-
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
+fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
+    let MapPoints { samples, tile, facing, slack } = out;
     let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
         .map(|axis| axis.to_array());
     let center = light.center.to_array();
     let (texels_per_m, radius) = (light.texels_per_m, light.radius);
-    let limit = (light.size - 1) as i32 as f32;
+    let (limit, tiles) = ((light.size - 1) as i32 as f32, (light.size / TILE) as u32);
     for i in 0..whole_registers(points.count) {
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let slope = |row: usize| axes[0][row] * normal[0] + axes[1][row] * normal[1] + axes[2][row] * normal[2];
@@ -383,44 +338,38 @@ fn place_points(light: &KeyLight, points: &Points, places: &mut MapPoints) {
         let local = |row: usize| axes[0][row] * at[0] + axes[1][row] * at[1] + axes[2][row] * at[2] - center[row];
         let x = (local(0) + radius) * texels_per_m - 0.5;
         let y = (local(1) + radius) * texels_per_m - 0.5;
-        (places.x[i], places.y[i]) = (x, y);
-        places.tile_x[i] = nearest_integer(floor(within(x, 0.0, limit) * (1.0 / TILE as f32)));
-        places.tile_y[i] = nearest_integer(floor(within(y, 0.0, limit) * (1.0 / TILE as f32)));
-        places.reversed_z[i] = 3.0 * radius - local(2);
-        places.facing[i] = -slopes[2];
-        (places.tilt_x[i], places.tilt_y[i]) = (tilt_x, tilt_y);
-        places.slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
+        let tile_of = |at: f32| nearest_integer(floor(within(at, 0.0, limit) * (1.0 / TILE as f32)));
+        tile[i] = tile_of(y) * tiles + tile_of(x);
+        (samples.x[i], samples.y[i], samples.reversed_z[i]) = (x, y, 3.0 * radius - local(2));
+        (samples.tilt_x[i], samples.tilt_y[i]) = (tilt_x, tilt_y);
+        facing[i] = -slopes[2];
+        slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
     }
 }
 
-/// Range of reversed z in changed tiles.
+/// Largest reversed z in changed tiles.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
+fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
         // Per column of the tile: vectorises.
-        let (mut lows, mut highs) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
+        let mut highs = [0.0_f32; TILE];
         for row in 0..TILE {
             let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
             let texels = &target.reversed_z[first..first + TILE];
             for column in 0..TILE {
-                let value = texels[column];
-                // Transparent texels never occlude fully.
-                let solid = if value.to_bits() & 1 == 0 { value } else { 0.0 };
-                lows[column] = if solid < lows[column] { solid } else { lows[column] };
-                highs[column] = if value > highs[column] { value } else { highs[column] };
+                highs[column] = if texels[column] > highs[column] { texels[column] } else { highs[column] };
             }
         }
-        low[tile] = lows.into_iter().fold(f32::INFINITY, f32::min);
-        high[tile] = highs.into_iter().fold(0.0, f32::max);
+        highest[tile] = highs.into_iter().fold(0.0, f32::max);
     }
 }
 
-/// Extreme value within `reach` tiles, along rows and then along columns.
-fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: impl Fn(f32, f32) -> f32 + Copy) {
+/// Largest value within `reach` tiles, along rows and then along columns.
+fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>) {
     // Joins each value with its neighbour in the other list.
     let widen = |list: &mut [f32], others: &[f32]| {
-        list.iter_mut().zip(others).for_each(|(value, &other)| *value = join(*value, other));
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = if other > *value { other } else { *value });
     };
     let mut rows = own.to_vec();
     for step in (1..=reach).filter(|&step| step < tiles) {

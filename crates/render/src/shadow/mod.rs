@@ -1,6 +1,4 @@
-//! Shadows of the key light: shadow map, percentage-closer soft shadows (PCSS) and planar receivers.
+//! Shadows of the key light: shadow map and percentage-closer soft shadows (PCSS).
 
 pub(crate) mod map;
 pub(crate) mod pcss;
-pub(crate) mod planar;
-mod summed_area;

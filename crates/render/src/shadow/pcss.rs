@@ -8,7 +8,7 @@ use glam::Vec2;
 use multiversion::multiversion;
 
 use crate::raster::VisibilityBuffer;
-use crate::simd::{BatchColumn, CHUNK, ZERO, nearest_integer, whole_registers, within};
+use crate::simd::{BatchColumn, CHUNK, Column, nearest_integer, whole_registers, within};
 
 /// Shadow mask of points that face away or are unknown.
 pub(crate) const UNKNOWN: f32 = -1.0;
@@ -23,10 +23,10 @@ const NEAR: f32 = 2.0;
 const TURNS: usize = 16;
 
 /// A batch of unresolved shadow samples.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct SampleQueue {
     pub count: usize,
-    pub pixel: [u32; CHUNK],
+    pub pixel: Column<u32>,
     /// Map position, slope of the receiving plane, rotation and radius of the sampling pattern.
     pub x: BatchColumn,
     pub y: BatchColumn,
@@ -36,23 +36,6 @@ pub(crate) struct SampleQueue {
     pub cosine: BatchColumn,
     pub sine: BatchColumn,
     pub radius: BatchColumn,
-}
-
-impl Default for SampleQueue {
-    fn default() -> Self {
-        Self {
-            count: 0,
-            pixel: [0; CHUNK],
-            x: ZERO,
-            y: ZERO,
-            reversed_z: ZERO,
-            tilt_x: ZERO,
-            tilt_y: ZERO,
-            cosine: ZERO,
-            sine: ZERO,
-            radius: ZERO,
-        }
-    }
 }
 
 impl SampleQueue {
@@ -84,21 +67,14 @@ pub(crate) fn tap(queue: &SampleQueue, map: &VisibilityBuffer, pattern: &Pattern
 }
 
 /// Taps of a batch of samples.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct PcfTaps {
-    index: [[u32; CHUNK]; TAPS],
+    index: [Column<u32>; TAPS],
     /// Reversed z of the receiving plane at the taps.
     plane: [BatchColumn; TAPS],
     stored: [BatchColumn; TAPS],
     pub blockers: BatchColumn,
     pub distance: BatchColumn,
-}
-
-impl Default for PcfTaps {
-    fn default() -> Self {
-        let zero = [ZERO; TAPS];
-        Self { index: [[0; CHUNK]; TAPS], plane: zero, stored: zero, blockers: ZERO, distance: ZERO }
-    }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]

@@ -11,7 +11,7 @@ use crate::render_scene::RenderScene;
 use crate::scene::assets::Part;
 use crate::scene::texture::{find_codes, srgb_table};
 use crate::shading::Shading;
-use crate::simd::{BatchColumn, CHUNK, ZERO, lerp, within};
+use crate::simd::{BatchColumn, CHUNK, Column, lerp, within};
 
 /// Number of glass interfaces that tint light near a contact (4: two cup walls; also fits solid feet).
 const LIT_THROUGH: f32 = 4.0;
@@ -82,7 +82,7 @@ impl TransparencyLayers {
 
     /// Composites all pixels and writes their bytes.
     pub fn show(&mut self, opaque: &Opaque<'_>, rgb: &mut [u8]) {
-        let (mut seen, mut codes) = ([ZERO; 3], [[0; CHUNK]; 3]);
+        let (mut seen, mut codes) = ([BatchColumn::default(); 3], [Column::default(); 3]);
         for Group { surfaces, pixels } in &self.groups {
             // A single layer counts as the near one.
             let first = usize::from(surfaces[0] == 0);
@@ -111,7 +111,7 @@ impl Work {
             self.sides[index].shade(pixels, index, surface, &mut self.shading, scene, view);
         }
         let [far, near] = surfaces;
-        for (gap, (covered, depth)) in self.rays.gap.iter_mut().zip(pixels.iter().zip(&self.sides[0].depth)) {
+        for (gap, (covered, depth)) in self.rays.gap.iter_mut().zip(pixels.iter().zip(self.sides[0].depth.iter())) {
             let behind = light_buffer.depth[covered.pixel as usize];
             *gap = if far > 0 && behind > 0.0 { (behind - depth).max(0.0) } else { f32::INFINITY };
         }
@@ -189,8 +189,8 @@ fn see_through(
     rays: &RefractedRays,
     colors: &mut [BatchColumn; 3],
 ) {
-    let mut near_by = ZERO;
-    for (near_by, gap) in near_by.iter_mut().zip(&rays.gap) {
+    let mut near_by = BatchColumn::default();
+    for (near_by, gap) in near_by.iter_mut().zip(rays.gap.iter()) {
         *near_by = within(1.0 - gap / LIT_THROUGH_M, 0.0, 1.0);
     }
     for (channel, (seen, around)) in colors.iter_mut().zip(&rays.around).enumerate() {

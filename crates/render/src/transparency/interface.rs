@@ -7,7 +7,7 @@ use crate::gbuffer::view::View;
 use crate::render_scene::RenderScene;
 use crate::scene::material::Material;
 use crate::shading::{ShadedPart, Shading, ShadingPoint};
-use crate::simd::{BatchColumn, CHUNK, ZERO};
+use crate::simd::{BatchColumn, CHUNK};
 
 /// A pixel behind transparent layers.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ pub(crate) struct LayerSample {
 }
 
 /// Interfaces of one surface in front of a batch of pixels.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Interface {
     /// True if its mesh is closed (a solid object).
     pub is_solid: bool,
@@ -40,21 +40,6 @@ pub(super) struct Interface {
     /// Emitted colour (reflection and scattering), and transmittance.
     pub color: [BatchColumn; 3],
     pub passes: [BatchColumn; 3],
-}
-
-impl Default for Interface {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            is_solid: false,
-            place: [ZERO; 2],
-            depth: ZERO,
-            coverage: ZERO,
-            normal: lanes,
-            color: lanes,
-            passes: lanes,
-        }
-    }
 }
 
 impl Interface {
@@ -84,7 +69,7 @@ impl Interface {
         let is_shell = !self.is_solid;
         if material.texture.is_none() && !is_shell {
             let tint = material.tint(material.base, 1.0, is_shell).to_array();
-            self.passes = tint.map(|tint| [tint; CHUNK]);
+            self.passes = tint.map(|tint| BatchColumn::of(tint));
         } else {
             for i in 0..pixels.len() {
                 let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);

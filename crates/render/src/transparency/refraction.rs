@@ -9,7 +9,7 @@ use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::CameraView;
 use crate::lights::lighting::Lighting;
 use crate::shading::tone_map::tone_map;
-use crate::simd::{BatchColumn, CHUNK, ZERO, floor, nearest_integer, within};
+use crate::simd::{BatchColumn, CHUNK, Column, dot, nearest_integer, within};
 
 /// Largest displacement of a refracted ray on the image [px]: within the dilation of dirty tiles.
 const MOST_BENT: f32 = (TILE - 1) as f32;
@@ -18,10 +18,10 @@ const MOST_BENT: f32 = (TILE - 1) as f32;
 const ASIDE: [f32; 2] = [0.97, 0.85];
 
 /// A batch of refracted view rays.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RefractedRays {
     /// Pixels that they hit.
-    pub pixel: [u32; CHUNK],
+    pub pixel: Column<u32>,
     /// Environment in their direction, and its weight where a ray leaves the reach of the image.
     pub around: [BatchColumn; 3],
     pub share: BatchColumn,
@@ -29,12 +29,6 @@ pub(super) struct RefractedRays {
     pub gap: BatchColumn,
     /// True if the object refracts.
     pub are_bent: bool,
-}
-
-impl Default for RefractedRays {
-    fn default() -> Self {
-        Self { pixel: [0; CHUNK], around: [ZERO; 3], share: ZERO, gap: ZERO, are_bent: false }
-    }
 }
 
 /// Refracts view rays at the near and far interfaces of a solid object, whose thickness is the distance between both.
@@ -46,8 +40,9 @@ pub(super) fn refract(
     lighting: &Lighting,
     out: &mut RefractedRays,
 ) {
-    let lanes = [ZERO; 3];
-    let (mut first, mut inside, mut behind, mut leaving, mut depth) = (lanes, lanes, lanes, lanes, ZERO);
+    let lanes = [BatchColumn::default(); 3];
+    let (mut first, mut inside, mut behind, mut leaving, mut depth) =
+        (lanes, lanes, lanes, lanes, BatchColumn::default());
     let turn = [camera.turn.x_axis, camera.turn.y_axis, camera.turn.z_axis].map(|column| column.to_array());
     let (viewpoint, focal, center) = (camera.viewpoint.to_array(), camera.focal.to_array(), camera.center.to_array());
     for i in 0..CHUNK {
@@ -67,14 +62,14 @@ pub(super) fn refract(
         }
     }
     let last = [camera.width as f32 - 1.0, camera.height as f32 - 1.0];
-    let mut pixel = [[0; CHUNK]; 2];
+    let mut pixel = [Column::of(0); 2];
     for axis in 0..2 {
         for i in 0..CHUNK {
             let behind = at(&behind, i);
             let reversed_z = 1.0 / dot(turn[2], behind);
             let place = near.place[axis][i];
             let aside = focal[axis] * dot(turn[axis], behind) * reversed_z + center[axis] - place;
-            pixel[axis][i] = nearest(within(place + within(aside, -MOST_BENT, MOST_BENT), 0.0, last[axis]));
+            pixel[axis][i] = nearest_integer(within(place + within(aside, -MOST_BENT, MOST_BENT), 0.0, last[axis]));
         }
     }
     let width = camera.width as u32;
@@ -144,12 +139,6 @@ fn refracted(along: [f32; 3], normal: [f32; 3], ratio: f32) -> [f32; 3] {
     normalized(bent, along)
 }
 
-/// Dot product without fused multiply-adds.
-#[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 #[inline(always)]
 fn less(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
@@ -170,11 +159,4 @@ fn normalized(vector: [f32; 3], otherwise: [f32; 3]) -> [f32; 3] {
         out[axis] = if has_length { vector[axis] * inverse } else { otherwise[axis] };
     }
     out
-}
-
-/// Nearest integer of a number from 0 to 2²², rounding half up.
-#[inline(always)]
-fn nearest(value: f32) -> u32 {
-    let whole = floor(value);
-    nearest_integer(if value - whole >= 0.5 { whole + 1.0 } else { whole })
 }

@@ -38,9 +38,9 @@ impl TransparentBuffers {
         let [far, near] = &mut self.layers;
         view.draw_far_sides(assets, far);
         view.draw_transparent(assets, [true, false], near);
-        let columns = width.div_ceil(TILE);
+        let columns = width / TILE;
         self.reached.clear();
-        self.reached.resize(columns * height.div_ceil(TILE), false);
+        self.reached.resize(columns * height / TILE, false);
         for area in &self.areas {
             for row in area.tile_rows() {
                 self.reached[row * columns..][area.tile_columns()].fill(true);

@@ -8,8 +8,9 @@ use genmanip_core::{Camera, CameraSensor, ColorSensor, Seed};
 
 use super::{MOST_PICTURES, Past, mean, moments};
 use crate::sensor::{developed, needed};
+use crate::tests::continued;
 use crate::tests::fixture::{camera, frame, objects, robot};
-use crate::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
+use crate::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer};
 
 const STEP_S: f64 = 1.0 / 60.0;
 
@@ -34,16 +35,9 @@ fn passing(assets: &RenderAssets, speed_m_s: f64) -> Vec<FrameState> {
     (0..4).map(before).collect()
 }
 
-fn drawn(renderer: &mut Renderer, camera: &Camera, state: &FrameState, channels: Channels) -> FrameBuffers {
-    let mut out = [FrameBuffers::default()];
-    renderer.render(&[ViewJob::new(state, camera, channels)], &mut out).unwrap();
-    let [out] = out;
-    out
-}
-
 fn earlier(assets: &Arc<RenderAssets>, camera: &Camera, states: &[FrameState], shutter_s: f64) -> Vec<FrameState> {
     let mut renderer = Renderer::new(Arc::clone(assets), RenderVariation::default());
-    let seen = drawn(&mut renderer, camera, &states[0], needed(camera, Channels::RGB));
+    let seen = continued(&mut renderer, &states[0], camera, needed(camera, Channels::RGB));
     moments(assets, camera, &seen, Past { moments: states, step_s: STEP_S }, shutter_s)
 }
 

@@ -1,4 +1,4 @@
-//! Reflection proxies for wrist cameras: the metal fingers reflect the held object and their pads, and the dark gripper
+//! Reflections of proxies for wrist cameras: the metal fingers reflect the held object and their pads, and the dark gripper
 //! bounces no light onto it.
 
 #![allow(
@@ -6,12 +6,7 @@
     reason = "loops over axes and components by index are compiled for wide registers"
 )]
 
-use genmanip_core::Pose;
-use glam::Vec3;
-
-use super::proxies::{AoProxy, FULLNESS, placed, unoccluded_sky};
-use crate::scene::assets::Pad;
-use crate::scene::body_shape::BodyShape;
+use super::proxies::{FULLNESS, Proxy, unoccluded_sky};
 use crate::simd::{dot, within};
 
 /// Share of the sky above a body's centre covered by the robot from which it counts as held, and at which it fully
@@ -28,55 +23,23 @@ const BLUR: f32 = 0.425;
 const NEAR_M: f32 = 0.01;
 const EDGE: f32 = 0.05;
 
-/// An object close to metal that reflects it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ReflectionProxy {
-    /// Centre in the world (m).
-    center: [f32; 3],
-    /// Unit axes in the world divided by the half sides of its box.
-    axes: [[f32; 3]; 3],
-    is_box: bool,
-    /// Mean linear colour.
-    color: [f32; 3],
-    /// Weight, 0-1: degree to which it is held.
-    share: f32,
-}
-
-/// Reflection proxy of the held object among some bodies.
-pub(super) fn held(bodies: &[AoProxy]) -> Option<ReflectionProxy> {
-    let own = bodies.iter().max_by(|a, b| a.in_gripper.total_cmp(&b.in_gripper)).filter(|own| own.in_gripper > 0.0)?;
-    Some(ReflectionProxy {
-        center: own.center,
-        axes: own.axes.map(|axis| axis.map(|value| value * FULLNESS)),
-        is_box: own.is_box,
-        color: own.color,
-        share: own.in_gripper,
-    })
-}
-
 /// Degree to which a body is held by a robot with some bodies.
-pub(super) fn in_gripper(own: &AoProxy, robot: &[AoProxy]) -> f32 {
+pub(super) fn held(own: &Proxy, robot: &[Proxy]) -> f32 {
     let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
     ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
 }
 
-impl ReflectionProxy {
-    /// Proxy of a finger pad at a pose.
-    pub(super) fn pad(pad: &Pad, pose: &Pose) -> Self {
-        let BodyShape { low, high, .. } = pad.shape;
-        let half = ((high - low) * 0.5).max(Vec3::splat(1e-4));
-        let (center, axes) = placed(pose, (low + high) * 0.5, half);
-        Self { center, axes, is_box: true, color: pad.color.to_array(), share: 1.0 }
-    }
-
+impl Proxy {
     /// Share of a ray bundle from a position in a unit direction that hits the proxy, 0-1, and the unit normal there.
     #[inline(always)]
     pub fn meet(&self, place: [f32; 3], direction: [f32; 3]) -> (f32, [f32; 3]) {
         let from = [place[0] - self.center[0], place[1] - self.center[1], place[2] - self.center[2]];
-        let start = self.axes.map(|axis| dot(axis, from));
-        let step = self.axes.map(|axis| dot(axis, direction));
-        let (share, normal) = if self.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
-        (share * self.share, normal)
+        // In the space where the bounding box is the unit cube.
+        let start = self.axes.map(|axis| dot(axis, from) * FULLNESS);
+        let step = self.axes.map(|axis| dot(axis, direction) * FULLNESS);
+        let (share, normal) =
+            if self.shape.is_box { self.meet_box(start, step) } else { self.meet_ellipsoid(start, step) };
+        (share * self.held, normal)
     }
 
     /// Reflected light of a share of the proxy; `around` is the ambient light on a white surface with that normal,
@@ -141,14 +104,18 @@ fn unit(vector: [f32; 3]) -> [f32; 3] {
 
 /// A fully held red cube of 0.2 m at the origin, or the ball in it.
 #[cfg(test)]
-pub(crate) fn held_cube(is_box: bool) -> ReflectionProxy {
-    let axes = std::array::from_fn(|row| std::array::from_fn(|axis| if row == axis { 10.0 } else { 0.0 }));
-    ReflectionProxy { center: [0.0; 3], axes, is_box, color: [0.8, 0.0, 0.0], share: 1.0 }
+pub(crate) fn held_cube(is_box: bool) -> Proxy {
+    use crate::scene::body_shape::BodyShape;
+    use glam::{Vec3, Vec3A};
+    let shape = BodyShape { low: Vec3::splat(-0.1), high: Vec3::splat(0.1), is_box, ..BodyShape::default() };
+    Proxy { held: 1.0, ..Proxy::new(0, shape, &genmanip_core::Pose::IDENTITY, Vec3A::X * 0.8, Vec3A::Z) }
 }
 
 #[cfg(test)]
 mod tests {
     use genmanip_assets::panda;
+    use genmanip_core::Pose;
+    use glam::{Vec3, Vec3A};
 
     use super::*;
     use crate::scene::assets::RenderAssets;
@@ -162,7 +129,8 @@ mod tests {
             assert!(pad.color.max_element() < 0.1, "{}", pad.color);
             let (low, high) = (pad.shape.low, pad.shape.high);
             let below = (low + high) * 0.5 - Vec3::Z * (high - low).z;
-            let (share, normal) = ReflectionProxy::pad(pad, &Pose::IDENTITY).meet(below.to_array(), [0.0, 0.0, 1.0]);
+            let proxy = Proxy { held: 1.0, ..Proxy::new(pad.body, pad.shape, &Pose::IDENTITY, pad.color, Vec3A::Z) };
+            let (share, normal) = proxy.meet(below.to_array(), [0.0, 0.0, 1.0]);
             assert_eq!((share, normal), (1.0, [0.0, 0.0, -1.0]));
         }
     }
