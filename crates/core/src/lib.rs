@@ -34,12 +34,14 @@ mod intrinsics;
 pub mod json;
 pub mod limits;
 pub mod mesh;
+mod named_enum;
 pub mod names;
 pub mod object;
 pub mod perception;
 pub mod policy;
 pub mod pose;
 mod projection;
+mod relation;
 pub mod robot;
 pub mod scenario;
 pub mod seed;
@@ -79,11 +81,12 @@ pub use object::{
 pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
 pub use projection::Projection;
+pub use relation::{HorizontalAxis, Relation, RelationFacts, RelationKind, Side, Support};
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PhysicsFactors, PlacedObject, Request, Scenario};
 pub use seed::Seed;
 pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
-pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, SharedCards, Task, TaskKind};
+pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
     Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,

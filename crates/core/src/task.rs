@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::asset::uid_of;
 use crate::upgrade;
-use crate::{AssetRef, Document, ObjectCard, Upgrade};
+use crate::{AssetRef, Document, ObjectCard, Relation, Upgrade, named_enum};
 
 /// A task: instruction, goal and initial scene described by relations. Valid by construction: only the validator in
 /// `tasks` makes one from a language model's answer.
@@ -90,39 +90,23 @@ impl SharedCards {
     }
 }
 
-/// Task category.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TaskKind {
-    /// Everyday pick and place with named objects.
-    PickAndPlace,
-    /// Destinations are given relative to other objects.
-    Spatial,
-    /// Objects are referred to by their appearance.
-    Appearance,
-    /// Objects follow from an everyday need.
-    CommonSense,
-    /// Two to four steps.
-    LongHorizon,
-    /// Changes the state of an articulated object.
-    Articulated,
-}
-
-impl TaskKind {
-    /// All categories.
-    pub const ALL: [Self; 6] =
-        [Self::PickAndPlace, Self::Spatial, Self::Appearance, Self::CommonSense, Self::LongHorizon, Self::Articulated];
-
-    /// Name in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::PickAndPlace => "pick_and_place",
-            Self::Spatial => "spatial",
-            Self::Appearance => "appearance",
-            Self::CommonSense => "common_sense",
-            Self::LongHorizon => "long_horizon",
-            Self::Articulated => "articulated",
-        }
+named_enum! {
+    /// Task category.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum TaskKind {
+        /// Everyday pick and place with named objects.
+        PickAndPlace = "pick_and_place",
+        /// Destinations are given relative to other objects.
+        Spatial = "spatial",
+        /// Objects are referred to by their appearance.
+        Appearance = "appearance",
+        /// Objects follow from an everyday need.
+        CommonSense = "common_sense",
+        /// Two to four steps.
+        LongHorizon = "long_horizon",
+        /// Changes the state of an articulated object.
+        Articulated = "articulated",
     }
 }
 
@@ -168,30 +152,6 @@ pub enum Atom {
         /// Name of the state.
         state: String,
     },
-}
-
-/// Spatial relations in the robot's frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Relation {
-    /// Farther from the robot (+x).
-    Front,
-    /// Nearer to the robot (-x).
-    Back,
-    /// To the robot's left (+y).
-    Left,
-    /// To the robot's right (-y).
-    Right,
-    /// Close in the plane, neither in nor on nor beneath.
-    Near,
-    /// Resting on or lying in.
-    Top,
-    /// Resting on.
-    On,
-    /// Lying in.
-    In,
-    /// Between two references.
-    Between,
 }
 
 /// The initial scene: objects, their states and relations.
@@ -295,48 +255,6 @@ impl Atom {
             Self::State { .. } => (None, None),
         };
         std::iter::once(self.subject()).chain(reference.into_iter().chain(second).map(String::as_str))
-    }
-}
-
-impl Relation {
-    /// Relations between two objects: all words of the exchange format.
-    pub const OF_PAIRS: [Self; 8] =
-        [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In];
-
-    /// All relations.
-    pub const ALL: [Self; 9] =
-        [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In, Self::Between];
-
-    /// Name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Back => "back",
-            Self::Left => "left",
-            Self::Right => "right",
-            Self::Near => "near",
-            Self::Top => "top",
-            Self::On => "on",
-            Self::In => "in",
-            Self::Between => "between",
-        }
-    }
-
-    /// Converse relation, if there is one.
-    pub fn inverse(self) -> Option<Self> {
-        match self {
-            Self::Front => Some(Self::Back),
-            Self::Back => Some(Self::Front),
-            Self::Left => Some(Self::Right),
-            Self::Right => Some(Self::Left),
-            Self::Near => Some(Self::Near),
-            Self::Top | Self::On | Self::In | Self::Between => None,
-        }
-    }
-
-    /// True if the reference supports or contains the subject.
-    pub fn is_support(self) -> bool {
-        matches!(self, Self::Top | Self::On | Self::In)
     }
 }
 

@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Aabb, Pose, Relation};
+use genmanip_core::{Aabb, Pose};
 use genmanip_relations::PosedScene;
 
 use crate::context::Context;
@@ -32,7 +32,7 @@ pub(crate) fn overfull(context: &Context, scene: &PosedScene) -> Option<Overfull
         };
         let steps = || context.steps.iter().filter(|step| step.object < nodes && stands_there(step.object));
         let objects: Vec<usize> = steps().map(|step| step.object).collect();
-        let is_in = steps().all(|step| step.support.is_none_or(|(_, relation)| relation == Relation::In));
+        let is_in = steps().all(|step| step.support.is_none_or(|(_, relation)| relation.is_inside()));
         if objects.len() < 2 || !is_in {
             return None;
         }

@@ -354,7 +354,7 @@ fn goal_regions(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRegion>>
                 |id: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id);
             let surface = world.further_surface(reference);
             let (Some(object), anchor) = (index_of(subject), index_of(reference)) else { continue };
-            if moves(reference) || *relation == Relation::Between || (anchor.is_none() && surface.is_none()) {
+            if moves(reference) || relation.has_two_references() || (anchor.is_none() && surface.is_none()) {
                 continue;
             }
             let at = regions.iter().position(|region| region.object == object).unwrap_or_else(|| {

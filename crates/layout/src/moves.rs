@@ -1,6 +1,6 @@
 //! Decomposition of a goal into ordered moves.
 
-use genmanip_core::{Atom, Goal, Relation};
+use genmanip_core::{Atom, Goal, RelationKind, Support};
 use genmanip_relations::PosedScene;
 
 use crate::articulation::joint_changes;
@@ -42,8 +42,8 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     }
     // A goal that fills a closed container implies opening it.
     let is_inside = |atom: &Atom, object: usize| match atom {
-        Atom::Relation { relation: Relation::In, reference, .. } => scene.index_of(reference) == Some(object),
-        _ => false,
+        Atom::Relation { relation, reference, .. } => relation.is_inside() && scene.index_of(reference) == Some(object),
+        Atom::State { .. } => false,
     };
     let filled = |object: usize| atoms.iter().any(|atom| is_inside(atom, object)) && is_hollow(object, scene);
     let is_implicit = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
@@ -98,10 +98,14 @@ fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
 fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
     is_hollow(container, scene)
         && step.atoms.iter().any(|atom| match atom {
-            Atom::Relation { relation: Relation::In | Relation::Top, reference, .. } => {
-                scene.index_of(reference) == Some(container)
+            Atom::Relation { relation, reference, .. } => {
+                let is_into = match relation.kind() {
+                    RelationKind::Support(support) => support != Support::On,
+                    RelationKind::Side(_) | RelationKind::Around | RelationKind::Between => false,
+                };
+                is_into && scene.index_of(reference) == Some(container)
             }
-            _ => false,
+            Atom::State { .. } => false,
         })
 }
 

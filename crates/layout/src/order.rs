@@ -46,7 +46,9 @@ pub(crate) fn steps(
             let own = || edges.iter().filter(move |(_, indices)| indices.contains(&object));
             let links = own().filter(|(_, indices)| indices.iter().any(is_known)).count();
             let early = own().any(|(atom, indices)| {
-                relation(atom) == Some(Relation::Between) && indices[0] == object && !indices[1..].iter().all(is_known)
+                relation(atom).is_some_and(Relation::has_two_references)
+                    && indices[0] == object
+                    && !indices[1..].iter().all(is_known)
             });
             (!early, links > 0, links, own().count(), Reverse(object))
         };

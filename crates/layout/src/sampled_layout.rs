@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, Pose, Relation, Workspace};
+use genmanip_core::{Aabb, Atom, HorizontalAxis, Pose, Relation, Workspace};
 use genmanip_relations::placement_window;
 use rand::{Rng, RngExt};
 
@@ -160,12 +160,15 @@ impl SampledLayout {
             let Some(window) = placement_window(*relation, &centered, size, context.relations) else { continue };
             let apart = (anchor + size) * 0.5 + DVec3::splat(context.gap(subject, reference));
             let (mut x, mut y) = (window.x, window.y);
-            match relation {
-                Relation::Left => y[0] = y[0].max(apart.y).min(y[1]),
-                Relation::Right => y[1] = y[1].min(-apart.y).max(y[0]),
-                Relation::Front => x[0] = x[0].max(apart.x).min(x[1]),
-                Relation::Back => x[1] = x[1].min(-apart.x).max(x[0]),
-                _ => {}
+            if let Some(side) = relation.side() {
+                let (range, apart) = match side.axis {
+                    HorizontalAxis::Depth => (&mut x, apart.x),
+                    HorizontalAxis::Width => (&mut y, apart.y),
+                };
+                match side.is_positive {
+                    true => range[0] = range[0].max(apart).min(range[1]),
+                    false => range[1] = range[1].min(-apart).max(range[0]),
+                }
             }
             both(reference + 1, subject + 1, x, y, Some(edge));
         }
@@ -227,16 +230,18 @@ impl OrientedObject {
         let fits = |cavity: &&Aabb| (cavity.size() - size).truncate().min_element() > CAVITY_CLEARANCE_M[0];
         let fitting: Vec<&Aabb> = self.cavities.iter().filter(fits).collect();
         let from_above = |area: &Aabb| SupportRegion { area: *area, covered: false };
-        match (relation, self.is_articulated) {
-            (Relation::In, true) => {
+        match (relation.is_inside(), self.is_articulated) {
+            (true, true) => {
                 let high: Vec<&Aabb> =
                     fitting.into_iter().filter(|cavity| cavity.size().z > size.z + CAVITY_CLEARANCE_M[1]).collect();
                 let at = rng.random_range(0..high.len().max(1));
                 high.get(at).map(|cavity| SupportRegion { area: **cavity, covered: true })
             }
-            (Relation::In, false) => fitting.first().map(|cavity| from_above(cavity)),
-            (_, true) => Some(from_above(&self.body)),
-            (_, false) => Some(from_above(fitting.first().copied().or(self.cavities.first()).unwrap_or(&self.body))),
+            (true, false) => fitting.first().map(|cavity| from_above(cavity)),
+            (false, true) => Some(from_above(&self.body)),
+            (false, false) => {
+                Some(from_above(fitting.first().copied().or(self.cavities.first()).unwrap_or(&self.body)))
+            }
         }
     }
 }

@@ -6,9 +6,9 @@ use genmanip_workspace::worlds;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use genmanip_core::{Episode, RobotModel};
+use genmanip_core::{Episode, RobotModel, named_enum};
 use genmanip_data::export::ExtraColumns;
-use genmanip_data::export::choice::action_name;
+use genmanip_data::export::choice::{COLUMNS, action_name};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{
     DataError, EpisodeStore, ExportReport, ExportSettings, Selection, genmanip_format, hdf5, mcap, zarr,
@@ -21,34 +21,36 @@ use genmanip_viz::replay;
 use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 
-/// Formats by name.
-pub const FORMATS: [(&str, Format); 6] = [
-    ("lerobot", Format::Lerobot),
-    ("lerobot-v2.1", Format::LerobotV21),
-    ("zarr", Format::Zarr),
-    ("hdf5", Format::Hdf5),
-    ("mcap", Format::Mcap),
-    ("paper", Format::Paper),
-];
-
-/// A format of data sets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// LeRobotDataset v3.0.
-    Lerobot,
-    /// LeRobotDataset v2.1, with what GR00T and openpi read beside it; without depth.
-    LerobotV21,
-    /// zarr version 2, as Diffusion Policy's replay buffer reads it.
-    Zarr,
-    /// HDF5 as robomimic reads it, a file per episode; without depth.
-    Hdf5,
-    /// MCAP with Foxglove's schemas, a file per episode, for viewers.
-    Mcap,
-    /// The layout of the paper's recordings, a folder per episode.
-    Paper,
+named_enum! {
+    /// A format of data sets.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Format {
+        /// LeRobotDataset v3.0.
+        #[default]
+        Lerobot = "lerobot",
+        /// LeRobotDataset v2.1, with what GR00T and openpi read beside it; without depth.
+        LerobotV21 = "lerobot-v2.1",
+        /// zarr version 2, as Diffusion Policy's replay buffer reads it.
+        Zarr = "zarr",
+        /// HDF5 as robomimic reads it, a file per episode; without depth.
+        Hdf5 = "hdf5",
+        /// MCAP with Foxglove's schemas, a file per episode, for viewers.
+        Mcap = "mcap",
+        /// The layout of the paper's recordings, a folder per episode.
+        Paper = "paper",
+    }
 }
 
 impl Format {
+    /// Extra columns that the format has a place for.
+    fn columns(self) -> &'static [ExtraColumns] {
+        match self {
+            Self::Lerobot => &[ExtraColumns::Sim, ExtraColumns::Boxes, ExtraColumns::Masks],
+            Self::LerobotV21 | Self::Zarr | Self::Hdf5 => &[ExtraColumns::Sim, ExtraColumns::Boxes],
+            Self::Mcap | Self::Paper => &[ExtraColumns::Sim],
+        }
+    }
+
     /// Writes the selected episodes, whose images are in the store.
     ///
     /// # Errors
@@ -109,8 +111,7 @@ pub fn export(
     let hash = run.hash()?;
     let settings = LerobotSettings { export: rows, run: Some(hash.clone()), ..LerobotSettings::default() };
     let rows = &settings.export;
-    let format = FORMATS.iter().find(|(_, format)| *format == options.format).map_or("", |(name, _)| *name);
-    let name = format!("{format}-{}-{}hz", action_name(&rows.action), rows.fps);
+    let name = format!("{}-{}-{}hz", options.format.name(), action_name(&rows.action), rows.fps);
     let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
     for target in [lerobot::depth_path(&target), target.clone()] {
         lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
@@ -129,7 +130,7 @@ pub fn export(
         fps: rows.fps,
         ..run.settings.images.clone().unwrap_or_default()
     };
-    check_columns(options, rows, format)?;
+    check_columns(options.format, rows)?;
     draw_missing(&store, &ids, (&pictures, rows.needs_masks()), options.workers, progress, stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
@@ -146,16 +147,13 @@ pub fn export(
 }
 
 /// Refuses columns that a format has no place for.
-fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -> Result<(), WorkspaceError> {
-    let asks = |columns| rows.columns.contains(&columns);
-    let what = match options.format {
-        Format::Lerobot => return Ok(()),
-        _ if asks(ExtraColumns::Masks) => "masks",
-        Format::Mcap | Format::Paper if asks(ExtraColumns::Boxes) => "boxes",
-        _ => return Ok(()),
-    };
+fn check_columns(format: Format, rows: &ExportSettings) -> Result<(), WorkspaceError> {
+    let unwritten = COLUMNS.into_iter().rev();
+    let mut unwritten =
+        unwritten.filter(|(_, columns)| rows.columns.contains(columns) && !format.columns().contains(columns));
+    let Some((what, _)) = unwritten.next() else { return Ok(()) };
     let hint = "take --to lerobot; boxes also fit into lerobot-v2.1, zarr and hdf5";
-    Err(WorkspaceError::input(format!("{format} has no place for {what}")).with_hint(hint))
+    Err(WorkspaceError::input(format!("{} has no place for {what}", format.name())).with_hint(hint))
 }
 
 /// Refuses cameras that the world of an episode does not have, before anything is drawn; what is damaged is named by

@@ -121,6 +121,37 @@ fn check(objects: &[(&Arc<ObjectModel>, Pose)], expected: Option<Label>) -> Pair
     pair
 }
 
+/// One place of a small block at which each relation to a cup holds, and one at which it does not; a post stands on the
+/// robot's right of the cup.
+#[test]
+fn every_relation_holds_here_and_not_there() {
+    let (coin, cup, post) =
+        (block("coin", 0.02, 0.02, 0.02), cup("cup", 0.05, 0.06, 0.01, true), block("post", 0.04, 0.04, 0.06));
+    let settings = RelationSettings::default();
+    let holds = |relation: Relation, [x, y, z]: [f64; 3]| {
+        let scene = scene(&[(&coin, at(x, y, z)), (&cup, at(0.5, 0.0, 0.0)), (&post, at(0.5, -0.3, 0.0))]);
+        let second_reference = relation.has_two_references().then(|| "post".to_owned());
+        let atom = Atom::Relation { subject: "coin".into(), relation, reference: "cup".into(), second_reference };
+        judge_atom(&scene, &atom, &settings).holds
+    };
+    let cases = [
+        (Relation::Front, [0.6, 0.0, 0.0], [0.4, 0.0, 0.0]),
+        (Relation::Back, [0.4, 0.0, 0.0], [0.6, 0.0, 0.0]),
+        (Relation::Left, [0.5, 0.1, 0.0], [0.5, -0.1, 0.0]),
+        (Relation::Right, [0.5, -0.1, 0.0], [0.5, 0.1, 0.0]),
+        (Relation::Near, [0.5, 0.1, 0.0], [0.5, 0.0, 0.01]),
+        (Relation::Top, [0.5, 0.0, 0.01], [0.5, 0.1, 0.0]),
+        (Relation::On, [0.548, 0.0, 0.06], [0.5, 0.0, 0.01]),
+        (Relation::In, [0.5, 0.0, 0.01], [0.548, 0.0, 0.06]),
+        (Relation::Between, [0.5, -0.15, 0.0], [0.5, 0.15, 0.0]),
+    ];
+    for relation in Relation::ALL {
+        let case = cases.iter().find(|(of, _, _)| *of == relation);
+        let (_, here, there) = case.unwrap_or_else(|| panic!("`{}` has no case in this test", relation.name()));
+        assert_eq!([holds(relation, *here), holds(relation, *there)], [true, false], "{}", relation.name());
+    }
+}
+
 #[test]
 fn neighbours() {
     let (a, b) = (block("a", 0.06, 0.06, 0.06), block("b", 0.06, 0.06, 0.1));
@@ -419,7 +450,7 @@ proptest! {
     fn windows_hold(
         (size, anchor) in (prop::array::uniform2(0.02..0.12f64), prop::array::uniform2(0.02..0.2f64)),
         (u, v) in (0.0..=1.0f64, 0.0..=1.0f64),
-        word in prop::sample::select(vec![Relation::Left, Relation::Right, Relation::Front, Relation::Back]),
+        word in prop::sample::select(Relation::SIDES.to_vec()),
     ) {
         let settings = RelationSettings::default();
         let (a, b) = (block("a", size[0], size[1], 0.05), block("b", anchor[0], anchor[1], 0.05));

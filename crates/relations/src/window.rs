@@ -1,6 +1,6 @@
 //! Areas in which an object meets a relation: proposals for the layout and the expert, to be verified afterwards.
 
-use genmanip_core::{Aabb, Relation};
+use genmanip_core::{Aabb, HorizontalAxis, Relation, RelationKind};
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,8 +54,10 @@ pub fn placement_window(
     let margin = settings.window_margin_m;
     let half = subject_size * 0.5;
     let (low, high) = (anchor_bounds.min, anchor_bounds.max);
-    let beyond_low = |low: f64, half: f64| [low - half - settings.close_m + margin, low - half - margin];
-    let beyond_high = |high: f64, half: f64| [high + half + margin, high + half + settings.close_m - margin];
+    let beyond = |is_positive: bool, low: f64, high: f64, half: f64| match is_positive {
+        true => [high + half + margin, high + half + settings.close_m - margin],
+        false => [low - half - settings.close_m + margin, low - half - margin],
+    };
     // Sideways at least a third of the narrower object overlaps, so that the relation is obvious.
     let beside = |low: f64, high: f64, half: f64| {
         let common = ((high - low).min(2.0 * half) / 3.0).max(margin);
@@ -66,14 +68,14 @@ pub fn placement_window(
         let reach = half + settings.close_m - margin;
         [low - reach, high + reach]
     };
-    let (x, y) = match relation {
-        Relation::Left => (beside(low.x, high.x, half.x), beyond_high(high.y, half.y)),
-        Relation::Right => (beside(low.x, high.x, half.x), beyond_low(low.y, half.y)),
-        Relation::Front => (beyond_high(high.x, half.x), beside(low.y, high.y, half.y)),
-        Relation::Back => (beyond_low(low.x, half.x), beside(low.y, high.y, half.y)),
-        Relation::Near => (around(low.x, high.x, half.x), around(low.y, high.y, half.y)),
-        Relation::Top | Relation::On | Relation::In => (within(low.x, high.x), within(low.y, high.y)),
-        Relation::Between => return None,
+    let (x, y) = match relation.kind() {
+        RelationKind::Side(side) => match side.axis {
+            HorizontalAxis::Depth => (beyond(side.is_positive, low.x, high.x, half.x), beside(low.y, high.y, half.y)),
+            HorizontalAxis::Width => (beside(low.x, high.x, half.x), beyond(side.is_positive, low.y, high.y, half.y)),
+        },
+        RelationKind::Around => (around(low.x, high.x, half.x), around(low.y, high.y, half.y)),
+        RelationKind::Support(_) => (within(low.x, high.x), within(low.y, high.y)),
+        RelationKind::Between => return None,
     };
     let window = Window { x, y };
     window.is_real().then_some(window)

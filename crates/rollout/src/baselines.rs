@@ -1,7 +1,8 @@
 //! Baselines: policies that ignore the instruction or follow it badly, as lower bounds.
 
 use genmanip_core::{
-    ActionChunk, Atom, EpisodeStart, Goal, Observation, Policy, PolicyError, PolicySpec, Relation, Seed,
+    ActionChunk, Atom, EpisodeStart, Goal, Observation, Policy, PolicyError, PolicySpec, Relation, RelationKind, Seed,
+    Support,
 };
 use genmanip_motion::commands;
 use rand::RngExt;
@@ -17,9 +18,6 @@ const MOTION_S: f64 = 0.5;
 const MAX_ROTATION_RAD: f64 = 0.5;
 /// Goals sampled by [`Blind`]: enough that one of them is feasible.
 const GOALS: usize = 12;
-/// Relations of the goals sampled by [`Blind`].
-const RELATIONS: [Relation; 7] =
-    [Relation::Front, Relation::Back, Relation::Left, Relation::Right, Relation::Near, Relation::On, Relation::In];
 
 /// Rotation of the first joint by which [`Clumsy`] misses an object, rad; chosen: 2 to 6 cm at half a metre, so that the
 /// fingers close beside small objects and push large ones.
@@ -105,11 +103,13 @@ impl Blind {
         if movable.is_empty() || ids.len() < 2 {
             return Goal { alternatives: Vec::new() };
         }
+        let is_single = |relation: &Relation| relation.kind() != RelationKind::Support(Support::OnOrIn);
+        let relations: Vec<Relation> = Relation::OF_PAIRS.into_iter().filter(is_single).collect();
         let alternatives = (0..GOALS)
             .map(|_| {
                 let subject = movable[rng.random_range(0..movable.len())];
                 let reference = (subject + rng.random_range(1..ids.len())) % ids.len();
-                let relation = RELATIONS[rng.random_range(0..RELATIONS.len())];
+                let relation = relations[rng.random_range(0..relations.len())];
                 let (subject, reference) = (ids[subject].to_owned(), ids[reference].to_owned());
                 vec![Atom::Relation { subject, relation, reference, second_reference: None }]
             })

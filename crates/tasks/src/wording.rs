@@ -4,7 +4,7 @@
 //! back by [`references`], which shares no table with this module, and is only used if it states exactly the goal of
 //! the task.
 
-use genmanip_core::{Atom, Relation, Task};
+use genmanip_core::{Atom, Relation, RelationKind, Support, Task};
 
 use crate::references;
 
@@ -220,11 +220,12 @@ pub fn step(task: &Task, object: &str, alternative: usize) -> String {
         Some(Atom::Relation { relation, reference, second_reference, .. }) => {
             let other = second_reference.as_ref().map(|second| format!(" and the {}", name(task, second)));
             let (place, other) = (name(task, reference), other.unwrap_or_default());
-            let relation = match relation {
-                Relation::Top if task.card(reference).is_some_and(|card| card.is_container) => Relation::In,
-                relation => *relation,
+            let is_hollow = task.card(reference).is_some_and(|card| card.is_container);
+            let relation = match relation.kind() {
+                RelationKind::Support(Support::OnOrIn) if is_hollow => Relation::In,
+                _ => *relation,
             };
-            format!("Put the {} {} the {place}{other}.", name(task, object), preposition(relation))
+            format!("Put the {} {} the {place}{other}.", name(task, object), relation.facts().located[0])
         }
         Some(Atom::State { state, .. }) => {
             let node = task.scene_graph.nodes.iter().find(|node| node.id == object);
@@ -241,19 +242,6 @@ fn name(task: &Task, id: &str) -> String {
         .or_else(|| task.card(id).map(|card| card.name.clone()))
         .unwrap_or_else(|| id.replace('_', " "))
         .to_lowercase()
-}
-
-fn preposition(relation: Relation) -> &'static str {
-    match relation {
-        Relation::Front => "on the far side of",
-        Relation::Back => "on the robot's side of",
-        Relation::Left => "to the robot's left of",
-        Relation::Right => "to the robot's right of",
-        Relation::Near => "next to",
-        Relation::Top | Relation::On => "on",
-        Relation::In => "in",
-        Relation::Between => "between",
-    }
 }
 
 /// The request that changes an object from one state to another.

@@ -255,8 +255,7 @@ pub fn check_bare(
 /// [`WorkspaceError::UnknownName`].
 pub fn task_kind(name: &str) -> Result<TaskKind, WorkspaceError> {
     let known = TaskKind::ALL.map(TaskKind::name);
-    let found = TaskKind::ALL.into_iter().find(|kind| kind.name() == name);
-    found.ok_or_else(|| WorkspaceError::unknown("kind", "kinds", name, &known))
+    TaskKind::named(name).ok_or_else(|| WorkspaceError::unknown("kind", "kinds", name, &known))
 }
 
 fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {

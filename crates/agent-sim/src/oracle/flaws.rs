@@ -6,7 +6,7 @@ use genmanip_agent::ask::{Marks, Question, QuestionKind};
 use genmanip_agent::grid::Cell;
 use genmanip_agent::perception::on_plane;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, Relation};
+use genmanip_core::{Atom, Relation, RelationKind};
 use genmanip_layout::Move;
 use genmanip_relations::{PosedScene, judge_atom};
 
@@ -162,14 +162,12 @@ fn other_relation(oracle: &Oracle, question: &Question) -> Option<serde_json::Va
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
     let Some(Atom::Relation { relation, .. }) = step.atoms.first() else { return None };
-    let sides = [Relation::Left, Relation::Right, Relation::Front, Relation::Back];
-    let confused: &[Relation] = match relation {
-        Relation::Left => &[Relation::Right],
-        Relation::Right => &[Relation::Left],
-        Relation::Front => &[Relation::Back],
-        Relation::Back => &[Relation::Front],
-        Relation::Top | Relation::On | Relation::In => &[Relation::Near],
-        Relation::Near | Relation::Between => &sides,
+    let confused: Vec<Relation> = match relation.kind() {
+        RelationKind::Side(_) => relation.inverse().into_iter().collect(),
+        RelationKind::Support(_) => vec![Relation::Near],
+        RelationKind::Around | RelationKind::Between => {
+            vec![Relation::Left, Relation::Right, Relation::Front, Relation::Back]
+        }
     };
     let other = |relation: &Relation| {
         let atom = |atom: &Atom| match atom {

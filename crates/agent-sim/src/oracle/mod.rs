@@ -12,7 +12,7 @@ use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceErro
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Atom, AtomVerdict, Relation, VerifiedGrasp};
+use genmanip_core::{Atom, AtomVerdict, VerifiedGrasp};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom, planar_gap};
@@ -153,20 +153,8 @@ impl Oracle {
             .iter()
             .filter_map(|atom| match atom {
                 Atom::Relation { relation, reference, second_reference, .. } => {
-                    let reference = name(reference);
-                    Some(match relation {
-                        Relation::Front => format!("on the far side of the {reference}"),
-                        Relation::Back => format!("on the robot's side of the {reference}"),
-                        Relation::Left => format!("to the robot's left of the {reference}"),
-                        Relation::Right => format!("to the robot's right of the {reference}"),
-                        Relation::Near => format!("near the {reference}"),
-                        Relation::Top | Relation::On => format!("on the {reference}"),
-                        Relation::In => format!("in the {reference}"),
-                        Relation::Between => {
-                            let second = second_reference.as_deref().map_or_else(String::new, name);
-                            format!("between the {reference} and the {second}")
-                        }
-                    })
+                    let second = second_reference.as_deref().map(name);
+                    Some(relation.describe(&name(reference), second.as_deref()))
                 }
                 Atom::State { .. } => None,
             })

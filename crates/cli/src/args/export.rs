@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
-use genmanip_pipeline::export::FORMATS;
+use genmanip_pipeline::export::Format;
 
 use super::parse_rate;
 
@@ -18,7 +18,7 @@ pub struct ExportArguments {
     #[arg(value_name = "RUN|SCENARIO")]
     pub source: PathBuf,
     /// Format of the dataset
-    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(FORMATS.map(|(name, _)| name)))]
+    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(Format::ALL.map(Format::name)))]
     pub to: Option<String>,
     /// The scenario as MuJoCo XML
     #[arg(long, conflicts_with = "dataset")]

@@ -2,7 +2,7 @@
 
 use genmanip_data::ExportSettings;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS, action};
-use genmanip_pipeline::export::{ExportOptions, FORMATS, export};
+use genmanip_pipeline::export::{ExportOptions, Format, export};
 use genmanip_workspace::documents;
 use genmanip_workspace::scenarios;
 use genmanip_workspace::workers;
@@ -16,9 +16,8 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         return mjcf(arguments, printer);
     }
     let dataset = &arguments.dataset;
-    let format = arguments.to.as_deref().and_then(|name| FORMATS.iter().find(|(known, _)| *known == name));
     let options = ExportOptions {
-        format: format.map_or(FORMATS[0].1, |(_, format)| *format),
+        format: arguments.to.as_deref().and_then(Format::named).unwrap_or_default(),
         rows: rows(dataset)?,
         keep_failed: dataset.keep_failed,
         out: arguments.out.clone(),

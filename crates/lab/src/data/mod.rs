@@ -15,7 +15,7 @@ use genmanip_core::{CameraRequest, Episode, ImageChannels, Seed, Task};
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder};
 use genmanip_dataset_tools::check;
-use genmanip_pipeline::export::{FORMATS, Format};
+use genmanip_pipeline::export::Format;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::{Exposure, ImageSettings, StageRenderer};
@@ -113,11 +113,11 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
     let lerobot = LerobotSettings::default();
     let exported = lerobot::export(&store, &Selection::Verified, planner.robot(), &lerobot, &dataset).map_err(broke)?;
     let mut export_s = BTreeMap::from([("lerobot", clock())]);
-    for (name, format) in FORMATS.into_iter().filter(|(_, format)| *format != Format::Lerobot) {
-        let target = folder.join(format!("export-{name}"));
+    for format in Format::ALL.into_iter().filter(|format| *format != Format::Lerobot) {
+        let target = folder.join(format!("export-{}", format.name()));
         let mut clock = process_clock();
         format.write(&store, &Selection::Verified, planner.robot(), &lerobot, &target).map_err(broke)?;
-        export_s.insert(name, clock());
+        export_s.insert(format.name(), clock());
         fs::remove_dir_all(&target)
             .map_err(|error| LabError::broken(format!("cannot remove {}", target.display()), error))?;
     }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{Camera, Seed};
+use genmanip_core::{Camera, Pose, Seed};
 use genmanip_render::{FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_workspace::Progress;
 use serde::{Deserialize, Serialize};
@@ -199,7 +199,9 @@ fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, 
         let indices = part.mesh.triangles.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
         write(&format!("{index}.f32"), bytes(&corners))?;
         write(&format!("{index}.u32"), indices)?;
-        meshes.push(json!({ "file": index.to_string(), "instance": part.instance, "color": part.material.base.to_array() }));
+        meshes.push(
+            json!({ "file": index.to_string(), "instance": part.instance, "color": part.material.base.to_array() }),
+        );
     }
     let (pose, k) = (camera.mount_from_camera, camera.intrinsics);
     let axes = genmanip_core::glam::DMat3::from_quat(pose.rotation).transpose();

@@ -199,7 +199,8 @@ fn edge(map: &Map<String, Value>, path: String, between: bool, findings: &mut Fi
 
 /// The third object, if the option is on and the position is `between`.
 fn second_reference(map: &Map<String, Value>, path: &str, between: bool, findings: &mut Findings) -> Option<RawObject> {
-    let asks = map.get("position").and_then(Value::as_str).is_some_and(|word| word == Relation::Between.name());
+    let named = map.get("position").and_then(Value::as_str).and_then(Relation::named);
+    let asks = named.is_some_and(Relation::has_two_references);
     (between && asks).then(|| object(map, "obj3", path, findings))
 }
 

@@ -4,12 +4,14 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use genmanip_core::asset::uid_of;
-use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, Task};
+use genmanip_core::{
+    Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, RelationKind, SceneGraph, Support, Task,
+};
 
 use super::TaskRequest;
 use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
 use super::flaw::{Findings, FlawKind};
-use super::words::{is_table, relation_words, reworded, same_name, shortened};
+use super::words::{is_table, relation, relation_words, same_name, shortened};
 
 /// A resolved answer; objects are indices into the offered ids. Unresolvable parts are omitted, each with its flaw, so
 /// that the rules can check the rest.
@@ -301,17 +303,17 @@ impl Resolver<'_> {
         }
     }
 
-    /// The second reference of `between`; `None` for other relations.
+    /// The second reference; `None` for relations to one reference.
     fn second(&mut self, relation: Relation, raw: Option<&RawObject>, path: &str) -> Result<Option<usize>, Noted> {
-        if relation != Relation::Between {
+        if !relation.has_two_references() {
             return Ok(None);
         }
         match raw.map(|raw| self.object(raw)) {
             Some(Named::Object(second)) => Ok(Some(second)),
             Some(Named::Unreadable) => Err(Noted),
             Some(Named::Table | Named::Absent) | None => {
-                let message = "expected a second object in obj3 for `between`, got none";
-                let hint = "between takes obj1, obj2 and obj3";
+                let message = format!("expected a second object in obj3 for `{}`, got none", relation.name());
+                let hint = format!("{} takes obj1, obj2 and obj3", relation.name());
                 self.findings.reject(FlawKind::IncompleteCondition, path, message, hint);
                 Err(Noted)
             }
@@ -333,7 +335,11 @@ impl Resolver<'_> {
             self.findings.reject(FlawKind::NotGraspable, path, message, "a support surface stays: name it in obj2");
             return Err(Noted);
         }
-        let fits = matches!(relation, Relation::On | Relation::Top | Relation::Near);
+        let fits = match relation.kind() {
+            RelationKind::Support(support) => support != Support::In,
+            RelationKind::Around => true,
+            RelationKind::Side(_) | RelationKind::Between => false,
+        };
         let Some(index) = references.into_iter().flatten().find(is_surface) else { return Ok(relation) };
         if !fits {
             let message =
@@ -465,16 +471,13 @@ impl Resolver<'_> {
 
     fn relation(&mut self, word: &str, path: &str) -> Option<Relation> {
         let path = format!("{path}.position");
-        if self.request.between && word == Relation::Between.name() {
-            return Some(Relation::Between);
-        }
-        if let Some(relation) = Relation::OF_PAIRS.iter().copied().find(|relation| relation.name() == word) {
+        let is_offered = |relation: &Relation| self.request.between || !relation.has_two_references();
+        if let Some(relation) = Relation::named(word).filter(is_offered) {
             return Some(relation);
         }
         let plain = word.to_ascii_lowercase().replace(['_', '-'], " ");
         let plain = plain.split_whitespace().collect::<Vec<_>>().join(" ");
-        match Relation::OF_PAIRS.iter().copied().find(|relation| relation.name() == plain).or_else(|| reworded(&plain))
-        {
+        match relation(&plain) {
             Some(relation) => {
                 let message = format!("expected {}, got `{}`", relation_words(), shortened(word));
                 let what = format!("read as `{}`", relation.name());

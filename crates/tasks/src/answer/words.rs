@@ -6,18 +6,10 @@ pub(super) fn relation_words() -> String {
     format!("one of {:?}", Relation::OF_PAIRS.map(Relation::name))
 }
 
-/// Unambiguous longer wordings; every prompt states that front is the far side.
-pub(super) fn reworded(plain: &str) -> Option<Relation> {
-    Some(match plain {
-        "in front" | "in front of" | "front of" => Relation::Front,
-        "behind" | "in back of" | "back of" => Relation::Back,
-        "left of" | "to the left" | "to the left of" | "on the left of" => Relation::Left,
-        "right of" | "to the right" | "to the right of" | "on the right of" => Relation::Right,
-        "on top" | "on top of" | "top of" => Relation::Top,
-        "inside" | "into" | "inside of" => Relation::In,
-        "onto" | "upon" => Relation::On,
-        _ => return None,
-    })
+/// Relation to one reference by its name or a longer spelling.
+pub(super) fn relation(plain: &str) -> Option<Relation> {
+    let is_meant = |relation: &Relation| relation.name() == plain || relation.facts().spellings.contains(&plain);
+    Relation::OF_PAIRS.into_iter().find(is_meant)
 }
 
 pub(super) fn is_table(name: &str) -> bool {

@@ -1,6 +1,6 @@
 //! Building blocks of scenes: destinations with free room, objects to move, distractors that look alike, and fillers.
 
-use genmanip_core::{ObjectCard, Relation};
+use genmanip_core::{ObjectCard, Relation, RelationKind};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use super::balance::Balance;
 use super::choices::Choices;
 use super::naming::{Style, chance, has_looks};
 use super::settings::DesignSettings;
-use super::sketch::{Condition, DIRECTIONS, Link, Sketch};
+use super::sketch::{Condition, Link, Sketch};
 use super::things::{is_movable, things};
 
 /// Attempts to find room for one object before the design is rejected.
@@ -107,10 +107,10 @@ impl<'a> Composer<'a> {
         self.add_with(card, None)
     }
 
-    /// Adds an object to move. Nothing will be put on it, and for the goal `near` it does not start next to the
-    /// reference.
+    /// Adds an object to move. Nothing will be put on it, and for a goal around the reference it does not start next to
+    /// it.
     pub fn add_to_move(&mut self, card: &'a ObjectCard, place: Place, style: Style) -> Option<usize> {
-        let object = match place.relation == Relation::Near && style != Style::Place {
+        let object = match place.relation.kind() == RelationKind::Around && style != Style::Place {
             true => self.add_away_from(card, place.reference, style)?,
             false => self.add_styled(card, style)?,
         };
@@ -125,7 +125,7 @@ impl<'a> Composer<'a> {
             self.add(filler)?;
         }
         let anchor = *others(self).choose(&mut self.rng)?;
-        let relation = self.balance.choose(&DIRECTIONS, self.settings, &mut self.rng)?;
+        let relation = self.balance.choose(&Relation::SIDES, self.settings, &mut self.rng)?;
         let object = self.add_beside(card, relation, anchor)?;
         if style == Style::Looks {
             self.add_look_alikes(card);
@@ -145,10 +145,10 @@ impl<'a> Composer<'a> {
         if self.sketch.len() == 0 {
             return Some(self.sketch.start(card));
         }
-        let all = [Relation::Front, Relation::Back, Relation::Left, Relation::Right, Relation::Near];
+        let beside: Vec<Relation> = Relation::OF_PAIRS.into_iter().filter(|relation| !relation.is_support()).collect();
         for _ in 0..PLACE_DRAWS {
             let anchor = self.rng.random_range(0..self.sketch.len());
-            let relation = relation.or_else(|| self.balance.choose(&all, self.settings, &mut self.rng))?;
+            let relation = relation.or_else(|| self.balance.choose(&beside, self.settings, &mut self.rng))?;
             if let Some(object) = self.add_beside(card, relation, anchor) {
                 return Some(object);
             }
@@ -180,7 +180,7 @@ impl<'a> Composer<'a> {
         };
         let reference = self.add_styled(anchor, style)?;
         let mut place = Place { relation, reference, second: None };
-        if relation == Relation::Between {
+        if relation.has_two_references() {
             let aside = if chance(0.6, &mut self.rng) { Relation::Left } else { Relation::Front };
             if item.size_m.x.max(item.size_m.y) > MAX_SIZE_BETWEEN_M {
                 return None;
@@ -257,10 +257,10 @@ impl<'a> Composer<'a> {
     fn add_opposite(&mut self, card: &'a ObjectCard) -> Option<usize> {
         let anchor = self.pick_filler().filter(|anchor| !shares_noun(anchor, card) && anchor.uid != card.uid)?;
         let anchor = self.add(anchor)?;
-        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let side = *Relation::SIDES.choose(&mut self.rng)?;
         let object = self.add_beside(card, side, anchor)?;
         let twin = self.pick(|other| shares_noun(other, card))?;
-        let mut sides: Vec<Relation> = DIRECTIONS.into_iter().filter(|other| *other != side).collect();
+        let mut sides: Vec<Relation> = Relation::SIDES.into_iter().filter(|other| *other != side).collect();
         while !sides.is_empty() {
             let other = sides.swap_remove(self.rng.random_range(0..sides.len()));
             if self.add_beside(twin, other, anchor).is_some() {
@@ -279,7 +279,7 @@ impl<'a> Composer<'a> {
             Some(like) => like,
             None => self.pick_filler().filter(|last| !shares_noun(last, card) && last.uid != card.uid)?,
         };
-        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let side = *Relation::SIDES.choose(&mut self.rng)?;
         let (_, object, last) = self.add_triple(first, card, last, side)?;
         if let Some(twin) = self.pick(|other| shares_noun(other, card)) {
             self.add_beside(twin, side, last)?;
@@ -307,7 +307,7 @@ impl<'a> Composer<'a> {
 
     /// Adds `card` at a random position in a row of three objects of its kind.
     fn add_to_row(&mut self, card: &'a ObjectCard) -> Option<usize> {
-        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let side = *Relation::SIDES.choose(&mut self.rng)?;
         let position = self.rng.random_range(0..3);
         let mut object = None;
         let mut before: Option<usize> = None;
@@ -331,7 +331,6 @@ impl<'a> Composer<'a> {
 
     /// Adds objects until the scene has `count` of them, preferring the relations furthest below their quotas.
     pub fn fill(&mut self, count: usize) {
-        use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
         if self.settings.copies > 0.0 && chance(self.settings.copies, &mut self.rng) {
             self.add_copy();
         }
@@ -340,13 +339,14 @@ impl<'a> Composer<'a> {
             if missing == 0 {
                 return;
             }
-            let all = [Front, Back, Left, Right, Near, Top, On, In, Between];
-            let Some(relation) = self.balance.choose(&all, self.settings, &mut self.rng) else { return };
-            match relation {
-                Between if missing >= 2 => self.fill_between(),
-                Top | On | In => self.fill_host(relation, missing),
-                Between => None,
-                _ => self.pick_filler().and_then(|card| self.add_with(card, Some(relation))),
+            let Some(relation) = self.balance.choose(&Relation::ALL, self.settings, &mut self.rng) else { return };
+            match relation.kind() {
+                RelationKind::Between if missing >= 2 => self.fill_between(),
+                RelationKind::Between => None,
+                RelationKind::Support(_) => self.fill_host(relation, missing),
+                RelationKind::Side(_) | RelationKind::Around => {
+                    self.pick_filler().and_then(|card| self.add_with(card, Some(relation)))
+                }
             };
         }
     }
@@ -360,7 +360,7 @@ impl<'a> Composer<'a> {
         let card = self.sketch.cards[object];
         for _ in 0..PLACE_DRAWS {
             let anchor = self.rng.random_range(0..self.sketch.len());
-            let relation = self.balance.choose(&DIRECTIONS, self.settings, &mut self.rng)?;
+            let relation = self.balance.choose(&Relation::SIDES, self.settings, &mut self.rng)?;
             if let Some(copy) = self.sketch.beside(card, relation, anchor, self.settings, &mut self.rng) {
                 self.sketch.relate(copy, relation, anchor, &mut self.balance, self.settings);
                 if self.sketch.closed.contains(&object) {
@@ -374,7 +374,7 @@ impl<'a> Composer<'a> {
 
     fn fill_between(&mut self) -> Option<usize> {
         let anchor = self.rng.random_range(0..self.sketch.len());
-        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let side = *Relation::SIDES.choose(&mut self.rng)?;
         let middle = self.pick_filler()?;
         let middle = self.add_beside(middle, side, anchor)?;
         let last = self.pick_filler()?;

@@ -3,7 +3,7 @@
 //! Left and front are strict orders of bounds and therefore transitive. Two objects that are apart along one axis
 //! cannot be in a relation that requires an overlap along it.
 
-use genmanip_core::Relation;
+use genmanip_core::{HorizontalAxis, Relation, Side};
 
 use super::sketch::Sketch;
 
@@ -30,12 +30,11 @@ impl Facts {
         let mut lefter = vec![vec![false; count]; count];
         for link in &scene.edges {
             let (a, b) = (link.subject, link.reference);
-            match link.relation {
-                Relation::Front => farther[a][b] = true,
-                Relation::Back => farther[b][a] = true,
-                Relation::Left => lefter[a][b] = true,
-                Relation::Right => lefter[b][a] = true,
-                _ => {}
+            let Some(side) = link.relation.side() else { continue };
+            let (high, low) = if side.is_positive { (a, b) } else { (b, a) };
+            match side.axis {
+                HorizontalAxis::Depth => farther[high][low] = true,
+                HorizontalAxis::Width => lefter[high][low] = true,
             }
         }
         close(&mut farther);
@@ -70,16 +69,15 @@ impl Facts {
         if stated {
             return Known::Yes;
         }
-        let apart_in_depth = self.farther[subject][reference] || self.farther[reference][subject];
-        let apart_in_width = self.lefter[subject][reference] || self.lefter[reference][subject];
-        let excluded = match relation {
-            Relation::Left => apart_in_depth || self.lefter[reference][subject],
-            Relation::Right => apart_in_depth || self.lefter[subject][reference],
-            Relation::Front => apart_in_width || self.farther[reference][subject],
-            Relation::Back => apart_in_width || self.farther[subject][reference],
-            _ => false,
+        let is_excluded = |Side { axis, is_positive }: Side| {
+            let (along, across) = match axis {
+                HorizontalAxis::Depth => (&self.farther, &self.lefter),
+                HorizontalAxis::Width => (&self.lefter, &self.farther),
+            };
+            let (low, high) = if is_positive { (reference, subject) } else { (subject, reference) };
+            across[subject][reference] || across[reference][subject] || along[low][high]
         };
-        if excluded { Known::No } else { Known::Open }
+        if relation.side().is_some_and(is_excluded) { Known::No } else { Known::Open }
     }
 }
 

@@ -8,7 +8,7 @@ use rand::{Rng, RngExt};
 
 use super::facts::{Facts, Known};
 use super::phrasing::phrases;
-use super::sketch::{DIRECTIONS, Sketch};
+use super::sketch::Sketch;
 use super::things::{Group, things};
 
 /// Ratio of volumes from which the larger of two objects is called the larger one.
@@ -164,7 +164,7 @@ impl<'s, 'a> Namer<'s, 'a> {
         rng: &mut impl Rng,
     ) {
         let support = self.scene.edges.iter().find(|link| link.subject == object && link.relation.is_support());
-        let relations = DIRECTIONS.into_iter().chain(support.map(|link| link.relation));
+        let relations = Relation::SIDES.into_iter().chain(support.map(|link| link.relation));
         for relation in relations {
             for anchor in (0..self.scene.len()).filter(|&anchor| anchor != object) {
                 let known = |other: usize| self.facts.known(self.scene, other, relation, anchor);

@@ -1,9 +1,8 @@
 //! Sentence templates from `data/designer/phrases.json`.
 
-use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use genmanip_core::{ObjectCard, Relation};
+use genmanip_core::{ObjectCard, Relation, RelationKind, Support};
 use rand::Rng;
 use rand::seq::IndexedRandom;
 use serde::Deserialize;
@@ -11,6 +10,11 @@ use serde::Deserialize;
 use super::things::things;
 
 static PHRASES: LazyLock<Phrases> = LazyLock::new(|| super::data(include_str!("../../data/designer/phrases.json")));
+
+/// Prepositions for a location on or in a hollow reference.
+const HOLLOW_LOCATED: [&str; 1] = ["in"];
+/// Prepositions for a direction onto or into a hollow reference.
+const HOLLOW_DIRECTED: [&str; 2] = ["into", "in"];
 
 /// All templates. `{x}` is the moved object, `{to}` a place as a direction (`into the bowl`), `{at}` as a location (`in
 /// the bowl`).
@@ -33,10 +37,7 @@ pub(super) struct Phrases {
     pub needed_place: Vec<String>,
     /// Several steps.
     pub steps: Steps,
-    to: BTreeMap<String, Vec<String>>,
-    at: BTreeMap<String, Vec<String>>,
     which: Which,
-    hollow_top: BTreeMap<String, Vec<String>>,
 }
 
 /// Beginnings of relative clauses: for flat objects that lie and for upright ones that stand.
@@ -78,7 +79,8 @@ impl Phrases {
         second: &str,
         rng: &mut impl Rng,
     ) -> String {
-        self.fill_place(&self.at, "at", relation, reference, first, second, rng)
+        let prepositions = if is_said_in(relation, reference) { &HOLLOW_LOCATED } else { relation.facts().located };
+        place(prepositions, first, second, rng)
     }
 
     /// A place as a direction: `into the bowl`.
@@ -90,7 +92,8 @@ impl Phrases {
         second: &str,
         rng: &mut impl Rng,
     ) -> String {
-        self.fill_place(&self.to, "to", relation, reference, first, second, rng)
+        let prepositions = if is_said_in(relation, reference) { &HOLLOW_DIRECTED } else { relation.facts().directed };
+        place(prepositions, first, second, rng)
     }
 
     /// `that stands` for objects at least as tall as wide, `that lies` for others.
@@ -98,23 +101,19 @@ impl Phrases {
         let is_tall = card.size_m.z > 0.75 * card.size_m.x.max(card.size_m.y);
         choose(if is_tall { &self.which.tall } else { &self.which.flat }, rng)
     }
+}
 
-    #[allow(clippy::too_many_arguments)] // one call site per direction of speech
-    fn fill_place(
-        &self,
-        table: &BTreeMap<String, Vec<String>>,
-        key: &str,
-        relation: Relation,
-        reference: &ObjectCard,
-        first: &str,
-        second: &str,
-        rng: &mut impl Rng,
-    ) -> String {
-        let is_hollow = things().host(reference).is_some_and(|host| host.relations.contains(&Relation::In));
-        let hollow = (relation == Relation::Top && is_hollow).then(|| self.hollow_top.get(key)).flatten();
-        let template = hollow.or_else(|| table.get(relation.name())).map_or("", |options| choose(options, rng));
-        fill(template, &[("y", first), ("z", second)])
-    }
+/// True if a subject that may be on or in the reference is said to be in it.
+fn is_said_in(relation: Relation, reference: &ObjectCard) -> bool {
+    let is_hollow = things().host(reference).is_some_and(|host| host.relations.contains(&Relation::In));
+    relation.kind() == RelationKind::Support(Support::OnOrIn) && is_hollow
+}
+
+/// A place with a random preposition.
+fn place(prepositions: &[&str], first: &str, second: &str, rng: &mut impl Rng) -> String {
+    let preposition = prepositions.choose(rng).copied().unwrap_or_default();
+    let second = if second.is_empty() { String::new() } else { format!(" and {second}") };
+    format!("{preposition} {first}{second}")
 }
 
 /// A random template.

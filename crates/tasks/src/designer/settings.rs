@@ -1,5 +1,7 @@
 //! Settings of the designer and all their defaults.
 
+use std::collections::BTreeMap;
+
 use genmanip_core::Relation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,62 +56,21 @@ impl Default for DesignSettings {
     }
 }
 
-/// One share per relation; their sum is 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct RelationQuotas {
-    /// Share of `front`: farther from the robot.
-    pub front: f64,
-    /// Share of `back`: nearer to the robot.
-    pub back: f64,
-    /// Share of `left`: to the robot's left.
-    pub left: f64,
-    /// Share of `right`: to the robot's right.
-    pub right: f64,
-    /// Share of `near`: close in the plane.
-    pub near: f64,
-    /// Share of `top`: resting on or lying in.
-    pub top: f64,
-    /// Share of `on`: resting on.
-    pub on: f64,
-    /// Share of `in`: lying in.
-    pub r#in: f64,
-    /// Share of `between`: between two others.
-    pub between: f64,
-}
+/// Shares of relations that differ from the defaults in [`Relation::facts`]; the sum of all shares is 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct RelationQuotas(BTreeMap<Relation, f64>);
 
 impl RelationQuotas {
-    /// Share of a relation. The exhaustive match requires a share for every new relation.
+    /// Share of a relation.
     pub fn of(&self, relation: Relation) -> f64 {
-        match relation {
-            Relation::Front => self.front,
-            Relation::Back => self.back,
-            Relation::Left => self.left,
-            Relation::Right => self.right,
-            Relation::Near => self.near,
-            Relation::Top => self.top,
-            Relation::On => self.on,
-            Relation::In => self.r#in,
-            Relation::Between => self.between,
-        }
+        self.0.get(&relation).copied().unwrap_or(relation.facts().quota)
     }
 }
 
 impl Default for RelationQuotas {
     fn default() -> Self {
-        // Shares are a choice: the directions have the largest, since most edges connect neighbours on the table; `on`
-        // and `between` the smallest, since few objects fit on or between others.
-        Self {
-            front: 0.14,
-            back: 0.14,
-            left: 0.16,
-            right: 0.16,
-            near: 0.10,
-            top: 0.09,
-            on: 0.06,
-            r#in: 0.09,
-            between: 0.06,
-        }
+        Self(Relation::ALL.map(|relation| (relation, relation.facts().quota)).into())
     }
 }
 
@@ -118,14 +79,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quotas_are_shares_of_all_relations() {
-        let quotas = RelationQuotas::default();
-        let sum: f64 = Relation::ALL.iter().map(|&relation| quotas.of(relation)).sum();
-        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
-        // The field names are those of the relations, and no relation is missing from `ALL`.
-        let table = serde_json::to_value(quotas).unwrap();
-        let names: Vec<&str> = Relation::ALL.map(Relation::name).to_vec();
-        assert!(names.iter().all(|name| table[name].as_f64() > Some(0.0)), "{table}");
-        assert_eq!(table.as_object().map(serde_json::Map::len), Some(names.len()));
+    fn a_relation_without_a_share_of_its_own_has_the_default() {
+        let quotas: RelationQuotas = serde_json::from_str(r#"{"in": 0.5}"#).unwrap();
+        assert_eq!((quotas.of(Relation::In), quotas.of(Relation::On)), (0.5, 0.06));
+        let table = serde_json::to_value(RelationQuotas::default()).unwrap();
+        assert!(Relation::ALL.iter().all(|relation| table[relation.name()] == relation.facts().quota), "{table}");
+        assert!(serde_json::from_str::<RelationQuotas>(r#"{"beneath": 0.5}"#).is_err());
     }
 }

@@ -4,16 +4,13 @@
 //! graph; an object that may be turned is represented by a square that contains it in every orientation.
 
 use genmanip_core::asset::instance_ids;
-use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph};
+use genmanip_core::{Atom, GraphEdge, GraphNode, HorizontalAxis, ObjectCard, Relation, RelationKind, SceneGraph, Side};
 use glam::DVec2;
 use rand::{Rng, RngExt};
 
 use super::balance::Balance;
 use super::settings::DesignSettings;
 use super::things::things;
-
-/// The four directions.
-pub(super) const DIRECTIONS: [Relation; 4] = [Relation::Front, Relation::Back, Relation::Left, Relation::Right];
 
 /// Free space in front of a door or drawer, metres.
 const SWING_M: f64 = 0.16;
@@ -125,7 +122,7 @@ impl<'a> Sketch<'a> {
         let free = *self.kept_free.last()?;
         let (half, middle) = (half(card), (free.low + free.high) * 0.5);
         let reach = (free.high - free.low) * 0.5 + half + DVec2::splat(settings.gap_m + 0.005);
-        let place = around(middle + direction(relation) * reach, half, card);
+        let place = around(middle + relation.side()?.direction() * reach, half, card);
         self.is_free(&place, settings).then(|| self.push(card, place, None))
     }
 
@@ -186,10 +183,12 @@ impl<'a> Sketch<'a> {
         settings: &DesignSettings,
         rng: &mut impl Rng,
     ) -> Option<Rect> {
-        let hides = match relation {
-            Relation::Back => swings(self.cards[anchor]) || stands_before(card, self.cards[anchor]),
-            Relation::Front => stands_before(self.cards[anchor], card),
-            _ => false,
+        let hides = match relation.side() {
+            Some(Side { axis: HorizontalAxis::Depth, is_positive: true }) => stands_before(self.cards[anchor], card),
+            Some(Side { axis: HorizontalAxis::Depth, is_positive: false }) => {
+                swings(self.cards[anchor]) || stands_before(card, self.cards[anchor])
+            }
+            Some(Side { axis: HorizontalAxis::Width, .. }) | None => false,
         };
         if self.carriers[anchor].is_some() || hides {
             return None;
@@ -198,16 +197,17 @@ impl<'a> Sketch<'a> {
         let (middle, other) = ((place.low + place.high) * 0.5, (place.high - place.low) * 0.5);
         let gap = settings.gap_m + 0.02 * rng.random::<f64>();
         let reach = half + other + DVec2::splat(gap);
-        let offset = match relation {
-            Relation::Near => {
+        let offset = match relation.kind() {
+            RelationKind::Around => {
                 let sign = |flip: bool| if flip { 1.0 } else { -1.0 };
                 reach * DVec2::new(sign(rng.random()), sign(rng.random()))
             }
-            _ => {
+            RelationKind::Side(side) => {
                 let aside = 0.3 * half.min(other) * (2.0 * rng.random::<f64>() - 1.0);
-                let direction = direction(relation);
+                let direction = side.direction();
                 direction * reach + aside * DVec2::new(direction.y.abs(), direction.x.abs())
             }
+            RelationKind::Support(_) | RelationKind::Between => return None,
         };
         let place = around(middle + offset, half, card);
         self.is_free(&place, settings).then_some(place)
@@ -266,16 +266,6 @@ impl<'a> Sketch<'a> {
             },
             Condition::State(object, state) => Atom::State { object: id(*object), state: state.clone() },
         }
-    }
-}
-
-fn direction(relation: Relation) -> DVec2 {
-    match relation {
-        Relation::Front => DVec2::X,
-        Relation::Back => DVec2::NEG_X,
-        Relation::Left => DVec2::Y,
-        Relation::Right => DVec2::NEG_Y,
-        _ => DVec2::ZERO,
     }
 }
 

@@ -132,7 +132,7 @@ impl Things {
             && is_movable(item)
             && welcome
             && self.has_room(host, item)
-            && (relation != Relation::In || self.lies_inside(host, item))
+            && (!relation.is_inside() || self.lies_inside(host, item))
     }
 
     fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {

@@ -58,8 +58,8 @@ pub(super) enum Action {
 
 use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
 
-/// Prepositions, longer ones first.
-const PLACES: [(&str, &[Relation]); 18] = [
+/// Prepositions, longer ones first. The designer has a table of its own, so that the reader checks it.
+pub(super) const PLACES: [(&str, &[Relation]); 18] = [
     ("on the far side of", &[Front]),
     ("on the robot's side of", &[Back]),
     ("to the robot's left of", &[Left]),

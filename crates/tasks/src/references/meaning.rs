@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{ObjectCard, Relation, SceneGraph};
+use genmanip_core::{HorizontalAxis, ObjectCard, Relation, SceneGraph};
 
 use super::grammar::{Action, Command, Group, Part, Place};
 use super::lexicon::{SceneObject, lexicon};
-use super::space::{Axis, Certainty, Space};
+use super::space::{Certainty, Space};
 use super::{Mismatch, ReadAtom};
 
 /// Resolves the phrases of one instruction in one scene.
@@ -208,7 +208,7 @@ impl<'c> Interpreter<'c> {
             "smaller" => extreme(-1.0),
             "middle" => {
                 let between = |thing: &&SceneObject| {
-                    [Axis::Depth, Axis::Width].into_iter().any(|axis| {
+                    [HorizontalAxis::Depth, HorizontalAxis::Width].into_iter().any(|axis| {
                         let beyond = |one: &str, other: &str| self.space.is_beyond(one, axis, other);
                         let others = || among.iter().filter(|other| other.id != thing.id);
                         others().any(|other| beyond(thing.id, other.id))
@@ -227,16 +227,16 @@ impl<'c> Interpreter<'c> {
         let (axis, outward) = match words {
             // The camera faces the robot.
             ["farthest", "to", "the", "robot's", "left"] | ["farthest", "to", "the", "camera's", "right"] => {
-                (Axis::Width, true)
+                (HorizontalAxis::Width, true)
             }
             ["farthest", "to", "the", "robot's", "right"] | ["farthest", "to", "the", "camera's", "left"] => {
-                (Axis::Width, false)
+                (HorizontalAxis::Width, false)
             }
             ["farthest", "from", "the", "robot"] | ["nearest" | "closest", "to", "the", "camera"] => {
-                (Axis::Depth, true)
+                (HorizontalAxis::Depth, true)
             }
             ["nearest" | "closest", "to", "the", "robot"] | ["farthest", "from", "the", "camera"] => {
-                (Axis::Depth, false)
+                (HorizontalAxis::Depth, false)
             }
             _ => return None,
         };

@@ -1,6 +1,6 @@
 //! Relations that follow from the graph of a scene, in all or in some of its layouts.
 
-use genmanip_core::{Relation, SceneGraph};
+use genmanip_core::{HorizontalAxis, Relation, SceneGraph, Side};
 
 /// Certainty of a relation, given the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,15 +11,6 @@ pub(super) enum Certainty {
     Possible,
     /// True in no layout.
     Impossible,
-}
-
-/// An axis along which objects are ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Axis {
-    /// Away from the robot.
-    Depth,
-    /// To the robot's left.
-    Width,
 }
 
 /// Derives relations from one graph.
@@ -33,16 +24,16 @@ impl<'g> Space<'g> {
     }
 
     /// True if a chain of edges orders all of `one` beyond all of `other` along the axis.
-    pub fn is_beyond(&self, one: &str, axis: Axis, other: &str) -> bool {
+    pub fn is_beyond(&self, one: &str, axis: HorizontalAxis, other: &str) -> bool {
         let mut reached = vec![other];
         let mut next = 0;
         while let Some(&low) = reached.get(next) {
             next += 1;
             for edge in &self.graph.edges {
-                let up = match (axis, edge.relation) {
-                    (Axis::Depth, Relation::Front) | (Axis::Width, Relation::Left) => (&edge.subject, &edge.reference),
-                    (Axis::Depth, Relation::Back) | (Axis::Width, Relation::Right) => (&edge.reference, &edge.subject),
-                    _ => continue,
+                let Some(side) = edge.relation.side().filter(|side| side.axis == axis) else { continue };
+                let up = match side.is_positive {
+                    true => (&edge.subject, &edge.reference),
+                    false => (&edge.reference, &edge.subject),
                 };
                 if up.1 == low {
                     if up.0 == one {
@@ -57,7 +48,7 @@ impl<'g> Space<'g> {
         false
     }
 
-    fn is_apart(&self, one: &str, axis: Axis, other: &str) -> bool {
+    fn is_apart(&self, one: &str, axis: HorizontalAxis, other: &str) -> bool {
         self.is_beyond(one, axis, other) || self.is_beyond(other, axis, one)
     }
 
@@ -89,27 +80,14 @@ impl<'g> Space<'g> {
                 direct || turned
             })
         };
-        let directions = [Relation::Front, Relation::Back, Relation::Left, Relation::Right];
-        let certain = neighbours(relation) || (relation == Relation::Near && directions.into_iter().any(neighbours));
-        if certain {
+        if Relation::ALL.into_iter().filter(|other| other.implies(relation)).any(neighbours) {
             return Certainty::Certain;
         }
-        let impossible = match relation {
-            Relation::Front => {
-                self.is_apart(subject, Axis::Width, reference) || self.is_beyond(reference, Axis::Depth, subject)
-            }
-            Relation::Back => {
-                self.is_apart(subject, Axis::Width, reference) || self.is_beyond(subject, Axis::Depth, reference)
-            }
-            Relation::Left => {
-                self.is_apart(subject, Axis::Depth, reference) || self.is_beyond(reference, Axis::Width, subject)
-            }
-            Relation::Right => {
-                self.is_apart(subject, Axis::Depth, reference) || self.is_beyond(subject, Axis::Width, reference)
-            }
-            _ => false,
+        let is_impossible = |Side { axis, is_positive }: Side| {
+            let (low, high) = if is_positive { (reference, subject) } else { (subject, reference) };
+            self.is_apart(subject, axis.other(), reference) || self.is_beyond(low, axis, high)
         };
-        if impossible { Certainty::Impossible } else { Certainty::Possible }
+        if relation.side().is_some_and(is_impossible) { Certainty::Impossible } else { Certainty::Possible }
     }
 
     /// Certainty that `subject` is between two others.
@@ -123,7 +101,7 @@ impl<'g> Space<'g> {
         if stated {
             return Certainty::Certain;
         }
-        let beyond_both = [Axis::Depth, Axis::Width].into_iter().any(|axis| {
+        let beyond_both = [HorizontalAxis::Depth, HorizontalAxis::Width].into_iter().any(|axis| {
             (self.is_beyond(subject, axis, one) && self.is_beyond(subject, axis, other))
                 || (self.is_beyond(one, axis, subject) && self.is_beyond(other, axis, subject))
         });

@@ -6,6 +6,7 @@ use genmanip_assets::Catalogue;
 use genmanip_core::asset::uid_of;
 use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 
+use super::grammar::PLACES;
 use super::{Clue, Mismatch, check, intended, interchangeable, is_needless, read, resolved};
 use crate::designer::{DesignSettings, design_many};
 
@@ -115,6 +116,21 @@ fn sentences_mean_what_a_person_would_understand() {
     ];
     for (instruction, facts, expected) in cases {
         assert_eq!(read_goal(instruction, facts), expected, "{instruction}");
+    }
+}
+
+#[test]
+fn the_reader_knows_the_prepositions_of_every_relation() {
+    for relation in Relation::ALL {
+        let facts = relation.facts();
+        for said in facts.located.iter().chain(facts.directed).chain([&facts.described]) {
+            let meant = PLACES.iter().find(|(preposition, _)| preposition == said);
+            assert!(
+                meant.is_some_and(|(_, relations)| relations.contains(&relation)),
+                "PLACES in references/grammar.rs does not read `{said}` as `{}`",
+                relation.name()
+            );
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Diagram of a scene graph: the initial graph, and each alternative of the goal beside it.
 
-use genmanip_core::{Atom, GraphEdge, Relation, Task};
+use genmanip_core::{Atom, GraphEdge, HorizontalAxis, Relation, RelationKind, Task};
 
 use super::colors::{CONFLICT, GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
 use super::graph_layout::{CellConstraint, PreferredCell, cells};
@@ -325,13 +325,18 @@ impl Stacks {
 
     fn tie(&self, link: &Link) -> Option<CellConstraint> {
         let (from, to) = (self.pile[link.from], self.pile[link.to]);
-        let wish = match (link.relation, link.second) {
-            (Relation::Front, _) => PreferredCell::Step([0, 1]),
-            (Relation::Back, _) => PreferredCell::Step([0, -1]),
-            (Relation::Left, _) => PreferredCell::Step([-1, 0]),
-            (Relation::Right, _) => PreferredCell::Step([1, 0]),
-            (Relation::Between, Some(second)) => PreferredCell::Middle(self.pile[second]),
-            _ => PreferredCell::Close,
+        let wish = match (link.relation.kind(), link.second) {
+            (RelationKind::Side(side), _) => {
+                let step = if side.is_positive { 1 } else { -1 };
+                PreferredCell::Step(match side.axis {
+                    HorizontalAxis::Depth => [0, step],
+                    HorizontalAxis::Width => [-step, 0],
+                })
+            }
+            (RelationKind::Between, Some(second)) => PreferredCell::Middle(self.pile[second]),
+            (RelationKind::Between, None) | (RelationKind::Around | RelationKind::Support(_), _) => {
+                PreferredCell::Close
+            }
         };
         (from != to).then_some(CellConstraint { from, to, wish })
     }

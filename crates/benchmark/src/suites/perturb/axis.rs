@@ -3,74 +3,55 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Axis of a perturbation, as in LIBERO-Plus (Fei et al., 2025), with physics, distractors and an exchanged
-/// instruction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axis {
-    /// A new layout of the same task.
-    Layout,
-    /// Camera poses.
-    Camera,
-    /// Initial posture of the arm.
-    RobotStart,
-    /// Light and exposure.
-    Light,
-    /// Background behind the table.
-    Background,
-    /// Material of the table top.
-    Texture,
-    /// Tint and roughness of objects; every colour word stays true.
-    Paint,
-    /// Sensor noise, exposure, white balance and compression of the cameras.
-    Sensor,
-    /// Friction, mass, bouncing, and friction of joints.
-    Physics,
-    /// Additional objects.
-    Distractors,
-    /// The same request in other words.
-    Wording,
-    /// Another request that the scene allows; both are judged.
-    Instruction,
+use genmanip_core::named_enum;
+
+named_enum! {
+    /// Axis of a perturbation, as in LIBERO-Plus (Fei et al., 2025), with physics, distractors and an exchanged
+    /// instruction.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Axis {
+        /// A new layout of the same task.
+        Layout = "layout",
+        /// Camera poses.
+        Camera = "camera",
+        /// Initial posture of the arm.
+        RobotStart = "robot_start",
+        /// Light and exposure.
+        Light = "light",
+        /// Background behind the table.
+        Background = "background",
+        /// Material of the table top.
+        Texture = "texture",
+        /// Tint and roughness of objects; every colour word stays true.
+        Paint = "paint",
+        /// Sensor noise, exposure, white balance and compression of the cameras.
+        Sensor = "sensor",
+        /// Friction, mass, bouncing, and friction of joints.
+        Physics = "physics",
+        /// Additional objects.
+        Distractors = "distractors",
+        /// The same request in other words.
+        Wording = "wording",
+        /// Another request that the scene allows; both are judged.
+        Instruction = "instruction",
+    }
 }
 
 impl Axis {
-    /// All axes.
-    pub const ALL: [Self; 12] = [
-        Self::Layout,
-        Self::Camera,
-        Self::RobotStart,
-        Self::Light,
-        Self::Background,
-        Self::Texture,
-        Self::Paint,
-        Self::Sensor,
-        Self::Physics,
-        Self::Distractors,
-        Self::Wording,
-        Self::Instruction,
-    ];
-
-    /// The name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Layout => "layout",
-            Self::Camera => "camera",
-            Self::RobotStart => "robot_start",
-            Self::Light => "light",
-            Self::Background => "background",
-            Self::Texture => "texture",
-            Self::Paint => "paint",
-            Self::Sensor => "sensor",
-            Self::Physics => "physics",
-            Self::Distractors => "distractors",
-            Self::Wording => "wording",
-            Self::Instruction => "instruction",
-        }
-    }
-
     /// True if objects may be occluded or outside the image afterwards.
     pub fn moves_what_is_seen(self) -> bool {
-        matches!(self, Self::Layout | Self::Camera | Self::Distractors)
+        match self {
+            Self::Layout | Self::Camera | Self::Distractors => true,
+            Self::RobotStart
+            | Self::Light
+            | Self::Background
+            | Self::Texture
+            | Self::Paint
+            | Self::Sensor
+            | Self::Physics
+            | Self::Wording
+            | Self::Instruction => false,
+        }
     }
 }
 
@@ -85,7 +66,6 @@ impl FromStr for Axis {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let names = Self::ALL.map(Self::name);
-        let found = Self::ALL.into_iter().find(|axis| axis.name() == text);
-        found.ok_or_else(|| format!("there is no axis `{text}`; expected one of {}", names.join(", ")))
+        Self::named(text).ok_or_else(|| format!("there is no axis `{text}`; expected one of {}", names.join(", ")))
     }
 }

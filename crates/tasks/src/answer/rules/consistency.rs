@@ -7,7 +7,7 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use genmanip_core::Relation;
+use genmanip_core::{HorizontalAxis, Relation, RelationKind, Side};
 
 /// A relation between two different objects.
 #[derive(Clone, Copy)]
@@ -52,14 +52,17 @@ pub(super) fn contradictions(links: &[Link], name: impl Fn(usize) -> String) -> 
 /// `(order, smaller, larger)`.
 fn ordered(link: &Link) -> Option<(Order, usize, usize)> {
     let (subject, reference) = (link.subject, link.reference);
-    Some(match link.relation {
-        Relation::Left => (Order::Left, subject, reference),
-        Relation::Right => (Order::Left, reference, subject),
-        Relation::Front => (Order::Front, subject, reference),
-        Relation::Back => (Order::Front, reference, subject),
-        Relation::Top | Relation::On | Relation::In => (Order::Support, subject, reference),
-        Relation::Near => (Order::Near, subject, reference),
-        Relation::Between => return None,
+    Some(match link.relation.kind() {
+        RelationKind::Side(Side { axis, is_positive }) => {
+            let order = match axis {
+                HorizontalAxis::Width => Order::Left,
+                HorizontalAxis::Depth => Order::Front,
+            };
+            if is_positive { (order, subject, reference) } else { (order, reference, subject) }
+        }
+        RelationKind::Support(_) => (Order::Support, subject, reference),
+        RelationKind::Around => (Order::Near, subject, reference),
+        RelationKind::Between => return None,
     })
 }
 

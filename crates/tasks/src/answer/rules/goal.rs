@@ -107,24 +107,17 @@ pub(super) fn is_implied(graph: &SceneGraph, atom: &Atom) -> bool {
 /// Initial edge by which a relation already holds, if any.
 fn implied_by<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, condition: Fact<T>) -> Option<View> {
     let (subject, relation, reference, second) = condition;
-    if relation == Relation::Between {
+    if relation.has_two_references() {
         let ends = |one: T, other: Option<T>| BTreeSet::from([Some(one), other]);
-        let same = |edge: Fact<T>| {
-            edge.1 == Relation::Between && edge.0 == subject && ends(edge.2, edge.3) == ends(reference, second)
-        };
+        let same =
+            |edge: Fact<T>| edge.1 == relation && edge.0 == subject && ends(edge.2, edge.3) == ends(reference, second);
         return edges.any(same).then_some(View::Direct);
     }
-    if edges.clone().any(|edge| (edge.0, edge.2) == (subject, reference) && implies(edge.1, relation)) {
+    if edges.clone().any(|edge| (edge.0, edge.2) == (subject, reference) && edge.1.implies(relation)) {
         return Some(View::Direct);
     }
-    let inverse_implies = |edge: Fact<T>| edge.1.inverse().is_some_and(|inverse| implies(inverse, relation));
+    let inverse_implies = |edge: Fact<T>| edge.1.inverse().is_some_and(|inverse| inverse.implies(relation));
     edges.any(|edge| (edge.2, edge.0) == (subject, reference) && inverse_implies(edge)).then_some(View::Inverted)
-}
-
-/// True if an edge implies a condition: neighbours in any direction are near, and `top` includes on and in.
-fn implies(edge: Relation, condition: Relation) -> bool {
-    let neighbour = matches!(edge, Relation::Front | Relation::Back | Relation::Left | Relation::Right);
-    edge == condition || (condition == Relation::Near && neighbour) || (condition == Relation::Top && edge.is_support())
 }
 
 fn objects(condition: &Condition) -> impl Iterator<Item = usize> {
@@ -165,7 +158,7 @@ fn check_condition(condition: &Condition, draft: &Draft, request: &TaskRequest, 
             let message = format!("expected different objects, got {} twice", name(*reference));
             findings.reject(FlawKind::SelfRelation, path, message, "");
         }
-        Test::Relation(Relation::In, reference, _) if !request.offered[*reference].is_container => {
+        Test::Relation(relation, reference, _) if relation.is_inside() && !request.offered[*reference].is_container => {
             let message = format!("expected a container, got {}", name(*reference));
             findings.reject(FlawKind::NotAContainer, path, message, "use `on` or another object");
         }

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::Relation;
-
 use super::consistency::{Link, contradictions};
 use crate::answer::TaskRequest;
 use crate::answer::flaw::{Findings, FlawKind};
@@ -18,7 +16,7 @@ pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Find
             let message = format!("expected two different objects, got {} twice", name(edge.subject));
             findings.reject(FlawKind::SelfRelation, edge.path.as_str(), message, "");
         }
-        if edge.relation == Relation::In && !request.offered[edge.reference].is_container {
+        if edge.relation.is_inside() && !request.offered[edge.reference].is_container {
             let message = format!("expected a container, got {}", name(edge.reference));
             findings.reject(FlawKind::NotAContainer, edge.path.as_str(), message, "use `on` or another object");
         }

@@ -45,7 +45,7 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
         }
         Decides::Place => {
             let named = Namer::new(&composer.sketch).name(subject, Style::Plain, &mut composer.rng)?;
-            let words = if relation == Relation::In { &phrases().needed_hollow } else { &phrases().needed_place };
+            let words = if relation.is_inside() { &phrases().needed_hollow } else { &phrases().needed_place };
             let word = choose(words, &mut composer.rng);
             let card = composer.sketch.cards[place.reference];
             let to = phrases().direction(relation, card, word, "", &mut composer.rng);

@@ -3,15 +3,12 @@
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
 
-use super::{Draft, any_relation, draft, mover_for, say_place, toss, wanted_relation};
+use super::{Draft, draft, mover_for, say_place, toss, wanted_relation};
 use crate::designer::composer::{Composer, Place};
 use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::sketch::Condition;
 use crate::designer::things::things;
-
-/// Support relations, which several objects can have to one reference.
-const SUPPORTS: [Relation; 3] = [Relation::Top, Relation::On, Relation::In];
 
 /// Probability that a sentence begins with its first step rather than with an opening phrase.
 const PLAIN_OPENING_PROBABILITY: f64 = 0.6;
@@ -46,7 +43,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     let mut items: Vec<(&ObjectCard, Place, Option<Place>)> = Vec::new();
     let mut may_choose = toss(composer, 2.0 * composer.settings.disjunctions);
     for _ in 0..count {
-        let relation = wanted_relation(composer, any_relation())?;
+        let relation = wanted_relation(composer, &Relation::ALL)?;
         let item = mover_for(composer, relation, |card| items.iter().all(|(other, ..)| other.uid != card.uid))?;
         let place = match shared_place(composer, &items, item) {
             Some(place) => place,
@@ -160,7 +157,7 @@ fn alternatives(steps: &[Step]) -> Vec<Vec<Condition>> {
 
 /// Two objects to one place, or to one of two places.
 fn compose_pair(composer: &mut Composer) -> Option<Draft> {
-    let relation = wanted_relation(composer, &SUPPORTS)?;
+    let relation = wanted_relation(composer, &Relation::SUPPORTS)?;
     let first = mover_for(composer, relation, |_| true)?;
     let place = composer.destination(first, relation, Style::Plain)?;
     let host = composer.sketch.cards[place.reference];
@@ -172,7 +169,7 @@ fn compose_pair(composer: &mut Composer) -> Option<Draft> {
     composer.balance.add(relation);
     let other = match composer.rng.random() {
         true => {
-            let relation = wanted_relation(composer, &SUPPORTS)?;
+            let relation = wanted_relation(composer, &Relation::SUPPORTS)?;
             let fits = |card: &ObjectCard| {
                 let room = things().may_carry(card, first, relation) && things().may_carry(card, second, relation);
                 room && things().has_space_for(card, &[first], second)

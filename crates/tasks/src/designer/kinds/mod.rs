@@ -66,17 +66,7 @@ fn describe(scene: &Sketch) -> String {
         .edges
         .iter()
         .map(|link| {
-            let reference = name(link.reference);
-            let place = match (link.relation, link.second) {
-                (Relation::Front, _) => format!("on the far side of the {reference}"),
-                (Relation::Back, _) => format!("on the robot's side of the {reference}"),
-                (Relation::Left, _) => format!("to the robot's left of the {reference}"),
-                (Relation::Right, _) => format!("to the robot's right of the {reference}"),
-                (Relation::In, _) => format!("in the {reference}"),
-                (Relation::On | Relation::Top, _) => format!("on the {reference}"),
-                (Relation::Between, Some(second)) => format!("between the {reference} and the {}", name(second)),
-                (Relation::Near | Relation::Between, _) => format!("near the {reference}"),
-            };
+            let place = link.relation.describe(name(link.reference), link.second.map(name));
             format!("The {} is {place}.", name(link.subject))
         })
         .collect();
@@ -103,7 +93,8 @@ fn mover_for<'a>(
 /// An alternative place for the same object: another side of the same reference, or another object to put it in or on.
 fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style: Style) -> Option<Place> {
     if place.relation.is_support() {
-        let relation = wanted_relation(composer, &[Relation::In, Relation::On, Relation::Top])?;
+        let supports: Vec<Relation> = Relation::SUPPORTS.into_iter().rev().collect();
+        let relation = wanted_relation(composer, &supports)?;
         return composer.destination(item, relation, style);
     }
     let other = place.relation.inverse().filter(|inverse| *inverse != place.relation)?;
@@ -128,11 +119,6 @@ fn say_place(composer: &mut Composer, place: Place, style: Style) -> Option<(Str
     let to = phrases().direction(place.relation, card, &first, &second, &mut composer.rng);
     let at = phrases().place(place.relation, card, &first, &second, &mut composer.rng);
     Some((to, at))
-}
-
-/// All nine relations.
-fn any_relation() -> &'static [Relation] {
-    &Relation::ALL
 }
 
 fn toss(composer: &mut Composer, share: f64) -> bool {

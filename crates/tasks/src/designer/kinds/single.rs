@@ -1,8 +1,9 @@
 //! Tasks that move one object to one place, referred to by name, position or appearance.
 
+use genmanip_core::Relation;
 use rand::seq::IndexedRandom;
 
-use super::{Draft, another_place, any_relation, draft, mover_for, say_place, toss, wanted_relation};
+use super::{Draft, another_place, draft, mover_for, say_place, toss, wanted_relation};
 use crate::designer::composer::Composer;
 use crate::designer::naming::{Namer, Style, has_looks};
 use crate::designer::phrasing::{choose, fill, phrases};
@@ -10,7 +11,7 @@ use crate::designer::phrasing::{choose, fill, phrases};
 /// Composes a task with one of the given pairs of styles: for the moved object and for its destination.
 pub(super) fn compose(composer: &mut Composer, styles: &[(Style, Style)]) -> Option<Draft> {
     let &(moved, placed) = styles.choose(&mut composer.rng)?;
-    let relation = wanted_relation(composer, any_relation())?;
+    let relation = wanted_relation(composer, &Relation::ALL)?;
     let item = mover_for(composer, relation, |card| moved != Style::Looks || has_looks(card))?;
     let place = composer.destination(item, relation, placed)?;
     composer.balance.add(relation);
