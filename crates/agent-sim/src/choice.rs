@@ -463,7 +463,7 @@ impl Policy for TranscriptWriter {
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let chunk = self.policy.act(observation);
         let kept = keep(&self.transcribed, self.written, &self.folder);
-        self.written = kept.map_err(|error| PolicyError::Unsuited(format!("its transcript: {error}")))?;
+        self.written = kept.map_err(|error| PolicyError::Broken(Arc::new(error)))?;
         chunk
     }
 }

@@ -1,6 +1,7 @@
 //! Policies: functions from observations to actions.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::sync::Arc;
 
 use schemars::JsonSchema;
@@ -110,7 +111,7 @@ pub struct ActionChunk {
 }
 
 /// Reason why a policy cannot continue.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum PolicyError {
     /// The policy tried and found no solution; counted as data, not as a defect.
     #[error("{}", .0)]
@@ -121,4 +122,7 @@ pub enum PolicyError {
     /// The policy's endpoint is unreachable: the episode is not run, does not count as a failure and is retried.
     #[error("policy cannot be reached: {0}")]
     Unreachable(String),
+    /// A fault of the machine, e.g. a full disk: the run stops, and nothing counts as a failure of the policy.
+    #[error("{0}")]
+    Broken(#[source] Arc<dyn Error + Send + Sync>),
 }

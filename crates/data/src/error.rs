@@ -111,12 +111,12 @@ pub enum DataError {
         why: String,
     },
     /// A table that cannot be read or written.
-    #[error("table {}: {message}", path.display())]
+    #[error("table {}: {source}", path.display())]
     Table {
         /// The file.
         path: PathBuf,
-        /// Message of the Parquet library, or what is missing.
-        message: String,
+        /// Error of the Parquet library, or what is missing.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A value that contradicts another one.
     #[error("{what}: expected {expected}, got {got}")]
@@ -141,9 +141,6 @@ impl DataError {
     pub fn hint(&self) -> Option<String> {
         Some(match self {
             Self::Io { source, .. } => match source.kind() {
-                std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-                    "free disk space and run the command again; finished episodes are kept".into()
-                }
                 std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
                     "choose a folder you may write to".into()
                 }
@@ -193,7 +190,7 @@ impl DataError {
         let shown = path.display();
         match self {
             Self::Mismatch { what, expected, got } => Self::mismatch(format!("{what} in {shown}"), expected, got),
-            Self::Table { message, .. } => Self::table(path, message),
+            Self::Table { source, .. } => Self::table(path, source),
             Self::Video(why) => Self::Video(format!("{why}: {shown}")),
             Self::Png(why) => Self::Png(format!("{why}: {shown}")),
             other => other,
@@ -207,8 +204,8 @@ impl DataError {
     }
 
     /// An error in a Parquet table.
-    pub fn table(path: &Path, error: impl ToString) -> Self {
-        Self::Table { path: path.to_owned(), message: error.to_string() }
+    pub fn table(path: &Path, error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        Self::Table { path: path.to_owned(), source: error.into() }
     }
 
     /// A quantity that differs from the expected one.

@@ -14,6 +14,7 @@ use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::Compression;
+use parquet::errors::ParquetError;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
@@ -209,9 +210,9 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
 
 /// All rows of a Parquet file, whose number must match the record.
 pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
-    let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
+    let fail = |error: ParquetError| DataError::table(path, error);
     let opened = catch_panics(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
-    let builder = opened.map_err(|error| fail(&error))?;
+    let builder = opened.map_err(fail)?;
     let about = builder.metadata();
     if usize::try_from(about.file_metadata().num_rows()).ok() != Some(rows) {
         let got = about.file_metadata().num_rows();
@@ -224,9 +225,9 @@ pub fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBa
         return Err(DataError::table(path, format!("expected columns of at most {expected} MiB, got {total} bytes")));
     }
     let schema = Arc::clone(builder.schema());
-    let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(|error| fail(&error))?;
+    let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(fail)?;
     let batch = match catch_panics(path, || reader.next())? {
-        Some(batch) => batch.map_err(|error| fail(&error))?,
+        Some(batch) => batch.map_err(|error| DataError::table(path, error))?,
         None => RecordBatch::new_empty(schema),
     };
     if batch.num_rows() == rows {
@@ -290,7 +291,6 @@ impl Table {
         rows_per_batch: usize,
     ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
         let Self { path, builder } = self;
-        let fail = |error: &dyn std::fmt::Display| DataError::table(&path, error);
         let schema = builder.parquet_schema();
         let known: Vec<&str> = schema.root_schema().get_fields().iter().map(|field| field.name()).collect();
         if let Some(missing) = names.iter().find(|name| !known.contains(*name)) {
@@ -304,10 +304,13 @@ impl Table {
         });
         if let Some(size) = sizes.into_iter().find(|size| !(0..=MAX_TABLE_BYTES).contains(size)) {
             let expected = MAX_TABLE_BYTES >> 20;
-            return Err(fail(&format!("expected columns of at most {expected} MiB, got {size} bytes")));
+            return Err(DataError::table(
+                &path,
+                format!("expected columns of at most {expected} MiB, got {size} bytes"),
+            ));
         }
-        let mut reader =
-            builder.with_projection(mask).with_batch_size(rows_per_batch).build().map_err(|error| fail(&error))?;
+        let reader = builder.with_projection(mask).with_batch_size(rows_per_batch).build();
+        let mut reader = reader.map_err(|error| DataError::table(&path, error))?;
         let mut is_over = false;
         Ok(std::iter::from_fn(move || {
             let batch = if is_over { None } else { Some(catch_panics(&path, || reader.next())) };
@@ -352,8 +355,9 @@ impl RowGroups {
 
     /// Reads the row group that starts at row `first`, which must have `rows` rows.
     pub fn read(&self, first: usize, rows: usize) -> Result<RecordBatch, DataError> {
-        let fail = |error: &dyn std::fmt::Display| DataError::table(&self.path, error);
-        let expected = || fail(&format!("expected one row group of {rows} rows starting at row {first}"));
+        let path = &self.path;
+        let expected =
+            || DataError::table(path, format!("expected one row group of {rows} rows starting at row {first}"));
         let group = self.firsts.binary_search(&first).map_err(|_| expected())?;
         let about = self.metadata.metadata().row_group(group);
         let size = about.columns().iter().map(uncompressed_size).fold(0_i64, i64::saturating_add);
@@ -363,8 +367,9 @@ impl RowGroups {
         let file = self.file.try_clone().map_err(DataError::io("read", &self.path))?;
         let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
         let reader = builder.with_row_groups(vec![group]).with_batch_size(rows.max(1)).build();
-        let mut reader = reader.map_err(|error| fail(&error))?;
-        let batch = catch_panics(&self.path, || reader.next())?.ok_or_else(expected)?.map_err(|error| fail(&error))?;
+        let mut reader = reader.map_err(|error| DataError::table(path, error))?;
+        let batch = catch_panics(path, || reader.next())?.ok_or_else(expected)?;
+        let batch = batch.map_err(|error| DataError::table(path, error))?;
         if batch.num_rows() == rows { Ok(batch) } else { Err(expected()) }
     }
 }

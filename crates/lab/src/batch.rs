@@ -132,7 +132,7 @@ pub fn measure(
     let make = |stage: &Stage, case: &Case| {
         let id = case.id.clone();
         CLOCK.set(Some(Box::new(cpu_clock())));
-        let broke = |error: LabError| RolloutError::Spec { policy: "agent".into(), reason: error.to_string() };
+        let broke = |error: LabError| RolloutError::Spec { policy: "agent".into(), source: error.into() };
         let truth = GroundTruth::new(stage);
         let oracle = Arc::new(choice.oracle_of(&truth, &planner, resources.grasps).map_err(broke)?);
         let service = shared.service(Some(&cores));

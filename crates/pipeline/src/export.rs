@@ -137,8 +137,7 @@ pub fn export(
     }
     let robot = worlds::robot(&run.settings.world)?;
     let exported = options.format.write(&store, &selection, &robot, &settings, &target).map_err(|error| {
-        let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
-        WorkspaceError::broken("cannot write the dataset", error).with_hint(hint)
+        WorkspaceError::broken("cannot write the dataset", error).or_hint("the episodes are safe; start again")
     })?;
     for (id, why) in &exported.left_out {
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
@@ -174,8 +173,7 @@ pub(crate) fn check_cameras(
         if let Some(unknown) = cameras.iter().find(|camera| world.camera(camera).is_none()) {
             let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
             let error = WorkspaceError::unknown("camera", "cameras", unknown, &known);
-            let hint = error.hint().unwrap_or_default();
-            return Err(WorkspaceError::input(format!("episode {id} cannot be drawn")).because(error).with_hint(hint));
+            return Err(WorkspaceError::input(format!("episode {id} cannot be drawn")).because(error));
         }
     }
     Ok(())

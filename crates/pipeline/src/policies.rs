@@ -390,7 +390,7 @@ impl PolicyFactory {
     pub(crate) fn refusal(&self, error: WorkspaceError) -> RolloutError {
         match error {
             WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
-            error => RolloutError::Spec { policy: self.label().into(), reason: error.to_string() },
+            error => RolloutError::Spec { policy: self.label().into(), source: error.into() },
         }
     }
 

@@ -89,8 +89,7 @@ pub fn rerender(
     let robot = worlds::robot(&world)?;
     let settings = LerobotSettings { export: rows, run: None, ..settings };
     let written = lerobot::export(&store, &Selection::Ids(ids), &robot, &settings, out).map_err(|error| {
-        let hint = error.hint().unwrap_or_else(|| "the pictures are kept; start again".into());
-        WorkspaceError::broken("cannot write the dataset", error).with_hint(hint)
+        WorkspaceError::broken("cannot write the dataset", error).or_hint("the pictures are kept; start again")
     })?;
     // Where it cannot be removed it is found again.
     let _ = fs::remove_dir_all(&drawing);

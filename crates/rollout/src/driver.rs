@@ -41,7 +41,7 @@ impl Driver {
     pub fn new(spec: &PolicySpec, stage: &Stage, settings: &RolloutSettings) -> Result<Self, RolloutError> {
         let repeat = check_spec(spec, stage)?;
         let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
-            .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })?;
+            .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), source: error.into() })?;
         Ok(Self { adapter, chunk_start: stage.scenario.world.robot.home.clone(), pending: Pending::default() })
     }
 
@@ -103,7 +103,7 @@ fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Actio
 
 /// Control steps per action; fails if the environment does not support the specification.
 fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
-    let refuse = |reason: String| Err(RolloutError::Spec { policy: spec.name.clone(), reason });
+    let refuse = |why: String| Err(RolloutError::Spec { policy: spec.name.clone(), source: why.into() });
     let control_rate_hz = stage.control_rate_hz();
     let repeat = control_rate_hz / spec.rate_hz;
     if !(repeat >= 1.0 && repeat.fract() == 0.0) {

@@ -199,6 +199,7 @@ fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Fail
         PolicyError::GaveUp(failure) => Ok((Ending::GaveUp, Some(failure))),
         PolicyError::Unsuited(reason) => Ok(failed_policy(reason)),
         PolicyError::Unreachable(reason) => Err(RolloutError::NotRun { policy: spec.name.clone(), reason }),
+        PolicyError::Broken(error) => Err(RolloutError::Policy { policy: spec.name.clone(), source: error.into() }),
     }
 }
 

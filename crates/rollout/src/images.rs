@@ -143,7 +143,7 @@ impl StageRenderer {
     ) -> Result<Vec<RgbdImage>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
         let scenario = self.scenario.clone();
-        let failed = |error: RenderError| failed(&scenario, &error);
+        let failed = |error: RenderError| failed(&scenario, error);
         let state = assets.frame_state(arm, gripper_width, objects).map_err(failed)?;
         let pinholes = views.iter().map(|(camera, _)| sensor::pinhole(camera)).collect::<Result<Vec<_>, _>>();
         let pinholes = pinholes.map_err(failed)?;
@@ -227,9 +227,9 @@ impl StageRenderer {
         cameras: &[Camera],
     ) -> Result<Vec<Vec<VisibleRegion>>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
-        let state = assets.frame_state(arm, gripper_width, objects).map_err(|error| failed(&self.scenario, &error))?;
+        let state = assets.frame_state(arm, gripper_width, objects).map_err(|error| failed(&self.scenario, error))?;
         let whole = cameras.iter().map(|camera| self.unoccluded_in(&state, camera)).collect::<Result<_, _>>();
-        whole.map_err(|error: RenderError| failed(&self.scenario, &error))
+        whole.map_err(|error: RenderError| failed(&self.scenario, error))
     }
 
     fn unoccluded_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<VisibleRegion>, RenderError> {
@@ -329,6 +329,6 @@ fn render_frames(
     Ok(())
 }
 
-fn failed(scenario: &str, error: &dyn std::error::Error) -> RolloutError {
-    RolloutError::Images { scenario: scenario.into(), reason: error.to_string() }
+fn failed(scenario: &str, error: RenderError) -> RolloutError {
+    RolloutError::Images { scenario: scenario.into(), source: error.into() }
 }

@@ -38,6 +38,9 @@ pub struct Stage {
     render_assets: Arc<OnceLock<Arc<RenderAssets>>>,
 }
 
+/// The error behind an error.
+type Cause = Box<dyn std::error::Error + Send + Sync>;
+
 /// Reason why an episode could not be run or replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
@@ -65,13 +68,21 @@ pub enum RolloutError {
         /// Actual value.
         got: String,
     },
-    /// The policy's specification is not supported.
-    #[error("policy `{policy}` is not supported: {reason}")]
+    /// The policy's specification is not supported, or the policy cannot be made.
+    #[error("policy `{policy}` is not supported: {source}")]
     Spec {
         /// Name of the policy.
         policy: String,
         /// The unsupported part.
-        reason: String,
+        source: Cause,
+    },
+    /// The policy stopped on a fault of the machine.
+    #[error("policy `{policy}` stopped: {source}")]
+    Policy {
+        /// Name of the policy.
+        policy: String,
+        /// The fault.
+        source: Cause,
     },
     /// The policy is unreachable, so the episode was not run; it may be retried.
     #[error("policy `{policy}` is unreachable: {reason}")]
@@ -104,12 +115,12 @@ pub enum RolloutError {
         known: String,
     },
     /// Rendering or encoding failed.
-    #[error("images of scenario {scenario}: {reason}")]
+    #[error("images of scenario {scenario}: {source}")]
     Images {
         /// Id of the scenario.
         scenario: String,
-        /// The cause.
-        reason: String,
+        /// Error of the renderer.
+        source: Cause,
     },
     /// The episode store failed.
     #[error(transparent)]
@@ -216,7 +227,7 @@ impl Stage {
             return Ok(Arc::clone(assets));
         }
         let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, Some(&self.scenario.world))
-            .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() })?;
+            .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), source: error.into() })?;
         Ok(Arc::clone(self.render_assets.get_or_init(|| assets)))
     }
 
@@ -235,8 +246,8 @@ impl Stage {
         };
         let Some([width, height]) = request.size else { return Ok(camera.clone()) };
         if width == 0 || height == 0 {
-            let reason = format!("camera `{}` was requested with {width} x {height} pixels", request.name);
-            return Err(RolloutError::Images { scenario: self.scenario.id.clone(), reason });
+            let what = format!("camera `{}` was requested with {width} x {height} pixels", request.name);
+            return Err(RolloutError::Images { scenario: self.scenario.id.clone(), source: what.into() });
         }
         Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
     }

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
 
-use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::{WorkspaceError, hint};
 
 /// Exit codes; they are an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,9 +42,9 @@ impl Failed {
         Self { what: what.into(), causes: Vec::new(), hint: None, status: ExitStatus::NotMet }
     }
 
-    /// A failure with its chain of causes.
-    pub fn because(what: impl Into<String>, error: &dyn Error) -> Self {
-        Self { what: what.into(), causes: chain(error), hint: None, status: ExitStatus::NotMet }
+    /// A failure with its chain of causes and their hint.
+    pub fn because(what: impl Into<String>, error: &(dyn Error + 'static)) -> Self {
+        Self { what: what.into(), causes: chain(error), hint: hint(error), status: ExitStatus::NotMet }
     }
 
     /// An invalid command-line value, in one sentence.
@@ -61,6 +61,13 @@ impl Failed {
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
+        self
+    }
+
+    /// The same failure with a hint if its causes suggest none.
+    #[must_use]
+    pub fn or_hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint.get_or_insert_with(|| hint.into());
         self
     }
 }

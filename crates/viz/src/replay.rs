@@ -228,8 +228,8 @@ pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, WorkspaceError> {
 
 /// Error of a recorded episode that cannot be read.
 pub fn unreadable(id: &str, error: DataError) -> WorkspaceError {
-    let hint = error.hint().unwrap_or_else(|| "collect again with --repair: it is set aside and made anew".into());
-    WorkspaceError::broken(format!("cannot replay {id}"), error).with_hint(hint)
+    WorkspaceError::broken(format!("cannot replay {id}"), error)
+        .or_hint("collect again with --repair: it is set aside and made anew")
 }
 
 /// The stage of a recorded episode, from the catalogue.

@@ -166,13 +166,21 @@ impl WorkspaceError {
         self
     }
 
-    /// Suggested fix; a full disk in the chain of sources takes precedence.
+    /// Adds a hint if the sources suggest none.
+    #[must_use]
+    pub fn or_hint(self, help: impl Into<String>) -> Self {
+        if self.hint().is_some() { self } else { self.with_hint(help) }
+    }
+
+    /// Suggested fix, see [`hint`].
     pub fn hint(&self) -> Option<String> {
+        hint(self)
+    }
+
+    /// The error's own hint.
+    fn own_hint(&self) -> Option<String> {
         match self {
-            Self::File { source, hint, .. } => of_full_disk(Some(source)).or_else(|| hint.clone()),
-            Self::Input { source, hint, .. } | Self::Broken { source, hint, .. } => {
-                of_full_disk(source.as_ref()).or_else(|| hint.clone())
-            }
+            Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
             Self::TooLarge { limit, .. } => Some(format!("expected {}; is this the right file?", limit.what)),
             Self::Document { schema, source, .. } => Some(match source {
                 DocumentError::NotJson { hint, .. } => (*hint).into(),
@@ -198,13 +206,17 @@ impl WorkspaceError {
     }
 }
 
-/// Hint for a full disk, if the chain of sources holds one.
-fn of_full_disk(cause: Option<&Cause>) -> Option<String> {
-    let first = cause.map(|cause| &**cause as &(dyn std::error::Error + 'static));
+/// Suggested fix of an error: that of a full disk anywhere in its chain of sources, else the first hint of the chain.
+pub fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
+    let chain = || std::iter::successors(Some(error), |error| error.source());
     let is_full = |error: &std::io::Error| matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
-    std::iter::successors(first, |error| error.source())
-        .any(|error| error.downcast_ref::<std::io::Error>().is_some_and(is_full))
-        .then(|| "free some space on that disk and start again; what is finished is kept".into())
+    if chain().any(|error| error.downcast_ref().is_some_and(is_full)) {
+        return Some("free some space on that disk and start again; what is finished is kept".into());
+    }
+    chain().find_map(|error| {
+        let of_data = || error.downcast_ref::<DataError>()?.hint();
+        error.downcast_ref::<WorkspaceError>().and_then(WorkspaceError::own_hint).or_else(of_data)
+    })
 }
 
 /// Error that stopped work on many episodes.
@@ -235,16 +247,26 @@ mod tests {
     fn a_full_disk_is_told_however_deep_it_lies() {
         let io = |kind: ErrorKind| std::io::Error::from(kind);
         let deep = |kind| DataError::Io { action: "write", path: "rows.parquet".into(), source: io(kind) };
+        let episode = |source: RolloutError| RolloutError::Episode { id: "a-000".into(), source: Box::new(source) };
+        let policy = |error: WorkspaceError| RolloutError::Policy { policy: "agent".into(), source: error.into() };
+        let full = || WorkspaceError::file("write", Path::new("transcript.json"), io(ErrorKind::StorageFull));
         let given = "start again";
         for (error, expected) in [
             (WorkspaceError::broken("cannot draw", deep(ErrorKind::StorageFull)), "free some space"),
             (WorkspaceError::broken("cannot draw", deep(ErrorKind::StorageFull)).with_hint(given), "free some space"),
             (WorkspaceError::file("write", Path::new("run.json"), io(ErrorKind::QuotaExceeded)), "free some space"),
+            (
+                WorkspaceError::broken("collecting stopped", episode(deep(ErrorKind::StorageFull).into())),
+                "free some space",
+            ),
+            (WorkspaceError::broken("evaluating stopped", episode(policy(full()))).with_hint(given), "free some space"),
             (WorkspaceError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).with_hint(given), given),
+            (WorkspaceError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).or_hint(given), "may write to"),
+            (WorkspaceError::broken("cannot draw", deep(ErrorKind::Other)).or_hint(given), given),
         ] {
             assert!(error.hint().unwrap().contains(expected), "{error}: {:?}", error.hint());
         }
-        assert_eq!(WorkspaceError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).hint(), None);
+        assert_eq!(WorkspaceError::broken("cannot draw", deep(ErrorKind::Other)).hint(), None);
     }
 
     #[test]

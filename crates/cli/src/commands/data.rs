@@ -62,8 +62,8 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
         DataCommand::Rerender(arguments) => rerender(arguments, printer),
         DataCommand::Card(DataCardArguments { dataset }) => {
             let card = lerobot::write_card(dataset).map_err(|error| {
-                let hint = error.hint().unwrap_or_else(|| "genmanip data check says what is wrong with it".into());
-                Failed::because("cannot write the card", &error).hint(hint)
+                Failed::because("cannot write the card", &error)
+                    .or_hint("genmanip data check says what is wrong with it")
             })?;
             let text: String = card.written.iter().map(|path| format!("{}\n", path.display())).collect();
             printer.data(&card, &text);
@@ -123,11 +123,11 @@ fn taken_over(
     let taken = take(&settings, &mut counted(&format!("{what}ing episodes"), printer));
     let made = taken.map_err(|error| {
         let is_of_video = ffmpeg.is_none() && error.to_string().contains("video");
-        let hint = error.hint().unwrap_or_else(|| match is_of_video {
-            true => "nothing was written; --ffmpeg PROGRAM decodes what is not plain H.264".into(),
-            false => "nothing was written; genmanip data check says more of a LeRobot dataset".into(),
-        });
-        Failed::because(format!("cannot {what} {}", dataset.display()), &error).hint(hint)
+        let hint = match is_of_video {
+            true => "nothing was written; --ffmpeg PROGRAM decodes what is not plain H.264",
+            false => "nothing was written; genmanip data check says more of a LeRobot dataset",
+        };
+        Failed::because(format!("cannot {what} {}", dataset.display()), &error).or_hint(hint)
     })?;
     let mut text = line(&made.written);
     text += &made.imported.notes.iter().map(|note| format!("  {note}\n")).collect::<String>();
@@ -177,9 +177,8 @@ fn edited(
     make: impl FnOnce(edit::Progress) -> Result<Vec<ExportReport>, DataError>,
 ) -> Result<ExitStatus, Failed> {
     let made = make(&mut counted("copying episodes", printer)).map_err(|error| {
-        let hint =
-            error.hint().unwrap_or_else(|| "nothing was changed; genmanip data check says more of a dataset".into());
-        Failed::because("cannot make the dataset", &error).hint(hint)
+        Failed::because("cannot make the dataset", &error)
+            .or_hint("nothing was changed; genmanip data check says more of a dataset")
     })?;
     printer.data(&made, &made.iter().map(line).collect::<String>());
     Ok(ExitStatus::Done)

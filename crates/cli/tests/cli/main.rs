@@ -6,6 +6,7 @@ mod answers;
 mod cameras;
 mod comparing;
 mod designing;
+mod full_disk;
 mod help;
 mod hostile;
 mod importing;

@@ -208,8 +208,7 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
 }
 
 fn broke(error: DataError) -> LabError {
-    let hint = error.hint().unwrap_or_else(|| "check that the disk is not full".into());
-    LabError::broken("the data could not be stored", error).with_hint(hint)
+    LabError::broken("the data could not be stored", error).or_hint("check that the disk is not full")
 }
 
 /// Size of all files below a folder.

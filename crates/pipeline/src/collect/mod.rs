@@ -261,10 +261,8 @@ fn causes(rows: &[&TaskRow]) -> String {
 fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), WorkspaceError> {
     let path = folder.join("dataset");
     for target in [lerobot::depth_path(&path), path] {
-        lerobot::check_owner(&target, Some(hash)).map_err(|error| {
-            let hint = error.hint().unwrap_or_default();
-            WorkspaceError::input("the data set of this run has no place").because(error).with_hint(hint)
-        })?;
+        lerobot::check_owner(&target, Some(hash))
+            .map_err(|error| WorkspaceError::input("the data set of this run has no place").because(error))?;
     }
     Ok(())
 }

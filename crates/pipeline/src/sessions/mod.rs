@@ -136,8 +136,8 @@ impl Session {
             ..PolicySpec::native("session", *rate_hz)
         };
         let unserved = |error: RolloutError| match error {
-            RolloutError::Spec { reason, .. } => {
-                WorkspaceError::input(format!("the session cannot be served: {reason}"))
+            RolloutError::Spec { source, .. } => {
+                WorkspaceError::input(format!("the session cannot be served: {source}"))
             }
             error => broken(error),
         };
