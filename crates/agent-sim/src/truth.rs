@@ -26,7 +26,7 @@ pub struct GroundTruth {
 #[derive(Clone, Default)]
 pub(super) struct Now {
     pub state: Option<PrivilegedState>,
-    images: Vec<RgbdImage>,
+    images: Vec<Arc<RgbdImage>>,
     pub seed: Option<Seed>,
     pub injected: Vec<InjectedError>,
 }
@@ -106,8 +106,8 @@ impl GroundTruth {
     }
 
     /// Rendered image with ids for an image shown to the agent; `None` for an unknown camera view.
-    pub(super) fn image(&self, image: &RgbdImage) -> Option<RgbdImage> {
-        let same = |known: &&RgbdImage| {
+    pub(super) fn image(&self, image: &RgbdImage) -> Option<Arc<RgbdImage>> {
+        let same = |known: &&Arc<RgbdImage>| {
             known.world_from_camera == image.world_from_camera && known.intrinsics == image.intrinsics
         };
         self.now().images.iter().find(same).cloned()
@@ -197,11 +197,10 @@ impl Policy for GroundTruthFeed {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let mut seen = Observation { privileged: None, ..observation.clone() };
-        let ids = |image: &Arc<RgbdImage>| RgbdImage { ids: image.ids.clone(), ..image.without_pixels() };
         {
             let mut now = self.truth.now();
             now.state.clone_from(&observation.privileged);
-            now.images = observation.images.values().map(ids).collect();
+            now.images = observation.images.values().cloned().collect();
         }
         for image in seen.images.values_mut() {
             let (rgb, depth_m) = (image.rgb.clone(), image.depth_m.clone());

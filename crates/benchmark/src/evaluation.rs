@@ -1,5 +1,6 @@
 //! Results of one policy on one suite, as a file.
 
+use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{
@@ -106,10 +107,10 @@ pub enum EvaluationError {
 const EXPERT: &str = "expert";
 
 /// Identity of a suite: the first twelve hexadecimal digits of the hash of its scenarios' files in order.
-pub fn suite_hash(scenarios: &[Scenario]) -> String {
+pub fn suite_hash(scenarios: &[impl Borrow<Scenario>]) -> String {
     let mut hasher = Sha256::new();
     for scenario in scenarios {
-        hasher.update(scenario.to_json().as_bytes());
+        hasher.update(scenario.borrow().to_json().as_bytes());
         hasher.update([0]);
     }
     hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
@@ -136,11 +137,12 @@ impl EvaluationReport {
     /// No result, several policies, a duplicate episode, or a scenario of another suite.
     pub fn new(
         suite: &str,
-        scenarios: &[Scenario],
+        scenarios: &[impl Borrow<Scenario>],
         mut results: Vec<EpisodeResult>,
         reference_paths_m: &BTreeMap<String, f64>,
         statistics: &StatisticsSettings,
     ) -> Result<Self, EvaluationError> {
+        let scenarios: Vec<&Scenario> = scenarios.iter().map(Borrow::borrow).collect();
         let kinds = scenarios.iter().map(|scenario| (scenario.task.id.clone(), scenario.task.kind)).collect();
         let ours: BTreeSet<&str> = scenarios.iter().map(|scenario| scenario.id.as_str()).collect();
         if let Some(foreign) = results.iter().find(|result| !ours.contains(result.scenario_id.as_str())) {
@@ -169,7 +171,7 @@ impl EvaluationReport {
         let summary = summary.into_iter().next().ok_or(EvaluationError::NoResults)?;
         Ok(Self {
             suite: suite.into(),
-            suite_hash: suite_hash(scenarios),
+            suite_hash: suite_hash(&scenarios),
             perturbation: None,
             label: policy.clone(),
             policy,

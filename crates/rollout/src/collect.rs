@@ -183,29 +183,31 @@ pub fn complete(
 ) -> Result<(EpisodeResult, bool), RolloutError> {
     let id = attempt.id();
     let was_there = store.contains(&id);
-    let result = if was_there {
+    let played = if was_there {
         store.sweep_attempt(&id)?;
-        store.read_result(&id)?
+        None
     } else {
-        make(attempt, resources, store, settings)?
+        Some(make(attempt, resources, store, settings)?)
+    };
+    let result = match &played {
+        Some(Ok((_, episode))) => episode.result.clone(),
+        Some(Err(result)) => (**result).clone(),
+        None => store.read_result(&id)?,
     };
     if let Some(images) = &settings.images
         && (result.success || settings.keep_failed && store.is_recorded(&id)?)
         && !store.has_tracks(&id, images.fps, &images.cameras)
     {
-        match store.read(&id) {
-            Ok(episode) => {
-                let scenario = Arc::new(episode.scenario.clone());
-                let stage = Stage::open(scenario, resources.catalogue, resources.planner.robot())?;
-                store.attach_tracks(&id, &images::render_tracks(&stage, &episode, images)?)?;
-            }
-            // A damaged episode gets no images; it is reported when it is read.
-            Err(error) if error.is_damage() => {}
-            Err(error) => return Err(error.into()),
+        let played = played.and_then(Result::ok).map_or_else(|| reopen(&id, resources, store), |it| Ok(Some(it)))?;
+        if let Some((stage, episode)) = played {
+            store.attach_tracks(&id, &images::render_tracks(&stage, &episode, images)?)?;
         }
     }
     Ok((result, was_there))
 }
+
+/// An episode with its stage; only a result if no layout was found.
+type Played = Result<(Stage, Episode), Box<EpisodeResult>>;
 
 /// Runs one attempt and stores it.
 fn make(
@@ -213,17 +215,23 @@ fn make(
     resources: Resources,
     store: &EpisodeStore,
     settings: &PipelineSettings,
-) -> Result<EpisodeResult, RolloutError> {
-    match play(attempt, resources, settings)? {
-        Ok(episode) => {
-            kept(store.write(&episode, &[]), &episode.result.id, store)?;
-            Ok(episode.result)
-        }
-        Err(result) => {
-            kept(store.write_result_only(&result, None), &result.id, store)?;
-            Ok(*result)
-        }
+) -> Result<Played, RolloutError> {
+    let played = play(attempt, resources, settings)?;
+    match &played {
+        Ok((_, episode)) => kept(store.write(episode, &[]), &episode.result.id, store)?,
+        Err(result) => kept(store.write_result_only(result, None), &result.id, store)?,
     }
+    Ok(played)
+}
+
+/// A stored episode with its stage; `None` if it is damaged, which is reported when it is read.
+fn reopen(id: &str, resources: Resources, store: &EpisodeStore) -> Result<Option<(Stage, Episode)>, RolloutError> {
+    let episode = match store.read(id) {
+        Err(error) if error.is_damage() => return Ok(None),
+        episode => episode?,
+    };
+    let scenario = Arc::new(episode.scenario.clone());
+    Ok(Some((Stage::open(scenario, resources.catalogue, resources.planner.robot())?, episode)))
 }
 
 /// A concurrent process may have stored the same attempt.
@@ -243,15 +251,11 @@ pub fn trial(
     resources: Resources,
     settings: &PipelineSettings,
 ) -> Result<EpisodeResult, RolloutError> {
-    Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |episode| episode.result))
+    Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |(_, episode)| episode.result))
 }
 
-/// Generates the layout and runs the expert; only a result if no layout was found.
-fn play(
-    attempt: &Attempt,
-    resources: Resources,
-    settings: &PipelineSettings,
-) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
+/// Generates the layout and runs the expert.
+fn play(attempt: &Attempt, resources: Resources, settings: &PipelineSettings) -> Result<Played, RolloutError> {
     let mut scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
         Err(error) if error.is_defect() => return Err(error.into()),
@@ -266,10 +270,11 @@ fn play(
         expert = expert.with_grasp_proposer(Arc::clone(source));
     }
     let (id, seed, rollout) = (attempt.id(), attempt.seed, &settings.rollout);
-    Ok(Ok(match resources.corrected {
+    let episode = match resources.corrected {
         None => run_episode(&stage, &mut expert, &id, seed, rollout)?,
         Some(make) => run_corrected(&stage, &mut *make(&stage)?, &mut expert, &id, seed, rollout)?,
-    }))
+    };
+    Ok(Ok((stage, episode)))
 }
 
 fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &PipelineSettings) -> EpisodeResult {

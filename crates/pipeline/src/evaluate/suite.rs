@@ -31,7 +31,7 @@ pub struct Suite {
     /// Its name.
     pub name: String,
     /// As they were frozen, in the order of their ids.
-    pub scenarios: Vec<Scenario>,
+    pub scenarios: Vec<Arc<Scenario>>,
     /// One episode for each of them.
     pub cases: Vec<Case>,
     /// Reference path length of the tool by scenario id, m.
@@ -91,8 +91,8 @@ impl Suite {
                 read => read.map_err(unreadable)?,
             };
             if let Some(scenario) = scenario.filter(|_| is_recorded) {
-                let scenario_of_case = Arc::new(scenario.clone());
-                cases.push(Case { id, scenario: scenario_of_case, seed: result.seed, horizon_s: None });
+                let scenario = Arc::new(scenario);
+                cases.push(Case { id, scenario: Arc::clone(&scenario), seed: result.seed, horizon_s: None });
                 scenarios.push(scenario);
             }
             results.push(result);
@@ -128,7 +128,7 @@ impl Suite {
     /// # Errors
     /// When a file cannot be read, or two scenarios have one id.
     pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, WorkspaceError> {
-        let mut scenarios: Vec<Scenario> = Vec::new();
+        let mut scenarios: Vec<Arc<Scenario>> = Vec::new();
         let mut known = BTreeSet::new();
         for path in task_files::expand(paths)? {
             let scenario = scenarios::read_scenario(&path)?;
@@ -136,7 +136,7 @@ impl Suite {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
                 return Err(WorkspaceError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
             }
-            scenarios.push(scenario);
+            scenarios.push(Arc::new(scenario));
         }
         scenarios.sort_by(|a, b| a.id.cmp(&b.id));
         let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
@@ -147,9 +147,9 @@ impl Suite {
             let what = format!("scenario {} has robot `{theirs}` or its home, the others `{ours}`", other.id);
             return Err(WorkspaceError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
         }
-        let case = |scenario: &Scenario| Case {
+        let case = |scenario: &Arc<Scenario>| Case {
             id: scenario.id.clone(),
-            scenario: Arc::new(scenario.clone()),
+            scenario: Arc::clone(scenario),
             seed: scenario.seed,
             horizon_s: None,
         };

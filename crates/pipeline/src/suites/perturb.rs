@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
@@ -134,7 +135,7 @@ type Changed = Result<Scenario, String>;
 
 /// All scenarios, changed; those that cannot be are counted by their reasons.
 fn change_all(
-    scenarios: &[Scenario],
+    scenarios: &[Arc<Scenario>],
     options: &PerturbOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
@@ -144,7 +145,7 @@ fn change_all(
     let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
     let seed = options.seed.fork("perturbation").fork(options.axis.name());
     progress.begin("changing", scenarios.len());
-    let one = |scenario: &Scenario| -> Result<Changed, WorkspaceError> {
+    let one = |scenario: &Arc<Scenario>| -> Result<Changed, WorkspaceError> {
         let changed = workshop.change(scenario, seed.fork(&scenario.id));
         progress.advance();
         let Ok(changed) = changed else { return Ok(changed) };
