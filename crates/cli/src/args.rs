@@ -27,6 +27,7 @@ mod data;
 mod evaluate;
 mod export;
 mod launch;
+mod parse_values;
 mod render;
 mod serve;
 mod suite;
@@ -443,27 +444,6 @@ fn evaluate_help() -> String {
     )
 }
 
-fn parse_scale(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
-        _ => Err("expected metres per unit, 1e-6 to 1e6".into()),
-    }
-}
-
-fn parse_sum(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (0.0..=1e9).contains(&value) && !f64::is_sign_negative(value) => Ok(value),
-        _ => Err("expected a sum from 0 to 1e9".into()),
-    }
-}
-
-fn parse_rate(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(fps @ (10 | 15 | 20 | 30 | 60)) => Ok(fps),
-        _ => Err("expected 10, 15, 20, 30 or 60 (divisors of the 60 Hz control rate)".into()),
-    }
-}
-
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
 pub struct DemoArguments {
@@ -483,7 +463,7 @@ pub struct DemoArguments {
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset
-    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_rate)]
+    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = parse_values::parse_rate)]
     pub rate: u32,
 }
 

@@ -7,7 +7,8 @@ use genmanip_relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
 use crate::audit::{AuditError, posed, rest_poses, scene_object};
-use crate::{LayoutSettings, distractors, placed_object};
+use crate::placed_object::placed_object;
+use crate::{LayoutSettings, distractors};
 
 /// Poses sampled per object.
 const POSES_PER_OBJECT: usize = 200;

@@ -24,6 +24,7 @@ mod goal_pose_tests;
 mod moves;
 pub mod obstacles;
 mod order;
+mod placed_object;
 mod placement;
 mod reach;
 mod rejection;
@@ -41,15 +42,15 @@ pub use settings::{GoalPoseSettings, LayoutSettings};
 
 use attempt::AttemptError;
 use context::{Context, GoalRegion};
-use genmanip_assets::{AssetError, AssetSource, GraspLibrary};
+use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    AssetHashes, Atom, Goal, ObjectModel, PhysicsFactors, PlacedObject, Relation, RobotModel, Scenario, Seed, Task,
-    VerifiedGrasp, Workspace, World,
+    Atom, Goal, ObjectModel, Relation, RobotModel, Scenario, Seed, Task, VerifiedGrasp, Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_relations::{
     PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states, placement_window,
 };
+use placed_object::placed_object;
 use placement::Partial;
 use reach::ReachCheck;
 
@@ -477,20 +478,5 @@ fn scenario(
         world: world.clone(),
         other_request: None,
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
-    })
-}
-
-fn placed_object(object: &PosedObject, assets: &dyn AssetSource) -> Result<PlacedObject, AssetError> {
-    let asset = object.model.asset.clone();
-    let AssetHashes { physics, judging, looks } = assets.hashes(&asset)?;
-    Ok(PlacedObject {
-        id: object.id.clone(),
-        asset,
-        physics_hash: physics,
-        judging_hash: Some(judging),
-        looks_hash: Some(looks),
-        pose: object.pose,
-        joint_positions: object.joint_positions.clone(),
-        physics: PhysicsFactors::default(),
     })
 }

@@ -256,7 +256,10 @@ fn grab_point(question: &Question, wire: PointWire) -> Result<GrabPointAnswer, R
 fn cell(grid: &Grid, label: &str) -> Result<Cell, Rejection> {
     grid.named(label).ok_or_else(|| {
         let last = Cell { row: grid.rows - 1, column: grid.columns - 1 };
-        Rejection::Undrawn(format!("cell {:?} is not drawn, there are A1 to {last}", super::shortened(label)))
+        Rejection::Undrawn(format!(
+            "cell {:?} is not drawn, there are A1 to {last}",
+            super::shortened::shortened(label)
+        ))
     })
 }
 

@@ -12,6 +12,7 @@ mod question;
 mod question_kind;
 mod recorded;
 mod rejection;
+mod shortened;
 mod transcript;
 
 pub use answer::{
@@ -25,6 +26,7 @@ pub use question::{Marks, Question, QuestionImage};
 pub use question_kind::{PromptStamp, QuestionKind};
 pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Tolerance};
 pub use rejection::{RejectedAnswer, Rejection};
+use shortened::shortened;
 pub use transcript::{Exchange, FailedStage, Transcript, TranscriptEvent, TranscriptRecorder};
 
 /// Retry limits for invalid answers.
@@ -112,16 +114,4 @@ fn process_reply(
     let is_final = matches!(rejection, Rejection::NotFound(_)) && !reasks.not_found;
     question.refused.push(RejectedAnswer { answer: shortened(&text), rejection });
     (last, is_final)
-}
-
-/// Maximum length of an answer in transcripts and retries (bytes).
-const MAX_KEPT_BYTES: usize = 2000;
-
-/// Truncates an answer to [`MAX_KEPT_BYTES`].
-pub(crate) fn shortened(text: &str) -> String {
-    if text.len() <= MAX_KEPT_BYTES {
-        return text.to_owned();
-    }
-    let end = (0..=MAX_KEPT_BYTES).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
-    format!("{} … ({} bytes in all)", &text[..end], text.len())
 }

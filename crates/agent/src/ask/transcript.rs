@@ -176,7 +176,7 @@ impl TranscriptRecorder {
             prompt: question.prompt.clone(),
             instruction: question.instruction.clone(),
             pictures: names,
-            answer: super::shortened(answer),
+            answer: super::shortened::shortened(answer),
             refused: refused.map(Into::into),
             usage,
         }));

@@ -5,7 +5,7 @@ use genmanip_core::{Pose, Seed, TriMesh};
 use glam::{DQuat, DVec2, DVec3};
 use serde::Deserialize;
 
-use super::surface;
+use super::visual::surface;
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;

@@ -9,6 +9,7 @@ mod ring;
 mod tube;
 mod turned;
 mod vessel;
+mod visual;
 
 use std::sync::Arc;
 
@@ -138,15 +139,4 @@ impl Part {
         };
         (!sound).then_some(rule)
     }
-}
-
-/// Height above the table of collision pieces that need not touch it, m.
-///
-/// Two dozen wedges touching the table around the base disc slow physics fivefold without adding support.
-const CLEARANCE: f64 = 0.0005;
-
-/// A visual part in the object's frame, with a full-resolution and a rendering mesh.
-fn surface(name: &str, mesh: impl Fn(Detail) -> TriMesh, finish: &Finish, seed: Seed) -> VisualPart {
-    let measured = VisualPart::new(name, mesh(Detail::Full), finish.material(seed), Pose::IDENTITY);
-    VisualPart { render_mesh: Arc::new(mesh(Detail::Simplified)), ..measured }
 }

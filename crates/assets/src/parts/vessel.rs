@@ -4,7 +4,7 @@ use genmanip_core::{Piece, Seed};
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 
-use super::{CLEARANCE, surface};
+use super::visual::{CLEARANCE, surface};
 use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::AskingArguments;
+use super::evaluate::AskingArguments;
 
 /// Subcommands of `agent`.
 #[derive(Debug, Subcommand)]

@@ -144,7 +144,7 @@ pub struct ImportArguments {
     #[arg(long, value_name = "NAME", default_value = "imported")]
     pub pack: String,
     /// Metres per unit of the files, instead of a guess
-    #[arg(long, value_name = "METRES", value_parser = super::parse_scale)]
+    #[arg(long, value_name = "METRES", value_parser = super::parse_values::parse_scale)]
     pub scale: Option<f64>,
     /// Up axis of the files, instead of a guess
     #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]

@@ -7,7 +7,7 @@ use clap::Args;
 use genmanip_viz::render::AppearanceFactor;
 use genmanip_workspace::shard::ShardChoice;
 
-use super::parse_rate;
+use super::parse_values::parse_rate;
 
 /// Property that may be randomised per episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use genmanip_workspace::shard::ShardChoice;
 
-use super::parse_sum;
+use super::parse_values::parse_sum;
 
 /// Settings of episodes whose policy may query a model.
 #[derive(Clone, Debug, Args)]

@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
 use genmanip_pipeline::export::Format;
 
-use super::parse_rate;
+use super::parse_values::parse_rate;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]

@@ -59,7 +59,7 @@ pub struct RenderArguments {
     )]
     pub distortion: Option<genmanip_core::Distortion>,
     /// Pictures per second of an episode or a turn
-    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = super::parse_rate)]
+    #[arg(long, alias = "fps", value_name = "HZ", default_value_t = 15, value_parser = super::parse_values::parse_rate)]
     pub rate: u32,
     /// `reference` traces light paths: thousands of times slower, and what the usual pictures are judged by
     #[arg(long, default_value = "fast", value_parser = ["fast", "reference"])]

@@ -104,7 +104,7 @@ pub struct SuiteBuildArguments {
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
     #[command(flatten)]
-    pub catalog: super::CatalogArguments,
+    pub catalog: super::assets::CatalogArguments,
 }
 
 /// Arguments of `suite train`.

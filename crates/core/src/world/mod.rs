@@ -12,6 +12,7 @@ mod compare;
 mod file;
 mod settings;
 mod surface;
+mod workspace;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,7 @@ pub use compare::{WorldDifference, WorldHashes, WorldPart};
 pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
+pub use workspace::Workspace;
 
 use crate::{AppearanceRandomisation, Camera, Document, NamedSurface};
 
@@ -78,16 +80,6 @@ impl WorldRobot {
     }
 }
 
-/// Usable part of the table; the table top is at z = 0.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Workspace {
-    /// Nearest and farthest x, metres.
-    pub x: [f64; 2],
-    /// Rightmost and leftmost y, metres.
-    pub y: [f64; 2],
-}
-
 impl World {
     /// The table: the first surface.
     pub fn table(&self) -> Option<&SupportSurface> {
@@ -122,15 +114,5 @@ impl World {
         let named: Vec<&Camera> =
             fixed().filter(|camera| ["overview", "left", "right"].contains(&camera.name.as_str())).collect();
         if named.is_empty() { fixed().collect() } else { named }
-    }
-}
-
-impl Workspace {
-    /// Intersection with another area; `self` if they do not overlap.
-    #[must_use]
-    pub fn within(&self, x: [f64; 2], y: [f64; 2]) -> Self {
-        let common = |[low, high]: [f64; 2], [least, most]: [f64; 2]| [low.max(least), high.min(most)];
-        let both = Self { x: common(self.x, x), y: common(self.y, y) };
-        if both.x[0] < both.x[1] && both.y[0] < both.y[1] { both } else { *self }
     }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Workspace;
+use super::workspace::Workspace;
 use crate::{Aabb, Piece, Pose, Shape};
 
 /// A fixed, level slab that objects stand on: the table, a shelf, a side table.

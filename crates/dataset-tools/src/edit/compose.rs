@@ -9,7 +9,7 @@ use arrow_array::{ArrayRef, RecordBatch};
 use genmanip_core::{Document, Scenario};
 use serde_json::Value;
 
-use super::Pick;
+use super::episode_ref::EpisodeRef;
 use super::source::{EpisodeEntry, OpenFiles, Source};
 use genmanip_data::atomic_write::AtomicFolder;
 use genmanip_data::columns::{Column, cell, text, texts};
@@ -73,7 +73,7 @@ impl<'a> Composer<'a> {
     }
 
     /// Appends an episode, optionally under another id.
-    pub(super) fn push(&mut self, pick: Pick, name: Option<&str>) -> Result<(), DataError> {
+    pub(super) fn push(&mut self, pick: EpisodeRef, name: Option<&str>) -> Result<(), DataError> {
         if self.episodes > 0 && self.episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
         }

@@ -4,6 +4,7 @@
 //! and the native record in `extras/record` are kept.
 
 mod compose;
+mod episode_ref;
 mod selection;
 mod source;
 
@@ -14,6 +15,7 @@ use genmanip_core::Seed;
 use genmanip_core::names::is_file_name;
 
 use compose::Composer;
+use episode_ref::EpisodeRef;
 use genmanip_data::DataError;
 use genmanip_data::atomic_write::AtomicFolder;
 use genmanip_data::export::ExportReport;
@@ -44,10 +46,9 @@ pub enum By {
 /// meaning, an episode occurs twice, or a file cannot be read or written; `out` is then not created.
 pub fn merge(datasets: &[PathBuf], out: &Path, progress: Progress) -> Result<ExportReport, DataError> {
     let sources = Sources::open(datasets)?;
-    let picks =
-        sources.colors.iter().enumerate().flat_map(|(number, source)| {
-            (0..source.episodes.len()).map(move |episode| Pick { source: number, episode })
-        });
+    let picks = sources.colors.iter().enumerate().flat_map(|(number, source)| {
+        (0..source.episodes.len()).map(move |episode| EpisodeRef { source: number, episode })
+    });
     sources.write(&picks.collect::<Vec<_>>(), out, progress)
 }
 
@@ -166,15 +167,8 @@ fn divide(groups: BTreeMap<String, Vec<usize>>, shares: &[f64], seed: Seed) -> V
     parts
 }
 
-/// Reference to an episode of one of several data sets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Pick {
-    source: usize,
-    episode: usize,
-}
-
-fn picks(episodes: Vec<usize>) -> Vec<Pick> {
-    episodes.into_iter().map(|episode| Pick { source: 0, episode }).collect()
+fn picks(episodes: Vec<usize>) -> Vec<EpisodeRef> {
+    episodes.into_iter().map(|episode| EpisodeRef { source: 0, episode }).collect()
 }
 
 /// Compatible data sets with their depth siblings.
@@ -214,7 +208,7 @@ impl Sources {
     }
 
     /// Writes episodes to a data set, and their depth images to its sibling, which is published first.
-    fn write(&self, picks: &[Pick], out: &Path, progress: Progress) -> Result<ExportReport, DataError> {
+    fn write(&self, picks: &[EpisodeRef], out: &Path, progress: Progress) -> Result<ExportReport, DataError> {
         if picks.is_empty() {
             let what = format!("remaining episodes of {}", self.colors[0].root.display());
             return Err(DataError::mismatch(what, "at least one", 0));
@@ -244,7 +238,7 @@ impl Sources {
     fn compose(
         &self,
         sources: &[Source],
-        (picks, names): (&[Pick], &[Option<String>]),
+        (picks, names): (&[EpisodeRef], &[Option<String>]),
         staging: AtomicFolder,
         per_file: usize,
         card: &str,
@@ -259,8 +253,8 @@ impl Sources {
     }
 
     /// New names for episodes whose name is used by an episode of another run.
-    fn names(&self, picks: &[Pick]) -> Result<Vec<Option<String>>, DataError> {
-        let listed = |pick: &Pick| &self.colors[pick.source].episodes[pick.episode];
+    fn names(&self, picks: &[EpisodeRef]) -> Result<Vec<Option<String>>, DataError> {
+        let listed = |pick: &EpisodeRef| &self.colors[pick.source].episodes[pick.episode];
         let mut taken: BTreeSet<String> = picks.iter().map(|pick| listed(pick).store_id.clone()).collect();
         let mut known: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
         let mut names = Vec::new();

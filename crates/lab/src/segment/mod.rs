@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_workspace::text_table;
+pub use scenes::Stratum;
 use scenes::{Scenes, SegmentView, TrueObject};
 use sensor::D435;
 
@@ -49,20 +50,6 @@ impl SegmentArguments {
             view.image = D435.measure(&view.image, seed.fork("sensor").fork_index(number as u64));
         }
     }
-}
-
-/// Category of an object; exactly one applies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stratum {
-    /// Alone on the table.
-    Free,
-    /// Touches or hides another one in the image.
-    Touching,
-    /// Lies in or on another one, or another one in or on it.
-    InOrOn,
-    /// Long and nowhere thicker than 45 mm, wherever it lies.
-    Thin,
 }
 
 /// Accuracy on the objects of one category.

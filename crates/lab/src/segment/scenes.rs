@@ -12,8 +12,8 @@ use genmanip_render::{
     Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
 use genmanip_workspace::worlds;
+use serde::Serialize;
 
-use super::Stratum;
 use crate::LabError;
 
 /// The fixed cameras used for datasets and for models.
@@ -26,6 +26,20 @@ const LAYOUTS: u64 = 4;
 const THIN_M: f64 = 0.045;
 /// Minimum ratio of its longest extent to that.
 const THIN_RATIO: f64 = 2.5;
+
+/// Category of an object; exactly one applies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stratum {
+    /// Alone on the table.
+    Free,
+    /// Touches or hides another one in the image.
+    Touching,
+    /// Lies in or on another one, or another one in or on it.
+    InOrOn,
+    /// Long and nowhere thicker than 45 mm, wherever it lies.
+    Thin,
+}
 
 /// One camera's image with ground truth.
 pub struct SegmentView {

@@ -6,8 +6,10 @@ use genmanip_core::{
 };
 use roxmltree::Node;
 
+use super::error::DescriptionError;
+use super::mesh::MeshFile;
 use super::tree::Tree;
-use super::{DescriptionError, MeshFile, mesh, plausible};
+use super::{mesh, plausible};
 
 /// Joint limits missing in URDF: acceleration [rad/s² or m/s²] and jerk [rad/s³ or m/s³].
 const ACCELERATION: f64 = 10.0;

@@ -6,6 +6,15 @@ use genmanip_core::limits::MESH;
 use super::plausible::MAX_CORNERS;
 use crate::hull::convex_hull;
 
+/// A mesh file.
+#[derive(Clone, Debug)]
+pub struct MeshFile {
+    /// File name; the extension determines the format (`stl`, `obj`).
+    pub name: String,
+    /// File contents.
+    pub bytes: Vec<u8>,
+}
+
 /// Vertices of the mesh's convex hull, scaled; the error is a description.
 pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec<DVec3>, String> {
     if bytes.len() as u64 > MESH.bytes {

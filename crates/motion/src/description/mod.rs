@@ -20,19 +20,11 @@ use rand::RngExt;
 
 use crate::collision::{AllowedCollisions, Checker, CollisionWorld, RobotShape};
 pub use error::DescriptionError;
+pub use mesh::MeshFile;
 pub use plausible::{MAX_CORNERS, MAX_JOINTS, MAX_LINKS, MAX_PIECES, MAX_REACH_M};
 
 /// Number of sampled configurations to find links that always touch.
 const SAMPLES: usize = 64;
-
-/// A mesh file.
-#[derive(Clone, Debug)]
-pub struct MeshFile {
-    /// File name; the extension determines the format (`stl`, `obj`).
-    pub name: String,
-    /// File contents.
-    pub bytes: Vec<u8>,
-}
 
 /// Reads a robot from URDF, and the pairs allowed to touch from SRDF.
 ///

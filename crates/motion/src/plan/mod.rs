@@ -1,69 +1,19 @@
 //! Collision-free motion planning: joint-space paths and straight TCP motions.
 
 mod rrt;
+mod settings;
 mod smooth;
 mod straight;
 #[cfg(test)]
 mod tests;
 
 use genmanip_core::Seed;
-use serde::{Deserialize, Serialize};
 
 use crate::collision::{Checker, CollisionReport};
 use crate::path::{Path, distance};
+pub use settings::PlanSettings;
 pub use straight::StraightSettings;
 pub(crate) use straight::straight_line;
-
-/// Settings of joint-space search and smoothing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PlanSettings {
-    /// Clearance to everything that must not be touched (m).
-    pub padding: f64,
-    /// Allowed penetration of start and goal (m) (physical contacts penetrate slightly).
-    pub contact_tolerance: f64,
-    /// Maximum edge of the search tree (rad) (`rrt_range` of the paper's planner, which used 0.001).
-    pub rrt_range: f64,
-    /// Every second sample is drawn from the bounding box of start and goals extended by this (rad): most paths lead
-    /// through it, and shorter ones.
-    pub sample_around: f64,
-    /// Maximum iterations of the search.
-    pub max_iterations: usize,
-    /// Maximum motion of any robot point between states checked during the search (m).
-    pub search_spacing: f64,
-    /// Maximum motion of any robot point between states checked in the returned path (m); up to twice the padding
-    /// nothing can be touched in between.
-    pub final_spacing: f64,
-    /// Maximum repeated searches with denser checks after the final check finds a contact.
-    pub retries: usize,
-    /// Maximum random shortcuts.
-    pub shortcuts: usize,
-    /// Consecutive failed shortcuts before shortening stops.
-    pub shortcut_failures: usize,
-    /// Maximum blend of a corner [rad on either edge].
-    pub blend: f64,
-    /// Maximum halvings of a blend before the robot has to stop at the corner.
-    pub blend_halvings: usize,
-}
-
-impl Default for PlanSettings {
-    fn default() -> Self {
-        Self {
-            padding: 0.003,
-            contact_tolerance: 0.001,
-            rrt_range: 0.7,
-            max_iterations: 50_000,
-            sample_around: 1.0,
-            search_spacing: 0.05,
-            final_spacing: 0.006,
-            retries: 3,
-            shortcuts: 30,
-            shortcut_failures: 10,
-            blend: 0.4,
-            blend_halvings: 5,
-        }
-    }
-}
 
 /// Planning error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

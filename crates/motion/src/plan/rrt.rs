@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rand::{Rng, RngExt};
 
-use super::PlanSettings;
+use super::settings::PlanSettings;
 use crate::chain::ChainJoint;
 use crate::collision::Checker;
 use crate::path::{distance, lerp};

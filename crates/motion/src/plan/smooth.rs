@@ -2,7 +2,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::PlanSettings;
+use super::settings::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 

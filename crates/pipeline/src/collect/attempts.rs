@@ -4,14 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::ops::Range;
 
+use genmanip_benchmark::Outcome;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::{PipelineSettings, attempt_id};
 use genmanip_workspace::shard::Shard;
 use genmanip_workspace::task_spool::TaskEntry;
 
-use super::Outcomes;
 use crate::folder::{Run, RunFolder};
 use crate::index::IndexedAttempt;
+
+/// Outcomes of attempts by id.
+pub(super) type Outcomes = BTreeMap<String, Outcome>;
 
 /// An attempt of a run.
 #[derive(Clone)]

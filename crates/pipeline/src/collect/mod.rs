@@ -1,6 +1,7 @@
 //! Collecting demonstrations into a run folder: attempts, their images, scenario files and the dataset.
 
 mod attempts;
+mod options;
 mod runner;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,14 +24,15 @@ use serde::Serialize;
 use crate::folder::{Run, RunFolder, Timings};
 
 use crate::policies::{PolicyContext, PolicyFactory};
-use attempts::Planned;
 pub(crate) use attempts::share;
+use attempts::{Outcomes, Planned};
 use genmanip_agent_sim::demonstration_grasps;
 use genmanip_workspace::Progress;
 use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::shard::Shard;
 use genmanip_workspace::task_spool::TaskEntry;
 use genmanip_workspace::worlds;
+pub use options::CollectOptions;
 use runner::{Made, Runner};
 
 /// Result of [`collect`].
@@ -50,19 +52,6 @@ pub struct Collected {
     pub damaged: Vec<(String, String)>,
     /// Shard that was collected; `None` for the whole run.
     pub shard: Option<Shard>,
-}
-
-/// Execution options of `collect`; they do not change the results.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CollectOptions {
-    /// Worker threads.
-    pub workers: usize,
-    /// True to move damaged episodes to `damaged/` of the run and make them anew; else they are omitted.
-    pub repair: bool,
-    /// The part of the run that is made, without its dataset; `None` for all of it.
-    pub shard: Option<Shard>,
-    /// Number of verified demonstrations of a run without a fixed number of attempts; a larger number extends the run.
-    pub verified: Option<usize>,
 }
 
 /// Outcomes of the attempts of a task.
@@ -187,9 +176,6 @@ fn maker<'a>(
         policy.make(&context).map_err(|error| policy.refusal(error))
     }
 }
-
-/// Outcomes of attempts by id.
-type Outcomes = BTreeMap<String, Outcome>;
 
 impl Collected {
     /// True if the run is finished, has no damaged episode and at least one verified attempt; a shard needs no verified

@@ -11,8 +11,8 @@ use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, complete, 
 use genmanip_workspace::disk_space::Estimate;
 use genmanip_workspace::{Progress, Stopped, Tasks, WorkspaceError, documents};
 
-use super::attempts::{Planned, left};
-use super::{CollectOptions, Outcomes};
+use super::attempts::{Outcomes, Planned, left};
+use super::options::CollectOptions;
 use crate::folder::RunFolder;
 use crate::index::{IndexedAttempt, Survey};
 

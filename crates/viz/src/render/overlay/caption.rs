@@ -7,8 +7,8 @@ use genmanip_data::export::steps::Steps;
 use genmanip_rollout::Stage;
 
 use super::super::moment::Moment;
+use super::palette::{PALETTE, VERMILION};
 use super::pen::{width, write};
-use super::{PALETTE, VERMILION};
 
 /// Largest share of the image's height that captions cover.
 const SHARE: f64 = 0.15;

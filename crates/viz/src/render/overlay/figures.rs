@@ -7,8 +7,8 @@ use genmanip_core::{Pose, Projection};
 use genmanip_sim::{BodyId, ContactReport};
 
 use super::grasps::DrawnGrasp;
+use super::palette::{PALETTE, SKY, VERMILION};
 use super::pen::{Hidden, Pen};
-use super::{PALETTE, SKY, VERMILION};
 
 /// Width of lines, pixels of a 512x288 image; chosen: seen in a video.
 const LINE_PX: f64 = 1.2;

@@ -3,6 +3,7 @@
 mod caption;
 mod figures;
 mod grasps;
+mod palette;
 mod pen;
 
 use genmanip_agent::grid::Grid;
@@ -17,19 +18,12 @@ use genmanip_sim::ContactReport;
 
 use self::caption::Caption;
 use self::grasps::DrawnGrasp;
+use self::palette::PALETTE;
 use self::pen::Pen;
 use super::moment::{Boxes, Moment};
 use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 
-/// Colours that people with any kind of colour blindness tell apart: those of M. Okabe and K. Ito, "Color Universal
-/// Design" (2008), without black; vermilion stands last, next to no object of usual scenes. They repeat.
-const PALETTE: [Color; 7] =
-    [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [204, 121, 167], [213, 94, 0]];
-/// Of the palette: what has been, forces of the robot, the x axis.
-const VERMILION: Color = PALETTE[6];
-/// Of the palette: what is to come, other forces.
-const SKY: Color = PALETTE[1];
 /// Opacity of an object's tint; chosen: the object's own colour stays recognisable.
 const FILL: f64 = 0.35;
 
