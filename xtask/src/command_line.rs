@@ -1,7 +1,7 @@
 //! Names on the command line of xtask, for `main` and for the check of pages that quote them.
 
 /// Names of the subcommands.
-pub const SUBCOMMANDS: [&str; 7] = ["setup", "demo", "install", "test", "tidy", "docs", "help"];
+pub const SUBCOMMANDS: [&str; 8] = ["setup", "demo", "install", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
 pub const PHASES: [&str; 13] = [
@@ -39,6 +39,8 @@ Usage: cargo xtask SUBCOMMAND
   test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
   test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
+  fuzz             list the readers that mutated inputs can be fed to
+  fuzz TARGET [--minutes N] [--seed S]   feed one of them for N minutes of CPU time, save what breaks it
   tidy             check the rules that the compiler does not know
   tidy --rule RULE [PATH…]   list what breaks one rule, limits of xtask/tidy-exceptions.txt aside
   docs [PAGE…]     run the code blocks of README.md and docs/guides, as the phase `docs` does, with what is built

@@ -7,6 +7,7 @@
 //! | `test` | everything CI runs, with the time of each phase |
 //! | `install` | puts the programs and the suites where cargo installs programs |
 //! | `docs` | runs the code blocks of README.md and the guides |
+//! | `fuzz` | feeds mutated inputs to one of the readers |
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
@@ -15,6 +16,7 @@ mod cluster;
 mod command_line;
 mod demo;
 mod docs;
+mod fuzz;
 mod install;
 mod interop;
 mod markdown;
@@ -59,6 +61,7 @@ fn run(args: &[String]) -> Result {
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),
         Some("install") => install::run(&workspace, rest),
+        Some("fuzz") => fuzz::run(&workspace, rest),
         Some("docs") => {
             let (options, pages): (Vec<String>, Vec<String>) = rest.iter().cloned().partition(|arg| arg == "--interop");
             let blocks = if options.is_empty() { docs::Blocks::Usual } else { docs::Blocks::Interop };

@@ -56,6 +56,14 @@ macro_rules! dialects {
             /// All dialects.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
+            /// Decodes the body of a successful response from `url`; leaves `attempts` at 0.
+            ///
+            /// # Errors
+            /// If the body reports an error, is no reply, or its text is empty.
+            pub fn reply(self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
+                self.wire().reply(body, structure, url)
+            }
+
             pub(crate) fn wire(self) -> &'static dyn Wire {
                 match self {
                     $(Self::$variant => &$wire,)+

@@ -10,7 +10,7 @@ use crate::reply::{ChatReply, Structure};
 use crate::request::ChatRequest;
 
 mod server;
-pub use server::{Behaviour, FakeServer, SeenRequest, answering, completion};
+pub use server::{Behaviour, FakeServer, SeenRequest, answering, completion, message};
 
 /// Returns prepared answers in order and records the requests.
 ///

@@ -88,7 +88,7 @@ impl HttpChat {
     fn try_once(&self, body: &str, structure: Structure) -> Result<ChatReply, Failure> {
         let headers = self.wire().headers(self.key.as_ref());
         let value = self.transport.post(&self.url, &headers, body)?;
-        self.wire().reply(&value, structure, &self.url).map_err(Failure::permanent)
+        self.settings.dialect.reply(&value, structure, &self.url).map_err(Failure::permanent)
     }
 
     fn wire(&self) -> &'static dyn Wire {

@@ -79,6 +79,15 @@ pub enum RemoteError {
     },
 }
 
+/// Decodes a binary message.
+///
+/// # Errors
+/// If it is not MessagePack, or nested too deeply.
+pub fn decode(mut message: &[u8]) -> Result<Value, String> {
+    let read = rmpv::decode::read_value_with_max_depth(&mut message, MAX_DEPTH);
+    read.map_err(|error| format!("invalid MessagePack: {error}"))
+}
+
 /// An open connection.
 pub(crate) struct Connection {
     url: String,
@@ -141,8 +150,7 @@ impl Connection {
             let message = self.socket.read().map_err(|error| self.lost(error))?;
             match message {
                 Message::Binary(bytes) => {
-                    let read = rmpv::decode::read_value_with_max_depth(&mut bytes.as_ref(), MAX_DEPTH);
-                    return read.map_err(|error| self.wrong(format!("invalid MessagePack: {error}")));
+                    return decode(&bytes).map_err(|what| self.wrong(what));
                 }
                 Message::Text(traceback) => return Err(self.failed(&traceback)),
                 Message::Close(frame) => {

@@ -19,4 +19,4 @@ pub mod process;
 pub mod resize;
 pub mod vla_eval;
 
-pub use connection::{RemoteError, Timeouts};
+pub use connection::{RemoteError, Timeouts, decode};

@@ -228,9 +228,7 @@ impl OpenpiPolicy {
         };
         let connection = self.connection.insert(connection);
         let answer = connection.request(question)?;
-        let length = self.settings.preset.action().length(self.robot.arm_dof());
-        let rows = rows(&answer, length).map_err(|what| connection.wrong(what))?;
-        Ok(rows.iter().map(|row| self.settings.preset.scaled(row)).collect())
+        chunk(&answer, self.settings.preset, self.robot.arm_dof()).map_err(|what| connection.wrong(what))
     }
 }
 
@@ -260,6 +258,15 @@ impl Policy for OpenpiPolicy {
             Err(error) => Err(PolicyError::Unreachable(self.without_key(&error.to_string()))),
         }
     }
+}
+
+/// Actions of a response, in the units of [`Preset::action`], for an arm with `arm_dof` joints.
+///
+/// # Errors
+/// Describes the problem.
+pub fn chunk(answer: &Value, preset: Preset, arm_dof: usize) -> Result<Vec<Vec<f32>>, String> {
+    let rows = rows(answer, preset.action().length(arm_dof))?;
+    Ok(rows.iter().map(|row| preset.scaled(row)).collect())
 }
 
 /// Action rows of a response.

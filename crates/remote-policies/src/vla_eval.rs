@@ -171,10 +171,10 @@ impl VlaEvalPolicy {
         let mut connection = self.connection.take().ok_or_else(lost)?;
         self.seq += 1;
         let answer = connection.request(&message("observation", encoded_observation, self.seq))?;
-        let (preset, dof) = (self.settings.preset, self.robot.arm_dof());
-        let rows = rows(&answer, self.seq, preset.action().length(dof)).map_err(|what| connection.wrong(what))?;
+        let actions = chunk(&answer, self.seq, self.settings.preset, self.robot.arm_dof());
+        let actions = actions.map_err(|what| connection.wrong(what))?;
         self.connection = Some(connection);
-        Ok(rows.iter().map(|row| preset.scaled(row)).collect())
+        Ok(actions)
     }
 }
 
@@ -237,6 +237,15 @@ fn payload<'a>(message: &'a Value, expected: &str) -> Result<&'a Value, String> 
         }
         kind => Err(format!("a message `{}`, expected `{expected}`", kind.chars().take(40).collect::<String>())),
     }
+}
+
+/// Actions of the response to message `seq`, in the units of [`Preset::action`], for an arm with `arm_dof` joints.
+///
+/// # Errors
+/// Describes the problem.
+pub fn chunk(answer: &Value, seq: u64, preset: Preset, arm_dof: usize) -> Result<Vec<Vec<f32>>, String> {
+    let rows = rows(answer, seq, preset.action().length(arm_dof))?;
+    Ok(rows.iter().map(|row| preset.scaled(row)).collect())
 }
 
 /// Action rows of a response: one action or a chunk.

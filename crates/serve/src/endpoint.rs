@@ -81,7 +81,10 @@ impl Endpoint {
     }
 
     /// Processes a request synchronously; returns the response body.
-    pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, RequestError> {
+    ///
+    /// # Errors
+    /// If the body is not a request, cannot be processed, or the endpoint answers by jobs.
+    pub fn answer(&self, body: &[u8]) -> Result<Vec<u8>, RequestError> {
         match self {
             Self::Segment(segmenter) => segmented(segmenter, &read(body)?),
             Self::Grasp(planner) => grasped(planner, &read(body)?),

@@ -20,4 +20,5 @@ mod wire;
 pub use endpoint::{AgentEndpoint, Endpoint};
 pub use env::EnvEndpoint;
 pub use openapi::openapi;
+pub use request_error::RequestError;
 pub use server::{ServeError, ServeSettings, Server};

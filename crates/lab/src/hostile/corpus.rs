@@ -6,7 +6,6 @@ use std::path::Path;
 use genmanip_core::Seed;
 use rand::{Rng, RngExt};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 use super::child::{self, Limits};
 use super::full::Filling;
@@ -270,12 +269,12 @@ impl Corpus {
                 (one("problems.json", &self.problems), &["lab motion --problems problems.json --count 10 --ik-poses 1"])
             }
             "robots" => {
-                let file = |name: &str, bytes: &[u8]| (format!("six/{name}"), Content::Bytes(bytes.to_vec()));
-                let mut files =
-                    vec![file("six.urdf", ARM.as_bytes()), file("fore.obj", BRICK.as_bytes()), file("tip.stl", &stl())];
-                if rng.random_bool(0.5) {
-                    files.push(file("six.srdf", RULES.as_bytes()));
+                let mut robot = robot();
+                if !rng.random_bool(0.5) {
+                    robot.pop();
                 }
+                let file = |(name, bytes): (String, Vec<u8>)| (format!("six/{name}"), Content::Bytes(bytes));
+                let mut files: Vec<_> = robot.into_iter().map(file).collect();
                 files.push(("none.json".into(), Content::Bytes(b"{\"problems\": []}".to_vec())));
                 (
                     files,
@@ -387,12 +386,7 @@ impl Case {
             self.files[target].1 = others[rng.random_range(0..others.len())].clone();
             return;
         }
-        let is_blind = rng.random_bool(0.25);
-        match Path::new(&name).extension().and_then(|ending| ending.to_str()) {
-            Some("json" | "jsonl" | "gltf") if !is_blind => mutate::json(bytes, rng),
-            Some("toml" | "urdf" | "srdf" | "obj" | "mtl" | "xml") if !is_blind => mutate::tokens(bytes, rng),
-            _ => mutate::blind(bytes, rng),
-        }
+        mutate::file(&name, bytes, rng);
         // Sometimes update the hashes, so that the mutation passes the integrity check.
         if self.kind == "episodes" && rng.random_bool(0.6) {
             self.hash_again(&name);
@@ -405,15 +399,9 @@ impl Case {
         let changed = self.files.iter().find(|(known, _)| known == name);
         let Some((_, Content::Bytes(bytes))) = changed.cloned() else { return };
         let record = format!("{folder}/episode.json");
-        let Some((_, Content::Bytes(text))) = self.files.iter_mut().find(|(known, _)| *known == record) else { return };
-        let Ok(mut value) = serde_json::from_slice::<Value>(text) else { return };
-        let listed = value.get_mut("files").and_then(Value::as_array_mut).into_iter().flatten();
-        for entry in listed.filter(|entry| entry["name"] == file) {
-            entry["bytes"] = bytes.len().into();
-            let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-            entry["sha256"] = digest.into();
+        if let Some((_, Content::Bytes(text))) = self.files.iter_mut().find(|(known, _)| *known == record) {
+            mutate::hash_again(text, file, &bytes);
         }
-        *text = value.to_string().into_bytes();
     }
 
     /// Names that count as a location in a message.
@@ -501,6 +489,17 @@ fn task_of(run: &[u8]) -> Option<Vec<u8>> {
     let mut task = run.get("tasks")?.get(0)?.clone();
     task.as_object_mut()?.shift_insert(0, "schema".into(), "genmanip.task/2".into());
     Some(task.to_string().into_bytes())
+}
+
+/// The files of a small valid robot, named `six`; the last one, its SRDF, is optional.
+pub fn robot() -> Vec<(String, Vec<u8>)> {
+    let file = |name: &str, bytes: &[u8]| (name.to_owned(), bytes.to_vec());
+    vec![
+        file("six.urdf", ARM.as_bytes()),
+        file("fore.obj", BRICK.as_bytes()),
+        file("tip.stl", &stl()),
+        file("six.srdf", RULES.as_bytes()),
+    ]
 }
 
 /// A tetrahedron as binary STL.

@@ -13,7 +13,7 @@ use crate::LabError;
 /// Location of the files in the project.
 const FOLDER: &str = "crates/import/testdata/sound";
 /// Kinds with the extension of the files that are imported.
-const FORMATS: [(&str, &str); 7] = [
+pub const FORMATS: [(&str, &str); 7] = [
     ("import-glb", ".glb"),
     ("import-gltf", ".gltf"),
     ("import-obj", ".obj"),
@@ -24,7 +24,21 @@ const FORMATS: [(&str, &str); 7] = [
 ];
 
 /// Names and bytes.
-type NamedFiles = Vec<(String, Vec<u8>)>;
+pub type NamedFiles = Vec<(String, Vec<u8>)>;
+
+/// The valid files of one of [`FORMATS`].
+///
+/// # Errors
+/// If the project has none.
+pub fn valid(project: &Path, (kind, ending): (&str, &str)) -> Result<NamedFiles, LabError> {
+    let folder = project.join(FOLDER).join(kind.trim_start_matches("import-"));
+    let files: NamedFiles = listing(&folder).into_iter().collect();
+    if files.iter().any(|(name, _)| name.ends_with(ending)) {
+        return Ok(files);
+    }
+    Err(LabError::input(format!("there is no file that ends in {ending} in {}", folder.display()))
+        .with_hint("run in the project's folder, or name it with --project"))
+}
 
 /// Valid files of every format.
 pub(super) struct Imports {
@@ -40,16 +54,7 @@ pub(super) fn is_kind(kind: &str) -> bool {
 impl Imports {
     /// Reads the valid files.
     pub(super) fn read(project: &Path) -> Result<Self, LabError> {
-        let format = |(kind, ending): &(&str, &str)| {
-            let folder = project.join(FOLDER).join(kind.trim_start_matches("import-"));
-            let files: NamedFiles = listing(&folder).into_iter().collect();
-            if files.iter().any(|(name, _)| name.ends_with(ending)) {
-                return Ok(files);
-            }
-            Err(LabError::input(format!("there is no file that ends in {ending} in {}", folder.display()))
-                .with_hint("run in the project's folder, or name it with --project"))
-        };
-        Ok(Self { files: FORMATS.iter().map(format).collect::<Result<_, _>>()? })
+        Ok(Self { files: FORMATS.iter().map(|format| valid(project, *format)).collect::<Result<_, _>>()? })
     }
 
     /// The files of a kind, and the call that imports one of them; `None` for other kinds.

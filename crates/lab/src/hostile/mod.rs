@@ -6,8 +6,8 @@
 mod child;
 mod corpus;
 mod full;
-mod imports;
-mod mutate;
+pub mod imports;
+pub mod mutate;
 mod readers;
 mod starts;
 
@@ -24,8 +24,8 @@ use serde::Serialize;
 
 use crate::LabError;
 use child::{Ended, Limits};
-pub use corpus::KINDS;
 use corpus::{Case, Corpus};
+pub use corpus::{KINDS, robot};
 pub use readers::Reader;
 pub use starts::Starts;
 
@@ -100,8 +100,6 @@ pub struct ByKind {
 
 /// Maximum number of unclear messages and violations listed.
 const SHOWN: usize = 200;
-/// Number of mutations per input, sampled uniformly from these.
-const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
 
 /// Tries mutated inputs for some minutes of CPU time; if `stop` becomes true, returns the results so far.
 ///
@@ -133,7 +131,7 @@ pub fn measure(
         let any = || if is_full { corpus::FULL } else { KINDS[rng.random_range(0..KINDS.len() - 1)] }.to_owned();
         let kind = arguments.kind.clone().unwrap_or_else(any);
         let mut case = corpus.case(&kind, &mut rng)?;
-        for _ in 0..CHANGES[rng.random_range(0..CHANGES.len())] {
+        for _ in 0..mutate::CHANGES[rng.random_range(0..mutate::CHANGES.len())] {
             case.change(&mut rng);
         }
         attempt(arguments, &sandbox, &case, (&mut measured, &mut refusals), stop)?;
@@ -337,7 +335,7 @@ impl Drop for Sandbox {
 }
 
 /// All files under a folder with their contents; links and pipes by their kind.
-pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
+pub fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![root.to_owned()];
     while let Some(folder) = folders.pop() {

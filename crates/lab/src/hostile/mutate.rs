@@ -1,7 +1,35 @@
 //! Mutations of text, JSON and bytes: blind ones, and ones that respect the format.
 
+use std::path::Path;
+
 use rand::{Rng, RngExt};
 use serde_json::{Map, Value, json};
+use sha2::{Digest, Sha256};
+
+/// Number of mutations per input, sampled uniformly from these.
+pub const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
+
+/// Mutates a file in one place: three times in four with respect to the format that its extension names, else blindly.
+pub fn file(name: &str, bytes: &mut Vec<u8>, rng: &mut impl Rng) {
+    let is_blind = rng.random_bool(0.25);
+    match Path::new(name).extension().and_then(|ending| ending.to_str()) {
+        Some("json" | "jsonl" | "gltf") if !is_blind => json(bytes, rng),
+        Some("toml" | "urdf" | "srdf" | "obj" | "mtl" | "xml") if !is_blind => tokens(bytes, rng),
+        _ => blind(bytes, rng),
+    }
+}
+
+/// Updates size and hash of a file in the record of its episode, so that a mutation passes the integrity check.
+pub fn hash_again(record: &mut Vec<u8>, name: &str, bytes: &[u8]) {
+    let Ok(mut value) = serde_json::from_slice::<Value>(record) else { return };
+    let listed = value.get_mut("files").and_then(Value::as_array_mut).into_iter().flatten();
+    for entry in listed.filter(|entry| entry["name"] == name) {
+        entry["bytes"] = bytes.len().into();
+        let digest: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        entry["sha256"] = digest.into();
+    }
+    *record = value.to_string().into_bytes();
+}
 
 /// Problematic numbers, as text.
 const NUMBERS: [&str; 26] = [
@@ -76,7 +104,7 @@ fn value(rng: &mut impl Rng) -> Value {
 }
 
 /// Mutates one place of a JSON text; invalid JSON is mutated as bytes.
-pub(super) fn json(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
+fn json(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let Ok(mut document) = serde_json::from_slice::<Value>(bytes) else { return blind(bytes, rng) };
     let count = count(&document);
     let mut place = rng.random_range(0..count);
@@ -149,7 +177,7 @@ fn replace(place: &mut Value, rng: &mut impl Rng) {
 }
 
 /// Mutates a tokenised text (TOML, XML, OBJ) in one place: a number, a quoted string, or a line.
-pub(super) fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
+fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     let Ok(text) = String::from_utf8(bytes.clone()) else { return blind(bytes, rng) };
     let changed = match rng.random_range(0..6) {
         0..=2 => in_one(&text, &spans(&text, |c| c.is_ascii_digit() || "+-.eE".contains(c)), rng, &|_, rng| {
@@ -221,7 +249,7 @@ fn quoted(text: &str) -> Vec<(usize, usize)> {
 }
 
 /// Mutates bytes without regard to the format.
-pub(super) fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
+fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
     if bytes.is_empty() {
         bytes.extend((0..rng.random_range(1..64)).map(|_| rng.random::<u8>()));
         return;

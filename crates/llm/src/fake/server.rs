@@ -102,7 +102,7 @@ pub fn completion(text: &str) -> String {
 }
 
 /// Body of a normal message in Anthropic's dialect.
-fn message(text: &str) -> String {
+pub fn message(text: &str) -> String {
     json!({
         "id": "fake", "type": "message", "role": "assistant", "model": "fake-server",
         "content": [{"type": "text", "text": text}], "stop_reason": "end_turn", "stop_sequence": null,
