@@ -39,7 +39,7 @@ pub fn design(py: Python, out: PathBuf, kinds: Vec<String>, count: usize, seed: 
         let seed = Seed::new(seed);
         design_into(
             &out,
-            &Design { kinds: &kinds, count, cards, seed, settings: Default::default(), fill: false },
+            &Design { kinds: &kinds, count, cards, seed, settings: Default::default(), fill: false, include: None },
             &NoProgress,
         )
     });

@@ -12,13 +12,13 @@ use genmanip_agent::ask::{
 use genmanip_agent::perception::on_plane;
 use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Aabb, Atom, Grasp, Relation};
+use genmanip_core::{Aabb, AgentStage, Atom, FailureClass, Grasp, Relation};
 use genmanip_layout::Move;
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom};
 
 use super::GroundTruth;
-use super::failure::{AnswerJudgement, EpisodeJudgements, FailureClass, GRASPS};
+use super::failure::{AnswerJudgement, EpisodeJudgements};
 use super::words;
 
 /// Model wrapper that forwards questions and records the correctness of the answers.
@@ -173,9 +173,8 @@ impl Annotator {
     fn blame_split(&self, evidence: String) {
         let split = lock(&self.memory).split;
         let mut judgements = lock(&self.judgements);
-        let is_split = |judgement: &&mut AnswerJudgement| {
-            Some(judgement.ask) == split && judgement.stage == QuestionKind::Decompose.name()
-        };
+        let is_split =
+            |judgement: &&mut AnswerJudgement| Some(judgement.ask) == split && judgement.stage == AgentStage::Decompose;
         let judgement = judgements.judgements.iter_mut().find(is_split);
         if let Some(judgement) = judgement.filter(|judgement| judgement.wrong.is_none()) {
             (judgement.wrong, judgement.evidence) = (Some(FailureClass::Decomposition), evidence);
@@ -320,7 +319,7 @@ impl Annotator {
             Ok(answer) => self.testify(question, answer),
             Err(complaint) => (Some(FailureClass::Format), complaint.to_string()),
         };
-        let (stage, subtask) = (question.stage.name(), question.instruction.clone());
+        let (stage, subtask) = (question.stage.into(), question.instruction.clone());
         let mut judgements = lock(&self.judgements);
         judgements.answers.insert(question.ask, answered.text.clone());
         judgements.judgements.push(AnswerJudgement { ask: question.ask, round, stage, subtask, wrong, evidence });
@@ -346,7 +345,7 @@ impl Annotator {
             (memory.rounds, ask, subtasks)
         };
         let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());
-        let (stage, subtask) = (QuestionKind::Decompose.name(), String::new());
+        let (stage, subtask) = (AgentStage::Decompose, String::new());
         lock(&self.judgements).judgements.push(AnswerJudgement { ask, round, stage, subtask, wrong, evidence });
     }
 }
@@ -381,7 +380,7 @@ impl GraspSource for GraspAnnotator {
         let judgement = AnswerJudgement {
             ask,
             round: rounds,
-            stage: GRASPS,
+            stage: AgentStage::Grasp,
             subtask,
             wrong: (sound == 0).then_some(FailureClass::GraspProposal),
             evidence: format!("{sound} of {} proposed grasps have the thing between the fingers", grasps.len()),

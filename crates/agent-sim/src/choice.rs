@@ -8,21 +8,19 @@ use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, ServiceMasks};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
-use genmanip_core::{
-    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Scenario, World,
-};
+use genmanip_core::{FailureClass, Scenario, World};
 use genmanip_llm::{HttpService, ServiceSettings};
 use genmanip_motion::Planner;
 use genmanip_rollout::{Cores, Stage};
 
-use super::failure::{EpisodeJudgements, FailureClass};
+use super::failure::EpisodeJudgements;
 use super::grasps::FlawedGrasps;
+use super::made_agent::MadeAgent;
 use super::model::{ModelFile, SharedModel};
 use super::{
     Annotator, ErrorInjection, GroundTruth, GroundTruthFeed, Oracle, OracleMasks, RandomMarks, Recording, TurnSnapshots,
 };
 use genmanip_workspace::WorkspaceError;
-use genmanip_workspace::documents;
 
 /// Maximum depth error at 1 m, m: beyond it, objects are indistinguishable from the table.
 const MAX_DEPTH_ERROR_M: f64 = 0.05;
@@ -106,20 +104,6 @@ impl GraspChoice {
             Self::Http(service) => Arc::clone(service) as Arc<dyn GraspSource>,
         }
     }
-}
-
-/// An agent made for one episode.
-pub struct MadeAgent {
-    /// The policy.
-    pub policy: Box<dyn Policy>,
-    /// Transcript of questions, answers and actions.
-    pub transcribed: TranscriptRecorder,
-    /// Ground truth of the oracle services, if any.
-    pub truth: Option<GroundTruth>,
-    /// Judgements of its answers; empty without ground truth.
-    pub judgements: Arc<Mutex<EpisodeJudgements>>,
-    /// Snapshots of the agent before each turn, if they are kept.
-    pub turns: Option<TurnSnapshots>,
 }
 
 impl AgentChoice {
@@ -388,12 +372,12 @@ impl AgentChoice {
             .map_err(|error| WorkspaceError::broken("the agent cannot be made", error))?
             .named(self.name());
         if !knows {
-            return Ok(MadeAgent { policy: Box::new(agent), transcribed, truth: None, judgements, turns: None });
+            return Ok(MadeAgent::new(agent, transcribed, None, judgements));
         }
         let turns = self.keeps_turns.then(TurnSnapshots::default);
         let jams = self.dials.once == Some(FailureClass::GraspExecution);
         let policy = GroundTruthFeed::new(agent, truth.clone()).with_jam(jams).with_snapshots(turns.clone());
-        Ok(MadeAgent { policy: Box::new(policy), transcribed, truth: Some(truth), judgements, turns })
+        Ok(MadeAgent::new(policy, transcribed, Some(truth), judgements).keeping(turns))
     }
 }
 
@@ -432,53 +416,4 @@ fn http(url: &str) -> Result<HttpService, WorkspaceError> {
     let url = if url.starts_with("//") { format!("http:{url}") } else { url.to_owned() };
     HttpService::new(ServiceSettings::at(&url))
         .map_err(|error| WorkspaceError::input(format!("the service {url} cannot be asked")).because(error))
-}
-
-/// Policy wrapper that writes the agent's transcript after each turn.
-pub struct TranscriptWriter {
-    policy: Box<dyn Policy>,
-    transcribed: TranscriptRecorder,
-    folder: PathBuf,
-    /// Number of images written.
-    written: usize,
-}
-
-impl TranscriptWriter {
-    /// Writes into `folder`.
-    pub fn new(made: MadeAgent, folder: PathBuf) -> Self {
-        Self { policy: made.policy, transcribed: made.transcribed, folder, written: 0 }
-    }
-}
-
-impl Policy for TranscriptWriter {
-    fn spec(&self) -> PolicySpec {
-        self.policy.spec()
-    }
-
-    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        self.written = 0;
-        self.policy.reset(start)
-    }
-
-    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
-        let chunk = self.policy.act(observation);
-        let kept = keep(&self.transcribed, self.written, &self.folder);
-        self.written = kept.map_err(|error| PolicyError::Broken(Arc::new(error)))?;
-        chunk
-    }
-}
-
-/// Writes a transcript and its images from index `first` on into a folder; returns the total number of images.
-///
-/// # Errors
-/// A file that cannot be written, or an image that cannot be encoded.
-pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, WorkspaceError> {
-    let pictures = transcribed.pictures();
-    for (name, picture) in pictures.iter().skip(first) {
-        let path = folder.join(name);
-        let png = picture.png().map_err(|error| WorkspaceError::file("write", &path, error))?;
-        documents::write_file(&path, &png)?;
-    }
-    documents::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())?;
-    Ok(pictures.len())
 }

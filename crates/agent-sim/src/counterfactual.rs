@@ -7,9 +7,9 @@ use std::sync::{Arc, PoisonError};
 use genmanip_agent::Services;
 use genmanip_agent::ask::{ModelReply, Question, ServiceError, VisionModel};
 use genmanip_agent::services::GraspSource;
+use genmanip_core::{AgentFailure, FailureClass};
 
-use super::choice::MadeAgent;
-use super::failure::{AttributedFailure, FailureClass};
+use super::made_agent::MadeAgent;
 use super::{GroundTruthFeed, Oracle};
 
 /// Episode to be resumed with a corrected answer.
@@ -33,7 +33,7 @@ impl MadeAgent {
     /// `then`, grasps from `source`. `None` if no answer is to blame or no snapshot was kept.
     pub fn corrected(
         &self,
-        blamed: &AttributedFailure,
+        blamed: &AgentFailure,
         oracle: &Arc<Oracle>,
         then: Arc<dyn VisionModel>,
         source: Arc<dyn GraspSource>,
@@ -44,7 +44,7 @@ impl MadeAgent {
         let turn = turns.iter().rposition(|agent| agent.asks() <= ask)?;
         let told = self.judgements.lock().unwrap_or_else(PoisonError::into_inner).answers.clone();
         let is_same = Arc::new(AtomicBool::new(false));
-        let replaced = (blamed.class != FailureClass::GraspProposal).then_some(ask);
+        let replaced = (blamed.class != Some(FailureClass::GraspProposal)).then_some(ask);
         let model =
             Corrected { told, last: ask, replaced, oracle: Arc::clone(oracle), then, is_same: Arc::clone(&is_same) };
         let before = &turns[turn];

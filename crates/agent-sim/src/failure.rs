@@ -2,70 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_agent::ask::{FailedStage, QuestionKind};
-use genmanip_core::{Frame, Relation};
+use genmanip_core::{AgentFailure, AgentStage, FailedStage, FailureClass, Frame, Relation, StageCause};
 use serde::Serialize;
-
-/// Failure class of an episode: the six classes of the paper, and those of a closed loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FailureClass {
-    /// The task was split into the wrong sub-tasks.
-    Decomposition,
-    /// The wrong object was chosen to be picked.
-    GraspGrounding,
-    /// The chosen part or point, or the detector, gave no suitable grasp.
-    GraspProposal,
-    /// The grasp could not be executed, or did not hold.
-    GraspExecution,
-    /// The object was sent to the wrong reference.
-    PlanGrounding,
-    /// The reference was correct, the placement was not.
-    PlanLocation,
-    /// The path could not be executed, or the object did not end at its target.
-    PlanMotion,
-    /// The check reported *finished* before the goal held, or *not finished* after it did.
-    Checker,
-    /// Answers did not match the requested format, or named marks that are not in the image.
-    Format,
-    /// A service did not answer.
-    Service,
-}
-
-impl FailureClass {
-    /// All classes.
-    pub const ALL: [Self; 10] = [
-        Self::Decomposition,
-        Self::GraspGrounding,
-        Self::GraspProposal,
-        Self::GraspExecution,
-        Self::PlanGrounding,
-        Self::PlanLocation,
-        Self::PlanMotion,
-        Self::Checker,
-        Self::Format,
-        Self::Service,
-    ];
-
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Decomposition => "decomposition",
-            Self::GraspGrounding => "grasp_grounding",
-            Self::GraspProposal => "grasp_proposal",
-            Self::GraspExecution => "grasp_execution",
-            Self::PlanGrounding => "plan_grounding",
-            Self::PlanLocation => "plan_location",
-            Self::PlanMotion => "plan_motion",
-            Self::Checker => "checker",
-            Self::Format => "format",
-            Self::Service => "service",
-        }
-    }
-}
-
-/// The stage of a [`AnswerJudgement`] about proposed grasps, which no model answers.
-pub const GRASPS: &str = "grasp";
 
 /// Judgement of one answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -74,8 +12,8 @@ pub struct AnswerJudgement {
     pub ask: usize,
     /// Number of decompositions so far.
     pub round: usize,
-    /// Stage of the ask, or [`GRASPS`].
-    pub stage: &'static str,
+    /// Stage of the ask, or the grasps before it.
+    pub stage: AgentStage,
     /// The instruction of the stage, or the sub-task that the grasps are for.
     pub subtask: String,
     /// Failure class that the answer causes; `None` if it is correct.
@@ -100,80 +38,74 @@ pub struct EpisodeJudgements {
     pub checks: [[usize; 2]; 2],
 }
 
-/// Attributed cause of a failed episode.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AttributedFailure {
-    /// The class.
-    pub class: FailureClass,
-    /// Ask with the wrong answer, if an answer caused the failure.
-    pub ask: Option<usize>,
-    /// Evidence, as text.
-    pub evidence: String,
-}
-
 impl EpisodeJudgements {
     /// Objects placed since the latest decomposition.
     fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
-        let split = self.judgements.iter().rev().find(|judgement| judgement.stage == QuestionKind::Decompose.name());
+        let split = self.judgements.iter().rev().find(|judgement| judgement.stage == AgentStage::Decompose);
         self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
     }
 
     /// Latest judgement per stage and sub-task: a repeated answer, or one of a later round, replaces the earlier one,
     /// because the closed loop could correct it.
     fn last(&self) -> Vec<&AnswerJudgement> {
-        let mut rounds: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut rounds: BTreeMap<AgentStage, usize> = BTreeMap::new();
         for judgement in &self.judgements {
             rounds.insert(judgement.stage, judgement.round);
         }
         let mut last: BTreeMap<(&str, &str), &AnswerJudgement> = BTreeMap::new();
         for judgement in
-            self.judgements.iter().filter(|judgement| rounds.get(judgement.stage) == Some(&judgement.round))
+            self.judgements.iter().filter(|judgement| rounds.get(&judgement.stage) == Some(&judgement.round))
         {
-            last.insert((judgement.stage, &judgement.subtask), judgement);
+            last.insert((judgement.stage.name(), &judgement.subtask), judgement);
         }
         last.into_values().collect()
     }
 }
 
-/// Class of a failed episode: that of the first uncorrected wrong answer, else the failure of execution.
+/// Analysis of a failed episode: the class of the first uncorrected wrong answer, else the failure of execution.
 ///
 /// `failure` is the agent's own report, `frames` the recording. Of several wrong answers the first counts.
-pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, frames: &[Frame]) -> AttributedFailure {
-    let said = failure.map(|failure| (failure.stage.as_str(), failure.cause.as_str()));
+pub fn classify(judgements: &EpisodeJudgements, failure: Option<&FailedStage>, frames: &[Frame]) -> AgentFailure {
+    let said = failure.map(|failure| (failure.stage, failure.cause));
     let words = failure.map_or_else(String::new, ToString::to_string);
-    if let Some((_, FailedStage::SERVICE)) = said {
-        return AttributedFailure { class: FailureClass::Service, ask: None, evidence: words };
+    let without_answer = |class, evidence| {
+        let stage = said.map_or(AgentStage::Execute, |(stage, _)| stage);
+        AgentFailure { class: Some(class), stage, ask: None, evidence, transcript: None }
+    };
+    if let Some((_, StageCause::Service)) = said {
+        return without_answer(FailureClass::Service, words);
     }
-    let ended_in = |stage: &str| said.is_some_and(|(said, _)| said == stage);
+    let ended_in = |stage: AgentStage| said.is_some_and(|(said, _)| said == stage);
     let wrong = judgements.last().into_iter().filter_map(|judgement| Some((judgement.wrong?, judgement)));
     // A wrong target is irrelevant if the object was lost before it got there.
     let was_carried = |ask: usize| judgements.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
     let is_plan = |class: FailureClass| {
         matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
     };
-    let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == "check");
+    let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == AgentStage::Check);
     let wrong = wrong.filter(|(class, judgement)| !has_tried || !is_plan(*class) || was_carried(judgement.ask));
     // A format error counts only if it ended the episode.
     let wrong = wrong.filter(|(class, judgement)| *class != FailureClass::Format || ended_in(judgement.stage));
     if let Some((class, judgement)) = wrong.min_by_key(|(_, judgement)| judgement.ask) {
         let class = match (class, said) {
             // "No mask fits" is a grounding error, not a format error.
-            (FailureClass::Format, Some(("object", "not_found"))) => FailureClass::GraspGrounding,
+            (FailureClass::Format, Some((AgentStage::Object, StageCause::NotFound))) => FailureClass::GraspGrounding,
             (class, _) => class,
         };
-        let evidence = format!("ask {} ({}): {}", judgement.ask, judgement.stage, judgement.evidence);
-        return AttributedFailure { class, ask: Some(judgement.ask), evidence };
+        let AnswerJudgement { ask, stage, .. } = *judgement;
+        let evidence = format!("ask {ask} ({}): {}", stage.name(), judgement.evidence);
+        return AgentFailure { class: Some(class), stage, ask: Some(ask), evidence, transcript: None };
     }
     let (class, evidence) = match said {
-        Some(("object", _)) => (FailureClass::GraspGrounding, words),
-        Some((GRASPS, "none" | "unsuited")) => (FailureClass::GraspProposal, words),
-        Some((GRASPS | "execute", _)) => (FailureClass::GraspExecution, words),
+        Some((AgentStage::Object, _)) => (FailureClass::GraspGrounding, words),
+        Some((AgentStage::Grasp, StageCause::NoGrasp | StageCause::Unsuited)) => (FailureClass::GraspProposal, words),
+        Some((AgentStage::Grasp | AgentStage::Execute, _)) => (FailureClass::GraspExecution, words),
         _ => match judgements.sent_last().find_map(|object| lost(object, frames)) {
             Some(how) => (FailureClass::GraspExecution, how),
             None => (FailureClass::PlanMotion, words),
         },
     };
-    AttributedFailure { class, ask: None, evidence }
+    without_answer(class, evidence)
 }
 
 /// Minimum number of frames between the fingers that counts as held; half a second at 60 Hz.
@@ -200,6 +132,8 @@ fn lost(object: usize, frames: &[Frame]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use genmanip_agent::ask::QuestionKind;
+
     use super::*;
 
     /// Description, judgements, reported failure, expected class and expected ask.
@@ -212,7 +146,7 @@ mod tests {
         subtask: &str,
         wrong: Option<FailureClass>,
     ) -> AnswerJudgement {
-        let (stage, subtask) = (stage.name(), subtask.to_owned());
+        let (stage, subtask) = (stage.into(), subtask.to_owned());
         AnswerJudgement { ask, round, stage, subtask, wrong, evidence: String::new() }
     }
 
@@ -222,7 +156,7 @@ mod tests {
             said(ask, round, QuestionKind::Object, subtask, is_wrong.then_some(FailureClass::GraspGrounding))
         };
         let format = |ask| said(ask, 0, QuestionKind::Check, "", Some(FailureClass::Format));
-        let rounds = FailedStage::new("check", "rounds", String::new());
+        let rounds = FailedStage::new(AgentStage::Check, StageCause::Rounds, String::new());
         let cases: [Case; 7] = [
             ("a wrong one", vec![object(1, 0, "a", true)], None, FailureClass::GraspGrounding, Some(1)),
             (
@@ -262,7 +196,7 @@ mod tests {
         for (what, judgements, failure, class, ask) in cases {
             let judgements = EpisodeJudgements { judgements, ..EpisodeJudgements::default() };
             let blamed = classify(&judgements, failure, &[]);
-            assert_eq!((blamed.class, blamed.ask), (class, ask), "{what}");
+            assert_eq!((blamed.class, blamed.ask), (Some(class), ask), "{what}");
         }
     }
 
@@ -292,16 +226,16 @@ mod tests {
             (run(3, 0.08), FailureClass::GraspExecution),
         ];
         for (frames, class) in cases {
-            assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
+            assert_eq!(classify(&sent, None, &frames).class, Some(class), "{}", frames.len());
         }
         // Placements before a new decomposition do not count.
         let anew =
             EpisodeJudgements { judgements: vec![said(9, 1, QuestionKind::Decompose, "", None)], ..sent.clone() };
-        assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
+        assert_eq!(classify(&anew, None, &run(3, 0.08)).class, Some(FailureClass::PlanMotion));
         // A wrong target counts only if the object was carried there.
         let wrong = said(3, 0, QuestionKind::PointToPoint, "a", Some(FailureClass::PlanLocation));
         let misplaced = EpisodeJudgements { judgements: vec![wrong], ..sent };
-        assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);
-        assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, FailureClass::GraspExecution);
+        assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, Some(FailureClass::PlanLocation));
+        assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, Some(FailureClass::GraspExecution));
     }
 }

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
-use genmanip_core::Grasp;
+use genmanip_core::{FailureClass, Grasp};
 
 use super::GroundTruth;
-use super::failure::FailureClass;
 
 /// Offset (m) of a wrong grasp against its approach direction: a depth error of half a mug.
 const SHORT_M: f64 = 0.06;

@@ -5,15 +5,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use genmanip_agent::Agent;
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::{
-    ActionChunk, Atom, EpisodeStart, GoalVerdict, Observation, Policy, PolicyError, PolicySpec, PrivilegedState,
-    RgbdImage, Seed,
+    ActionChunk, Atom, EpisodeStart, FailureClass, GoalVerdict, Observation, Policy, PolicyError, PolicySpec,
+    PrivilegedState, RgbdImage, Seed,
 };
 use genmanip_layout::{Move, moves};
 use genmanip_relations::{PosedScene, judge_atom, judge_goal};
 use genmanip_render::object_of_instance;
 use genmanip_rollout::{RolloutSettings, Stage};
-
-use super::failure::FailureClass;
 
 /// Current ground truth, shared by the oracle services of one episode.
 #[derive(Clone)]

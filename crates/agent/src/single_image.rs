@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_core::{EpisodeStart, Observation, Policy, PolicyError, Pose, RgbdImage, Seed};
+use genmanip_core::{EpisodeStart, FailedStage, Observation, Policy, PolicyError, Pose, RgbdImage, Seed};
 use genmanip_motion::Planner;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::ask::{FailedStage, TranscriptRecorder};
+use crate::ask::TranscriptRecorder;
 use crate::pipeline::Agent;
 use crate::settings::AgentSettings;
 

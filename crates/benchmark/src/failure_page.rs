@@ -63,8 +63,10 @@ pub struct CaseMoment {
 }
 
 /// Colours of the causes in their order: grasps in blues, plans in oranges, the rest in greens and greys.
-const COLORS: [&str; 10] =
-    ["#7c5ba6", "#1d4f91", "#3b82c4", "#8ec1e8", "#b45309", "#e08a2e", "#f4c27a", "#3f7d4f", "#8a9099", "#c3c8cf"];
+const COLORS: [&str; 11] = [
+    "#7c5ba6", "#1d4f91", "#3b82c4", "#8ec1e8", "#b45309", "#e08a2e", "#f4c27a", "#3f7d4f", "#8a9099", "#c3c8cf",
+    "#55595f",
+];
 
 /// The page as the text of an HTML file: no external resource, complete without scripts.
 pub fn failure_page(page: &FailurePage) -> String {
@@ -86,7 +88,10 @@ pub fn failure_page(page: &FailurePage) -> String {
         failed = failed,
         episodes = episodes,
     );
+    html += "<section>\n<h2>Causes by kind of task</h2>\n";
+    html += "<p>Each bar is the share of episodes that failed, by the one cause that is blamed.</p>\n";
     html += &chart(&page.kinds);
+    html += "</section>\n";
     html += &relations(&page.relations);
     html += &checks(&page.checks);
     html.extend(page.cases.iter().map(case));
@@ -103,7 +108,7 @@ impl KindFailures {
 const BAR: [usize; 4] = [560, 26, 40, 150];
 
 /// One bar per kind, proportional to its share of failed episodes and divided by cause.
-fn chart(kinds: &[KindFailures]) -> String {
+pub(crate) fn chart(kinds: &[KindFailures]) -> String {
     let [width, height, step, left] = BAR;
     let mut svg = String::new();
     for (row, kind) in kinds.iter().enumerate() {
@@ -167,8 +172,7 @@ fn chart(kinds: &[KindFailures]) -> String {
         );
     }
     format!(
-        "<section>\n<h2>Causes by kind of task</h2>\n<p>Each bar is the share of episodes that failed, by the one cause that is blamed.</p>\n\
-         <svg viewBox=\"0 0 {} {}\" style=\"max-width:{}px;width:100%;font:13px sans-serif\" fill=\"currentColor\" role=\"img\" aria-label=\"Failed episodes by kind and cause\">\n{svg}</svg>\n<p>{legend}</p>\n</section>\n",
+        "<svg viewBox=\"0 0 {} {}\" style=\"max-width:{}px;width:100%;font:13px sans-serif\" fill=\"currentColor\" role=\"img\" aria-label=\"Failed episodes by kind and cause\">\n{svg}</svg>\n<p>{legend}</p>\n",
         left + width + 110,
         bottom + 20,
         left + width + 110,

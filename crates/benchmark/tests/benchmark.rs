@@ -88,6 +88,54 @@ fn a_full_report_is_sound_and_the_same_each_time() {
 }
 
 #[test]
+fn failures_of_an_agent_are_shown_by_class_and_stage() {
+    let mut tasks = support::tasks();
+    tasks.truncate(5);
+    let mut input = support::report_input(tasks);
+    let is_of_agent = |row: &&mut EpisodeRow| row.evaluation.as_deref() == Some("replay") && !row.outcome.success;
+    let failure =
+        |class, stage| AgentFailure { class, stage, ask: Some(3), evidence: "<that>".into(), transcript: None };
+    let failures = [
+        failure(Some(FailureClass::GraspGrounding), AgentStage::Object),
+        failure(Some(FailureClass::PlanLocation), AgentStage::PointToPoint),
+        failure(Some(FailureClass::PlanLocation), AgentStage::GridPath),
+        failure(None, AgentStage::Check),
+    ];
+    let mut rows: Vec<_> = input.episodes.iter_mut().filter(is_of_agent).collect();
+    assert!(rows.len() > failures.len());
+    for (index, row) in rows.iter_mut().enumerate() {
+        row.outcome.agent_failure = Some(failures[index.min(3)].clone());
+    }
+    let unclassified = rows.len() - 3;
+    let counts =
+        statistics::agent_failure_counts(rows.into_iter().filter_map(|row| row.outcome.agent_failure.as_ref()));
+    assert_eq!((counts[0].class, counts[0].stage, counts[0].count), (None, AgentStage::Check, unclassified));
+    input.summaries.iter_mut().find(|summary| summary.policy == "replay").unwrap().agent_failures = counts;
+    let section = &mut input.cases[0];
+    let transcript = Some("asked/e-1/transcript.json".to_owned());
+    section.shown.as_mut().unwrap().agent_failure = Some(AgentFailure { transcript, ..failures[0].clone() });
+
+    let page = report_html(&input, &ReportSettings::default()).unwrap();
+    let link = "<a href=\"asked/e-1/transcript.json\">transcript</a>";
+    assert!(page.contains(link));
+    let text = check_report(&page.replace(link, ""), 15_000_000);
+    for expected in [
+        "Failures of the agent: replay".to_owned(),
+        "Class object grid path point to point check All stages".into(),
+        "grasp grounding 1 · · · 1".into(),
+        "plan location · 1 1 · 2".into(),
+        format!("not analysed · · · {unclassified} {unclassified}"),
+        "analysis=yes".into(),
+        "plan location at grid path".into(),
+        "stopped at check".into(),
+        "Agent: grasp grounding at object: &lt;that&gt;".into(),
+    ] {
+        assert!(text.contains(&expected), "{expected} in {text}");
+    }
+    assert_eq!(page.matches("Failures of the agent").count(), 1, "only where an agent failed");
+}
+
+#[test]
 fn hostile_text_stays_text() {
     let hostile = "<script>alert('x')</script> & \"q\" <img src=http://x onerror=y>\u{1}";
     let mut tasks = support::tasks();

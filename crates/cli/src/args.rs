@@ -62,10 +62,11 @@ pub enum Command {
     /// Lay tasks out: poses for every object such that the whole scene graph holds
     #[command(after_help = "Example:\n  genmanip layout examples/tasks --count 4 --seed 7 --out out/scenarios")]
     Layout(LayoutArguments),
-    /// Plan one motion of the arm in a scenario: to a grasp, to a point or to joint positions
+    /// Plan one motion of the arm, in a scenario or an empty world: to a grasp, to a point or to joint positions
     #[command(
         after_help = "Examples:\n  genmanip plan out/scenarios/017_pick_and_place-000.json --pick 032 --picture plan.png\n  \
-                      genmanip plan SCENARIO --to 0.5,-0.2,0.15 --yaw 45 --animation plan.mp4\n\n\
+                      genmanip plan SCENARIO --to 0.5,-0.2,0.15 --yaw 45 --animation plan.mp4\n  \
+                      genmanip plan --robot examples/robots/six_axis.urdf --joints 1,0.6,0.6,0,0.4,0 --picture plan.png\n\n\
                       The robot's base frame: x ahead, y to its left, z up, the table at z = 0."
     )]
     Plan(PlanArguments),
@@ -196,6 +197,9 @@ pub enum Command {
     Doctor,
 }
 
+/// Help of `--objects`, which means the same everywhere.
+const OBJECTS: &str = "Objects: uids separated by commas, or words as with `assets search`";
+
 /// Subcommands of `task`.
 #[derive(Debug, Subcommand)]
 pub enum TaskCommand {
@@ -250,9 +254,8 @@ pub struct BakeArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
-    /// Uids, comma separated, instead of all objects that can be grasped
-    #[arg(long, value_delimiter = ',')]
-    pub objects: Vec<String>,
+    #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS} [default: all that can be grasped]"))]
+    pub objects: Option<String>,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
@@ -307,9 +310,11 @@ pub struct NewArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
-    /// Only objects that are found by these words and filters, as with `assets search`
-    #[arg(long, value_name = "QUERY")]
+    #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS} [default: all of the catalogue]"))]
     pub objects: Option<String>,
+    /// Object that the goal of every task involves; only with --designer rules
+    #[arg(long, value_name = "UID")]
+    pub include: Option<String>,
     /// World whose further support surfaces tasks may name; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
@@ -328,18 +333,20 @@ pub struct CheckArguments {
     /// Print valid ones too where there are more than 30
     #[arg(long)]
     pub each: bool,
-    /// Uids that were offered, for a bare answer
-    #[arg(long, value_delimiter = ',')]
-    pub objects: Vec<String>,
+    #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS}; those that were offered, for a bare answer"))]
+    pub objects: Option<String>,
     /// World whose further support surfaces were offered too, for a bare answer
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Kind of task that was asked for, for a bare answer
     #[arg(long, default_value = "pick_and_place")]
     pub kind: String,
-    /// Fewest objects that were asked for, for a bare answer
-    #[arg(long, default_value_t = 2)]
-    pub min_objects: usize,
+    /// Fewest objects that were asked for, for a bare answer [default: 2, or 1 if one was offered]
+    #[arg(long, value_name = "N")]
+    pub min_objects: Option<usize>,
+    /// File for the checked task, repaired if need be; needs a single answer or document
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `task show`.
@@ -391,8 +398,12 @@ pub struct LayoutArguments {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("goal").required(true))]
 pub struct PlanArguments {
-    /// Scenario file, as `layout` and `collect` write them
-    pub scenario: PathBuf,
+    /// Scenario file, as `layout` and `collect` write them; without one, the arm moves in an empty world
+    #[arg(required_unless_present_any = ["robot", "world"])]
+    pub scenario: Option<PathBuf>,
+    /// World whose tables and walls the arm avoids: TOML or JSON [default without a scenario: the built-in one]
+    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
+    pub world: Option<PathBuf>,
     /// To a grasp of this object: its uid or name
     #[arg(long, value_name = "OBJECT", group = "goal")]
     pub pick: Option<String>,
@@ -410,9 +421,9 @@ pub struct PlanArguments {
     /// Joint positions to start from, rad [default: the robot's home]
     #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse::number)]
     pub from: Option<Vec<f64>>,
-    /// Opening of the gripper, metres; a grasp brings its own
-    #[arg(long, value_name = "WIDTH", default_value_t = 0.08, value_parser = parse::number)]
-    pub gripper: f64,
+    /// Opening of the gripper, metres; a grasp brings its own [default: 0.08, or the widest]
+    #[arg(long, value_name = "WIDTH", value_parser = parse::number)]
+    pub gripper: Option<f64>,
     /// Seed of the search
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
@@ -420,7 +431,7 @@ pub struct PlanArguments {
     #[arg(long, value_name = "RAD", value_parser = parse::edge)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, alias = "image", value_name = "FILE")]
     pub picture: Option<PathBuf>,
     /// Record the motion as a video, MP4
     #[arg(long, value_name = "FILE")]
@@ -428,8 +439,9 @@ pub struct PlanArguments {
     /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Refuse scenarios that were laid out for another robot than this
-    #[arg(long, value_name = "NAME")]
+    /// Robot of the empty world: a name, a URDF file or a folder with one; scenarios laid out for another robot are
+    /// refused
+    #[arg(long, value_name = "NAME|URDF")]
     pub robot: Option<String>,
 }
 

@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::failure::{AgentFailure, Failure};
 use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, upgrade};
 
 /// Simulation state at one control step, and the command applied during the following interval.
@@ -87,6 +88,9 @@ pub struct EpisodeResult {
     pub ending: Option<Ending>,
     /// Observed failure causes, the most decisive first; empty on success.
     pub failures: Vec<Failure>,
+    /// Analysis of an agent's failed episode; absent for other policies and after a success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agent_failure: Option<AgentFailure>,
     /// Simulated duration, s.
     pub duration_s: f64,
     /// Time limit, s.
@@ -263,63 +267,4 @@ pub enum AttemptOutcome {
     Verified,
     /// The attempt failed.
     Failed(Failure),
-}
-
-/// A failure cause with its evidence.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Failure {
-    /// The cause.
-    pub cause: FailureCause,
-    /// Observation with numbers, e.g. `Red Mug slipped at 3.2 s`.
-    pub evidence: String,
-}
-
-/// Cause of a failed attempt.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FailureCause {
-    /// No valid layout was found.
-    Layout,
-    /// No collision-free grasp candidate.
-    NoGrasp,
-    /// No inverse-kinematics solution.
-    NoIk,
-    /// No placement satisfies the goal.
-    NoGoalPose,
-    /// No collision-free path.
-    Planning,
-    /// The object slipped out of the gripper or was never held.
-    Slipped,
-    /// Another object was knocked over or displaced.
-    Disturbed,
-    /// All motions were executed, but the goal does not hold.
-    GoalMissed,
-    /// The time limit was reached.
-    Timeout,
-    /// The policy refused or raised an error.
-    Policy,
-}
-
-impl FailureCause {
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Layout => "layout",
-            Self::NoGrasp => "no_grasp",
-            Self::NoIk => "no_ik",
-            Self::NoGoalPose => "no_goal_pose",
-            Self::Planning => "planning",
-            Self::Slipped => "slipped",
-            Self::Disturbed => "disturbed",
-            Self::GoalMissed => "goal_missed",
-            Self::Timeout => "timeout",
-            Self::Policy => "policy",
-        }
-    }
-}
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}: {}", self.cause.name(), self.evidence)
-    }
 }

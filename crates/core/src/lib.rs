@@ -25,6 +25,7 @@ mod distortion;
 pub mod document;
 mod document_error;
 pub mod episode;
+mod failure;
 pub mod geometry;
 pub mod grasp;
 mod hash;
@@ -65,9 +66,10 @@ pub use distortion::Distortion;
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_from_reader, long_to_json, write_tagged};
 pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame,
-    GripperPhase, NotRun, ObjectState, StrayContact,
+    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, Frame, GripperPhase, NotRun, ObjectState,
+    StrayContact,
 };
+pub use failure::{AgentFailure, AgentStage, FailedStage, Failure, FailureCause, FailureClass, StageCause};
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, VerifiedGrasp};
 pub use hash::AssetHashes;

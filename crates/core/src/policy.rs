@@ -7,7 +7,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionSpec, Camera, CameraRequest, ObjectState, RgbdImage, Scenario, Seed};
+use crate::{ActionSpec, AgentFailure, Camera, CameraRequest, Frame, ObjectState, RgbdImage, Scenario, Seed};
 
 /// A robot controller. Synchronous; one instance per episode in flight.
 pub trait Policy: Send {
@@ -25,6 +25,11 @@ pub trait Policy: Send {
     /// # Errors
     /// If the policy gives up; the episode then ends and the reason is recorded.
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError>;
+
+    /// Own analysis of the episode, which failed; `frames` is the recording.
+    fn analyse(&self, _frames: &[Frame]) -> Option<AgentFailure> {
+        None
+    }
 }
 
 /// Interface of a policy.

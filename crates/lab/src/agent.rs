@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::ask::TranscriptEvent;
-use genmanip_agent_sim::{AgentChoice, AttributedFailure, classify, keep};
+use genmanip_agent_sim::{AgentChoice, keep};
 use genmanip_benchmark::failure_page;
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
+use genmanip_core::{AgentFailure, EpisodeResult, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_workspace::Progress;
@@ -100,7 +100,6 @@ struct Played {
     result: EpisodeResult,
     asks: usize,
     cpu_s: f64,
-    blame: Option<AttributedFailure>,
 }
 
 /// Runs the agent once on each task; one thread.
@@ -147,7 +146,7 @@ pub fn measure(
                 }
                 measured.kinds.entry(task.kind.name()).or_default().add(&played);
                 measured.total.add(&played);
-                if let Some(AttributedFailure { class, evidence, .. }) = &played.blame {
+                if let Some(AgentFailure { class: Some(class), evidence, .. }) = &played.result.agent_failure {
                     progress.note(&format!("{} {}: {evidence}", played.result.id, class.name()));
                 }
             }
@@ -184,11 +183,12 @@ fn play(
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
     let stage = stage.map_err(|error| broke("cannot be opened", error))?;
     let mut clock = cpu_clock();
-    let mut made = arguments.choice.make(&stage, resources.planner, resources.grasps, None)?;
-    let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
-    let Episode { result, frames, .. } = match episode {
+    let choice = AgentChoice { is_analysed: true, ..arguments.choice.clone() };
+    let mut made = choice.make(&stage, resources.planner, resources.grasps, None)?;
+    let episode = run_episode(&stage, &mut made, &attempt.id(), attempt.seed, &settings.rollout);
+    let mut result = match episode {
         Err(RolloutError::NotRun { reason, .. }) => return Ok(Err(Left::NotRun(reason))),
-        episode => episode.map_err(|error| broke("broke", error))?,
+        episode => episode.map_err(|error| broke("broke", error))?.result,
     };
     let cpu_s = clock();
     let transcript = made.transcribed.transcript();
@@ -197,14 +197,13 @@ fn play(
     }
     let asks = transcript.moments.iter().filter(|moment| matches!(moment, TranscriptEvent::Asked(_))).count();
     let judgements = made.judgements.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    let blame = (!result.success).then(|| {
-        let blamed = classify(&judgements, transcript.failure.as_ref(), &frames);
-        let said = transcript.failure.as_ref().map(ToString::to_string);
-        let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
-        AttributedFailure { evidence: format!("{}; {}", blamed.evidence, said.unwrap_or(judged)), ..blamed }
-    });
-    gathered.add(task.kind, &result, (&judgements, blame.as_ref()), &made.transcribed);
-    Ok(Ok(Played { result, asks, cpu_s, blame }))
+    let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
+    if let Some(failure) = &mut result.agent_failure {
+        let said = transcript.failure.as_ref().map_or(judged, ToString::to_string);
+        failure.evidence = format!("{}; {said}", failure.evidence);
+    }
+    gathered.add(task.kind, &result, &judgements, &made.transcribed);
+    Ok(Ok(Played { result, asks, cpu_s }))
 }
 
 impl Counted {
@@ -220,7 +219,7 @@ impl Counted {
         self.score = self.scores / count;
         self.asks_per_episode = self.asks as f64 / count;
         self.cpu_s_per_episode = self.cpu_s / count;
-        if let Some(AttributedFailure { class, evidence, .. }) = &played.blame {
+        if let Some(AgentFailure { class: Some(class), evidence, .. }) = &played.result.agent_failure {
             *self.failures.entry(class.name().into()).or_default() += 1;
             let samples = self.evidence.entry(class.name().into()).or_default();
             if samples.len() < SAMPLES {

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use genmanip_agent::ask::{TranscriptEvent, TranscriptRecorder};
-use genmanip_agent_sim::{AttributedFailure, EpisodeJudgements, FailureClass};
+use genmanip_agent_sim::EpisodeJudgements;
 use genmanip_benchmark::{CaseMoment, FailureCase, FailurePage, KindFailures};
-use genmanip_core::{EpisodeResult, TaskKind};
+use genmanip_core::{AgentFailure, EpisodeResult, FailureClass, TaskKind};
 
 /// Collector, filled episode by episode.
 #[derive(Default)]
@@ -22,7 +22,7 @@ impl Gathered {
         &mut self,
         kind: TaskKind,
         result: &EpisodeResult,
-        (judgements, blamed): (&EpisodeJudgements, Option<&AttributedFailure>),
+        judgements: &EpisodeJudgements,
         transcribed: &TranscriptRecorder,
     ) {
         let (episodes, causes) = self.kinds.entry(kind.name()).or_default();
@@ -34,9 +34,10 @@ impl Gathered {
         for (row, counts) in self.checks.iter_mut().zip(judgements.checks) {
             row.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
         }
-        let Some(blamed) = blamed else { return };
-        *causes.entry(blamed.class).or_default() += 1;
-        self.cases.entry(blamed.class).or_insert_with(|| case(result, blamed, transcribed));
+        let Some(failure) = &result.agent_failure else { return };
+        let Some(class) = failure.class else { return };
+        *causes.entry(class).or_default() += 1;
+        self.cases.entry(class).or_insert_with(|| case(result, (class, failure), transcribed));
     }
 
     /// The page; classes in their order, including those that never occurred.
@@ -61,7 +62,11 @@ impl Gathered {
     }
 }
 
-fn case(result: &EpisodeResult, blamed: &AttributedFailure, transcribed: &TranscriptRecorder) -> FailureCase {
+fn case(
+    result: &EpisodeResult,
+    (class, blamed): (FailureClass, &AgentFailure),
+    transcribed: &TranscriptRecorder,
+) -> FailureCase {
     let transcript = transcribed.transcript();
     let pictures: BTreeMap<String, Vec<u8>> =
         transcribed.pictures().into_iter().filter_map(|(name, picture)| Some((name, picture.png().ok()?))).collect();
@@ -85,7 +90,7 @@ fn case(result: &EpisodeResult, blamed: &AttributedFailure, transcribed: &Transc
         }
     };
     FailureCase {
-        cause: blamed.class.name().into(),
+        cause: class.name().into(),
         id: result.id.clone(),
         instruction: transcript.instruction.clone(),
         evidence: blamed.evidence.clone(),

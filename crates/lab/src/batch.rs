@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use genmanip_agent::ask::{ChatService, ModelReply, Question, ServiceError, VisionModel};
 use genmanip_agent_sim::{AgentChoice, GroundTruth, ModelFile, Oracle, SharedModel};
-use genmanip_core::{NotRun, Seed, TaskKind, World};
+use genmanip_core::{NotRun, Policy, Seed, TaskKind, World};
 use genmanip_llm::fake::{Behaviour, FakeServer, SeenRequest};
 use genmanip_llm::{ServerSettings, Structure};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
@@ -129,7 +129,7 @@ pub fn measure(
     let shared = Arc::new(SharedModel::open(&file)?);
     let choice = AgentChoice::named("oracle", "rgbd", "p2p", "full")?;
     let cores = Arc::new(Cores::new(arguments.workers));
-    let make = |stage: &Stage, case: &Case| {
+    let make = |stage: &Stage, case: &Case| -> Result<Box<dyn Policy>, RolloutError> {
         let id = case.id.clone();
         CLOCK.set(Some(Box::new(cpu_clock())));
         let broke = |error: LabError| RolloutError::Spec { policy: "agent".into(), source: error.into() };
@@ -138,7 +138,7 @@ pub fn measure(
         let service = shared.service(Some(&cores));
         let parameters = Map::from_iter([("user".to_owned(), Value::from(id.clone()))]);
         let model = OverHttp { id, oracle, table: Arc::clone(&table), service: ChatService { parameters, ..service } };
-        Ok(choice.make_asking(Arc::new(model), truth, &planner).map_err(broke)?.policy)
+        Ok(Box::new(choice.make_asking(Arc::new(model), truth, &planner).map_err(broke)?))
     };
     let finished = |outcome: &Outcome| -> Result<(), RolloutError> {
         let id = match outcome {

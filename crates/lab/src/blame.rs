@@ -5,14 +5,14 @@
 
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 use genmanip_agent::PathKind;
 use genmanip_agent::ask::VisionModel;
 use genmanip_agent::services::GraspSource;
-use genmanip_agent_sim::{AgentChoice, ErrorInjection, FailureClass, ModelChoice, classify};
+use genmanip_agent_sim::{AgentChoice, ErrorInjection, ModelChoice};
 use genmanip_benchmark::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_core::{Seed, Task, TaskKind, World};
+use genmanip_core::{FailureClass, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{PipelineSettings, Resources};
 use genmanip_rollout::{Environment, RolloutError, Stage, resume_episode, run_episode, run_episode_with};
 use genmanip_workspace::Progress;
@@ -278,8 +278,7 @@ fn play(
         Ok(())
     };
     let id = attempt.id();
-    let policy = made.policy.as_mut();
-    let episode = run_episode_with(&stage, policy, &id, attempt.seed, &settings.rollout, &mut watch);
+    let episode = run_episode_with(&stage, &mut made, &id, attempt.seed, &settings.rollout, &mut watch);
     let episode = match episode {
         Err(RolloutError::NotRun { reason, .. }) => {
             progress.note(&format!("{id} was not run: {reason}"));
@@ -291,8 +290,9 @@ fn play(
     if episode.result.success {
         return Ok(Some(Played { is_flawed, failure: None, fails_anyway: false, snapped: None }));
     }
-    let judgements = made.judgements.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    let blamed = classify(&judgements, made.transcribed.transcript().failure.as_ref(), &episode.frames);
+    let blamed = episode.result.agent_failure;
+    let blamed = blamed.ok_or_else(|| LabError::input("a failed episode was not analysed, which is a defect"))?;
+    let class = blamed.class.ok_or_else(|| LabError::input("a failed episode has no class, which is a defect"))?;
     let honest = Arc::new(oracle.honest());
     // The recorded answers cover only the episode as it was.
     let then = match &choice.model {
@@ -316,7 +316,7 @@ fn play(
     };
     let succeeds = |other: &AgentChoice| -> Result<bool, LabError> {
         let mut made = other.make(&stage, resources.planner, resources.grasps, None)?;
-        let again = run_episode(&stage, made.policy.as_mut(), &id, attempt.seed, &settings.rollout).map_err(broke)?;
+        let again = run_episode(&stage, &mut made, &id, attempt.seed, &settings.rollout).map_err(broke)?;
         Ok(again.result.success)
     };
     let mut other = AgentChoice { dials: ErrorInjection::default(), keeps_turns: false, ..choice.clone() };
@@ -326,7 +326,7 @@ fn play(
         other.settings.cells.snap = true;
         snapped = Some(succeeds(&other)?);
     }
-    let failure = Some((blamed.class, blamed.evidence, outcome));
+    let failure = Some((class, blamed.evidence, outcome));
     Ok(Some(Played { is_flawed, failure, fails_anyway, snapped }))
 }
 

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent_sim::OracleSegmenter;
-use genmanip_agent_sim::{AgentChoice, FailureClass, ModelChoice};
+use genmanip_agent_sim::{AgentChoice, ModelChoice};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
-use genmanip_core::{Seed, Task, TaskKind};
+use genmanip_core::{FailureClass, Seed, Task, TaskKind};
 use genmanip_import::robots;
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;

@@ -111,7 +111,8 @@ pub fn export(
     let hash = run.hash()?;
     let settings = LerobotSettings { export: rows, run: Some(hash.clone()), ..LerobotSettings::default() };
     let rows = &settings.export;
-    let name = format!("{}-{}-{}hz", options.format.name(), action_name(&rows.action), rows.fps);
+    let format = options.format.name();
+    let name = format!("{format}-{}-{}hz{}", action_name(&rows.action), rows.fps, cameras_name(&rows.cameras));
     let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
     for target in [lerobot::depth_path(&target), target.clone()] {
         lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
@@ -143,6 +144,15 @@ pub fn export(
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
     }
     Ok(Some(exported))
+}
+
+/// Cameras in the name of an export: none for the usual ones, so that exports of other cameras lie beside it.
+fn cameras_name(cameras: &[String]) -> String {
+    match cameras {
+        usual if usual == ExportSettings::default().cameras => String::new(),
+        [] => "-no_images".into(),
+        others => format!("-{}", others.join("+")),
+    }
 }
 
 /// Refuses columns that a format has no place for.

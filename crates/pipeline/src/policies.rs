@@ -4,6 +4,7 @@
 //! Another policy is one more entry of [`POLICIES`].
 
 mod arguments;
+mod label;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -22,11 +23,14 @@ use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 
 use crate::remote;
-use genmanip_agent_sim::{AgentChoice, ModelChoice, TranscriptWriter, UsageAccount};
+use genmanip_agent_sim::{AgentChoice, ModelChoice, UsageAccount};
 use genmanip_workspace::WorkspaceError;
 
 pub use arguments::PolicyArgument;
 use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
+pub use label::InLabel;
+pub(crate) use label::label;
+use label::{MAX_LABEL, fits};
 
 pub use crate::remote::read_spec;
 
@@ -51,7 +55,7 @@ pub const POLICIES: [PolicyEntry; 11] = [
     PolicyEntry {
         name: "do_nothing",
         about: "stands still: the control that shows that no scenario solves itself",
-        arguments: &[PolicyArgument { name: "seconds", default: "5", about: "how long it stands still, s" }],
+        arguments: &[PolicyArgument::new("seconds", "5", "how long it stands still, s")],
         needs_record: false,
         is_usual: true,
         prepare: do_nothing,
@@ -59,7 +63,7 @@ pub const POLICIES: [PolicyEntry; 11] = [
     PolicyEntry {
         name: "random",
         about: "moves joints and fingers at random: the control that shows what chance reaches",
-        arguments: &[PolicyArgument { name: "seconds", default: "20", about: "how long it moves, s" }],
+        arguments: &[PolicyArgument::new("seconds", "20", "how long it moves, s")],
         needs_record: false,
         is_usual: false,
         prepare: random,
@@ -83,7 +87,7 @@ pub const POLICIES: [PolicyEntry; 11] = [
     PolicyEntry {
         name: "playback",
         about: "applies the actions of a dataset, row by row, without looking; it acts as the dataset says",
-        arguments: &[PolicyArgument { name: "dataset", default: "", about: "folder of a LeRobot dataset" }],
+        arguments: &[PolicyArgument::new("dataset", "", "folder of a LeRobot dataset").in_label(InLabel::Content)],
         needs_record: false,
         is_usual: false,
         prepare: playback,
@@ -202,6 +206,7 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
             .with_answers(given.folder("answers"))?;
     (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
     choice.settings.reasoning = given.is_yes("reasoning")?;
+    choice.is_analysed = given.is_yes("analysis")?;
     choice.settings = choice.settings.shown_by(given.text("camera"));
     match given.text("loop") {
         "closed" => {}
@@ -229,10 +234,8 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
     };
     let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
-        Ok(match &transcripts {
-            Some(folder) => Box::new(TranscriptWriter::new(made, folder.join(&episode.stage.scenario.id))),
-            None => made.policy,
-        })
+        let folder = transcripts.as_ref().map(|folder| folder.join(&episode.stage.scenario.id));
+        Ok(Box::new(made.transcribing(folder)))
     });
     Ok(Prepared { account, ..prepared })
 }
@@ -319,6 +322,7 @@ pub struct PolicyFactory {
     name: String,
     label: String,
     needs_record: bool,
+    named_folders: Vec<String>,
     prepared: Prepared,
 }
 
@@ -334,7 +338,8 @@ impl PolicyFactory {
         let entry = entry.ok_or_else(|| WorkspaceError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
         let prepared = (entry.prepare)(&given)?;
-        Ok(Self { name: entry.name.into(), label: given.label(), needs_record: entry.needs_record, prepared })
+        let (name, label, named_folders) = (entry.name.into(), given.label(), given.named_folders());
+        Ok(Self { name, label, needs_record: entry.needs_record, named_folders, prepared })
     }
 
     /// A policy of the calling program, under a name of its own; `make` is called once per episode, from any thread.
@@ -345,13 +350,14 @@ impl PolicyFactory {
         name: &str,
         make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static,
     ) -> Result<Self, WorkspaceError> {
-        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits_label) || name.len() > MAX_NAME_BYTES {
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits) || name.len() > MAX_LABEL {
             return Err(WorkspaceError::input(format!("`{name}` cannot be the name of a policy")).with_hint(
                 "it names a file: letters, digits and -_.+=@, no dot at the beginning, at most 100 of them",
             ));
         }
         let (name, label) = (name.to_owned(), name.to_owned());
-        Ok(Self { name, label, needs_record: false, prepared: Prepared::new(make) })
+        let named_folders = Vec::new();
+        Ok(Self { name, label, needs_record: false, named_folders, prepared: Prepared::new(make) })
     }
 
     /// The usual policies with their defaults, without those that need a record where there is none.
@@ -368,9 +374,15 @@ impl PolicyFactory {
         &self.name
     }
 
-    /// The name with those arguments that differ from their defaults, fit for the name of a file.
+    /// Label of its evaluations, fit for the name of a file: the name with those arguments that differ from their
+    /// defaults and change results, the same on every machine.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// Arguments that the label names but does not identify, as `NAME=FOLDER`.
+    pub(crate) fn named_folders(&self) -> &[String] {
+        &self.named_folders
     }
 
     /// True if it needs an episode that was recorded on the same scenario.
@@ -411,24 +423,17 @@ pub fn describe() -> String {
     let mut text = String::new();
     for entry in &POLICIES {
         text += &format!("{:<11} {}\n", entry.name, entry.about);
-        for PolicyArgument { name, default, about } in entry.arguments {
+        for PolicyArgument { name, default, about, .. } in entry.arguments {
             text += &format!("{:<11} {name}={default}: {about}\n", "");
         }
     }
     text
 }
 
-/// Longest name of a policy of the calling program, bytes.
-const MAX_NAME_BYTES: usize = 100;
-
-/// True if a character may occur in a label, which names a file.
-fn fits_label(c: char) -> bool {
-    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
-}
-
 /// The arguments of a policy: given ones, and defaults for the others.
 struct Given {
     policy: &'static str,
+    arguments: &'static [PolicyArgument],
     /// In the order of the entry, with whether it differs from its default.
     values: Vec<(&'static str, String, bool)>,
 }
@@ -436,7 +441,7 @@ struct Given {
 impl Given {
     fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, WorkspaceError> {
         let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
-        let mut given = Self { policy: entry.name, values: defaults.collect() };
+        let mut given = Self { policy: entry.name, arguments: entry.arguments, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
             // `python:MODULE:CLASS` reads better than `python:class=MODULE:CLASS`.
             if let (0, "python", false) = (place, entry.name, part.contains('=')) {
@@ -491,11 +496,19 @@ impl Given {
         Some(self.text(name)).filter(|path| !path.is_empty()).map(PathBuf::from)
     }
 
+    /// The policy with those arguments that differ from their defaults.
     fn label(&self) -> String {
-        let fit = |c: char| if fits_label(c) { c } else { '_' };
-        let differing = self.values.iter().filter(|(.., differs)| *differs);
-        let arguments = differing.map(|(name, value, _)| format!("_{name}={value}"));
-        format!("{}{}", self.policy, arguments.collect::<String>()).chars().map(fit).collect()
+        let differing = self.arguments.iter().zip(&self.values).filter(|(_, (.., differs))| *differs);
+        let arguments = differing
+            .filter_map(|(argument, (name, value, _))| Some(format!("_{name}={}", argument.in_label.of(value)?)));
+        label(&format!("{}{}", self.policy, arguments.collect::<String>()))
+    }
+
+    /// Values that the label names but does not identify.
+    fn named_folders(&self) -> Vec<String> {
+        let named = self.arguments.iter().zip(&self.values);
+        let named = named.filter(|(argument, (.., differs))| *differs && argument.in_label == InLabel::Name);
+        named.map(|(argument, (_, value, _))| format!("{}={value}", argument.name)).collect()
     }
 }
 
@@ -513,6 +526,9 @@ mod tests {
             ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
             ("python:mine.press:Press", "python_class=mine.press_Press"),
             ("agent:path=grid,preset=paper", "agent_path=grid_preset=paper"),
+            ("agent:transcripts=out/asked,vlm=random", "agent_vlm=random"),
+            ("agent:vlm=random,answers=out/answers", "agent_vlm=random_answers=answers"),
+            ("openpi:url=ws://gpu:8000,preset=libero", "openpi_url=gpu_8000_preset=libero"),
         ];
         for (text, label) in labels {
             let factory = PolicyFactory::resolve(text).unwrap();

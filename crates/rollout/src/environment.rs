@@ -521,6 +521,7 @@ impl Session {
             cloud: None,
             other_request_success,
             correction: None,
+            agent_failure: None,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

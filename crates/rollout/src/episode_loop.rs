@@ -47,7 +47,20 @@ pub fn run_episode_with(
     environment.reset(stage, seed);
     let spec = policy.spec();
     let (ending, gave_up) = act(&mut environment, stage, policy, &spec, seed.fork("policy"), usize::MAX, before_turn)?;
-    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
+    conclude(&mut environment, policy, Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
+}
+
+/// Judges the episode and, if it failed, adds the policy's own analysis.
+fn conclude(
+    environment: &mut Environment,
+    policy: &dyn Policy,
+    conclusion: Conclusion,
+) -> Result<Episode, RolloutError> {
+    let mut episode = environment.finish(conclusion)?;
+    if !episode.result.success {
+        episode.result.agent_failure = policy.analyse(&episode.frames);
+    }
+    Ok(episode)
 }
 
 /// Share of the time limit after which the expert takes over; chosen: the expert needs less than the other half.
@@ -134,7 +147,7 @@ pub fn resume_episode(
     let spec = policy.spec();
     let mut driver = Driver::new(&spec, stage, environment.settings())?;
     let (ending, gave_up) = drive(environment, policy, &spec, &mut driver, usize::MAX, &mut |_| Ok(()))?;
-    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
+    conclude(environment, policy, Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, gave_up })
 }
 
 /// Minimum interval between observations at which render caches are not worth keeping, s: in that time the arm crosses a

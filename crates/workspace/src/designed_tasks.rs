@@ -5,7 +5,8 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind, limits};
+use genmanip_core::asset::uid_of;
+use genmanip_core::{Atom, Document, ObjectCard, Seed, Task, TaskKind, limits};
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_tasks::designer::{DesignSettings, Missing, Series};
@@ -45,6 +46,8 @@ pub struct Design<'a> {
     pub settings: DesignSettings,
     /// True if other kinds replace a kind that is exhausted.
     pub fill: bool,
+    /// Uid of an object that the goal of every task involves.
+    pub include: Option<&'a str>,
 }
 
 /// Composes tasks and writes each as a file of the folder. An existing file with the same content stays, so a call with
@@ -55,13 +58,14 @@ pub struct Design<'a> {
 /// # Errors
 /// When `kinds` is empty, a file cannot be written, or a file of the same name holds another task.
 pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> Result<Vec<NewTask>, WorkspaceError> {
-    let Design { kinds, count, cards, seed, ref settings, fill } = *design;
+    let Design { kinds, count, cards, seed, ref settings, fill, include } = *design;
     let mut series = Series::new(kinds, cards, seed, settings, fill)
         .map_err(|error| WorkspaceError::broken("the designer gave up", error))?;
     let mut rows = Vec::with_capacity(count);
     progress.begin("designing", count);
     while rows.len() < count {
-        let composed: Vec<_> = (rows.len()..count).take(BATCH).map(|_| series.compose()).collect();
+        let composed: Vec<_> =
+            (rows.len()..count).take(BATCH).map(|_| compose(&mut series, include)).collect::<Result<_, _>>()?;
         rows.extend(in_parallel(&composed, WRITERS, &AtomicBool::new(false), &|composed| {
             progress.advance();
             match composed {
@@ -73,6 +77,33 @@ pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> R
     progress.end();
     Ok(rows)
 }
+
+/// The next task; with `include`, the next whose goal involves that object.
+fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Missing>, WorkspaceError> {
+    let Some(uid) = include else { return Ok(series.compose()) };
+    let involves = |task: &Task| {
+        task.goal.alternatives.iter().flatten().any(|atom| {
+            let second = match atom {
+                Atom::Relation { reference, second_reference, .. } => Some((reference, second_reference.as_ref())),
+                Atom::State { .. } => None,
+            };
+            let others = second.into_iter().flat_map(|(reference, second)| [Some(reference), second]).flatten();
+            others.map(String::as_str).chain([atom.subject()]).any(|id| uid_of(id) == uid)
+        })
+    };
+    for _ in 0..MOST_WITHOUT {
+        match series.compose() {
+            Ok(task) if !involves(&task) => {}
+            composed => return Ok(composed),
+        }
+    }
+    Err(WorkspaceError::input(format!("none of {MOST_WITHOUT} tasks involves object {uid}"))
+        .with_hint("offer fewer other objects with --objects, or choose another --kind"))
+}
+
+/// Number of tasks composed without the wanted object before the search ends; chosen: a goal involves some two of the
+/// 1,120 built-in objects.
+const MOST_WITHOUT: usize = 10_000;
 
 /// Number of tasks composed before they are written in parallel, and number of writer threads; chosen: flushing many
 /// files at once takes a disk as long as flushing one, and a kill loses at most a second's work.

@@ -4,12 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, robots};
-use genmanip_core::{Scenario, limits};
+use genmanip_core::{Goal, Scenario, SceneGraph, Seed, Task, TaskKind, World, limits};
 use genmanip_rollout::Stage;
 use genmanip_sim::EngineSettings;
 
 use crate::documents::read_document;
 use crate::error::{Cause, WorkspaceError};
+use crate::worlds;
 
 /// Reads a scenario; checks its robot and its engine settings.
 ///
@@ -31,6 +32,39 @@ pub fn read_stage(path: &Path) -> Result<Stage, WorkspaceError> {
     let robot = robots::of_world(&scenario.world).map_err(|error| unsuited(path, error))?;
     Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| unsuited(path, error))
 }
+
+/// Stage of a world without objects, for motions of the arm alone.
+///
+/// # Errors
+/// When the robot is unknown, or physics cannot simulate it.
+pub fn empty_stage(world: World) -> Result<Stage, WorkspaceError> {
+    let robot = worlds::robot(&world)?;
+    let task = Task {
+        id: EMPTY.into(),
+        kind: TaskKind::PickAndPlace,
+        instruction: String::new(),
+        goal: Goal::default(),
+        scene_graph: SceneGraph::default(),
+        objects: Vec::new(),
+        surfaces: Vec::new(),
+        interchangeable: Vec::new(),
+        source: EMPTY.into(),
+    };
+    let scenario = Scenario {
+        id: EMPTY.into(),
+        task,
+        seed: Seed::new(0),
+        objects: Vec::new(),
+        world,
+        other_request: None,
+        genmanip_version: env!("CARGO_PKG_VERSION").into(),
+    };
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot)
+        .map_err(|error| WorkspaceError::input(format!("robot `{}` cannot be set up", robot.name)).because(error))
+}
+
+/// Id of the scenario without objects.
+const EMPTY: &str = "empty";
 
 fn unsuited(path: &Path, error: impl Into<Cause>) -> WorkspaceError {
     WorkspaceError::input(format!("{} cannot be set up", path.display()))

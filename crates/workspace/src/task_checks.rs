@@ -46,14 +46,14 @@ pub struct FlawDetail {
 /// Requests against which bare answers are checked.
 #[derive(Clone, Copy, Debug)]
 pub struct BareAnswers<'a> {
-    /// Uids of the offered objects.
-    pub objects: &'a [String],
+    /// Offered objects, see [`task_files::select_objects`].
+    pub objects: &'a str,
     /// World file whose additional support surfaces were offered too.
     pub world: Option<&'a Path>,
     /// Requested kind of task.
     pub kind: &'a str,
-    /// Requested minimum number of objects.
-    pub min_objects: usize,
+    /// Requested minimum number of objects; `None` for the default.
+    pub min_objects: Option<usize>,
 }
 
 /// Flaw name of a file that holds no task or cannot be read.

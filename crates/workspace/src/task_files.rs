@@ -6,6 +6,7 @@ use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
 use genmanip_assets::Catalogue;
+use genmanip_assets::search::Filter;
 use genmanip_core::asset::uid_of;
 use genmanip_core::limits::{self, Limit};
 use genmanip_core::names::fits_file_name;
@@ -220,22 +221,48 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Workspace
     Ok(check_answer(&recorded.response, &request))
 }
 
-/// Checks a bare answer.
+/// Objects by a text: uids separated by commas, or else a search query for `catalogue`.
+///
+/// # Errors
+/// When a uid is unknown, or nothing fits the query.
+pub fn select_objects(text: &str, catalogue: &Catalogue) -> Result<Vec<ObjectCard>, WorkspaceError> {
+    let parts = text.split(',').map(|part| part.trim().to_owned()).filter(|part| !part.is_empty());
+    let parts: Vec<String> = parts.collect();
+    let is_uid = |part: &String| {
+        let uid = uid_of(part);
+        Catalogue::builtin().card(uid).or_else(|| Catalogue::all().card(uid)).is_some()
+    };
+    if parts.iter().any(is_uid) {
+        return offered(&parts, "--objects");
+    }
+    let index = catalogue.index();
+    let found = index.search(text, &Filter::default(), usize::MAX);
+    if found.is_empty() {
+        return Err(WorkspaceError::input(format!("no object fits \"{text}\""))
+            .with_hint("expected uids, or words as with `genmanip assets search`"));
+    }
+    Ok(found.iter().map(|one| one.card.clone()).collect())
+}
+
+/// Checks a bare answer; `objects` as in [`select_objects`]. `min_objects` is 2 by default, or 1 if one object was
+/// offered.
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
 pub fn check_bare(
     path: &Path,
-    objects: &[String],
+    objects: &str,
     world: Option<&Path>,
     kind: &str,
-    min_objects: usize,
+    min_objects: Option<usize>,
 ) -> Result<AnswerReport, WorkspaceError> {
     let kind = task_kind(kind)?;
+    let offered = select_objects(objects, Catalogue::all())?;
+    let min_objects = min_objects.unwrap_or_else(|| offered.len().min(MIN_OBJECTS));
     let request = TaskRequest {
         id: id_from(path),
         kind,
-        offered: offered(objects, "--objects")?,
+        offered,
         surfaces: read_world(world)?.named_surfaces(),
         min_objects,
         between: false,
@@ -257,6 +284,9 @@ pub fn task_kind(name: &str) -> Result<TaskKind, WorkspaceError> {
     let known = TaskKind::ALL.map(TaskKind::name);
     TaskKind::named(name).ok_or_else(|| WorkspaceError::unknown("kind", "kinds", name, &known))
 }
+
+/// Default minimum number of objects of a bare answer.
+const MIN_OBJECTS: usize = 2;
 
 fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, WorkspaceError> {
     let catalogue = Catalogue::builtin();

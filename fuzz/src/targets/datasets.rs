@@ -9,7 +9,7 @@ use genmanip_data::{
     CameraTrack, EpisodeStore, ExportSettings, LerobotSettings, Selection, TrackRecorder, VideoSettings,
 };
 use genmanip_data::{lerobot, zarr as zarr_format};
-use genmanip_dataset_tools::check::{Checked, check};
+use genmanip_dataset_tools::check::{DatasetCheck, check};
 use genmanip_dataset_tools::import::{ImportSettings, import};
 use tempfile::TempDir;
 
@@ -139,7 +139,7 @@ fn export(images: bool) -> ExportSettings {
 
 /// The first finding of the check as an error.
 fn checked(folder: &Path) -> Result<(), String> {
-    let Checked { findings, .. } = check(&folder.join(DATASET), &[robots::panda()]).map_err(message)?;
+    let DatasetCheck { findings, .. } = check(&folder.join(DATASET), &[robots::panda()]).map_err(message)?;
     findings.first().map_or(Ok(()), |finding| Err(format!("{finding:?}")))
 }
 

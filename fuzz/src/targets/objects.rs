@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use genmanip_agent::picture::Picture;
+use genmanip_agent::image::RgbImage;
 use genmanip_data::{depth, genmanip_format};
 use genmanip_import::{Given, image, robots};
 use genmanip_lab::hostile::imports::{FORMATS, valid};
@@ -38,7 +38,7 @@ pub fn robots(_: &str, _: &Path) -> Result<Opened, Failure> {
     Ok(Opened { corpus: vec![Input { files: genmanip_lab::hostile::robot() }], read: Box::new(read) })
 }
 
-/// Textures, depth images and pictures of the agent.
+/// Textures, depth images and images of the agent.
 pub fn images(_: &str, repository: &Path) -> Result<Opened, Failure> {
     let (width, height) = (24, 16);
     let rgb: Vec<u8> = (0..3 * width * height).map(|index| (index * 7 % 251) as u8).collect();
@@ -53,8 +53,8 @@ pub fn images(_: &str, repository: &Path) -> Result<Opened, Failure> {
         let bytes = &input.files[0].1;
         let texture = image::texture(bytes, &mut image::MAX_PIXELS.clone()).map(drop);
         let depth = depth::decode_depth_png(bytes).map(drop).map_err(message);
-        let picture = Picture::of_png(bytes).map(drop);
-        texture.or(depth).or(picture)
+        let image = RgbImage::of_png(bytes).map(drop);
+        texture.or(depth).or(image)
     };
     Ok(Opened { corpus, read: Box::new(read) })
 }

@@ -14,7 +14,7 @@ use genmanip_core::{Camera, Intrinsics, RgbdImage};
 use genmanip_llm::fake::{completion, message as anthropic};
 use genmanip_llm::{ChatError, Dialect, Service, Structure};
 use genmanip_motion::PlannerSettings;
-use genmanip_pipeline::sessions::Scenes;
+use genmanip_pipeline::sessions::SceneSource;
 use genmanip_remote_policies::numpy::{Array, Numbers};
 use genmanip_remote_policies::{decode, openpi, vla_eval};
 use genmanip_serve::{Endpoint, EnvEndpoint};
@@ -100,7 +100,7 @@ pub fn policies(_: &str, _: &Path) -> Result<Opened, Failure> {
 pub fn services(_: &str, repository: &Path) -> Result<Opened, Failure> {
     let image = image();
     let planner = planner(&worlds::default_world(), &PlannerSettings::default())?;
-    let scenes = Arc::new(Scenes::of_tasks(&[repository.join("examples/tasks/012_pick_and_place.json")], None)?);
+    let scenes = Arc::new(SceneSource::of_tasks(&[repository.join("examples/tasks/012_pick_and_place.json")], None)?);
     let points: Vec<DVec3> = (0..8).map(|corner| DVec3::new(0.5, 0.0, 0.0) + 0.04 * cube_corner(corner)).collect();
     let question = GraspQuestion {
         points: &points,

@@ -6,13 +6,12 @@ use genmanip_agent::ask::{Marks, Question, QuestionKind};
 use genmanip_agent::grid::Cell;
 use genmanip_agent::perception::on_plane;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, Relation, RelationKind};
+use genmanip_core::{Atom, FailureClass, Relation, RelationKind};
 use genmanip_layout::Move;
 use genmanip_relations::{PosedScene, judge_atom};
 
 use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
 use crate::annotator::distance;
-use crate::failure::FailureClass;
 
 /// Answer that ignores the requested format.
 const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";

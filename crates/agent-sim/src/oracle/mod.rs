@@ -12,7 +12,7 @@ use genmanip_agent::ask::{Marks, ModelReply, Question, QuestionKind, ServiceErro
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Atom, AtomVerdict, VerifiedGrasp};
+use genmanip_core::{Atom, AtomVerdict, FailureClass, VerifiedGrasp};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom, planar_gap};
@@ -20,7 +20,6 @@ use rand::RngExt;
 use serde_json::json;
 
 use super::GroundTruth;
-use super::failure::FailureClass;
 
 /// Minimum IoU (intersection over union) with the object's ground-truth mask.
 const SAME_MASK: f64 = 0.5;

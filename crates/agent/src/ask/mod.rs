@@ -15,6 +15,8 @@ mod rejection;
 mod shortened;
 mod transcript;
 
+use genmanip_core::{FailedStage, StageCause};
+
 pub use answer::{
     Answer, CheckAnswer, DecomposeAnswer, GrabPointAnswer, MarkAnswer, PathAnswer, PathCell, PointAnswer, parse,
 };
@@ -27,7 +29,7 @@ pub use question_kind::{PromptStamp, QuestionKind};
 pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Tolerance};
 pub use rejection::{RejectedAnswer, Rejection};
 use shortened::shortened;
-pub use transcript::{Exchange, FailedStage, Transcript, TranscriptEvent, TranscriptRecorder};
+pub use transcript::{Exchange, Transcript, TranscriptEvent, TranscriptRecorder};
 
 /// Retry limits for invalid answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +43,7 @@ pub struct RetryLimits {
 /// Asks a question up to `1 + reasks.most` times until the answer is valid.
 ///
 /// # Errors
-/// Reports why the last answer was invalid; the cause [`FailedStage::SERVICE`] means that the service did not answer.
+/// Reports why the last answer was invalid; the cause [`StageCause::Service`] means that the service did not answer.
 pub fn ask(
     model: &dyn VisionModel,
     question: Question,
@@ -61,7 +63,7 @@ pub fn ask_each<const COUNT: usize>(
     transcribed: &TranscriptRecorder,
 ) -> [Result<Answer, FailedStage>; COUNT] {
     let mut answers =
-        questions.each_ref().map(|question| Err(FailedStage::new(question.stage.name(), "format", String::new())));
+        questions.each_ref().map(|question| Err(FailedStage::new(question.stage, StageCause::Format, String::new())));
     let mut open: Vec<usize> = (0..COUNT).collect();
     for asked in 1..=reasks.most + 1 {
         for &index in &open {
@@ -93,7 +95,7 @@ fn process_reply(
     (asked, reasks): (usize, RetryLimits),
     transcribed: &TranscriptRecorder,
 ) -> (Result<Answer, FailedStage>, bool) {
-    let failed = |cause: &str, evidence: String| Err(FailedStage::new(question.stage.name(), cause, evidence));
+    let failed = |cause, evidence: String| Err(FailedStage::new(question.stage, cause, evidence));
     let (text, usage, rejection) = match reply {
         Ok(ModelReply { text, usage }) => match parse(question, &text) {
             Ok(answer) => {
@@ -106,7 +108,7 @@ fn process_reply(
         Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
             transcribed.exchange(question, "", Some(&error.to_string()), None);
             let is_final = matches!(error, ServiceError::Unreachable(_));
-            return (failed(FailedStage::SERVICE, error.to_string()), is_final);
+            return (failed(StageCause::Service, error.to_string()), is_final);
         }
     };
     transcribed.exchange(question, &text, Some(&rejection.to_string()), usage);

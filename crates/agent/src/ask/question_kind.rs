@@ -1,5 +1,6 @@
 //! The kinds of questions and the identity of their prompts.
 
+use genmanip_core::AgentStage;
 use serde::{Deserialize, Serialize};
 
 /// A kind of question, in pipeline order.
@@ -29,14 +30,20 @@ impl QuestionKind {
 
     /// Name in files.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Decompose => "decompose",
-            Self::Object => "object",
-            Self::Part => "part",
-            Self::GrabPoint => "grab_point",
-            Self::GridPath => "grid_path",
-            Self::PointToPoint => "point_to_point",
-            Self::Check => "check",
+        AgentStage::from(self).name()
+    }
+}
+
+impl From<QuestionKind> for AgentStage {
+    fn from(kind: QuestionKind) -> Self {
+        match kind {
+            QuestionKind::Decompose => Self::Decompose,
+            QuestionKind::Object => Self::Object,
+            QuestionKind::Part => Self::Part,
+            QuestionKind::GrabPoint => Self::GrabPoint,
+            QuestionKind::GridPath => Self::GridPath,
+            QuestionKind::PointToPoint => Self::PointToPoint,
+            QuestionKind::Check => Self::Check,
         }
     }
 }

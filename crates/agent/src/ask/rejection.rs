@@ -1,5 +1,6 @@
 //! Reasons for rejecting an answer.
 
+use genmanip_core::StageCause;
 use serde::{Deserialize, Serialize};
 
 /// Reason for rejecting an answer. The message is sent to the model.
@@ -21,13 +22,13 @@ pub enum Rejection {
 }
 
 impl Rejection {
-    /// Cause name in results.
-    pub fn cause(&self) -> &'static str {
+    /// Cause of the stage's failure.
+    pub fn cause(&self) -> StageCause {
         match self {
-            Self::Format(_) => "format",
-            Self::Undrawn(_) => "undrawn",
-            Self::NotFound(_) => "not_found",
-            Self::Unusable(_) => "unusable",
+            Self::Format(_) => StageCause::Format,
+            Self::Undrawn(_) => StageCause::Undrawn,
+            Self::NotFound(_) => StageCause::NotFound,
+            Self::Unusable(_) => StageCause::Unusable,
         }
     }
 }

@@ -2,9 +2,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_core::Document;
+use genmanip_core::{Document, FailedStage};
 use genmanip_llm::Usage;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::question::Question;
@@ -76,29 +75,6 @@ pub struct Exchange {
     /// Token usage, if the service reports it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usage: Option<Usage>,
-}
-
-/// A failed pipeline stage, which ends the episode.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
-#[error("{stage} failed ({cause}): {evidence}")]
-#[serde(deny_unknown_fields)]
-pub struct FailedStage {
-    /// The stage, e.g. `object`, `grasp` or `motion`.
-    pub stage: String,
-    /// Cause, e.g. `not_found`.
-    pub cause: String,
-    /// Evidence.
-    pub evidence: String,
-}
-
-impl FailedStage {
-    /// Cause of a service failure: no answer was received.
-    pub const SERVICE: &str = "service";
-
-    /// Creates a failure of a stage.
-    pub fn new(stage: &str, cause: &str, evidence: String) -> Self {
-        Self { stage: stage.into(), cause: cause.into(), evidence }
-    }
 }
 
 /// Recorder of a transcript, shared between the agent and its caller.

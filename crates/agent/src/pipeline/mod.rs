@@ -8,8 +8,8 @@ mod subtask;
 use std::sync::Arc;
 
 use genmanip_core::{
-    ActionChunk, CameraRequest, EpisodeStart, Failure, FailureCause, ImageChannels, Observation, Policy, PolicyError,
-    PolicySpec, RgbdImage, Seed,
+    ActionChunk, AgentStage, CameraRequest, EpisodeStart, FailedStage, ImageChannels, Observation, Policy, PolicyError,
+    PolicySpec, RgbdImage, Seed, StageCause,
 };
 use genmanip_motion::{DepthSettings, GeometryError, Planner};
 
@@ -17,8 +17,8 @@ use self::arm_state::ArmState;
 use self::place::HeldObject;
 use self::subtask::Subtask;
 use crate::ask::{
-    Answer, FailedStage, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TranscriptRecorder,
-    VisionModel, ask, ask_each,
+    Answer, Marks, PromptSet, Question, QuestionImage, QuestionKind, RetryLimits, TranscriptRecorder, VisionModel, ask,
+    ask_each,
 };
 use crate::image::marks;
 use crate::perception::{RESIDUAL_NOISE, SegmentedViews, View, smoothed};
@@ -159,7 +159,7 @@ impl Agent {
         let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&state.arm, state.width_m, image);
         let ignore: Vec<Vec<bool>> = images.iter().map(robot).collect();
         let views = SegmentedViews::new(images, &ignore, self.services.segmenter.as_ref());
-        Ok(views.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?)
+        Ok(views.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))?)
     }
 
     /// Asks the model one question about a view.
@@ -249,8 +249,8 @@ impl Agent {
                 }
                 Err(failure) => {
                     self.transcribed.acted(observation.time_s, failure.to_string());
-                    let is_hidden = failure.stage == QuestionKind::Object.name()
-                        && ["not_found", "no_masks"].contains(&failure.cause.as_str());
+                    let is_hidden = failure.stage == AgentStage::Object
+                        && matches!(failure.cause, StageCause::NotFound | StageCause::NoMasks);
                     if is_hidden && !is_last_view {
                         // An object hidden from one camera may be visible to another: show each view to the model in
                         // turn.
@@ -260,8 +260,8 @@ impl Agent {
                         self.picks -= 1;
                         continue;
                     }
-                    let asked_enough = failure.cause == FailedStage::SERVICE
-                        || QuestionKind::ALL.iter().any(|stage| stage.name() == failure.stage);
+                    let asked_enough = failure.cause == StageCause::Service
+                        || QuestionKind::ALL.iter().any(|&kind| AgentStage::from(kind) == failure.stage);
                     if asked_enough || self.picks >= self.settings.picks {
                         return Err(failure.into());
                     }
@@ -291,7 +291,7 @@ impl Agent {
         if self.current >= self.subtasks.len() {
             if self.rounds >= self.settings.rounds {
                 let evidence = format!("not finished after {} rounds", self.rounds);
-                return Err(FailedStage::new("check", "rounds", evidence).into());
+                return Err(FailedStage::new(AgentStage::Check, StageCause::Rounds, evidence).into());
             }
             if !remaining.is_empty() {
                 self.rounds += 1;
@@ -317,7 +317,7 @@ impl Agent {
             self.transcribed.acted(time_s, format!("{} is not between the fingers", held.subtask.name));
             if self.picks >= self.settings.picks {
                 let evidence = format!("{} was not in the gripper after {} picks", held.subtask.name, self.picks);
-                return Err(FailedStage::new("execute", "slipped", evidence).into());
+                return Err(FailedStage::new(AgentStage::Execute, StageCause::Slipped, evidence).into());
             }
             self.phase = Phase::RetryPick;
             return Ok(ActionChunk { actions: place::drop(self, &held, state, seed), finished: false });
@@ -366,10 +366,10 @@ impl Policy for Agent {
             Stop::Failed(failure) => {
                 self.transcribed.failed(&failure);
                 // A service failure is not a failure at the task.
-                if failure.cause == FailedStage::SERVICE {
+                if failure.cause == StageCause::Service {
                     return PolicyError::Unreachable(failure.to_string());
                 }
-                PolicyError::GaveUp(Failure { cause: failure.kind(), evidence: failure.to_string() })
+                PolicyError::GaveUp(failure.failure())
             }
             Stop::Policy(error) => error,
         })
@@ -391,20 +391,6 @@ impl From<FailedStage> for Stop {
 impl From<PolicyError> for Stop {
     fn from(error: PolicyError) -> Self {
         Self::Policy(error)
-    }
-}
-
-impl FailedStage {
-    /// Failure cause reported in results.
-    fn kind(&self) -> FailureCause {
-        match (self.stage.as_str(), self.cause.as_str()) {
-            ("grasp", "out_of_reach") => FailureCause::NoIk,
-            ("grasp", _) => FailureCause::NoGrasp,
-            ("motion", _) => FailureCause::Planning,
-            ("execute", _) => FailureCause::Slipped,
-            ("check", "rounds") => FailureCause::GoalMissed,
-            _ => FailureCause::Policy,
-        }
     }
 }
 

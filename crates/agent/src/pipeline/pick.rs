@@ -1,6 +1,6 @@
 //! Plans picks: grasps from the object's points near the grab point, and the motions that execute them.
 
-use genmanip_core::{Grasp, Pose, Seed};
+use genmanip_core::{AgentStage, FailedStage, Grasp, Pose, Seed, StageCause};
 use genmanip_motion::{
     AllowedCollisions, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal,
     PlanError, PlanningScene, commands,
@@ -10,7 +10,6 @@ use glam::DVec3;
 use super::arm_state::{self, ArmState, OBJECT};
 use super::subtask::Subtask;
 use super::{Agent, place};
-use crate::ask::FailedStage;
 use crate::perception::SegmentedViews;
 use crate::services::{GraspError, GraspQuestion};
 
@@ -38,7 +37,8 @@ pub(super) fn plan(
     let candidates = near_grab_point(agent, views, subtask)?;
     let radius_m = planner.settings().depth.radius_m;
     let mut world = arm_state::world_with_points(settings, &subtask.around, radius_m);
-    let unsuited = |error: &dyn std::fmt::Display| FailedStage::new("grasp", "unsuited", error.to_string());
+    let unsuited =
+        |error: &dyn std::fmt::Display| FailedStage::new(AgentStage::Grasp, StageCause::Unsuited, error.to_string());
     world.add(OBJECT, &subtask.object.pieces, &subtask.object.pose).map_err(|error| unsuited(&error))?;
     let goals: Vec<PlaceGoal> = place::release_goals(agent, subtask);
     let query = PickQuery {
@@ -78,7 +78,7 @@ pub(super) fn plan(
                 Err(error) => {
                     failed_searches += usize::from(matches!(error, PlanError::Exhausted { .. }));
                     let words = format!("grasps of {} in reach but no collision-free motion: {error}", subtask.name);
-                    failure = Some(FailedStage::new("motion", "blocked", words));
+                    failure = Some(FailedStage::new(AgentStage::Motion, StageCause::Blocked, words));
                 }
             }
         }
@@ -86,7 +86,9 @@ pub(super) fn plan(
             failure = failure.or_else(|| Some(no_grasp(&subtask.name, candidates.len(), &search.rejections())));
         }
     }
-    Err(failure.unwrap_or_else(|| FailedStage::new("grasp", "none", format!("{} has no grasp", subtask.name))))
+    Err(failure.unwrap_or_else(|| {
+        FailedStage::new(AgentStage::Grasp, StageCause::NoGrasp, format!("{} has no grasp", subtask.name))
+    }))
 }
 
 /// Grasp candidates within the grasp radius of the grab point, best first, in the object frame.
@@ -101,8 +103,10 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
         table_height: settings.table_m,
     };
     let failed = |error| match error {
-        GraspError::Unsuited(why) => FailedStage::new("grasp", "unsuited", format!("{}: {why}", subtask.name)),
-        GraspError::Service(_) => FailedStage::new("grasp", FailedStage::SERVICE, error.to_string()),
+        GraspError::Unsuited(why) => {
+            FailedStage::new(AgentStage::Grasp, StageCause::Unsuited, format!("{}: {why}", subtask.name))
+        }
+        GraspError::Service(_) => FailedStage::new(AgentStage::Grasp, StageCause::Service, error.to_string()),
     };
     let object_from_world = subtask.object.pose.inverse();
     let (mut count, mut near) = (0, Vec::new());
@@ -123,7 +127,7 @@ fn near_grab_point(agent: &Agent, views: &SegmentedViews, subtask: &Subtask) -> 
     }
     if near.is_empty() {
         let evidence = format!("none of {count} grasps of {} is near the grab point", subtask.name);
-        return Err(FailedStage::new("grasp", "none", evidence));
+        return Err(FailedStage::new(AgentStage::Grasp, StageCause::NoGrasp, evidence));
     }
     Ok(near)
 }
@@ -148,7 +152,7 @@ fn lift(query: &PickQuery, grasp: &FeasibleGrasp) -> Result<Path, genmanip_motio
 
 fn no_grasp(name: &str, candidates: usize, rejections: &GraspRejections) -> FailedStage {
     let (out_of_reach, blocked, unusable) = (rejections.out_of_reach, rejections.blocked_count(), rejections.no_use);
-    let cause = if out_of_reach >= blocked + unusable { "out_of_reach" } else { "blocked" };
+    let cause = if out_of_reach >= blocked + unusable { StageCause::OutOfReach } else { StageCause::Blocked };
     let obstacles: Vec<String> =
         rejections.obstacles().iter().map(|(obstacle, count)| format!("{obstacle} {count}")).collect();
     let evidence = format!(
@@ -156,7 +160,7 @@ fn no_grasp(name: &str, candidates: usize, rejections: &GraspRejections) -> Fail
          {unusable} unusable at the placement",
         obstacles.join(", ")
     );
-    FailedStage::new("grasp", cause, evidence)
+    FailedStage::new(AgentStage::Grasp, cause, evidence)
 }
 
 fn commands(

@@ -1,6 +1,6 @@
 //! Plans placements: carry, lower, release, retreat, return home.
 
-use genmanip_core::{Pose, Seed};
+use genmanip_core::{AgentStage, FailedStage, Pose, Seed, StageCause};
 use genmanip_motion::{
     AllowedCollisions, Attached, CollisionWorld, FeasibleGrasp, Path, PlaceGoal, PlaceQuery, PlanError, PlanningScene,
     Release, commands,
@@ -10,7 +10,6 @@ use glam::{DQuat, DVec3};
 use super::Agent;
 use super::arm_state::{self, ArmState, OBJECT};
 use super::subtask::Subtask;
-use crate::ask::FailedStage;
 use crate::perception::PlacementTarget;
 use crate::settings::MotionSettings;
 
@@ -81,7 +80,7 @@ pub(super) fn plan(
     let planned = plan_motions(agent, held, state, &release_goals, &held.subtask.path, seed);
     let (carry_paths, release, pose) = planned.map_err(|error| {
         let evidence = format!("no collision-free motion to place {}: {error}", held.subtask.name);
-        FailedStage::new("motion", "blocked", evidence)
+        FailedStage::new(AgentStage::Motion, StageCause::Blocked, evidence)
     })?;
     let at = pose.position;
     let words =

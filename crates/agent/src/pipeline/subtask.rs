@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_core::Seed;
+use genmanip_core::{AgentStage, FailedStage, Seed, StageCause};
 use glam::DVec3;
 use rand::RngExt;
 
 use super::arm_state::{self, ArmState};
 use super::{Agent, QuestionDraft};
-use crate::ask::{Answer, FailedStage, Marks, PathCell, QuestionImage, QuestionKind};
+use crate::ask::{Answer, Marks, PathCell, QuestionImage, QuestionKind};
 use crate::grid::{Cell, Grid};
 use crate::image::{RgbImage, marks};
 use crate::perception::{ObservedObject, PlacementTarget, SegmentedViews, View, targets};
@@ -58,18 +58,23 @@ impl Subtask {
         let around = agent
             .planner
             .points_seen(&arm_state::empty_gripper(&world, state.width_m), &state.arm, &views.without(mask))
-            .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
+            .map_err(|error| FailedStage::new(AgentStage::Look, StageCause::Unsuited, error.to_string()))?;
         let object = ObservedObject::new(views.points(mask), &around, settings.table_m).ok_or_else(|| {
-            FailedStage::new("object", "too_small", format!("too little is seen of {name} to take hold of it"))
+            FailedStage::new(
+                AgentStage::Object,
+                StageCause::TooSmall,
+                format!("too little is seen of {name} to take hold of it"),
+            )
         })?;
         // Pixels left over at the object's own outline are not obstacles to it.
         let mut with_object = world.clone();
         let added = with_object.add(arm_state::OBJECT, &object.pieces, &object.pose);
-        added.map_err(|error| FailedStage::new("object", "too_small", format!("{name}: {error}")))?;
+        added
+            .map_err(|error| FailedStage::new(AgentStage::Object, StageCause::TooSmall, format!("{name}: {error}")))?;
         let around = agent
             .planner
             .points_seen(&arm_state::empty_gripper(&with_object, state.width_m), &state.arm, &views.without(mask))
-            .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
+            .map_err(|error| FailedStage::new(AgentStage::Look, StageCause::Unsuited, error.to_string()))?;
         let grasp_mask =
             if settings.ctof { choose_part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
         let places = targets(views, mask, &object, &around, settings.table_m, &settings.cells);
@@ -107,7 +112,11 @@ fn choose_object(
     is_last_view: bool,
 ) -> Result<(usize, String), FailedStage> {
     if view.masks.is_empty() {
-        return Err(FailedStage::new("object", "no_masks", "segmentation found nothing in the picture".into()));
+        return Err(FailedStage::new(
+            AgentStage::Object,
+            StageCause::NoMasks,
+            "segmentation found nothing in the picture".into(),
+        ));
     }
     let numbered = QuestionImage { name: "masks", picture: Arc::new(marks::masks(&view.picture(), &view.masks)) };
     let asked = QuestionDraft {
@@ -127,7 +136,8 @@ fn choose_part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result
     let whole = &view.masks[mask];
     let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
     let parts = agent.services.segmenter.segment(&question);
-    let parts = parts.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?;
+    let parts =
+        parts.map_err(|error| FailedStage::new(AgentStage::Segmentation, StageCause::Service, error.to_string()))?;
     if parts.len() < 2 {
         return Ok(whole.clone());
     }
@@ -163,7 +173,11 @@ impl<'a> GrabPointQuestion<'a> {
     ) -> Result<Self, FailedStage> {
         let points = sample_points(view, mask, seed);
         if points.is_empty() {
-            return Err(FailedStage::new("grab_point", "no_depth", format!("no pixel of {name} has a depth")));
+            return Err(FailedStage::new(
+                AgentStage::GrabPoint,
+                StageCause::NoDepth,
+                format!("no pixel of {name} has a depth"),
+            ));
         }
         Ok(Self { view, image, name, points })
     }
@@ -268,7 +282,7 @@ impl<'a> PlacementQuestion<'a> {
 
     fn place(&self, answer: Answer) -> Result<(PlacementTarget, Vec<(DVec3, PathCell)>), FailedStage> {
         let unusable =
-            || FailedStage::new(self.stage().name(), "unusable", format!("{} cannot be put there", self.name));
+            || FailedStage::new(self.stage(), StageCause::Unusable, format!("{} cannot be put there", self.name));
         let place = |cell| self.places.get(&cell).cloned().ok_or_else(unusable);
         match answer {
             Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
@@ -288,5 +302,5 @@ impl<'a> PlacementQuestion<'a> {
 }
 
 fn unexpected(stage: QuestionKind, answer: &Answer) -> FailedStage {
-    FailedStage::new(stage.name(), "format", format!("got an answer of another stage: {answer:?}"))
+    FailedStage::new(stage, StageCause::Format, format!("got an answer of another stage: {answer:?}"))
 }

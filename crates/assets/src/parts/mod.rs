@@ -11,9 +11,7 @@ mod turned;
 mod vessel;
 mod visual;
 
-use std::sync::Arc;
-
-use genmanip_core::{Piece, Pose, Seed, TriMesh, VisualPart};
+use genmanip_core::{Piece, Seed};
 use serde::Deserialize;
 
 pub use block::Block;
@@ -26,9 +24,7 @@ pub use tube::Tube;
 pub use turned::{Turned, TurnedSolid};
 pub use vessel::Vessel;
 
-use crate::finish::Finish;
 use crate::link_builder::LinkBuilder;
-use crate::surface::Detail;
 
 /// One part of an object, in metres in the object's frame.
 #[derive(Clone, Debug, Deserialize)]

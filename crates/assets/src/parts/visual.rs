@@ -1,4 +1,4 @@
-//! What parts share: visual meshes, and the clearance of collision pieces.
+//! Visual meshes of parts, and the clearance of collision pieces.
 
 use std::sync::Arc;
 

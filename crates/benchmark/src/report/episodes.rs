@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use genmanip_core::AgentFailure;
+
+use super::agent_failures::failure_markup;
 use super::{ReportInput, words};
 use crate::rows::{EpisodeRow, TaskRow};
 use genmanip_viz::markup::escape;
@@ -65,7 +68,11 @@ fn row(episode: &EpisodeRow, task: Option<&TaskRow>, link: Option<String>) -> St
         (false, Some(cause)) => ("missed", words(cause.name())),
         (false, None) => ("missed", "no success".into()),
     };
-    let evidence = escape(&shortened(&episode.outcome.evidence));
+    let mut evidence = escape(&shortened(&episode.outcome.evidence));
+    if let Some(failure) = &episode.outcome.agent_failure {
+        let failure = AgentFailure { evidence: String::new(), ..failure.clone() };
+        evidence = format!("<b>{}</b> {evidence}", failure_markup(&failure));
+    }
     let wall = episode.wall_s.map_or(String::new(), |seconds| format!("{seconds:.1}"));
     format!(
         "<tr><th>{name}</th><td>{kind}</td><td>{by}</td><td class=\"{class}\">{outcome}</td><td>{evidence}</td><td>{score:.2}</td><td>{length:.1}</td><td>{wall}</td></tr>\n",

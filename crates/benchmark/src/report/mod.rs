@@ -1,5 +1,6 @@
 //! The HTML report: one self-contained page, complete without scripts.
 
+mod agent_failures;
 mod distributions;
 mod episodes;
 mod overview;

@@ -6,7 +6,10 @@ use std::fmt::Write;
 use genmanip_core::TaskKind;
 
 use super::tables::{causes_text, mean_text, rate_bar, seconds_text, table};
-use super::{ImagePlan, ReportInput, ReportSettings, TaskSection, chip, distributions, episodes, image, shows, words};
+use super::{
+    ImagePlan, ReportInput, ReportSettings, TaskSection, agent_failures, chip, distributions, episodes, image, shows,
+    words,
+};
 use crate::rows::EpisodeRow;
 use crate::rows::totals::GroupTotal;
 use crate::statistics::{MIN_SCENARIOS, PairedComparison, Rate, StatisticsSettings, SuiteSummary};
@@ -22,6 +25,7 @@ pub(super) fn overview(input: &ReportInput, settings: &ReportSettings, plan: Ima
     html += "</header>\n<section id=\"results\">\n<h2>Results</h2>\n";
     html += &policies(input);
     html += &comparisons(&input.comparisons);
+    html += &agent_failures::agent_failures(input);
     html += &kinds(input, statistics);
     html += &distributions::distributions(input, statistics);
     html += "</section>\n";

@@ -6,6 +6,7 @@ use genmanip_core::{
     Atom, AtomVerdict, AttemptOutcome, Correction, EpisodeResult, Failure, GoalVerdict, Measurement, Task,
 };
 
+use super::agent_failures::failure_markup;
 use super::overview::{why_chips, yield_chip};
 use super::tables::{causes_text, margin_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
@@ -101,6 +102,9 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
         if shown.oracle { ", oracle" } else { "" },
     );
     html += &shown.correction.as_ref().map_or_else(String::new, |correction| taken_over(correction, shown));
+    if let Some(failure) = &shown.agent_failure {
+        let _ = writeln!(html, "<p class=\"note\">Agent: {}</p>", failure_markup(failure));
+    }
     let several = alternatives.len() > 1;
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (index, atoms) in alternatives.iter().enumerate() {
@@ -221,8 +225,10 @@ fn results(results: &[EpisodeResult], baseline: Option<&str>) -> String {
                 let _ = write!(reasons, "<span class=\"why\">{counts}</span>");
             }
             for (result, failure) in failed.iter().take(SHOWN_REASONS) {
-                let text = format!("{}: {}", result.id, failure.evidence);
-                let _ = write!(reasons, "<span class=\"why\">{}</span>", escape(&text));
+                let text = escape(&format!("{}: {}", result.id, failure.evidence));
+                let agent = result.agent_failure.as_ref().map(failure_markup);
+                let agent = agent.map_or_else(String::new, |agent| format!(" Agent: {agent}"));
+                let _ = write!(reasons, "<span class=\"why\">{text}{agent}</span>");
             }
             if failed.len() > SHOWN_REASONS {
                 let _ = write!(reasons, "<span class=\"why\">and {} more</span>", failed.len() - SHOWN_REASONS);

@@ -170,6 +170,7 @@ mod tests {
             task,
             evaluation: None,
             outcome: Outcome {
+                agent_failure: None,
                 success: cause.is_none(),
                 cause,
                 evidence: String::new(),

@@ -5,7 +5,7 @@
 pub mod cases;
 pub mod totals;
 
-use genmanip_core::{Atom, EpisodeResult, Failure, FailureCause, Task, TaskKind};
+use genmanip_core::{AgentFailure, Atom, EpisodeResult, Failure, FailureCause, Task, TaskKind};
 use serde::{Deserialize, Serialize};
 
 /// A task, as far as tables and totals need it.
@@ -48,6 +48,9 @@ pub struct Outcome {
     pub cause: Option<FailureCause>,
     /// Evidence of all causes; empty after a success.
     pub evidence: String,
+    /// Analysis of an agent's failure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agent_failure: Option<AgentFailure>,
     /// Fraction of the goal reached, 0-1.
     pub score: f64,
     /// Distance of the best alternative of the goal from holding: sum of the normalised margins of its unmet
@@ -91,6 +94,7 @@ impl Outcome {
             success: result.success,
             cause: failure.as_ref().map(|failure| failure.cause),
             evidence: failure.map(|failure| failure.evidence).unwrap_or_default(),
+            agent_failure: result.agent_failure.clone(),
             score: result.verdict.score,
             missed_by: missed.map(|atom| atom.normalised_margin().min(0.0)).filter(|margin| margin.is_finite()).sum(),
             duration_s: result.duration_s,

@@ -13,7 +13,10 @@ pub use interval::{Mean, Rate, mean_with_interval, wilson_interval};
 pub use paired::{PairedComparison, compare, mcnemar_exact, paired_difference, permutation_test};
 pub use power::{detectable_difference, power};
 pub use sequential::{Sequential, sequential};
-pub use summary::{FailureCount, KindSummary, StatisticsError, SuiteSummary, failure_counts, spl, summarise};
+pub use summary::{
+    AgentFailureCount, FailureCount, KindSummary, StatisticsError, SuiteSummary, agent_failure_counts, failure_counts,
+    spl, summarise,
+};
 pub use traits::{MIN_SCENARIOS, TraitSummary, Traits, by_trait};
 
 use genmanip_core::Seed;

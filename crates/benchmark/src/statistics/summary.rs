@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{EpisodeResult, FailureCause, Seed, TaskKind};
+use genmanip_core::{AgentFailure, AgentStage, EpisodeResult, FailureCause, FailureClass, Seed, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,9 @@ pub struct SuiteSummary {
     pub traits: Vec<TraitSummary>,
     /// Causes of failure, most frequent first.
     pub failures: Vec<FailureCount>,
+    /// Failures of an agent by class and stage, most frequent first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub agent_failures: Vec<AgentFailureCount>,
 }
 
 /// Summary of one policy on the tasks of one kind.
@@ -66,6 +69,17 @@ pub struct FailureCount {
     /// The cause.
     pub cause: FailureCause,
     /// Number of episodes or attempts.
+    pub count: usize,
+}
+
+/// Frequency of one class of failures at one stage of an agent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct AgentFailureCount {
+    /// The class; `None` for episodes that no annotator analysed.
+    pub class: Option<FailureClass>,
+    /// The stage.
+    pub stage: AgentStage,
+    /// Number of episodes.
     pub count: usize,
 }
 
@@ -184,6 +198,7 @@ fn summarise_policy(
         kinds: TaskKind::ALL.into_iter().filter_map(of_kind).collect(),
         traits: Vec::new(),
         failures: failure_counts(results.iter().filter_map(|result| Some(result.failures.first()?.cause))),
+        agent_failures: agent_failure_counts(results.iter().filter_map(|result| result.agent_failure.as_ref())),
     }
 }
 
@@ -210,6 +225,18 @@ pub fn failure_counts(causes: impl IntoIterator<Item = FailureCause>) -> Vec<Fai
     }
     let mut counts: Vec<FailureCount> =
         counts.into_iter().map(|(cause, count)| FailureCount { cause, count }).collect();
+    counts.sort_by_key(|entry| std::cmp::Reverse(entry.count));
+    counts
+}
+
+/// Counts failures of an agent by class and stage, most frequent first.
+pub fn agent_failure_counts<'a>(failures: impl IntoIterator<Item = &'a AgentFailure>) -> Vec<AgentFailureCount> {
+    let mut counts: BTreeMap<(Option<FailureClass>, AgentStage), usize> = BTreeMap::new();
+    for failure in failures {
+        *counts.entry((failure.class, failure.stage)).or_default() += 1;
+    }
+    let count = |((class, stage), count)| AgentFailureCount { class, stage, count };
+    let mut counts: Vec<AgentFailureCount> = counts.into_iter().map(count).collect();
     counts.sort_by_key(|entry| std::cmp::Reverse(entry.count));
     counts
 }

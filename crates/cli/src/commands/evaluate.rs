@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use genmanip_core::Document;
 use genmanip_pipeline::PolicyFactory;
-use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate, table, table_of_traits};
+use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate, results_file, table, table_of_traits};
 use genmanip_workspace::{workers, worlds};
 
 use crate::args::EvaluateArguments;
@@ -58,8 +58,14 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
     let of_traits = table_of_traits(&reports);
-    let more = if of_traits.is_empty() { String::new() } else { format!("\nby what scenarios are like\n{of_traits}") };
+    let more =
+        if of_traits.is_empty() { String::new() } else { format!("\nsuccess at end by scenario trait\n{of_traits}") };
     printer.data(&values, &(table(&reports) + &more));
+    for report in reports.iter().filter(|_| shard.is_none()) {
+        if let Some(out) = &options.out {
+            printer.say(format!("results in {}", results_file(out, &report.label).display()));
+        }
+    }
     if let Some(shard) = shard.filter(|_| !stop.load(Ordering::Relaxed)) {
         printer
             .say(format!("{shard} is kept; the same call without --shard gathers all shards and writes the results"));

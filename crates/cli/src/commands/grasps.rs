@@ -6,10 +6,11 @@ use genmanip_core::{Grasp, Seed, VerifiedGrasp};
 use genmanip_import::grasps;
 use genmanip_motion::GraspSettings;
 use genmanip_rollout::grasp_trial::RobustnessSettings;
-use genmanip_workspace::{text_table, workers, worlds};
+use genmanip_workspace::{task_files, text_table, workers, worlds};
 use serde::Serialize;
 
 use crate::args::{BakeArguments, ShowGraspsArguments};
+use crate::commands::assets::catalogue;
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
@@ -26,11 +27,16 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
         generator: GraspSettings { max_candidates: arguments.count, ..GraspSettings::default() },
         catalog: arguments.catalog.clone(),
     };
+    let objects = match &arguments.objects {
+        Some(text) => task_files::select_objects(text, catalogue(&arguments.catalog))?,
+        None => Vec::new(),
+    };
+    let uids: Vec<String> = objects.into_iter().map(|card| card.uid).collect();
     let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
     let stop = genmanip_terminal::on_interrupt();
     let baked = grasps::bake(
         &arguments.out,
-        &arguments.objects,
+        &uids,
         &worlds::read_world_with(None, arguments.robot.as_deref())?,
         &settings,
         seed,

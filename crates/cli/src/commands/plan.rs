@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use genmanip_core::Seed;
+use genmanip_import::robots;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::plan::{MotionRequest, Target, plan};
+use genmanip_rollout::Stage;
 use genmanip_viz::motion_images;
 use genmanip_workspace::{documents, scenarios, worlds};
 
@@ -13,13 +15,12 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stage = scenarios::read_stage(&arguments.scenario)?;
-    worlds::check_robot(&stage.scenario.world, arguments.robot.as_deref())?;
+    let stage = stage(arguments)?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let planner = worlds::planner(&stage.scenario.world, &settings)?;
-    let request =
-        MotionRequest { target: target(arguments), from: arguments.from.clone(), gripper_width_m: arguments.gripper };
+    let gripper_width_m = arguments.gripper.unwrap_or_else(|| OPENING_M.min(stage.robot.gripper.max_width));
+    let request = MotionRequest { target: target(arguments), from: arguments.from.clone(), gripper_width_m };
     let motion = plan(&stage, &planner, &request, Seed::new(arguments.seed), &mut genmanip_lab::cpu_clock())?;
     let (drawn, camera) = (motion.drawn(&stage, &planner), arguments.camera.as_deref());
     let write = |path: &Path, bytes: Vec<u8>| -> Result<(), Failed> {
@@ -35,6 +36,25 @@ pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, F
     }
     printer.data(&motion, &motion.headline());
     Ok(if motion.solved { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+/// Default opening of the gripper, m.
+const OPENING_M: f64 = 0.08;
+
+/// The scenario as given, or an empty world with the robot as given.
+fn stage(arguments: &PlanArguments) -> Result<Stage, Failed> {
+    let robot = arguments.robot.as_deref();
+    if let Some(path) = &arguments.scenario {
+        let stage = scenarios::read_stage(path)?;
+        worlds::check_robot(&stage.scenario.world, robot)?;
+        return Ok(stage);
+    }
+    let is_file = |path: &Path| path.is_dir() || path.extension().is_some_and(|ending| ending == "urdf");
+    let name = match robot {
+        Some(path) if is_file(Path::new(path)) => Some(robots::register(Path::new(path))?),
+        name => name.map(str::to_owned),
+    };
+    Ok(scenarios::empty_stage(worlds::read_world_with(arguments.world.as_deref(), name.as_deref())?)?)
 }
 
 fn target(arguments: &PlanArguments) -> Target {

@@ -1,6 +1,7 @@
 //! `genmanip task check|show`.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use genmanip_core::{Document, Task};
 use genmanip_tasks::answer::Verdict;
@@ -9,22 +10,24 @@ use genmanip_workspace::difference::listed;
 use genmanip_workspace::documents;
 use genmanip_workspace::task_checks::{self, BareAnswers, FileCheck};
 use genmanip_workspace::task_files;
+use serde_json::Value;
 
 use crate::args::{CheckArguments, ShowArguments};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let bare = BareAnswers {
-        objects: &arguments.objects,
+    let bare = arguments.objects.as_deref().map(|objects| BareAnswers {
+        objects,
         world: arguments.world.as_deref(),
         kind: &arguments.kind,
         min_objects: arguments.min_objects,
-    };
+    });
     let mut list = printer.list();
     let (mut verdicts, mut flaws): (BTreeMap<&str, usize>, BTreeMap<String, usize>) = Default::default();
+    let mut task = None;
     let (mut lines, mut ids) = (Vec::new(), BTreeMap::<String, usize>::new());
-    task_checks::check_each(&arguments.files, (!bare.objects.is_empty()).then_some(bare), &mut |checked| {
+    task_checks::check_each(&arguments.files, bare, &mut |checked| {
         *verdicts.entry(checked.verdict).or_default() += 1;
         let own: BTreeSet<&String> = checked.flaws.iter().collect();
         own.into_iter().for_each(|flaw| *flaws.entry(flaw.clone()).or_default() += 1);
@@ -33,8 +36,12 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
             *ids.entry(id.to_owned()).or_default() += 1;
         }
         list.add(&checked);
+        task = checked.task;
     })?;
     let count = lines.len();
+    if let Some(path) = &arguments.out {
+        write_checked(path, task, count)?;
+    }
     let is_long = count > MAX_ROWS && !arguments.each;
     let mut text: String =
         lines.iter().filter(|(is_valid, _)| !(is_long && *is_valid)).map(|(_, line)| &**line).collect();
@@ -60,6 +67,17 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)
+}
+
+/// Writes the only task that was checked; a rejected one is not written.
+fn write_checked(path: &Path, task: Option<Value>, count: usize) -> Result<(), Failed> {
+    if count != 1 {
+        return Err(Failed::new(format!("--out writes one task, and {count} were checked"))
+            .hint("name one answer or task document"));
+    }
+    let Some(task) = task else { return Ok(()) };
+    let task = Task::from_value(task).map_err(|error| Failed::because("the checked task cannot be written", &error))?;
+    Ok(documents::write_file(path, task.to_json().as_bytes())?)
 }
 
 /// A note on ids that several tasks have, which other verbs refuse; empty without any.

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use genmanip_assets::search::Filter;
 use genmanip_core::limits;
 use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
 use genmanip_llm::CassetteMode;
@@ -38,6 +37,9 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     if is_rules && arguments.world.is_some() {
         return Err(Failed::new("--world is for language models: the rules name no surface but the table")
             .hint("leave it out; `layout` and `collect` lay tasks out in a world with --world"));
+    }
+    if !is_rules && arguments.include.is_some() {
+        return Err(Failed::misused("--include is for rules").hint("offer a language model few objects: --objects"));
     }
     if !is_rules && arguments.fill {
         return Err(Failed::misused("--fill is for rules: a language model does not run out of tasks")
@@ -71,13 +73,10 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
 /// The cards that tasks may be about.
 fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
     let catalogue = catalogue(&arguments.catalog);
-    let Some(query) = &arguments.objects else { return Ok(catalogue.cards().to_vec()) };
-    let index = catalogue.index();
-    let found = index.search(query, &Filter::default(), usize::MAX);
-    if found.is_empty() {
-        return Err(Failed::new(format!("no object fits \"{query}\"")).hint("try it with `genmanip assets search`"));
+    match &arguments.objects {
+        Some(text) => Ok(task_files::select_objects(text, catalogue)?),
+        None => Ok(catalogue.cards().to_vec()),
     }
-    Ok(found.iter().map(|one| one.card.clone()).collect())
 }
 
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
@@ -88,6 +87,7 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
         seed: Seed::new(arguments.seed),
         settings: DesignSettings { copies: arguments.copies, ..DesignSettings::default() },
         fill: arguments.fill,
+        include: arguments.include.as_deref(),
     };
     Ok(design_into(&arguments.out, &design, printer)?)
 }

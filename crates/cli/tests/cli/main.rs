@@ -22,6 +22,7 @@ mod runs;
 mod serving;
 mod sharding;
 mod suites;
+mod verified;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -143,6 +143,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         verdict: GoalVerdict { score: f64::from(u8::from(success)), success, alternatives: Vec::new() },
         ending: Some(Ending::Finished),
         failures: Vec::new(),
+        agent_failure: None,
         duration_s: frames as f64 / 60.0,
         horizon_s: 60.0,
         control_rate_hz: 60.0,

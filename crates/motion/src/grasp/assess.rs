@@ -3,8 +3,10 @@
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
 
+use super::gripper::Gripper;
 use super::propose::Proposal;
-use super::{GraspSettings, GraspTarget, Gripper, squareness};
+use super::settings::GraspSettings;
+use super::target::{GraspTarget, squareness};
 use crate::collision::GeometryError;
 use crate::collision::convex::{self, Convex, Separation};
 use crate::rigid::Rigid;

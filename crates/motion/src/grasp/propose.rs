@@ -4,8 +4,10 @@ use genmanip_core::{Pose, Seed};
 use glam::{DQuat, DVec3};
 use rand::{Rng, RngExt};
 
+use super::gripper::Gripper;
+use super::settings::GraspSettings;
 use super::solid::{Chord, Solid};
-use super::{GraspSettings, GraspTarget, Gripper, squareness};
+use super::target::{GraspTarget, squareness};
 use crate::collision::GeometryError;
 
 /// Number of slices along either axis of flat objects.

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_benchmark::statistics::{MIN_SCENARIOS, Rate};
+use genmanip_benchmark::statistics::{FailureCount, MIN_SCENARIOS, Rate};
 use genmanip_benchmark::{EvaluationReport, StatisticsSettings};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -88,7 +88,7 @@ pub fn evaluate(
         }
         let Some((report, stream)) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
         if let (Some(folder), None) = (&folder, options.shard) {
-            let file = folder.join("evaluation").join(format!("{}.json", report.label));
+            let file = results_file(folder.path(), &report.label);
             documents::write_file(&file, report.to_json().as_bytes())?;
             // Not before the report is on the disk, which may be full.
             stream.map_or(Ok(()), Stream::close)?;
@@ -231,7 +231,7 @@ fn one(
 
 /// A table of success rates with their intervals.
 pub fn table(reports: &[EvaluationReport]) -> String {
-    let heads = ["policy", "episodes", "success at end", "95 % interval", "score"];
+    let heads = ["policy", "episodes", "success at end", "95 % interval", "score", "failures"];
     let any_left = reports.iter().any(|report| !report.not_run.is_empty());
     let any_clouds = reports.iter().any(|report| report.summary.cloud_success.is_some());
     let mut head: Vec<String> = heads.map(String::from).to_vec();
@@ -251,6 +251,7 @@ pub fn table(reports: &[EvaluationReport]) -> String {
             format!("{:.1} %", 100.0 * success.value),
             format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
             format!("{:.3}", report.summary.score.value),
+            most_frequent(&report.summary.failures),
         ];
         if any_clouds {
             let disagree = report.summary.cloud_disagreements.len();
@@ -269,8 +270,19 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     text_table(&lines)
 }
 
-/// Success by what scenarios are like, a column per policy; values of few scenarios are left out. Empty
-/// where the suite says nothing of its scenarios.
+/// Number of causes in a cell of the table.
+const SHOWN_CAUSES: usize = 2;
+
+/// The most frequent causes of failure with their counts, and the count of all others.
+fn most_frequent(failures: &[FailureCount]) -> String {
+    let (shown, rest) = failures.split_at(failures.len().min(SHOWN_CAUSES));
+    let others: usize = rest.iter().map(|entry| entry.count).sum();
+    let shown = shown.iter().map(|entry| format!("{} {}", entry.count, entry.cause.name()));
+    shown.chain((others > 0).then(|| format!("{others} other"))).collect::<Vec<_>>().join(", ")
+}
+
+/// Success by scenario trait, a column per policy; values of few scenarios are omitted. Empty for a suite without
+/// traits.
 pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
     let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
     for (index, report) in reports.iter().enumerate() {
@@ -289,6 +301,11 @@ pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
         [name.to_owned(), value.to_owned()].into_iter().chain(cells).collect::<Vec<String>>()
     });
     text_table(&std::iter::once(head.collect()).chain(rows).collect::<Vec<_>>())
+}
+
+/// File of the results of an evaluation in the folder of a run.
+pub fn results_file(run: &Path, label: &str) -> PathBuf {
+    run.join("evaluation").join(format!("{label}.json"))
 }
 
 /// Folder of the kept episodes of an evaluation.

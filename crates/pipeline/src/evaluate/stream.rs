@@ -22,8 +22,11 @@ use genmanip_workspace::shard::Shard;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Identity {
     suite_hash: String,
-    /// The policy with its arguments.
+    /// Label of the policy.
     policy: String,
+    /// Its arguments that the label names but does not identify.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    folders: Vec<String>,
     cameras: Option<String>,
     /// Settings of the loop, as JSON.
     settings: serde_json::Value,
@@ -41,6 +44,7 @@ impl Identity {
         Self {
             suite_hash: suite_hash(&suite.scenarios),
             policy: policy.label().into(),
+            folders: policy.named_folders().to_vec(),
             cameras: suite.cameras.clone(),
             settings: serde_json::to_value(&suite.settings).unwrap_or_default(),
             keep_episodes,
@@ -204,6 +208,7 @@ mod tests {
         Identity {
             suite_hash: "00".into(),
             policy: policy.into(),
+            folders: Vec::new(),
             cameras: None,
             settings: serde_json::Value::Null,
             keep_episodes: false,

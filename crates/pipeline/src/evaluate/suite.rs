@@ -18,6 +18,7 @@ use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::evaluate::Case;
 
 use crate::folder::{Run, RunFolder};
+use crate::policies::label;
 use genmanip_benchmark::suites;
 use genmanip_benchmark::suites::SuiteAssets;
 use genmanip_workspace::task_spool::Tasks;
@@ -274,9 +275,8 @@ impl Suite {
 
     /// Label of a policy's evaluation on this suite, fit for the name of a file.
     pub(super) fn label(&self, policy: &str) -> String {
-        let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.+=@".contains(c) { c } else { '_' };
-        let cameras = self.cameras.iter().map(|cameras| format!("@{cameras}"));
-        format!("{policy}{}", cameras.collect::<String>()).chars().map(fit).collect()
+        let cameras = self.cameras.as_ref().map_or_else(String::new, |cameras| format!("@{cameras}"));
+        label(&format!("{policy}{cameras}"))
     }
 
     /// Recorded episode of a case.

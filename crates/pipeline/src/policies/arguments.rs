@@ -1,5 +1,7 @@
 //! Arguments of the policies of the registry.
 
+use super::label::InLabel;
+
 /// An argument of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PolicyArgument {
@@ -9,75 +11,79 @@ pub struct PolicyArgument {
     pub default: &'static str,
     /// One-line description with its unit.
     pub about: &'static str,
+    /// Its form in the label of an evaluation.
+    pub in_label: InLabel,
 }
 
-const URL: PolicyArgument = PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" };
-const EXTERIOR: PolicyArgument =
-    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" };
+impl PolicyArgument {
+    /// An argument whose value stands in the label.
+    pub(super) const fn new(name: &'static str, default: &'static str, about: &'static str) -> Self {
+        Self { name, default, about, in_label: InLabel::Value }
+    }
+
+    pub(super) const fn in_label(self, in_label: InLabel) -> Self {
+        Self { in_label, ..self }
+    }
+}
+
+const URL: PolicyArgument = PolicyArgument::new("url", "ws://127.0.0.1:8000", "where it is").in_label(InLabel::Address);
+const EXTERIOR: PolicyArgument = PolicyArgument::new("exterior", "static", "the camera that stands beside the robot");
 const TIMEOUT: PolicyArgument =
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" };
+    PolicyArgument::new("timeout_s", "120", "how long is waited for an answer, s").in_label(InLabel::Omitted);
 
 /// Arguments of a vla-eval model server.
 pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
     URL,
-    PolicyArgument {
-        name: "preset",
-        default: "libero",
-        about: "what it is shown and what it answers: libero or joint",
-    },
+    PolicyArgument::new("preset", "libero", "what it is shown and what it answers: libero or joint"),
     EXTERIOR,
-    PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand, or nothing" },
+    PolicyArgument::new("wrist", "wrist", "the camera at the hand, or nothing"),
     TIMEOUT,
 ];
 
 /// Arguments of a Python policy.
 pub(super) const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
-    PolicyArgument {
-        name: "class",
-        default: "",
-        about: "MODULE:CLASS; the module lies in the working folder or PYTHONPATH",
-    },
-    PolicyArgument { name: "python", default: "python3", about: "the interpreter, which has NumPy" },
+    PolicyArgument::new("class", "", "MODULE:CLASS; the module lies in the working folder or PYTHONPATH"),
+    PolicyArgument::new("python", "python3", "the interpreter, which has NumPy").in_label(InLabel::Omitted),
     TIMEOUT,
 ];
 
 /// Arguments of an openpi policy server.
 pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
     URL,
-    PolicyArgument {
-        name: "preset",
-        default: "droid",
-        about: "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
-    },
+    PolicyArgument::new(
+        "preset",
+        "droid",
+        "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
+    ),
     EXTERIOR,
-    PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand" },
-    PolicyArgument { name: "execute", default: "", about: "actions of a chunk that are executed; droid 8, libero 5" },
+    PolicyArgument::new("wrist", "wrist", "the camera at the hand"),
+    PolicyArgument::new("execute", "", "actions of a chunk that are executed; droid 8, libero 5"),
     TIMEOUT,
 ];
 
 /// Arguments of the agent.
-pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
-    PolicyArgument {
-        name: "vlm",
-        default: "oracle",
-        about: "who answers: oracle, random, recorded, or the settings file of a model",
-    },
-    PolicyArgument { name: "answers", default: "", about: "folder where answers are recorded and given again from" },
-    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, oracle, or http:URL" },
-    PolicyArgument { name: "grasps", default: "rgbd", about: "where grasps come from: rgbd, or http:URL" },
-    PolicyArgument { name: "path", default: "p2p", about: "p2p asks for one cell, grid for a path over the grid" },
-    PolicyArgument { name: "preset", default: "full", about: "paper is as published, full is sturdier" },
-    PolicyArgument { name: "ctof", default: "no", about: "yes asks for the part to hold, too" },
-    PolicyArgument { name: "arrows", default: "yes", about: "no leaves out the robot's directions" },
-    PolicyArgument { name: "loop", default: "closed", about: "open splits the task once and picks each thing once" },
-    PolicyArgument { name: "reasoning", default: "no", about: "yes asks for reasons before each answer" },
-    PolicyArgument { name: "camera", default: "overview", about: "the camera whose image models are shown" },
-    PolicyArgument { name: "prompts", default: "", about: "folder of prompt files that replace the built-in ones" },
-    PolicyArgument { name: "transcripts", default: "", about: "folder for questions, pictures and answers" },
-    PolicyArgument { name: "err_decompose", default: "0", about: "share of asks that the oracle answers wrongly" },
-    PolicyArgument { name: "err_object", default: "0", about: "the same" },
-    PolicyArgument { name: "err_part", default: "0", about: "the same" },
-    PolicyArgument { name: "err_grab_point", default: "0", about: "the same" },
-    PolicyArgument { name: "err_path", default: "0", about: "the same, of paths and cells" },
-    PolicyArgument { name: "err_check", default: "0", about: "the same" },
+pub(super) const AGENT_ARGUMENTS: [PolicyArgument; 20] = [
+    PolicyArgument::new("vlm", "oracle", "who answers: oracle, random, recorded, or the settings file of a model")
+        .in_label(InLabel::Content),
+    PolicyArgument::new("answers", "", "folder where answers are recorded and given again from")
+        .in_label(InLabel::Name),
+    PolicyArgument::new("masks", "rgbd", "where masks come from: rgbd, oracle, or http:URL").in_label(InLabel::Address),
+    PolicyArgument::new("grasps", "rgbd", "where grasps come from: rgbd, or http:URL").in_label(InLabel::Address),
+    PolicyArgument::new("path", "p2p", "p2p asks for one cell, grid for a path over the grid"),
+    PolicyArgument::new("preset", "full", "paper is as published, full is sturdier"),
+    PolicyArgument::new("ctof", "no", "yes asks for the part to hold, too"),
+    PolicyArgument::new("arrows", "yes", "no leaves out the robot's directions"),
+    PolicyArgument::new("loop", "closed", "open splits the task once and picks each thing once"),
+    PolicyArgument::new("reasoning", "no", "yes asks for reasons before each answer"),
+    PolicyArgument::new("camera", "overview", "the camera whose image models are shown"),
+    PolicyArgument::new("prompts", "", "folder of prompt files that replace the built-in ones")
+        .in_label(InLabel::Content),
+    PolicyArgument::new("transcripts", "", "folder for questions, pictures and answers").in_label(InLabel::Omitted),
+    PolicyArgument::new("analysis", "no", "yes classifies failures by simulator truth; results then say oracle"),
+    PolicyArgument::new("err_decompose", "0", "share of asks that the oracle answers wrongly"),
+    PolicyArgument::new("err_object", "0", "the same"),
+    PolicyArgument::new("err_part", "0", "the same"),
+    PolicyArgument::new("err_grab_point", "0", "the same"),
+    PolicyArgument::new("err_path", "0", "the same, of paths and cells"),
+    PolicyArgument::new("err_check", "0", "the same"),
 ];

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use genmanip_benchmark::{EpisodeRow, EvaluationReport, TaskRow};
-use genmanip_core::limits;
+use genmanip_core::{AgentFailure, limits};
 use genmanip_data::{DataError, EpisodeStore};
 
 use crate::evaluate::kept_episodes;
@@ -122,11 +122,18 @@ pub(super) fn evaluations(
         report.summary.policy.clone_from(&report.label);
         for result in &mut report.results {
             result.policy.clone_from(&report.label);
+            result.agent_failure.as_mut().into_iter().for_each(locate_transcript);
             // The page shows single conditions of drawn episodes only, which are read again.
             result.verdict.alternatives = Vec::new();
         }
     }
     Ok(reports)
+}
+
+/// Makes the path of a transcript absolute, so that pages in any folder can link it; drops that of one that is gone.
+pub(super) fn locate_transcript(failure: &mut AgentFailure) {
+    let found = failure.transcript.take().and_then(|path| Path::new(&path).canonicalize().ok());
+    failure.transcript = found.map(|path| path.display().to_string());
 }
 
 /// Unfinished work of a program that runs or was killed.

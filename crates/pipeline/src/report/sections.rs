@@ -10,7 +10,7 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
 use genmanip_viz::{graph_svg, layout_svg};
 
-use super::rows::{Rows, kept_store};
+use super::rows::{Rows, kept_store, locate_transcript};
 use crate::folder::{Run, RunFolder};
 use genmanip_viz::scene_images;
 use genmanip_workspace::WorkspaceError;
@@ -163,9 +163,10 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
                 .with_hint("collect again with --repair: what is damaged is set aside and made anew"),
         ),
     };
-    let by_label = |result: EpisodeResult| match &row.evaluation {
-        Some(label) => EpisodeResult { policy: label.clone(), ..result },
-        None => result,
+    let by_label = |mut result: EpisodeResult| {
+        result.policy = row.evaluation.clone().unwrap_or(result.policy);
+        result.agent_failure.as_mut().into_iter().for_each(locate_transcript);
+        result
     };
     let episode = match row.recorded {
         true => Some(store.read(&row.id).map_err(unreadable)?),

@@ -6,7 +6,7 @@ use genmanip_agent::image::RgbImage;
 use genmanip_agent_sim::AgentChoice;
 use genmanip_agent_sim::act_on_files::{ActFiles, act};
 use genmanip_assets::Catalogue;
-use genmanip_core::{CameraRequest, ImageChannels, RgbdImage, Scenario, Seed};
+use genmanip_core::{AgentStage, CameraRequest, ImageChannels, RgbdImage, Scenario, Seed};
 use genmanip_data::depth::encode_depth_png;
 use genmanip_llm::fake::answering;
 use genmanip_rollout::{Environment, RolloutSettings, Stage};
@@ -60,7 +60,7 @@ pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Pa
     assert!(files.out.join("transcript.json").is_file() && files.out.join("motions.json").is_file());
     match (&acted.failure, acted.steps.first()) {
         // Which thing is the first is the segmentation's matter; it may be one that cannot be taken.
-        (Some(failure), _) => assert!(["grasp", "motion"].contains(&failure.stage.as_str()), "{failure}"),
+        (Some(failure), _) => assert!(matches!(failure.stage, AgentStage::Grasp | AgentStage::Motion), "{failure}"),
         (None, Some(pick)) => {
             let start: Vec<f64> = pick.trajectory[0].iter().take(7).copied().map(f64::from).collect();
             assert!(start.iter().zip(&files.joints).all(|(one, other)| (one - other).abs() < 0.02), "{start:?}");

@@ -12,7 +12,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use genmanip_agent::ask::RecordedAnswers;
-use genmanip_benchmark::EvaluationReport;
+use genmanip_benchmark::{EvaluationReport, ReportSettings};
 use genmanip_core::{Document, EpisodeResult, Seed};
 use genmanip_motion::FeasibilitySettings;
 use genmanip_pipeline::PolicyFactory;
@@ -20,7 +20,7 @@ use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
 use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate};
 use genmanip_pipeline::folder::RunRecord;
-use genmanip_pipeline::report::gather;
+use genmanip_pipeline::report::{gather, report};
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_viz::replay;
@@ -165,6 +165,23 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let lost = agent("recorded").unwrap_err().to_string();
     assert!(lost.contains("could not be reached for any episode"), "{lost}");
 
+    // Failures of an agent have a class, a stage and a transcript.
+    let asked_by = folder.with_file_name("asked");
+    let text = format!("agent:vlm=random,masks=oracle,transcripts={}", asked_by.display());
+    let random = evaluate(&suite, &[PolicyFactory::resolve(&text).unwrap()], &options, &NoProgress, &never).unwrap();
+    assert_eq!(random[0].label, "agent_vlm=random_masks=oracle", "no path of this machine");
+    let failed: Vec<&EpisodeResult> = random[0].results.iter().filter(|result| !result.success).collect();
+    assert!(!failed.is_empty(), "random marks solve the task");
+    for result in &failed {
+        let failure = result.agent_failure.as_ref().unwrap();
+        assert!(failure.class.is_some() && !result.failures.is_empty(), "{failure:?}");
+        assert!(Path::new(failure.transcript.as_ref().unwrap()).is_file(), "{failure:?}");
+    }
+    let counted: usize = random[0].summary.agent_failures.iter().map(|entry| entry.count).sum();
+    assert_eq!(counted, failed.len());
+    let html = report(&folder, None, &ReportSettings::default(), &NoProgress).unwrap();
+    assert!(html.contains("Failures of the agent") && html.contains(">transcript</a>"));
+
     let replayed = replay::check(&folder, true, None, 2, &NoProgress, &mut |_| ()).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
@@ -175,7 +192,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let shown = section.shown.as_ref().unwrap();
     assert!(shown.success && shown.id == ids[0], "the first verified attempt is shown, not {}", shown.id);
     assert_eq!((section.film.len(), section.scenario.as_ref().map(|s| s.id.as_str())), (12, Some(ids[0])));
-    assert_eq!((input.tasks.len(), input.episodes.len(), &input.rule), (1, 4, &None), "two attempts, two evaluated");
+    assert_eq!((input.tasks.len(), input.episodes.len(), &input.rule), (1, 6, &None), "two attempts, four evaluated");
 
     // One episode, and one task with all its episodes; what is neither is refused with what is near.
     let second = format!("{TASK}-001");
@@ -183,7 +200,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let episode = of(&second).unwrap();
     assert_eq!((episode.cases.len(), episode.cases[0].shown.as_ref().unwrap().id.as_str()), (1, second.as_str()));
     assert!(episode.episodes.iter().all(|row| row.id == second) && episode.summaries.is_empty());
-    assert_eq!((of(TASK).unwrap().cases.len(), of(TASK).unwrap().episodes.len()), (2, 4));
+    assert_eq!((of(TASK).unwrap().cases.len(), of(TASK).unwrap().episodes.len()), (2, 6));
     let refused = of("elsewhere").unwrap_err().to_string();
     assert!(refused.contains("no task and no episode `elsewhere` in the run"), "{refused}");
 }

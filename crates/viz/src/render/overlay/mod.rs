@@ -7,7 +7,7 @@ mod palette;
 mod pen;
 
 use genmanip_agent::grid::Grid;
-use genmanip_agent::image::{Color, RgbImage, marks};
+use genmanip_agent::image::{RgbImage, marks};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::DVec3;
 use genmanip_core::perception::FIRST_OBJECT;

@@ -1,0 +1,116 @@
+//! Agent of one episode, with its transcript and the judgements of its answers.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use genmanip_agent::ask::{TranscriptEvent, TranscriptRecorder};
+use genmanip_core::{
+    ActionChunk, AgentFailure, AgentStage, Document, EpisodeStart, Frame, Observation, Policy, PolicyError, PolicySpec,
+};
+use genmanip_workspace::WorkspaceError;
+use genmanip_workspace::documents;
+
+use super::failure::{EpisodeJudgements, classify};
+use super::{GroundTruth, TurnSnapshots};
+
+/// An agent made for one episode: the agent itself, and what is known of it.
+pub struct MadeAgent {
+    policy: Box<dyn Policy>,
+    /// Transcript of questions, answers and actions.
+    pub transcribed: TranscriptRecorder,
+    /// Ground truth of the oracle services and the annotator, if any.
+    pub truth: Option<GroundTruth>,
+    /// Judgements of its answers; empty without ground truth.
+    pub judgements: Arc<Mutex<EpisodeJudgements>>,
+    /// Snapshots of the agent before each turn, if they are kept.
+    pub turns: Option<TurnSnapshots>,
+    /// Folder to which the transcript is written after each turn.
+    folder: Option<PathBuf>,
+    /// Number of images written.
+    written: usize,
+}
+
+impl MadeAgent {
+    pub(super) fn new(
+        policy: impl Policy + 'static,
+        transcribed: TranscriptRecorder,
+        truth: Option<GroundTruth>,
+        judgements: Arc<Mutex<EpisodeJudgements>>,
+    ) -> Self {
+        let policy = Box::new(policy);
+        Self { policy, transcribed, truth, judgements, turns: None, folder: None, written: 0 }
+    }
+
+    pub(super) fn keeping(self, turns: Option<TurnSnapshots>) -> Self {
+        Self { turns, ..self }
+    }
+
+    /// Writes the transcript and its images into `folder`, if given, after each turn.
+    #[must_use]
+    pub fn transcribing(self, folder: Option<PathBuf>) -> Self {
+        Self { folder, ..self }
+    }
+}
+
+impl Policy for MadeAgent {
+    fn spec(&self) -> PolicySpec {
+        self.policy.spec()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.written = 0;
+        self.policy.reset(start)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let chunk = self.policy.act(observation);
+        if let Some(folder) = &self.folder {
+            let kept = keep(&self.transcribed, self.written, folder);
+            self.written = kept.map_err(|error| PolicyError::Broken(Arc::new(error)))?;
+        }
+        chunk
+    }
+
+    fn analyse(&self, frames: &[Frame]) -> Option<AgentFailure> {
+        let transcript = self.transcribed.transcript();
+        let analysis = match (&self.truth, transcript.failure) {
+            (Some(_), failure) => {
+                let judgements = self.judgements.lock().unwrap_or_else(PoisonError::into_inner);
+                classify(&judgements, failure.as_ref(), frames)
+            }
+            (None, failure) => {
+                let last = transcript.moments.iter().rev().find_map(|moment| match moment {
+                    TranscriptEvent::Asked(exchange) => Some(AgentStage::from(exchange.stage)),
+                    TranscriptEvent::Acted { .. } => None,
+                });
+                AgentFailure {
+                    class: None,
+                    stage: failure.as_ref().map(|failure| failure.stage).or(last).unwrap_or(AgentStage::Segmentation),
+                    ask: None,
+                    evidence: failure.map_or_else(String::new, |failure| failure.to_string()),
+                    transcript: None,
+                }
+            }
+        };
+        let transcript = self.folder.as_ref().map(|folder| folder.join(TRANSCRIPT).display().to_string());
+        Some(AgentFailure { transcript, ..analysis })
+    }
+}
+
+/// File name of a transcript.
+const TRANSCRIPT: &str = "transcript.json";
+
+/// Writes a transcript and its images from index `first` on into a folder; returns the total number of images.
+///
+/// # Errors
+/// A file that cannot be written, or an image that cannot be encoded.
+pub fn keep(transcribed: &TranscriptRecorder, first: usize, folder: &Path) -> Result<usize, WorkspaceError> {
+    let pictures = transcribed.pictures();
+    for (name, picture) in pictures.iter().skip(first) {
+        let path = folder.join(name);
+        let png = picture.png().map_err(|error| WorkspaceError::file("write", &path, error))?;
+        documents::write_file(&path, &png)?;
+    }
+    documents::write_file(&folder.join(TRANSCRIPT), transcribed.transcript().to_json().as_bytes())?;
+    Ok(pictures.len())
+}
