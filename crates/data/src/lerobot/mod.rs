@@ -17,6 +17,7 @@ pub mod metadata_files;
 pub mod origin;
 mod reader;
 pub mod record;
+mod settings;
 pub mod stats;
 pub mod v21;
 pub mod writer;
@@ -24,8 +25,7 @@ pub mod writer;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits;
-use genmanip_core::{ActionContract, Document, Episode, RobotModel, Upgrade};
-use serde::{Deserialize, Serialize};
+use genmanip_core::{ActionContract, Document, Episode, RobotModel};
 
 use crate::atomic_write::{self, AtomicFolder};
 use crate::export::rows::rows;
@@ -35,45 +35,8 @@ use crate::{CameraTrack, DataError, EpisodeStore, files};
 pub use croissant::{Card, write_card};
 pub use reader::{EpisodeRow, LerobotDataset};
 pub use record::RECORD;
+pub use settings::{CONTRACT, LerobotSettings, SETTINGS, SUBTASKS};
 pub use v21::export_v21;
-
-/// File with the export settings of a data set.
-pub const SETTINGS: &str = "meta/lerobot_settings.json";
-/// File with the action contract.
-pub const CONTRACT: &str = "meta/action_contract.json";
-/// Texts of the steps, by `subtask_index`.
-pub const SUBTASKS: &str = "meta/subtasks.parquet";
-
-/// Settings of an exported data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LerobotSettings {
-    /// Contents of the rows; depth images go into the sibling data set `<name>-depth`.
-    pub export: ExportSettings,
-    /// Include the native record of each episode in `extras/record`, an episode store from which the episodes can be
-    /// replayed. Default true.
-    pub record: bool,
-    /// Episodes per data and video file, so that file boundaries depend on the episode index alone. Default 100, which
-    /// keeps video files of typical episodes under 200 MB.
-    pub episodes_per_file: usize,
-    /// Episodes per file of the depth data set, whose images are larger. Default 10.
-    pub episodes_per_depth_file: usize,
-    /// Owning run: a run may replace only its own data set. Default none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub run: Option<String>,
-}
-
-impl Default for LerobotSettings {
-    fn default() -> Self {
-        Self {
-            export: ExportSettings::default(),
-            record: true,
-            episodes_per_file: 100,
-            episodes_per_depth_file: 10,
-            run: None,
-        }
-    }
-}
 
 impl LerobotSettings {
     /// Reads the export settings of a data set.
@@ -89,20 +52,6 @@ impl LerobotSettings {
             }
         }
     }
-}
-
-impl Document for LerobotSettings {
-    const SCHEMA: &'static str = "genmanip.lerobot_settings/3";
-    const PREVIOUS: Option<Upgrade> = Some(Upgrade {
-        schema: "genmanip.lerobot_settings/2",
-        upgrade: |settings| {
-            let moved = ["fps", "cameras", "depth", "is_varied"];
-            let export: serde_json::Map<_, _> =
-                moved.iter().filter_map(|key| settings.remove(*key).map(|value| ((*key).to_owned(), value))).collect();
-            settings.insert("export".into(), export.into());
-            Ok(())
-        },
-    });
 }
 
 /// Exports the selected episodes to a data set at `dataset` (and `<dataset>-depth`).

@@ -4,6 +4,7 @@
 //! sentences are kept, H.264 video is copied without re-encoding. Nothing in the source is executed.
 
 mod convert;
+mod importer;
 mod jpeg;
 mod lerobot;
 mod lmdb;
@@ -14,7 +15,6 @@ mod videos;
 
 use std::path::{Path, PathBuf};
 
-use genmanip_core::ActionContract;
 use serde::Serialize;
 
 use genmanip_data::export::{EpisodeRows, ExportReport};
@@ -22,28 +22,13 @@ use genmanip_data::lerobot::info::INFO;
 use genmanip_data::lerobot::origin::Origin;
 use genmanip_data::lerobot::writer::DatasetWriter;
 use genmanip_data::lerobot::{begin, begin_sibling, card, check_free, check_owner, depth_path};
-use genmanip_data::{DataError, EpisodeStore, files};
+use genmanip_data::{DataError, files};
+use importer::{Importer, OnEpisode, SourceInfo};
 use metadata::ImportedMetadata;
 
 pub use convert::to_v21;
 pub use genmanip_data::lerobot::imported::Imported;
-
-/// Settings of an import.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImportSettings {
-    /// Path of ffmpeg, for video codecs other than H.264, which is then re-encoded. Default none.
-    pub ffmpeg: Option<PathBuf>,
-    /// Episodes per data and video file. Default 100.
-    pub episodes_per_file: usize,
-    /// Episodes per file of the depth data set. Default 10.
-    pub episodes_per_depth_file: usize,
-}
-
-impl Default for ImportSettings {
-    fn default() -> Self {
-        Self { ffmpeg: None, episodes_per_file: 100, episodes_per_depth_file: 10 }
-    }
-}
+pub use importer::ImportSettings;
 
 /// Summary of an import.
 #[derive(Clone, Debug, Serialize)]
@@ -95,33 +80,6 @@ fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, D
     let expected =
         "a folder with a LeRobot data set (meta/info.json) or with episodes of the original GenManip (meta_info.pkl)";
     Err(DataError::mismatch(source.display().to_string(), expected, "none"))
-}
-
-/// A data set to import.
-trait Importer {
-    fn info(&self) -> SourceInfo;
-
-    /// Passes every episode to `take`, in order.
-    fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
-
-    /// Differences from the source; complete after [`Importer::each`].
-    fn notes(&self) -> Vec<String>;
-}
-
-/// Receives an episode and the file or folder it was read from; its `images` are depth images.
-type OnEpisode<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedMetadata>) -> Result<(), DataError>;
-
-/// Metadata of a data set to import.
-struct SourceInfo {
-    /// As in [`Imported::format`].
-    format: &'static str,
-    robot: String,
-    fps: u32,
-    episodes: usize,
-    /// Action contract, if the data set has one.
-    contract: Option<ActionContract>,
-    /// Native record of the episodes, if included.
-    record: Option<EpisodeStore>,
 }
 
 /// A data set and its depth sibling under construction.

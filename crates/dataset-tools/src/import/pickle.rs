@@ -10,105 +10,16 @@
 #[cfg(test)]
 mod tests;
 mod unpickler;
+mod value;
 
 use unpickler::Unpickler;
-
-/// Index of a value in the arena.
-type ValueId = usize;
+use value::{Function, Kind, Node, ValueId};
 
 /// A parsed pickle.
 #[derive(Debug)]
 pub(super) struct Pickle {
     values: Vec<Node>,
     root: ValueId,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Node {
-    None,
-    Bool(bool),
-    Int(i64),
-    Float(f64),
-    Text(String),
-    Bytes(Vec<u8>),
-    List(Vec<ValueId>),
-    Tuple(Vec<ValueId>),
-    Dict(Vec<(ValueId, ValueId)>),
-    Function(Function),
-    /// `numpy.dtype`; `is_big` means big-endian.
-    Type {
-        name: String,
-        is_big: bool,
-    },
-    /// An array before its state is set.
-    EmptyArray,
-    Array {
-        kind: Kind,
-        shape: Vec<usize>,
-        bytes: ValueId,
-    },
-    /// An array of records or objects, whose contents are not read.
-    Opaque,
-}
-
-/// Known Python functions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Function {
-    Reconstruct,
-    NdArray,
-    DType,
-    Scalar,
-    FromBuffer,
-    Encode,
-    OrderedDict,
-    Set,
-}
-
-impl Function {
-    fn named(module: &str, name: &str) -> Option<Self> {
-        Some(match (module, name) {
-            ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Self::Reconstruct,
-            ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Self::Scalar,
-            ("numpy.core.numeric" | "numpy._core.numeric", "_frombuffer") => Self::FromBuffer,
-            ("numpy", "ndarray") => Self::NdArray,
-            ("numpy", "dtype") => Self::DType,
-            ("_codecs", "encode") => Self::Encode,
-            ("collections", "OrderedDict") => Self::OrderedDict,
-            ("builtins" | "__builtin__", "set" | "frozenset") => Self::Set,
-            _ => return None,
-        })
-    }
-}
-
-/// Element type of an array, little-endian.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Bool,
-    /// Signed integer of this many bytes.
-    Int(usize),
-    Unsigned(usize),
-    Float(usize),
-}
-
-impl Kind {
-    fn of(name: &str) -> Option<Self> {
-        let (kind, size) = name.split_at_checked(1)?;
-        let size: usize = size.parse().ok()?;
-        Some(match (kind, size) {
-            ("b", 1) => Self::Bool,
-            ("i", 1 | 2 | 4 | 8) => Self::Int(size),
-            ("u", 1 | 2 | 4 | 8) => Self::Unsigned(size),
-            ("f", 4 | 8) => Self::Float(size),
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::Bool => 1,
-            Self::Int(size) | Self::Unsigned(size) | Self::Float(size) => size,
-        }
-    }
 }
 
 /// Reference to a value of a pickle.

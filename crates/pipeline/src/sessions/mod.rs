@@ -27,24 +27,24 @@ use serde::{Deserialize, Serialize};
 use genmanip_workspace::WorkspaceError;
 pub use scenes::SceneSource;
 
-/// What a program drives with and what it sees.
+/// Actions and observations of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SessionSettings {
-    /// What the numbers of an action mean.
+    /// Meaning of the numbers of an action.
     pub action: ActionSpec,
     /// Actions per second; the 60 Hz control rate is a whole multiple.
     pub rate_hz: f64,
-    /// Pictures of each observation.
+    /// Images of each observation.
     #[serde(default)]
     pub cameras: Vec<CameraRequest>,
-    /// Whether observations hold simulator truth; results then say oracle.
+    /// True if observations hold simulator ground truth; results are then marked `oracle`.
     #[serde(default)]
     pub privileged: bool,
-    /// Longest simulated time, s; `None` for that of the scenario's suite or run.
+    /// Maximum simulated time, s; `None` for that of the scenario's suite or run.
     #[serde(default)]
     pub horizon_s: Option<f64>,
-    /// Whether an episode ends once the goal has held for the settling time; `None` as the suite or run says.
+    /// True if an episode ends once the goal has held for the settling time; `None` for the setting of the suite or run.
     #[serde(default)]
     pub stop_on_success: Option<bool>,
 }

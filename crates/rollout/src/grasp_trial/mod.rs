@@ -7,71 +7,21 @@
 
 mod arm;
 mod robustness;
+mod setup;
 mod table;
+mod trial;
 mod view;
 
-use std::sync::Arc;
-
-use genmanip_assets::Catalogue;
-use genmanip_core::{RobotModel, Seed, World};
-use genmanip_motion::grasp::cloud::Features;
-use genmanip_motion::{CloudError, CloudTarget, GeometryError, Planner};
-use genmanip_sim::SimError;
-use serde::{Deserialize, Serialize};
+use genmanip_core::Seed;
+use genmanip_motion::{CloudError, CloudTarget};
+use serde::Serialize;
 
 pub use arm::TrialEnding;
 pub use robustness::{MAX_FAILED_GRASPS, RobustnessSettings, WANTED_GRASPS, robust_grasps, verified_grasps};
+pub use setup::GraspTrials;
 pub use table::Table;
+pub use trial::{CandidateChoice, ExecutedGrasp, TrialClass, TrialError, TrialView};
 pub use view::{Cloud, ViewSettings};
-
-/// Kind of target and surroundings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TrialClass {
-    /// An object with a body or a rim to grasp, alone.
-    Compact,
-    /// An object with a handle or shaft, lying flat, alone.
-    Utensils,
-    /// A compact object among seven others.
-    Clutter,
-}
-
-/// Observation of the objects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TrialView {
-    /// The whole surface, without noise.
-    Full,
-    /// One of the three prompt cameras, chosen at random, with noise.
-    One,
-    /// The three prompt cameras, fused, with noise.
-    Three,
-}
-
-/// Choice of the candidate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CandidateChoice {
-    /// The best feasible candidate.
-    Best,
-    /// A random feasible candidate, to evaluate the scores.
-    Any,
-}
-
-/// Data shared by all trials.
-#[derive(Clone)]
-pub struct GraspTrials {
-    /// The objects' families.
-    pub catalogue: &'static Catalogue,
-    /// Kinematics and the sampler.
-    pub planner: Arc<Planner>,
-    /// The robot.
-    pub robot: Arc<RobotModel>,
-    /// Surfaces, physics and cameras.
-    pub world: Arc<World>,
-    /// Noise and resolution of the cameras.
-    pub view: ViewSettings,
-}
 
 /// Result of one trial.
 #[derive(Clone, Debug, Serialize)]
@@ -92,41 +42,6 @@ pub struct Trial {
     pub ending: TrialEnding,
     /// The executed grasp, if any.
     pub grasp: Option<ExecutedGrasp>,
-}
-
-/// A grasp that was executed.
-#[derive(Clone, Debug, Serialize)]
-pub struct ExecutedGrasp {
-    /// Rank among the candidates, from 0.
-    pub rank: usize,
-    /// Predicted success probability.
-    pub score: f64,
-    /// Distance between the contacts, m.
-    pub width: f64,
-    /// Features of the score.
-    pub features: Features,
-    /// Gripper opening at the end, m.
-    pub final_width: f64,
-}
-
-/// Reason why a trial could not be run.
-#[derive(Debug, thiserror::Error)]
-pub enum TrialError {
-    /// The physics engine rejected the scene or diverged.
-    #[error(transparent)]
-    Sim(#[from] SimError),
-    /// An object could not be built.
-    #[error(transparent)]
-    Asset(#[from] genmanip_assets::AssetError),
-    /// Rendering failed.
-    #[error("rendering a depth image of the table failed: {0}")]
-    Render(#[from] genmanip_render::RenderError),
-    /// The object's geometry was rejected.
-    #[error(transparent)]
-    Geometry(#[from] GeometryError),
-    /// The cloud was rejected.
-    #[error(transparent)]
-    Cloud(#[from] CloudError),
 }
 
 impl GraspTrials {

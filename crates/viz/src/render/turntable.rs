@@ -11,8 +11,8 @@ use genmanip_rollout::images::{Exposure, StageRenderer, sensor_seed};
 
 use super::files::Writer;
 use super::moment::Moment;
+use super::options::{RenderOptions, reference};
 use super::overlay::Overlays;
-use super::{RenderOptions, reference};
 use crate::scene_images::not_drawn;
 use genmanip_workspace::WorkspaceError;
 

@@ -1,0 +1,53 @@
+//! Data sets to import, and settings of an import.
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::ActionContract;
+use genmanip_data::export::EpisodeRows;
+use genmanip_data::{DataError, EpisodeStore};
+
+use super::metadata::ImportedMetadata;
+
+/// Settings of an import.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImportSettings {
+    /// Path of ffmpeg, for video codecs other than H.264, which is then re-encoded. Default none.
+    pub ffmpeg: Option<PathBuf>,
+    /// Episodes per data and video file. Default 100.
+    pub episodes_per_file: usize,
+    /// Episodes per file of the depth data set. Default 10.
+    pub episodes_per_depth_file: usize,
+}
+
+impl Default for ImportSettings {
+    fn default() -> Self {
+        Self { ffmpeg: None, episodes_per_file: 100, episodes_per_depth_file: 10 }
+    }
+}
+
+/// A data set to import.
+pub(super) trait Importer {
+    fn info(&self) -> SourceInfo;
+
+    /// Passes every episode to `take`, in order.
+    fn each(&mut self, take: OnEpisode) -> Result<(), DataError>;
+
+    /// Differences from the source; complete after [`Importer::each`].
+    fn notes(&self) -> Vec<String>;
+}
+
+/// Receives an episode and the file or folder it was read from; its `images` are depth images.
+pub(super) type OnEpisode<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedMetadata>) -> Result<(), DataError>;
+
+/// Metadata of a data set to import.
+pub(super) struct SourceInfo {
+    /// As in [`Imported::format`].
+    pub(super) format: &'static str,
+    pub(super) robot: String,
+    pub(super) fps: u32,
+    pub(super) episodes: usize,
+    /// Action contract, if the data set has one.
+    pub(super) contract: Option<ActionContract>,
+    /// Native record of the episodes, if included.
+    pub(super) record: Option<EpisodeStore>,
+}

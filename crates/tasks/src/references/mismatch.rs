@@ -1,0 +1,69 @@
+//! Conditions as read, and reasons why an instruction does not state the goal of its task.
+
+use genmanip_core::Relation;
+
+/// A condition as stated by a sentence.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReadAtom {
+    /// An object is in a relation to others.
+    Place {
+        /// Id of the object.
+        subject: String,
+        /// Relations that the preposition can mean.
+        relations: Vec<Relation>,
+        /// Ids of one reference, or of two for `between`.
+        references: Vec<String>,
+    },
+    /// An object is in a state.
+    State {
+        /// Id of the object.
+        object: String,
+        /// Name of the state.
+        state: String,
+    },
+}
+
+/// Reason why an instruction does not state the goal of its task.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Mismatch {
+    /// The sentence is outside the grammar or the lexicon.
+    #[error("not understood: `{phrase}`")]
+    Unreadable {
+        /// The part that was not parsed.
+        phrase: String,
+    },
+    /// A phrase fits no object of the scene.
+    #[error("nothing is `{phrase}`")]
+    Nothing {
+        /// The phrase.
+        phrase: String,
+    },
+    /// A phrase fits several objects.
+    #[error("`{phrase}` may be any of {ids:?}")]
+    Ambiguous {
+        /// The phrase.
+        phrase: String,
+        /// Ids that fit.
+        ids: Vec<String>,
+    },
+    /// The sentence states another goal than the task's.
+    #[error("asks for {read}, meant is {meant}")]
+    OtherGoal {
+        /// The goal that the sentence states.
+        read: String,
+        /// The task's goal.
+        meant: String,
+    },
+}
+
+impl Mismatch {
+    /// The kind of mismatch without particulars, for counting.
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } => "not understood",
+            Self::Nothing { .. } => "a phrase that fits nothing",
+            Self::Ambiguous { .. } => "an ambiguous phrase",
+            Self::OtherGoal { .. } => "another goal",
+        }
+    }
+}
