@@ -98,6 +98,14 @@ impl From<ImageChannels> for Channels {
 }
 
 impl FrameBuffers {
+    /// Empties all channels but the colour.
+    pub(crate) fn clear_geometry(&mut self) {
+        self.depth_m.clear();
+        self.instance.clear();
+        self.normal.clear();
+        self.parts.clear();
+    }
+
     /// The image with the parameters of its camera, as other crates use it.
     pub fn into_image(self, camera: &Camera, world_from_camera: Pose) -> RgbdImage {
         RgbdImage {

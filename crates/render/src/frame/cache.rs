@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3A};
 
 use crate::ambient::proxy_set::Proxies;
 use crate::gbuffer::material_bins::MaterialBins;
-use crate::gbuffer::static_layer::{LayeredBuffer, TILE, dilated};
+use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
 use crate::gbuffer::view::{CameraView, View, surface_of};
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::light_buffer::{Estimator, LightBuffer, UpsampleWindow, Windows};
@@ -217,18 +217,49 @@ impl FrameCache {
         for row in self.rgb.chunks_exact(3 * self.view.camera.width).take(size[1]) {
             out.rgb.extend_from_slice(&row[..3 * size[0]]);
         }
-        // Visibility at the pixel centres, transparent parts included.
+        let ([width, height], stride) = (size, self.view.camera.width);
+        let (whole, is_whole) = (Rectangle { columns: 0..width, rows: 0..height }, channels.normal || channels.parts);
+        let areas = if is_whole { vec![whole] } else { self.transparent.areas_within(&whole) };
+        // Visibility at the pixel centres, transparent parts included, where it may differ from the opaque one.
         let (opaque, centers) = (&self.opaque.target, &mut self.centers);
-        centers.reset::<true>(size[0], size[1], 1);
-        for row in 0..size[1] {
-            let (from, to) = (row * SCALE * opaque.stride, row * centers.stride);
-            let samples = opaque.ids[from..].iter().zip(&opaque.reversed_z[from..]).step_by(SCALE);
-            let own = centers.ids[to..to + size[0]].iter_mut().zip(&mut centers.reversed_z[to..]);
-            own.zip(samples).for_each(|((id, reversed_z), sample)| (*id, *reversed_z) = (*sample.0, *sample.1));
+        if (centers.width, centers.height) != (width, height) {
+            centers.reset::<true>(width, height, 1);
+        }
+        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
+            let sample = row * centers.stride + column;
+            (centers.ids[sample], centers.reversed_z[sample]) = opaque.sample(column * SCALE, row * SCALE);
         }
         self.view.draw_transparent(assets, [true, true], centers);
-        write_geometry(assets, &self.view, centers, channels, out);
+        if is_whole {
+            write_geometry(assets, &self.view, centers, channels, out);
+            return;
+        }
+        let instances = instances_of(assets);
+        let LightBuffer { depth, surface, .. } = &self.light_buffer;
+        out.clear_geometry();
+        for row in (0..height).map(|row| row * stride..row * stride + width) {
+            if channels.depth {
+                out.depth_m.extend_from_slice(&depth[row.clone()]);
+            }
+            if channels.instance {
+                out.instance.extend(surface[row].iter().map(|&surface| instances[usize::from(surface)]));
+            }
+        }
+        for (row, column) in areas.iter().flat_map(Rectangle::pixels) {
+            let (pixel, sample) = (row * width + column, row * centers.stride + column);
+            if channels.depth {
+                out.depth_m[pixel] = depth_of(&centers.reversed_z[sample]);
+            }
+            if channels.instance {
+                out.instance[pixel] = instances[surface_of(centers.ids[sample]) as usize];
+            }
+        }
     }
+}
+
+/// Instance id of each surface number; 0 is the background.
+fn instances_of(assets: &RenderAssets) -> Vec<u16> {
+    std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
 }
 
 /// Marked tiles of a range.
@@ -249,12 +280,8 @@ pub(crate) fn write_geometry(
     channels: Channels,
     out: &mut FrameBuffers,
 ) {
-    // By surface number; 0 is the background.
-    let instances: Vec<u16> = std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect();
-    out.depth_m.clear();
-    out.instance.clear();
-    out.normal.clear();
-    out.parts.clear();
+    let instances = instances_of(assets);
+    out.clear_geometry();
     for (reversed_z, ids) in seen.rows() {
         if channels.depth {
             out.depth_m.extend(reversed_z.iter().map(depth_of));

@@ -37,6 +37,12 @@ impl Rectangle {
         Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
     }
 
+    /// Rows and columns of its pixels.
+    pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let columns = self.columns.clone();
+        self.rows.clone().flat_map(move |row| columns.clone().map(move |column| (row, column)))
+    }
+
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty() || self.rows.is_empty()
     }
@@ -120,7 +126,13 @@ impl LayeredBuffer {
             self.mark(&motion.before);
             self.mark(&motion.now);
         }
-        self.restore(is_new);
+        for tile in 0..self.changed.len() {
+            // A tile without moving parts still shows the layer.
+            if is_new || self.changed[tile] && self.over[tile] {
+                let [columns, rows] = self.samples_of(tile);
+                self.target.copy_rectangle(&self.layer, columns, rows);
+            }
+        }
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
         }
@@ -129,39 +141,18 @@ impl LayeredBuffer {
             if !self.changed[tile] {
                 continue;
             }
-            let (column, row) = (tile % self.tile_columns * TILE, tile / self.tile_columns * TILE);
-            let columns = column * scale..(column + TILE).min(width) * scale;
-            let rows = row * scale..(row + TILE).min(height) * scale;
+            let [columns, rows] = self.samples_of(tile);
             let is_over = self.target.differs(&self.layer, columns, rows);
             self.changed[tile] = is_new || is_over || self.over[tile];
             self.over[tile] = is_over;
         }
     }
 
-    /// Copies dirty tiles from the static layer; all of them from a new layer.
-    fn restore(&mut self, is_new: bool) {
-        let scale = self.target.scale;
-        let (width, height) = (self.target.width, self.target.height);
-        for row in 0..self.tile_rows {
-            let rows = row * TILE * scale..((row + 1) * TILE * scale).min(height);
-            let mut column = 0;
-            while column < self.tile_columns {
-                let first = column;
-                // A tile without moving parts still shows the layer.
-                let is_copied = |column: usize| {
-                    let tile = row * self.tile_columns + column;
-                    is_new || (self.changed[tile] && self.over[tile])
-                };
-                while column < self.tile_columns && is_copied(column) {
-                    column += 1;
-                }
-                if first < column {
-                    let columns = first * TILE * scale..(column * TILE * scale).min(width);
-                    self.target.copy_rectangle(&self.layer, columns, rows.clone());
-                }
-                column += 1;
-            }
-        }
+    /// Samples of a tile, as columns and rows.
+    fn samples_of(&self, tile: usize) -> [Range<usize>; 2] {
+        let size = TILE * self.target.scale;
+        let samples = |at: usize, limit: usize| at * size..((at + 1) * size).min(limit);
+        [samples(tile % self.tile_columns, self.target.width), samples(tile / self.tile_columns, self.target.height)]
     }
 
     /// Marks the tiles of a rectangle as changed.

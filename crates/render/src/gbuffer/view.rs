@@ -7,7 +7,7 @@ use multiversion::multiversion;
 use crate::error::RenderError;
 use crate::gbuffer::static_layer::{Motion, Rectangle, TILE};
 use crate::job::{FrameState, ViewJob};
-use crate::raster::{Block, Corner, Sides, Viewpoint, VisibilityBuffer, draw_mesh, extremes};
+use crate::raster::{Block, Corner, Sides, VisibilityBuffer, draw_mesh, extremes};
 use crate::scene::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::scene::mesh::{ERRORS_M, Mesh};
 
@@ -280,8 +280,7 @@ pub(crate) fn complement_z(reversed_z: f32) -> f32 {
 /// Rasterises a mesh beyond the near plane.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut VisibilityBuffer) {
-    let viewpoint = Viewpoint::At(placed.viewpoint_in_body.to_array());
-    draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, viewpoint, sides, first_id, target);
+    draw_mesh::<true>(&mesh.triangles, &placed.corners, sides, first_id, target);
 }
 
 /// Rasterises a mesh that crosses the near plane, at which its triangles are clipped.

@@ -12,4 +12,4 @@ mod vertex;
 mod visibility_buffer;
 
 pub(crate) use vertex::{Corner, extremes};
-pub(crate) use visibility_buffer::{Block, Planes, Sides, Viewpoint, VisibilityBuffer, draw_mesh, read_window};
+pub(crate) use visibility_buffer::{Block, Sides, VisibilityBuffer, draw_mesh, read_window};

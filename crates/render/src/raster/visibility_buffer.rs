@@ -13,77 +13,18 @@ const ROWS: usize = 4;
 /// Requested sides of triangles: front faces, back faces.
 pub(crate) type Sides = [bool; 2];
 
-/// Planes of a mesh's triangles as structure of arrays, padded to whole blocks: unit normals (zero for degenerate
-/// triangles) and distances from the origin.
-#[derive(Debug, Default)]
-pub(crate) struct Planes {
-    normal: [Vec<f32>; 3],
-    distance: Vec<f32>,
-}
-
-/// Position of the viewer in the mesh's frame.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Viewpoint {
-    At([f32; 3]),
-    /// At infinity, in a unit direction.
-    Towards([f32; 3]),
-}
-
-impl Planes {
-    pub fn new(planes: impl ExactSizeIterator<Item = ([f32; 3], f32)>) -> Self {
-        let count = planes.len().next_multiple_of(BLOCK);
-        let mut own = Self { normal: std::array::from_fn(|_| vec![0.0; count]), distance: vec![0.0; count] };
-        for (index, (normal, distance)) in planes.enumerate() {
-            own.normal.iter_mut().zip(normal).for_each(|(list, value)| list[index] = value);
-            own.distance[index] = distance;
-        }
-        own
-    }
-
-    /// Triangles of a block that may show a requested side, as bits.
-    #[inline(always)]
-    fn showing(&self, block: usize, viewpoint: Viewpoint, [front, back]: Sides) -> u32 {
-        /// Distance (m) of the viewer behind a plane that exceeds rounding errors at some metres (for directions: angle
-        /// (rad)).
-        const SURELY: f32 = 1e-5;
-        let ([x, y, z], near) = match viewpoint {
-            Viewpoint::At(place) => (place, 1.0),
-            Viewpoint::Towards(direction) => (direction, 0.0),
-        };
-        let range = block * BLOCK..(block + 1) * BLOCK;
-        let [nx, ny, nz] = self.normal.each_ref().map(|list| &list[range.clone()]);
-        let distance = &self.distance[range];
-        let mut seen = [0_u32; BLOCK];
-        for i in 0..BLOCK {
-            let before = nx[i] * x + ny[i] * y + nz[i] * z - distance[i] * near;
-            seen[i] = u32::from(front & (before > -SURELY) | back & (before < SURELY));
-        }
-        (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i)
-    }
-}
-
-/// Rasterises the triangles of a mesh that show a requested side. Most cover no sample and half face away: both are
-/// tested in batches.
+/// Rasterises the triangles of a mesh that show a requested side.
 #[inline(always)]
 pub(crate) fn draw_mesh<const IDS: bool>(
     triangles: &[[u32; 3]],
     corners: &[Corner],
-    planes: &Planes,
-    viewpoint: Viewpoint,
     sides: Sides,
     first_id: u32,
     target: &mut VisibilityBuffer,
 ) {
     let mut block = Block::default();
-    for (index, triangles_of_block) in triangles.chunks(BLOCK).enumerate() {
-        let wanted = (1_u32 << triangles_of_block.len()) - 1;
-        let mut showing = planes.showing(index, viewpoint, sides) & wanted;
-        while showing != 0 {
-            let i = showing.trailing_zeros() as usize;
-            showing &= showing - 1;
-            let id = first_id + (index * BLOCK + i) as u32;
-            block.push::<IDS>(id, triangles_of_block[i].map(|corner| &corners[corner as usize]), sides, target);
-        }
+    for (triangle, id) in triangles.iter().zip(first_id..) {
+        block.push::<IDS>(id, triangle.map(|corner| &corners[corner as usize]), sides, target);
     }
     block.draw::<IDS>(sides, target);
 }

@@ -7,8 +7,6 @@ use genmanip_core::{Pose, TriMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_and_locks_decoder};
 
-use crate::raster::Planes;
-
 /// Largest surface error of each level of detail (m).
 pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
 /// Largest surface error of shadow casters in large and in small images [m]: half a texel of the shadow map.
@@ -29,7 +27,6 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Attributes of the triangles.
     pub faces: Vec<Face>,
-    pub(crate) planes: Planes,
     /// Quantised normal of each triangle; anti-aliasing treats triangles of different codes as different surfaces.
     pub directions: Vec<u8>,
     /// Centre of the bounding sphere (m).
@@ -133,10 +130,6 @@ impl Mesh {
         let faces: Vec<Face> = triangles.iter().map(face).collect();
         let directions = faces.iter().map(|face| direction_code(face.plane.truncate())).collect();
         Self {
-            planes: Planes::new(faces.iter().zip(&triangles).map(|(face, triangle)| {
-                let normal = face.plane.truncate();
-                (normal.to_array(), normal.dot(positions[corner(triangle[0])]))
-            })),
             positions,
             triangles,
             faces,

@@ -12,7 +12,7 @@ use crate::gbuffer::view::rotation;
 use crate::job::FrameState;
 use crate::lights::key_light::{KeyLight, MAX_RADIUS};
 use crate::lights::sky::luminance;
-use crate::raster::{Corner, Viewpoint, VisibilityBuffer, draw_mesh, extremes};
+use crate::raster::{Corner, VisibilityBuffer, draw_mesh, extremes};
 use crate::scene::assets::RenderAssets;
 use crate::scene::material::Material;
 use crate::scene::mesh::Mesh;
@@ -40,8 +40,6 @@ pub(crate) struct ShadowMap {
 #[derive(Clone, Debug, Default)]
 struct Caster {
     pose: Pose,
-    /// Unit direction to the light in the body's frame.
-    to_light: [f32; 3],
     corners: Vec<Corner>,
 }
 
@@ -255,7 +253,6 @@ impl Caster {
         self.corners.clear();
         let turn = light.light_from_world * rotation(&pose);
         let shift = light.light_from_world * pose.position.as_vec3a();
-        self.to_light = (-turn.row(2)).to_array();
         let center = turn * Vec3A::from(mesh.bounds_center) + shift - light.center;
         if center.x.abs().max(center.y.abs()) > light.radius + mesh.bounds_radius {
             return Rectangle::default();
@@ -272,8 +269,7 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut VisibilityBuffer) {
     if caster.corners.is_empty() {
         return;
     }
-    let viewpoint = Viewpoint::Towards(caster.to_light);
-    draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, viewpoint, [true, !mesh.closed], 0, target);
+    draw_mesh::<false>(&mesh.triangles, &caster.corners, [true, !mesh.closed], 0, target);
 }
 
 /// True if a material transmits most light.

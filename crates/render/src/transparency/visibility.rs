@@ -1,5 +1,7 @@
 //! Visibility buffers of transparent parts.
 
+use std::ops::Range;
+
 use crate::gbuffer::static_layer::{Rectangle, TILE};
 use crate::gbuffer::view::View;
 use crate::raster::VisibilityBuffer;
@@ -11,7 +13,7 @@ pub(crate) struct TransparentBuffers {
     /// Farthest back faces, with complemented reversed z, and nearest front faces.
     pub layers: [VisibilityBuffer; 2],
     /// Bounds of the visible transparent parts (px).
-    pub areas: Vec<Rectangle>,
+    areas: Vec<Rectangle>,
     /// By tile: true if a transparent part may cover samples of it or next to it; empty before the first frame.
     reached: Vec<bool>,
 }
@@ -46,6 +48,14 @@ impl TransparentBuffers {
                 self.reached[row * columns..][area.tile_columns()].fill(true);
             }
         }
+    }
+
+    /// Bounds of the visible transparent parts, as far as they lie in a rectangle that begins at the first pixel.
+    pub fn areas_within(&self, image: &Rectangle) -> Vec<Rectangle> {
+        let cut = |range: &Range<usize>, end: usize| range.start.min(end)..range.end.min(end);
+        let areas = self.areas.iter();
+        let cut = areas.map(|Rectangle { columns, rows }| [cut(columns, image.columns.end), cut(rows, image.rows.end)]);
+        cut.map(|[columns, rows]| Rectangle { columns, rows }).collect()
     }
 
     /// True if a transparent part may cover samples of a tile or next to it.
