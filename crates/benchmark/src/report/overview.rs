@@ -146,6 +146,7 @@ fn policies(input: &ReportInput) -> String {
                 kinds: _,
                 traits: _,
                 failures: _,
+                agent_failures: _,
             } = summary;
             let mut name = escape(&words(policy));
             if *oracle {
