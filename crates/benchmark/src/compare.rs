@@ -184,7 +184,7 @@ fn verdict(comparison: &Comparison) -> String {
     let mut text = match (all.p_value <= alpha, all.detectable_difference) {
         (true, _) => format!("{better} is better ({test}, p = {})", Short(all.p_value)),
         (false, Some(least)) => format!(
-            "no difference found ({test}, p = {:.3}); one of {:.1} points would have been, four times in five",
+            "no difference found ({test}, p = {:.3}); a difference of {:.1} points is detectable with 80 % power",
             all.p_value,
             100.0 * least
         ),
@@ -193,7 +193,7 @@ fn verdict(comparison: &Comparison) -> String {
         }
     };
     if let Some(count) = all.sequential.decided_after {
-        text += &format!("\nlooked at after every scenario, {count} of {} would have been enough", all.scenarios);
+        text += &format!("\nsequential test: {count} of {} scenarios would have been enough", all.scenarios);
     }
     text
 }
@@ -211,7 +211,7 @@ impl std::fmt::Display for Short {
 }
 
 fn describe_power(power: &[PowerRow]) -> String {
-    let head = ["scenarios", "difference found four times in five"];
+    let head = ["scenarios", "difference detectable with 80 % power"];
     let mut rows = vec![head.map(String::from).to_vec()];
     for row in power {
         let least = row.detectable_difference;

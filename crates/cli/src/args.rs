@@ -304,7 +304,7 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
-    /// Be the model yourself: questions are written into this folder, and an answer.json is awaited beside each
+    /// Answer the questions yourself: they are written into this folder, and an answer.json is awaited beside each
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)

@@ -70,7 +70,7 @@ pub const POLICIES: [PolicyEntry; 11] = [
     },
     PolicyEntry {
         name: "blind",
-        about: "takes a random thing to a random place as the expert does, blind to the instruction; says oracle",
+        about: "carries a random object to a random place with the expert's motions, blind to the instruction; labelled oracle",
         arguments: &[],
         needs_record: false,
         is_usual: false,

@@ -36,7 +36,7 @@ pub fn open(folder: &Path) -> Result<Vec<String>, WorkspaceError> {
         let file = path.display().to_string();
         let robot = robots::compose(&file, &text, &find).and_then(|robot| robots::register(&file, robot));
         let robot = robot.map_err(|error| {
-            WorkspaceError::input(format!("{file} is no robot"))
+            WorkspaceError::input(format!("{file} is not a valid robot file"))
                 .because(error)
                 .with_hint("docs/guides/your-own-robot.md explains every key")
         })?;
@@ -89,7 +89,10 @@ mod tests {
 
         let error = open(folder.path()).unwrap_err();
         let text = format!("{error} {:?}", std::error::Error::source(&error).map(ToString::to_string));
-        assert!(text.contains("mine.json is no robot") && text.contains("no gripper is called"), "{text}");
+        assert!(
+            text.contains("mine.json is not a valid robot file") && text.contains("no gripper is called"),
+            "{text}"
+        );
 
         fs::write(path("grippers/mine.json"), gripper.replace("\"max_width\": 0.08", "\"max_width\": 80")).unwrap();
         let error = open(folder.path()).unwrap_err();

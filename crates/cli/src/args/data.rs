@@ -131,7 +131,7 @@ pub struct DataRerenderArguments {
         help = format!("What differs from the usual look: {} [default: all]", super::render::looks())
     )]
     pub vary: Vec<AppearanceFactor>,
-    /// Everything looks as usual
+    /// Render the standard appearance
     #[arg(long, conflicts_with = "vary")]
     pub plain: bool,
     /// Cameras of the scenarios [default: those of the dataset]

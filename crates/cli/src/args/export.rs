@@ -47,7 +47,7 @@ pub struct DatasetArguments {
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "no_images")]
     pub cameras: Vec<String>,
     /// Further columns: sim, poses and speeds of the objects and which one is held, as `sim.object_…`; boxes, around the
-    /// objects in each picture, as `sim.box.…`; masks, which thing each pixel shows, beside the depth pictures
+    /// objects in each image, as `sim.box.…`; masks, the object that each pixel shows, beside the depth images
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = PossibleValuesParser::new(COLUMNS.map(|(name, _)| name)))]
     pub columns: Vec<String>,
     /// Omit images

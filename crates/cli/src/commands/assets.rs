@@ -231,7 +231,7 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
     let count = |of: &dyn Fn(&&ImportRow) -> bool| rows.iter().filter(of).count();
     let imported = count(&|row| row.error.is_none());
     printer.say(format!(
-        "{imported} of {} imported into {}; {} rest on a table, {} of {} that the hand could hold were held",
+        "{imported} of {} imported into {}; {} rest on a table, {} of {} graspable ones were held in a trial",
         found.len(),
         folder.join(&arguments.pack).display(),
         count(&|row| row.rests),

@@ -51,7 +51,7 @@ fn processor_with(cores: usize, has_fused_products: bool) -> Finding {
     let (found, mend) = match has_fused_products {
         true => (found, String::new()),
         false => (
-            format!("{found}, without AVX2 or FMA: pictures take three to four times as long"),
+            format!("{found}, without AVX2 or FMA: images take three to four times as long"),
             "let a virtual machine see the processor as it is (in QEMU `-cpu host`), if it is one".into(),
         ),
     };

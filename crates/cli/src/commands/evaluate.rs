@@ -35,7 +35,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let out = match (run, &arguments.out) {
         (Some(run), Some(_)) => {
             return Err(Failed::new(format!("{} keeps its evaluations itself", run.display()))
-                .hint("leave --out away, or name its scenarios/ instead of the run"));
+                .hint("omit --out, or name its scenarios/ instead of the run"));
         }
         (None, None) if arguments.keep_episodes => {
             return Err(Failed::new("there is no folder to keep episodes in").hint("name one with --out DIR"));

@@ -16,7 +16,7 @@ pub fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
     }
     if asks(ExtraColumns::Masks) {
         depth += &format!(
-            "`{name}-depth` also has masks: which thing each pixel shows, 0 = nothing, 1 = table, 2 = robot, 3 + i = object i \
+            "`{name}-depth` also has masks: the object that each pixel shows, 0 = nothing, 1 = table, 2 = robot, 3 + i = object i \
              of `objects` in the episodes table.\n"
         );
     }
