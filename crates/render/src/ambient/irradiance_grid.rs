@@ -285,7 +285,7 @@ fn add_body(
 mod tests {
     use genmanip_assets::worlds::default_world;
     use genmanip_core::glam::{DVec3, Vec3};
-    use genmanip_core::{CameraMount, Material, Pose};
+    use genmanip_core::{CameraMount, Material, Pose, SupportSurface};
 
     use super::*;
     use crate::ambient::proxy_set::colors_of;
@@ -293,7 +293,7 @@ mod tests {
     use crate::job::FrameState;
     use crate::tests::fixture;
 
-    /// A red and a white block above a bare support surface.
+    /// A red and a white block above two bare support surfaces.
     struct Scene {
         assets: std::sync::Arc<RenderAssets>,
         variation: RenderVariation,
@@ -306,7 +306,9 @@ mod tests {
             let block =
                 |color| fixture::object("block", fixture::block(Vec3::splat(0.03)), Material::plain(color, 0.6));
             let objects = [block([0.9, 0.1, 0.1]), block([0.9; 3])];
-            let assets = RenderAssets::without_robot(&objects, Some(&default_world())).unwrap();
+            let mut world = (*default_world()).clone();
+            world.surfaces.push(SupportSurface { top_center_m: SIDE, ..world.surfaces[0].clone() });
+            let assets = RenderAssets::without_robot(&objects, Some(&world)).unwrap();
             let variation = RenderVariation::default();
             let surfaces = variation.materials(&assets);
             let (lighting, colors) =
@@ -329,20 +331,24 @@ mod tests {
     }
 
     const FAR: DVec3 = DVec3::new(0.9, -0.4, 0.03);
+    /// Centre of the second surface.
+    const SIDE: DVec3 = DVec3::new(0.5, 2.5, -0.2);
 
-    /// A red block makes its surroundings redder and darker, less so farther away; a hanging block only for the wrist
-    /// camera.
+    /// A red block makes its surroundings on any surface redder and darker, less so farther away; a hanging block only
+    /// for the wrist camera.
     #[test]
     fn bodies_darken_and_colour_the_surface_around_them() {
         let scene = Scene::new();
-        let light = |mount, block, x, y| scene.anew(mount, [block, FAR]).grids[0].at(x, y);
-        let at = |height: f64, mount, y| light(mount, DVec3::new(0.5, 0.0, height), 0.5, y);
-        let near = at(0.03, CameraMount::World, 0.05);
-        assert!(near.x > near.y && near.y < 0.9, "{near}");
-        let away = at(0.03, CameraMount::World, 0.3);
-        assert!((away - Vec4::ONE.with_w(0.0)).abs().max_element() < 0.05, "{away}");
-        assert_eq!(at(0.13, CameraMount::World, 0.05), light(CameraMount::World, DVec3::Z, 0.5, 0.05));
-        assert!(at(0.13, CameraMount::Hand, 0.05).y < 0.97);
+        for (grid, center) in [DVec3::X * 0.5, SIDE].into_iter().enumerate() {
+            let light = |mount, block, y| scene.anew(mount, [block, FAR]).grids[grid].at(0.5, center.y as f32 + y);
+            let at = |height, mount, y| light(mount, center + DVec3::Z * height, y);
+            let near = at(0.03, CameraMount::World, 0.05);
+            assert!(near.x > near.y && near.y < 0.9, "{near} on surface {grid}");
+            let away = at(0.03, CameraMount::World, 0.3);
+            assert!((away - Vec4::ONE.with_w(0.0)).abs().max_element() < 0.05, "{away} on surface {grid}");
+            assert_eq!(at(0.13, CameraMount::World, 0.05), light(CameraMount::World, DVec3::Z, 0.05));
+            assert!(at(0.13, CameraMount::Hand, 0.05).y < 0.97);
+        }
     }
 
     /// Versions tell changes; an updated grid equals a new one.

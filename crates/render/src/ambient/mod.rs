@@ -4,5 +4,4 @@ pub(crate) mod cavity;
 pub(crate) mod irradiance_grid;
 pub(crate) mod proxies;
 pub(crate) mod proxy_set;
-pub(crate) mod reflection;
 pub(crate) mod ssao;

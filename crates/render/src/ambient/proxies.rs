@@ -32,8 +32,7 @@ const LEAST: f32 = 0.01;
 /// Inverse length of the fade-out, in squared reach. Chosen.
 const FADE: f32 = 4.0;
 
-/// Stand-in for a body: an ellipsoid that occludes light, whose bounding box or inscribed ellipsoid metal close to it
-/// reflects, and that may hold a cavity.
+/// Stand-in for a body: an ellipsoid that occludes light, may have a cavity, and may be held.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Proxy {
     /// Body index.

@@ -4,8 +4,7 @@ use genmanip_core::CameraMount;
 use glam::Vec3A;
 
 use super::cavity::{enclose, entering};
-use super::proxies::{Proxy, occlude, unoccluded_lamp};
-use super::reflection::held;
+use super::proxies::{Proxy, occlude, unoccluded_lamp, unoccluded_sky};
 use crate::gbuffer::points::Points;
 use crate::job::FrameState;
 use crate::scene::assets::RenderAssets;
@@ -15,13 +14,15 @@ use crate::simd::BatchColumn;
 /// Share of the key light that a body and the surface around it lose in full shadow of other bodies. Fitted to
 /// path-traced images.
 const SHADED: f32 = 0.55;
+/// Share of the sky above a body's centre covered by the robot from which it counts as held, and at which it fully
+/// does. Chosen: objects beside the gripper have less than 0.15, objects between the fingers more than 0.4.
+const BESIDE: f32 = 0.2;
+const BETWEEN: f32 = 0.4;
 
 /// Proxies of all bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Proxies {
     bodies: Vec<Proxy>,
-    /// Finger pads, for wrist cameras.
-    pads: Vec<Proxy>,
     /// True if bodies occlude each other. Only for wrist cameras, which are close to objects, below the gripper, and
     /// never continue a frame.
     count: bool,
@@ -45,13 +46,6 @@ impl Proxies {
                 let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO);
                 self.bodies.push(Proxy::new(body, shape, pose, color, to_light));
             }
-        }
-        self.pads.clear();
-        if self.count {
-            self.pads.extend(assets.pads().iter().map(|pad| {
-                let pose = &frame.body_poses[pad.body];
-                Proxy { held: 1.0, ..Proxy::new(pad.body, pad.shape, pose, pad.color, to_light) }
-            }));
         }
         for index in 0..self.bodies.len() {
             let own = &self.bodies[index];
@@ -133,12 +127,12 @@ impl Proxies {
     pub fn bounce_of(&self, body: usize) -> f32 {
         self.of_body(body).filter(|own| !own.shape.is_concave).map_or(1.0, |own| 1.0 - own.held)
     }
+}
 
-    /// Proxies that the metal of a robot's body reflects, the farther first: the held object and the finger's pad.
-    pub fn reflected_by(&self, body: usize) -> [Option<&Proxy>; 2] {
-        let held = self.bodies.iter().max_by(|a, b| a.held.total_cmp(&b.held)).filter(|own| own.held > 0.0);
-        [held, self.pads.iter().find(|pad| pad.body == body)]
-    }
+/// Degree to which a body is held by a robot with some bodies.
+fn held(own: &Proxy, robot: &[Proxy]) -> f32 {
+    let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
+    ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)
 }
 
 /// Area-weighted mean linear colours of the bodies' opaque parts.

@@ -41,7 +41,7 @@ pub struct Renderer {
     backdrop: Backdrop,
     /// Shadow maps for large and for small images, with the frame they show.
     shadows: [(ShadowMap, Option<FrameState>); 2],
-    /// AO proxies of the last job.
+    /// Proxies of the last job.
     proxies: Proxies,
     /// Mean linear colours of the bodies.
     body_colors: Vec<Vec3A>,

@@ -24,18 +24,7 @@ pub struct RenderAssets {
     body_count: usize,
     /// Shape of each body's opaque parts, by body index.
     shapes: Vec<Option<BodyShape>>,
-    pads: Vec<Pad>,
     supports: Vec<SupportTop>,
-}
-
-/// A non-metallic part of a finger, mirrored by the finger's metal.
-#[derive(Debug)]
-pub(crate) struct Pad {
-    pub body: usize,
-    /// Bounding box in the body's frame.
-    pub shape: BodyShape,
-    /// Mean linear colour.
-    pub color: Vec3A,
 }
 
 /// One mesh with one material, in the frame of its body.
@@ -115,8 +104,7 @@ impl RenderAssets {
             return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
         }
         let shapes = shapes(&parts, body);
-        let pads = robot.as_ref().map_or_else(Vec::new, |robot| pads(&parts, robot));
-        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, pads, supports }))
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, shapes, supports }))
     }
 
     /// Parts in the order of their numbers; see [`crate::internals`].
@@ -133,11 +121,6 @@ impl RenderAssets {
     /// Shape of a body's opaque parts; `None` without any.
     pub(crate) fn shape_of(&self, body: usize) -> Option<&BodyShape> {
         self.shapes[body].as_ref()
-    }
-
-    /// Pads of the robot's fingers.
-    pub(crate) fn pads(&self) -> &[Pad] {
-        &self.pads
     }
 
     /// Support surfaces, in the order of the world.
@@ -222,14 +205,6 @@ fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
         }
     }
     meshes.iter().map(|meshes| BodyShape::of(meshes)).collect()
-}
-
-fn pads(parts: &[Part], robot: &RobotModel) -> Vec<Pad> {
-    let pads = parts.iter().filter(|part| part.material.metallic == 0.0 && !part.is_transparent()).filter_map(|part| {
-        let body = part.body.filter(|body| robot.gripper.fingers.contains(body))?;
-        Some(Pad { body, shape: BodyShape::of(&[&part.mesh])?, color: part.material.mean_color() })
-    });
-    pads.collect()
 }
 
 impl Part {

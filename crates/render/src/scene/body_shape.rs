@@ -10,17 +10,12 @@ pub(crate) struct BodyShape {
     /// Corners (m).
     pub low: Vec3,
     pub high: Vec3,
-    /// True if the mesh nearly fills the corners of its bounding box.
-    pub is_box: bool,
     /// True if some of the surface faces the centre (`has_inside`), or a large share of it, as in a bowl
     /// (`is_concave`).
     pub has_inside: bool,
     pub is_concave: bool,
 }
 
-/// Smallest L1 norm of the outermost vertex, in half sides of the bounding box, of a box: 3 for a box, 2.4 for an
-/// upright cylinder, 1.7 for an ellipsoid. Chosen.
-const BOX: f32 = 2.7;
 /// Smallest share of the surface that faces the centre of a concave body: 0 for a box or a ball, 0.5 for a bowl.
 /// Chosen.
 const HOLLOW: f32 = 0.3;
@@ -37,8 +32,7 @@ impl BodyShape {
     pub fn of(meshes: &[&Mesh]) -> Option<Self> {
         let corners = || meshes.iter().flat_map(|mesh| &mesh.positions).copied();
         let (low, high) = corners().map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
-        let (middle, half) = ((low + high) * 0.5, ((high - low) * 0.5).max(Vec3::splat(1e-4)));
-        let outermost = corners().map(|at| ((at - middle) / half).abs().element_sum()).fold(0.0, f32::max);
+        let middle = (low + high) * 0.5;
         let (mut inward, mut all) = (0.0, 0.0);
         for mesh in meshes {
             for triangle in &mesh.triangles {
@@ -50,7 +44,7 @@ impl BodyShape {
             }
         }
         let (has_inside, is_concave) = (inward > INSIDE * all, inward > HOLLOW * all);
-        Some(Self { low, high, is_box: outermost > BOX, has_inside, is_concave })
+        Some(Self { low, high, has_inside, is_concave })
     }
 }
 
@@ -65,23 +59,17 @@ mod tests {
 
     /// Catalogue objects by category.
     #[test]
-    fn boxes_and_bowls_are_told_by_their_meshes() {
+    fn bowls_are_told_by_their_meshes() {
         let catalogue = Catalogue::builtin();
         let shape_of = |kind: &str| {
             let card = catalogue.cards().iter().find(|card| card.category == kind).expect(kind);
             let model: Arc<ObjectModel> = catalogue.build(&card.uid).unwrap();
             *RenderAssets::without_robot(&[model], None).unwrap().shape_of(0).unwrap()
         };
-        for (kind, is_box, is_concave) in [
-            ("cube", true, false),
-            ("book", true, false),
-            ("apple", false, false),
-            ("food tin", false, false),
-            ("bowl", false, true),
-            ("mug", false, true),
-        ] {
-            let shape = shape_of(kind);
-            assert_eq!([shape.is_box, shape.is_concave], [is_box, is_concave], "{kind}: {shape:?}");
+        for (kind, is_concave) in
+            [("cube", false), ("apple", false), ("food tin", false), ("bowl", true), ("mug", true)]
+        {
+            assert_eq!(shape_of(kind).is_concave, is_concave, "{kind}");
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Near-field light: ground bounce, reflection proxies, cavity light and the irradiance grid.
+//! Near-field light: ground bounce, cavity light and the irradiance grid.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
 use super::part::PartLight;
 use super::points::ShadingPoints;
-use super::terms::{ShadingTerms, mirrored};
+use super::terms::ShadingTerms;
 use crate::ambient::cavity::facing_middle;
 use crate::ambient::irradiance_grid::IrradianceGrid;
 use crate::ambient::proxies::Proxy;
-use crate::gbuffer::view::{CameraView, PartView};
+use crate::gbuffer::view::PartView;
 use crate::lights::lighting::Lighting;
 use crate::scene::material::Material;
 use crate::shading::reflectance::cavity_interreflection;
@@ -33,42 +33,6 @@ pub(super) fn ground_bounce<const LANES: usize>(
         let seen = sky.near_ground([out.normal[0][i], out.normal[1][i], out.normal[2][i]], height);
         for channel in 0..3 {
             out.around[channel][i] = seen[channel].mul_add(lit, out.around[channel][i]);
-        }
-    }
-}
-
-/// Replaces the specular environment by a reflection proxy where the mirror ray hits it.
-#[inline(always)]
-pub(super) fn proxy_reflection<const LANES: usize>(
-    proxy: &Proxy,
-    points: &ShadingPoints,
-    camera: &CameraView,
-    lighting: &Lighting,
-    out: &mut ShadingTerms,
-) {
-    let (viewpoint, axis) = (camera.viewpoint.to_array(), camera.turn.z_axis.to_array());
-    let (mut shares, mut normals) = ([0.0; LANES], [[0.0; LANES]; 3]);
-    for i in 0..LANES {
-        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
-        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
-        let distance = points.pixels.depth[i] / dot(viewer, axis);
-        let along = |axis: usize| viewer[axis].mul_add(distance, viewpoint[axis]);
-        let place = [along(0), along(1), along(2)];
-        let twice = 2.0 * dot(normal, viewer);
-        let (share, [x, y, z]) = proxy.meet(place, mirrored(normal, viewer, twice));
-        shares[i] = share;
-        (normals[0][i], normals[1][i], normals[2][i]) = (x, y, z);
-    }
-    // Most of the gripper does not reflect it.
-    if shares.iter().fold(true, |none, &share| none & (share <= 0.0)) {
-        return;
-    }
-    let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
-    for i in 0..LANES {
-        let (share, normal) = (shares[i], [normals[0][i], normals[1][i], normals[2][i]]);
-        let light = proxy.light(share, normal, lighting.sky.diffuse(normal), lamp);
-        for channel in 0..3 {
-            out.mirrored[channel][i] = out.mirrored[channel][i].mul_add(1.0 - share, light[channel]);
         }
     }
 }

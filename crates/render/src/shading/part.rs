@@ -5,7 +5,6 @@ use glam::Vec3A;
 use crate::ambient::irradiance_grid::IrradianceGrid;
 use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::{CameraView, PartView, View};
-use crate::job::ROBOT;
 use crate::lights::lighting::Lighting;
 use crate::lights::sky::Glossy;
 use crate::render_scene::RenderScene;
@@ -42,8 +41,6 @@ pub(crate) struct PartLight<'a> {
     pub ground_lit: f32,
     /// Proxy with its lit cavity.
     pub cavity: Option<&'a Proxy>,
-    /// Proxies that it reflects, the farther first.
-    pub mirrored: [Option<&'a Proxy>; 2],
     /// Share of a surface's own bounce light that returns to it, 0-1.
     pub bounce: f32,
 }
@@ -67,10 +64,6 @@ impl<'a> ShadedPart<'a> {
             ground: placed.ground,
             ground_lit: part.body.map_or(1.0, |body| scene.proxies.lit_of(body)),
             cavity: part.body.and_then(|body| scene.proxies.cavity_of(body)),
-            mirrored: match part.body {
-                Some(body) if part.instance == ROBOT && material.metallic > 0.0 => scene.proxies.reflected_by(body),
-                _ => [None; 2],
-            },
             bounce: part.body.map_or(1.0, |body| scene.proxies.bounce_of(body)),
         };
         let viewpoint = (!part.hides_back(mesh)).then_some(placed.viewpoint_in_body);

@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce, proxy_reflection};
+use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce};
 use super::part::{PartLight, ShadedPart};
 use super::points::ShadingPoints;
 use super::terms::{ShadingTerms, mirrored};
@@ -41,9 +41,6 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
     environment_term::<LANES>(&light.lighting.sky, &light.glossy, out);
     if let Some(top) = light.ground {
         ground_bounce::<LANES>(light, camera.viewpoint.z - top, points, placed, out);
-    }
-    for proxy in light.mirrored.iter().flatten() {
-        proxy_reflection::<LANES>(proxy, points, camera, light.lighting, out);
     }
     if let Some(irradiance_grid) = light.irradiance_grid {
         apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
@@ -217,7 +214,6 @@ mod tests {
     use glam::{Vec2, Vec3A};
 
     use super::*;
-    use crate::ambient::reflection::held_cube as held;
     use crate::scene::variation::RenderVariation;
 
     /// All instruction sets give the bits of the scalar loop.
@@ -225,7 +221,6 @@ mod tests {
     fn wide_registers_give_the_same_bits() {
         let variation = RenderVariation::default();
         let lighting = Lighting::new(&variation, None);
-        let (cube, ball) = (held(true), held(false));
         let camera =
             CameraView { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..CameraView::default() };
         let mut state = 1_u32;
@@ -252,8 +247,6 @@ mod tests {
                 texture: None,
             };
             let glossy = lighting.sky.glossy(material.roughness);
-            let mirrored =
-                [[None; 2], [Some(&cube), None], [Some(&ball), Some(&cube)]][(draw(0.0, 3.0) as usize).min(2)];
             let (bounce, ground) = (draw(0.0, 1.0), [None, Some(0.0)][usize::from(draw(0.0, 1.0) < 0.5)]);
             let light = PartLight {
                 lighting: &lighting,
@@ -262,7 +255,6 @@ mod tests {
                 ground,
                 ground_lit: 1.0,
                 cavity: None,
-                mirrored,
                 bounce,
             };
             let (material, placed, camera) = (&material, &PartView::default(), &camera);
