@@ -1,12 +1,11 @@
-//! Spatial relations and their facts: geometry, logic and phrases.
+//! Spatial relations and their facts: kind of geometry, logic and phrases. The judge in `relations` defines when one
+//! holds.
 
 use glam::DVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Spatial relations in the robot's frame.
-///
-/// Their facts stand in [`Relation::facts`], their geometry in the judge of `relations`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {

@@ -50,7 +50,7 @@ pub struct CloudScene {
 /// A cloud with its outline, hull and samples, computed on first use.
 #[derive(Debug)]
 pub(super) struct CloudBody {
-    uid: String,
+    id: String,
     cloud: Cloud,
     /// Points in a canonical order, so that results do not depend on the input order.
     sorted: OnceLock<Vec<DVec3>>,
@@ -61,8 +61,8 @@ pub(super) struct CloudBody {
 impl CloudScene {
     /// `clouds` are object ids with points in the world frame, metres.
     pub fn new(clouds: impl IntoIterator<Item = (String, Cloud)>) -> Self {
-        let body = |(uid, cloud)| CloudBody {
-            uid,
+        let body = |(id, cloud)| CloudBody {
+            id,
             cloud,
             sorted: OnceLock::new(),
             outline: OnceLock::new(),
@@ -72,8 +72,8 @@ impl CloudScene {
     }
 
     /// Index of an object.
-    pub fn index_of(&self, uid: &str) -> Option<usize> {
-        self.bodies.iter().position(|body| body.uid == uid)
+    pub fn index_of(&self, id: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.id == id)
     }
 
     /// Judges one condition on objects at rest, like [`super::judge_atom`].
@@ -95,8 +95,8 @@ impl CloudScene {
 impl Extents for CloudScene {
     type Extent = CloudBody;
 
-    fn find(&self, uid: &str) -> Option<usize> {
-        self.index_of(uid)
+    fn find(&self, id: &str) -> Option<usize> {
+        self.index_of(id)
     }
 
     fn extent(&self, index: usize) -> Option<&CloudBody> {

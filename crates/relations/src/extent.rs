@@ -31,8 +31,8 @@ pub(super) trait Extents {
     /// Representation of an object.
     type Extent: Extent;
 
-    /// Index of an object.
-    fn find(&self, uid: &str) -> Option<usize>;
+    /// Index of an object by its instance id.
+    fn find(&self, id: &str) -> Option<usize>;
     /// The object with an index.
     fn extent(&self, index: usize) -> Option<&Self::Extent>;
 }

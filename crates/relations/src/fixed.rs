@@ -9,6 +9,7 @@ pub(super) fn model(surface: &SupportSurface) -> ObjectModel {
     let slab: Vec<_> = surface.pieces().into_iter().take(1).collect();
     let asset = AssetRef::builtin(&surface.id, 1);
     let card = ObjectCard {
+        // A surface has no asset: its id stands for the uid.
         uid: surface.id.clone(),
         asset: asset.clone(),
         name: surface.name.clone(),

@@ -245,7 +245,7 @@ fn name(task: &Task, id: &str) -> String {
 }
 
 /// The request that changes an object from one state to another.
-fn changed(name: &str, state: &str, before: Option<&str>) -> String {
+pub(crate) fn changed(name: &str, state: &str, before: Option<&str>) -> String {
     match (state, before) {
         ("open", _) => format!("Open the {name}."),
         ("closed", Some("top_open")) => format!("Close the top drawer of the {name}."),

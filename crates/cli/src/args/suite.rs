@@ -3,6 +3,7 @@
 use genmanip_terminal::parse;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use genmanip_benchmark::suite_format::ReviewVerdict;
 use genmanip_benchmark::suites::{self, Axis};
@@ -23,8 +24,7 @@ pub enum SuiteCommand {
         after_help = "Example:\n  genmanip suite perturb suites/mine --axis camera --dial 0.5 --out suites/mine-camera\n  \
                       genmanip evaluate --suite suites/mine-camera --policy expert --out out/camera\n  \
                       genmanip compare out/control/evaluation/expert.json out/camera/evaluation/expert.json\n\n\
-                      Axes: layout, camera, robot_start, light, background, texture, paint, sensor, physics,\n\
-                      distractors, wording, instruction (something else is asked for; both are judged).\n\
+                      The axis `instruction` asks for something else; both requests are judged.\n\
                       Scenarios keep their ids, so that `compare` pairs them. One is left out when a thing of the task\n\
                       has fewer than 200 pixels, the expert does not solve it three times of three, or the agent with\n\
                       the oracle's answers and masks does not solve it."
@@ -127,6 +127,11 @@ pub struct SuiteTrainArguments {
     pub check: Vec<PathBuf>,
 }
 
+fn axis() -> impl TypedValueParser<Value = Axis> {
+    PossibleValuesParser::new(Axis::ALL.map(Axis::name))
+        .try_map(|name| Axis::named(&name).ok_or("there is no such axis"))
+}
+
 /// Arguments of `suite perturb`.
 #[derive(Debug, Args)]
 pub struct SuitePerturbArguments {
@@ -134,7 +139,7 @@ pub struct SuitePerturbArguments {
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Perturbation axis
-    #[arg(long, value_name = "AXIS")]
+    #[arg(long, value_name = "AXIS", value_parser = axis())]
     pub axis: Axis,
     /// Perturbation strength: above 0, up to 1 for the largest that is meant to be solvable
     #[arg(long, value_name = "D", default_value_t = 1.0)]

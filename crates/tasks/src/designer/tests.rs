@@ -4,14 +4,16 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
+use genmanip_core::{GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 use proptest::prelude::*;
 
 use super::knowledge::{Decides, handling, is_of, needs};
 use super::naming::has_looks;
+use super::phrasing::{capitalised, fill};
 use super::things::{is_movable, things};
 use super::{DesignError, DesignReport, DesignSettings, Missing, Series, design, design_many, measure};
-use crate::references::{self, Mismatch};
+use crate::references::{self, Mismatch, ReadAtom};
+use crate::wording::changed;
 
 fn cards() -> &'static [ObjectCard] {
     Catalogue::builtin().cards()
@@ -162,6 +164,28 @@ fn every_need_is_understood() {
             let phrases = heard.map(|reading| reading.phrases);
             let expected = ["what i need", "right thing"].map(|words| (words.to_owned(), vec![met.uid.clone()]));
             assert_eq!(phrases, Ok(expected.to_vec()), "{said}");
+        }
+    }
+}
+
+/// The independent reader reads every sentence for a change of state as that change, and steps have words for it.
+#[test]
+fn every_change_of_state_is_understood() {
+    let all = Catalogue::full().cards();
+    for handling in handling() {
+        let card = Arc::new(all.iter().find(|card| card.category == handling.category).unwrap().clone());
+        let noun = format!("the {}", things().words(&card).unwrap().noun);
+        for from in &handling.from {
+            let node = GraphNode { state: Some(from.clone()), ..GraphNode::of(&card) };
+            let graph = SceneGraph { nodes: vec![node], ..SceneGraph::default() };
+            let expected = ReadAtom::State { object: card.uid.clone(), state: handling.to.clone() };
+            for say in &handling.say {
+                let said = format!("{}.", capitalised(&fill(say, &[("y", &noun)])));
+                let goal = references::read(&said, std::slice::from_ref(&card), &graph).map(|reading| reading.goal);
+                assert_eq!(goal, Ok(vec![vec![expected.clone()]]), "{said} from {from}");
+            }
+            let step = changed(&noun, &handling.to, Some(from));
+            assert!(!step.starts_with("Bring"), "{} {from} to {}: {step}", card.name, handling.to);
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Axes of perturbations.
 
 use std::fmt;
-use std::str::FromStr;
 
 use genmanip_core::named_enum;
 
@@ -58,14 +57,5 @@ impl Axis {
 impl fmt::Display for Axis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-impl FromStr for Axis {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let names = Self::ALL.map(Self::name);
-        Self::named(text).ok_or_else(|| format!("there is no axis `{text}`; expected one of {}", names.join(", ")))
     }
 }

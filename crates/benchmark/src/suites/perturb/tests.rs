@@ -58,17 +58,31 @@ fn each_axis_changes_only_what_it_is_about() {
         }
         assert_eq!(Scenario::from_json(&changed.to_json()).unwrap(), changed, "{axis}: it can be read again");
     };
-    check(Axis::Layout, &["objects.pose", "objects.joint_positions"]);
-    check(Axis::Camera, &["world.cameras.mount_from_camera"]);
-    check(Axis::RobotStart, &["world.robot.start"]);
-    for axis in [Axis::Light, Axis::Background, Axis::Texture, Axis::Paint] {
-        check(axis, &["world.look"]);
+    for axis in Axis::ALL {
+        let places: &[&str] = match axis {
+            Axis::Layout => &["objects.pose", "objects.joint_positions"],
+            Axis::Camera => &["world.cameras.mount_from_camera"],
+            Axis::RobotStart => &["world.robot.start"],
+            Axis::Light | Axis::Background | Axis::Texture | Axis::Paint => &["world.look"],
+            Axis::Sensor => &["world.cameras.sensor"],
+            Axis::Physics => &["objects.physics", "world.physics.pad_friction"],
+            Axis::Distractors => &["objects"],
+            Axis::Wording => &["task.instruction"],
+            Axis::Instruction => {
+                &["task.instruction", "task.goal", "task.kind", "task.interchangeable", "other_request"]
+            }
+        };
+        check(axis, places);
     }
-    check(Axis::Sensor, &["world.cameras.sensor"]);
-    check(Axis::Physics, &["objects.physics", "world.physics.pad_friction"]);
-    check(Axis::Distractors, &["objects"]);
-    check(Axis::Wording, &["task.instruction"]);
-    check(Axis::Instruction, &["task.instruction", "task.goal", "task.kind", "task.interchangeable", "other_request"]);
+}
+
+#[test]
+fn the_guide_describes_every_axis() {
+    let guide = include_str!("../../../../../docs/guides/suites-and-comparisons.md");
+    for axis in Axis::ALL {
+        let is_row = |line: &str| line.starts_with("| `") && line.contains(&format!("`{axis}`"));
+        assert!(guide.lines().any(is_row), "docs/guides/suites-and-comparisons.md has no row of the axis `{axis}`");
+    }
 }
 
 #[test]
