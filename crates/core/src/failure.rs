@@ -5,6 +5,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::named_enum;
+
 /// A failure cause with its evidence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Failure {
@@ -14,47 +16,31 @@ pub struct Failure {
     pub evidence: String,
 }
 
-/// Cause of a failed attempt.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FailureCause {
-    /// No valid layout was found.
-    Layout,
-    /// No collision-free grasp candidate.
-    NoGrasp,
-    /// No inverse-kinematics solution.
-    NoIk,
-    /// No placement satisfies the goal.
-    NoGoalPose,
-    /// No collision-free path.
-    Planning,
-    /// The object slipped out of the gripper or was never held.
-    Slipped,
-    /// Another object was knocked over or displaced.
-    Disturbed,
-    /// All motions were executed, but the goal does not hold.
-    GoalMissed,
-    /// The time limit was reached.
-    Timeout,
-    /// The policy refused or raised an error.
-    Policy,
-}
-
-impl FailureCause {
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Layout => "layout",
-            Self::NoGrasp => "no_grasp",
-            Self::NoIk => "no_ik",
-            Self::NoGoalPose => "no_goal_pose",
-            Self::Planning => "planning",
-            Self::Slipped => "slipped",
-            Self::Disturbed => "disturbed",
-            Self::GoalMissed => "goal_missed",
-            Self::Timeout => "timeout",
-            Self::Policy => "policy",
-        }
+named_enum! {
+    /// Cause of a failed attempt.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum FailureCause {
+        /// No valid layout was found.
+        Layout = "layout",
+        /// No collision-free grasp candidate.
+        NoGrasp = "no_grasp",
+        /// No inverse-kinematics solution.
+        NoIk = "no_ik",
+        /// No placement satisfies the goal.
+        NoGoalPose = "no_goal_pose",
+        /// No collision-free path.
+        Planning = "planning",
+        /// The object slipped out of the gripper or was never held.
+        Slipped = "slipped",
+        /// Another object was knocked over or displaced.
+        Disturbed = "disturbed",
+        /// All motions were executed, but the goal does not hold.
+        GoalMissed = "goal_missed",
+        /// The time limit was reached.
+        Timeout = "timeout",
+        /// The policy refused or raised an error.
+        Policy = "policy",
     }
 }
 
@@ -83,184 +69,100 @@ pub struct AgentFailure {
     pub transcript: Option<String>,
 }
 
-/// Failure class of an episode: the six classes of the paper, and those of a closed loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FailureClass {
-    /// The task was split into the wrong sub-tasks.
-    Decomposition,
-    /// The wrong object was chosen to be picked.
-    GraspGrounding,
-    /// The chosen part or point, or the detector, gave no suitable grasp.
-    GraspProposal,
-    /// The grasp could not be executed, or did not hold.
-    GraspExecution,
-    /// The object was sent to the wrong reference.
-    PlanGrounding,
-    /// The reference was correct, the placement was not.
-    PlanLocation,
-    /// The path could not be executed, or the object did not end at its target.
-    PlanMotion,
-    /// The check reported *finished* before the goal held, or *not finished* after it did.
-    Checker,
-    /// Answers did not match the requested format, or named marks that are not in the image.
-    Format,
-    /// A service did not answer.
-    Service,
-}
-
-impl FailureClass {
-    /// All classes.
-    pub const ALL: [Self; 10] = [
-        Self::Decomposition,
-        Self::GraspGrounding,
-        Self::GraspProposal,
-        Self::GraspExecution,
-        Self::PlanGrounding,
-        Self::PlanLocation,
-        Self::PlanMotion,
-        Self::Checker,
-        Self::Format,
-        Self::Service,
-    ];
-
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Decomposition => "decomposition",
-            Self::GraspGrounding => "grasp_grounding",
-            Self::GraspProposal => "grasp_proposal",
-            Self::GraspExecution => "grasp_execution",
-            Self::PlanGrounding => "plan_grounding",
-            Self::PlanLocation => "plan_location",
-            Self::PlanMotion => "plan_motion",
-            Self::Checker => "checker",
-            Self::Format => "format",
-            Self::Service => "service",
-        }
+named_enum! {
+    /// Failure class of an episode: the six classes of the paper, and those of a closed loop.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum FailureClass {
+        /// The task was split into the wrong sub-tasks.
+        Decomposition = "decomposition",
+        /// The wrong object was chosen to be picked.
+        GraspGrounding = "grasp_grounding",
+        /// The chosen part or point, or the detector, gave no suitable grasp.
+        GraspProposal = "grasp_proposal",
+        /// The grasp could not be executed, or did not hold.
+        GraspExecution = "grasp_execution",
+        /// The object was sent to the wrong reference.
+        PlanGrounding = "plan_grounding",
+        /// The reference was correct, the placement was not.
+        PlanLocation = "plan_location",
+        /// The path could not be executed, or the object did not end at its target.
+        PlanMotion = "plan_motion",
+        /// The check reported *finished* before the goal held, or *not finished* after it did.
+        Checker = "checker",
+        /// Answers did not match the requested format, or named marks that are not in the image.
+        Format = "format",
+        /// A service did not answer.
+        Service = "service",
     }
 }
 
-/// Stage of the agent: a question to the model, or a step that no model answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum AgentStage {
-    /// Question: sub-tasks of the instruction.
-    Decompose,
-    /// Segmentation of the images.
-    Segmentation,
-    /// Question: the object to move.
-    Object,
-    /// Question: the part to grasp.
-    Part,
-    /// Question: the point to grasp.
-    GrabPoint,
-    /// Question: a path over the grid.
-    GridPath,
-    /// Question: the grid cell of the placement.
-    PointToPoint,
-    /// Collision world from the depth images.
-    Look,
-    /// Grasp proposal and selection.
-    Grasp,
-    /// Motion planning.
-    Motion,
-    /// Execution of the plan.
-    Execute,
-    /// Question: the task is finished or not.
-    Check,
-}
-
-impl AgentStage {
-    /// All stages, in the order of an episode.
-    pub const ALL: [Self; 12] = [
-        Self::Decompose,
-        Self::Segmentation,
-        Self::Object,
-        Self::Part,
-        Self::GrabPoint,
-        Self::GridPath,
-        Self::PointToPoint,
-        Self::Look,
-        Self::Grasp,
-        Self::Motion,
-        Self::Execute,
-        Self::Check,
-    ];
-
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Decompose => "decompose",
-            Self::Segmentation => "segmentation",
-            Self::Object => "object",
-            Self::Part => "part",
-            Self::GrabPoint => "grab_point",
-            Self::GridPath => "grid_path",
-            Self::PointToPoint => "point_to_point",
-            Self::Look => "look",
-            Self::Grasp => "grasp",
-            Self::Motion => "motion",
-            Self::Execute => "execute",
-            Self::Check => "check",
-        }
+named_enum! {
+    /// Stage of the agent: a question to the model, or a step that no model answers.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum AgentStage {
+        /// Question: sub-tasks of the instruction.
+        Decompose = "decompose",
+        /// Segmentation of the images.
+        Segmentation = "segmentation",
+        /// Question: the object to move.
+        Object = "object",
+        /// Question: the part to grasp.
+        Part = "part",
+        /// Question: the point to grasp.
+        GrabPoint = "grab_point",
+        /// Question: a path over the grid.
+        GridPath = "grid_path",
+        /// Question: the grid cell of the placement.
+        PointToPoint = "point_to_point",
+        /// Collision world from the depth images.
+        Look = "look",
+        /// Grasp proposal and selection.
+        Grasp = "grasp",
+        /// Motion planning.
+        Motion = "motion",
+        /// Execution of the plan.
+        Execute = "execute",
+        /// Question: the task is finished or not.
+        Check = "check",
     }
 }
 
-/// Reason for the failure of a stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum StageCause {
-    /// The answer is not in the requested format.
-    Format,
-    /// The answer names a mark that was not drawn.
-    Undrawn,
-    /// The answer says that no mark fits.
-    NotFound,
-    /// The object cannot be placed there.
-    Unusable,
-    /// Segmentation found nothing.
-    NoMasks,
-    /// Too little of the object is visible.
-    TooSmall,
-    /// No pixel of the object has a depth.
-    NoDepth,
-    /// Depth images or grasps that cannot be used.
-    Unsuited,
-    /// No grasp was proposed.
-    #[serde(rename = "none")]
-    NoGrasp,
-    /// Most grasps are beyond the arm's reach.
-    OutOfReach,
-    /// Obstacles block all grasps or paths.
-    Blocked,
-    /// The object is not between the fingers.
-    Slipped,
-    /// The task is unfinished after the last round.
-    Rounds,
-    /// A service did not answer.
-    Service,
-}
-
-impl StageCause {
-    /// Name in files and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Format => "format",
-            Self::Undrawn => "undrawn",
-            Self::NotFound => "not_found",
-            Self::Unusable => "unusable",
-            Self::NoMasks => "no_masks",
-            Self::TooSmall => "too_small",
-            Self::NoDepth => "no_depth",
-            Self::Unsuited => "unsuited",
-            Self::NoGrasp => "none",
-            Self::OutOfReach => "out_of_reach",
-            Self::Blocked => "blocked",
-            Self::Slipped => "slipped",
-            Self::Rounds => "rounds",
-            Self::Service => "service",
-        }
+named_enum! {
+    /// Reason for the failure of a stage.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum StageCause {
+        /// The answer is not in the requested format.
+        Format = "format",
+        /// The answer names a mark that was not drawn.
+        Undrawn = "undrawn",
+        /// The answer says that no mark fits.
+        NotFound = "not_found",
+        /// The object cannot be placed there.
+        Unusable = "unusable",
+        /// Segmentation found nothing.
+        NoMasks = "no_masks",
+        /// Too little of the object is visible.
+        TooSmall = "too_small",
+        /// No pixel of the object has a depth.
+        NoDepth = "no_depth",
+        /// Depth images or grasps that cannot be used.
+        Unsuited = "unsuited",
+        /// No grasp was proposed.
+        #[serde(rename = "none")]
+        NoGrasp = "none",
+        /// Most grasps are beyond the arm's reach.
+        OutOfReach = "out_of_reach",
+        /// Obstacles block all grasps or paths.
+        Blocked = "blocked",
+        /// The object is not between the fingers.
+        Slipped = "slipped",
+        /// The task is unfinished after the last round.
+        Rounds = "rounds",
+        /// A service did not answer.
+        Service = "service",
     }
 }
 
@@ -321,9 +223,23 @@ mod tests {
         for class in FailureClass::ALL {
             assert_eq!(text(serde_json::to_value(class).unwrap()), class.name());
         }
-        for cause in ["format", "not_found", "no_masks", "none", "out_of_reach", "rounds", "service"] {
-            let parsed: StageCause = serde_json::from_value(cause.into()).unwrap();
-            assert_eq!(parsed.name(), cause);
+        for cause in StageCause::ALL {
+            assert_eq!(text(serde_json::to_value(cause).unwrap()), cause.name());
+        }
+        for cause in FailureCause::ALL {
+            assert_eq!(text(serde_json::to_value(cause).unwrap()), cause.name());
+        }
+    }
+
+    #[test]
+    fn the_guide_explains_every_cause_and_class() {
+        let guide = include_str!("../../../docs/guides/why-did-it-fail.md");
+        for name in
+            FailureCause::ALL.map(FailureCause::name).into_iter().chain(FailureClass::ALL.map(FailureClass::name))
+        {
+            let mut rows = guide.lines().filter(|line| line.starts_with("| `"));
+            let is_explained = rows.any(|row| row.contains(&format!("`{name}`")));
+            assert!(is_explained, "docs/guides/why-did-it-fail.md has no row of `{name}`");
         }
     }
 
