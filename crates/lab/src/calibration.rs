@@ -27,7 +27,7 @@ pub struct Bin {
 }
 
 impl Calibration {
-    /// Calibration of scores with outcomes, in `count` bins.
+    /// Calibration of scores with outcomes, in `bin_count` bins.
     pub fn of(outcomes: &[(f64, bool)], bin_count: usize) -> Self {
         let outcomes: Vec<(f64, f64)> =
             outcomes.iter().map(|&(score, held)| (score, f64::from(u8::from(held)))).collect();

@@ -14,7 +14,7 @@ use genmanip_workspace::documents;
 const SHOWN: usize = 20;
 
 /// Judges the recorded cases of a file with clouds in the `.npz` beside it, by profile genmanip-0.9, suite-0.2.3 or
-/// seed.
+/// `seed`, this project's own relations.
 ///
 /// # Errors
 /// If the profile does not exist, or the files cannot be read or are invalid.

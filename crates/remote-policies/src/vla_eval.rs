@@ -88,7 +88,7 @@ pub struct VlaEvalSettings {
     pub exterior: String,
     /// Name of the wrist camera; empty for none.
     pub wrist: String,
-    /// Timeouts and reconnects.
+    /// Timeouts; this protocol never reconnects.
     pub timeouts: Timeouts,
 }
 

@@ -9,7 +9,7 @@ use super::data::{ArmData, GripperData, JointData, LinkData, RobotData};
 use super::{GRIPPER, PartKind, joints};
 use crate::parts::Part;
 
-/// Largest gap between the pads of a closed gripper, m.
+/// Largest distance of a closed pad's inner face from the plane y = 0 of the gripper's frame, m.
 const PAD_GAP_M: f64 = 0.001;
 /// Tolerance of the length of a unit axis and of the fingers' directions and travel.
 const TOLERANCE: f64 = 1e-6;

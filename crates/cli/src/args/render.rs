@@ -1,4 +1,4 @@
-//! Arguments of `render`, and how looks are named.
+//! Arguments of `render`, and parsers of appearance factors and overlays.
 
 use genmanip_terminal::parse;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub struct RenderArguments {
     /// Size of the images [default: each camera's own]
     #[arg(long, value_name = "WxH", value_parser = super::world::parse_size)]
     pub size: Option<[u32; 2]>,
-    /// Draw in another look: a seed, or `episode` for that of `collect --variation per-episode`
+    /// Seed of the appearance randomisation, or `episode` for that of `collect --variation per-episode`
     #[arg(long, value_name = "SEED", value_parser = parse_look_seed)]
     pub variation: Option<AppearanceSeed>,
     /// Randomised parts of the appearance [default: all]
@@ -38,13 +38,13 @@ pub struct RenderArguments {
     /// Overlays on the colour images
     #[arg(long, value_name = "WHAT,…", value_delimiter = ',', value_parser = parse_overlay)]
     pub overlay: Vec<Overlay>,
-    /// Write the instruction, the step, the time and the end below the colours
+    /// Write instruction, step, time and outcome below colour images
     #[arg(long)]
     pub captions: bool,
-    /// Pictures of a film once around a scenario, in place of those of its cameras
+    /// Number of images of a turntable video around the scenario, instead of those of its cameras
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub turntable: Option<u32>,
-    /// Noise, holes and steps of a device's sensors, in place of the cameras' own
+    /// Image noise, missing depth and depth steps of a device, instead of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
     /// Shutter time for motion blur, seconds, in place of the cameras' own
@@ -75,18 +75,18 @@ pub struct RenderArguments {
     pub workers: Option<usize>,
 }
 
-/// A part of the look by its name.
+/// Appearance factor by its name.
 pub(super) fn parse_vary(text: &str) -> Result<AppearanceFactor, String> {
     let found = AppearanceFactor::ALL.into_iter().find(|part| part.name() == text);
     found.ok_or_else(|| format!("expected one of {}", looks()))
 }
 
-/// The names of all parts of the look.
+/// Names of all appearance factors, separated by commas.
 pub(super) fn looks() -> String {
     AppearanceFactor::ALL.map(AppearanceFactor::name).join(", ")
 }
 
-/// Something that is drawn over pictures, by its name.
+/// Overlay by its name.
 fn parse_overlay(text: &str) -> Result<Overlay, String> {
     let found = Overlay::ALL.into_iter().find(|overlay| overlay.name() == text);
     found.ok_or_else(|| format!("expected one of {}", Overlay::ALL.map(Overlay::name).join(", ")))

@@ -37,7 +37,7 @@ pub struct VideoFeature {
     pub colors: ColorHistogram,
 }
 
-/// Depth image column, stored in the table.
+/// Image column of depth or masks, stored in the table.
 #[derive(Clone, Debug)]
 pub struct ImageFeature {
     /// Name of the column.
@@ -46,7 +46,7 @@ pub struct ImageFeature {
     pub width: u32,
     /// Pixel rows.
     pub height: u32,
-    /// PNG file of each row.
+    /// PNG file of each row; depth is 16-bit, mm, 0 = no return.
     pub png: Vec<Vec<u8>>,
 }
 

@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! EPISODE.mcap
-//!   /tf                        foxglove.FrameTransforms    tool and objects at every control step, cameras per image
+//!   /tf                        foxglove.FrameTransforms    in `world`: tool and objects at every control step, hand cameras per image, fixed ones once
 //!   /joints, /commands         foxglove.JointStates        every control step; `gripper` is the opening, m
 //!   /action                    genmanip.Action, JSON       rows of the data set, keyed by the action contract's names
 //!   /camera/NAME/video         foxglove.CompressedVideo    H.264, as in the store
 //!   /camera/NAME/depth         foxglove.CompressedImage    16-bit PNG, millimetres, 0 = no return
 //!   /camera/NAME/calibration   foxglove.CameraCalibration
 //!   /scene                     foxglove.SceneUpdate        bounding boxes of the objects
-//!   /events                    foxglove.Log                instruction, grasps and releases, outcome
+//!   /events                    foxglove.Log                instruction, steps, grasps and releases, outcome
 //!   metadata `genmanip`, attachment `scenario.json`
 //! export.json                  rate, action contract, episodes
 //! ```

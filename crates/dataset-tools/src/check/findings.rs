@@ -13,7 +13,7 @@ pub struct Finding {
     pub check: &'static str,
     /// Path relative to the data set.
     pub file: String,
-    /// Position in the file.
+    /// Position in the file as text, e.g. `row 12, action`; empty for the whole file.
     pub place: String,
     /// The expected value.
     pub expected: String,

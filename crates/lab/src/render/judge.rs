@@ -42,8 +42,8 @@ pub struct FlipScene {
     pub exposure: f32,
 }
 
-/// Rasterises `count` scenes of catalogue objects, seen by the static and the wrist camera in turn, and path-traces the
-/// same; writes both images into a folder, if given. `None` for no scenes.
+/// Rasterises `scenes` scenes of catalogue objects, seen by the static and the wrist camera in turn, and path-traces the
+/// same with `paths` light paths per pixel; writes both images into a folder, if given. `None` for no scenes.
 ///
 /// # Errors
 /// If the catalogue has too few objects, rendering fails, or an image cannot be written.

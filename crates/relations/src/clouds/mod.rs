@@ -46,34 +46,36 @@ pub enum Profile {
 /// A label of the released evaluators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub enum CloudLabel {
-    /// More than half of the target's points are in the anchor's convex hull.
+    /// Touching, and more than half (GenManip 0.9) or at least half (Suite 0.2.3) of the target's points lie in the
+    /// anchor's convex hull.
     #[serde(rename = "in")]
     In,
-    /// More than half of the anchor's points are in the target's convex hull.
+    /// As `In` with the roles exchanged, and not `In`.
     #[serde(rename = "out of")]
     OutOf,
-    /// Bounds overlap and the heights match.
+    /// Most of the target's horizontal bounds lie over the anchor's, its lowest point within 0.10 m of the anchor's
+    /// highest, and it is not much larger.
     #[serde(rename = "on")]
     On,
     /// `On` with the roles exchanged.
     #[serde(rename = "below")]
     Below,
-    /// Close, or bounds overlapping along both axes.
+    /// Within 0.10 m; or within 0.15 m in the plane with bounds overlapping along x and y.
     #[serde(rename = "near")]
     Near,
-    /// Smaller y.
+    /// Target's bounds at smaller y than the anchor's, overlapping along x.
     #[serde(rename = "left")]
     Left,
-    /// Larger y.
+    /// Target's bounds at larger y than the anchor's, overlapping along x.
     #[serde(rename = "right")]
     Right,
-    /// Smaller x.
+    /// Target's bounds at smaller x than the anchor's, overlapping along y.
     #[serde(rename = "front")]
     Front,
-    /// Larger x.
+    /// Target's bounds at larger x than the anchor's, overlapping along y.
     #[serde(rename = "back")]
     Back,
-    /// Between two anchors.
+    /// The directions from the first anchor to the target and from it to the second anchor differ by less than 45°.
     #[serde(rename = "between")]
     Between,
 }

@@ -23,17 +23,18 @@ use crate::simd::within;
 const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Grid points of a row that are computed in one SIMD batch.
 const RUN: usize = 16;
-/// Strength of the occlusion by a body. Fitted to path-traced images.
+/// Factor on a body's form factor that gives the share of ambient light it blocks. This and the next ones were fitted to
+/// images of the path tracer.
 const STRENGTH: f32 = 1.7;
-/// Share of the ambient light from the side of the key light; its direction is that of the key light raised by
-/// `LAMP_UP`. Fitted likewise.
+/// Share of the ambient light from the side of the key light, from the direction `to_light + LAMP_UP * z`. Fitted.
 const LAMP: f32 = 0.32;
 const LAMP_UP: f32 = 1.065;
-/// Bounce from a white body: of the ambient light, and of the key light on its bright side. Fitted likewise.
+/// Light that a white body reflects per form factor: as a multiple of the ambient irradiance, and of the key light on
+/// its bright side. Fitted.
 const AMBIENT_BACK: f32 = 0.616;
 const KEY_BACK: f32 = 1.8;
-/// Key-light bounce: on a side perpendicular to the light, its change along the light's direction, and its loss next to
-/// the surface. Fitted likewise.
+/// Key-light bounce as a share of `KEY_BACK`: `(KEY_BESIDE - KEY_SIDE * cos φ) * (1 - KEY_SHADED * form factor)`, with
+/// the horizontal angle φ between the directions from the point to the light and to the body. Fitted.
 const KEY_BESIDE: f32 = 0.625;
 const KEY_SIDE: f32 = 0.45;
 const KEY_SHADED: f32 = 0.156;
@@ -41,9 +42,10 @@ const KEY_SHADED: f32 = 0.156;
 /// (m). Chosen: carried objects have no effect, standing ones do.
 const STANDING_M: f32 = 0.01;
 const FADING_M: f32 = 0.03;
-/// Weight of a higher body for a wrist camera. Fitted likewise.
+/// Weight of a higher body for a wrist camera. Fitted.
 const HANGING: f32 = 0.75;
-/// View distance beyond which everything counts as lit [m]: larger than any surface.
+/// Largest depth of a corner of the view on the surface (m); beyond it, and above the horizon, all grid points are
+/// updated.
 const LONGEST_M: f32 = 10.0;
 
 /// Ambient light on all support surfaces.
@@ -63,7 +65,7 @@ pub(crate) struct IrradianceGrid {
     step: f32,
     /// Points per row, a multiple of [`RUN`].
     columns: usize,
-    /// Largest coordinates that can be interpolated.
+    /// Largest grid coordinates (column, row; in steps) that can be interpolated.
     last: Vec2,
     /// Factors of the ambient light (red, green, blue), row by row.
     points: Vec<Vec4>,
@@ -74,7 +76,7 @@ pub(crate) struct IrradianceGrid {
 #[derive(Clone, Debug, PartialEq)]
 struct Body {
     proxy: Proxy,
-    /// Weight, 0-1.
+    /// Factor on its occlusion and bounce: 1 standing; lifted, it falls to 0 (fixed camera) or `HANGING` (wrist camera).
     weight: f32,
     /// Reflected sky light and key light, relative to the ambient light on the support surface.
     ambient: [f32; 3],

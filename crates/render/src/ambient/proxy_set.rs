@@ -1,4 +1,4 @@
-//! Proxies of all bodies of a frame.
+//! Ellipsoids that stand in for the bodies of a frame in ambient occlusion and key-light shadow.
 
 use genmanip_core::CameraMount;
 use glam::Vec3A;
@@ -52,7 +52,7 @@ impl Proxies {
             let (robot, others) = (self.robot(assets.robot_bodies()), if self.count { &*self.bodies } else { &[] });
             let is_free = self.count && own.body >= assets.robot_bodies();
             let (entering, held) = (entering(own, others), if is_free { held(own, robot) } else { 0.0 });
-            // Arm and held object hang in the light, whatever shadows their proxies cast on each other.
+            // Arm and held object count as fully lit: shadows between their coarse ellipsoids would be wrong.
             let is_arm = own.body < assets.robot_bodies() || held > 0.0;
             let lit = if is_arm { 1.0 } else { self.lit(own.body, own.center()) };
             let lit = 1.0 - SHADED * (1.0 - lit);
@@ -67,7 +67,7 @@ impl Proxies {
         Some(&self.bodies[index])
     }
 
-    /// All proxies.
+    /// Proxies of all bodies, sorted by body index.
     pub fn bodies(&self) -> &[Proxy] {
         &self.bodies
     }
@@ -123,7 +123,7 @@ impl Proxies {
         self.of_body(body).filter(|own| own.entering > 0.0)
     }
 
-    /// Share of a body's bounce light that returns to it: less in the dark gripper, all of it inside a cavity.
+    /// Factor 0-1 on the albedo in multi-bounce ambient occlusion: less for a body in the dark gripper, 1 in a cavity.
     pub fn bounce_of(&self, body: usize) -> f32 {
         self.of_body(body).filter(|own| !own.shape.is_concave).map_or(1.0, |own| 1.0 - own.held)
     }

@@ -22,7 +22,7 @@ use crate::shadow::map::ShadowMap;
 
 /// Total pixels of the kept frame caches; the least recently used ones are dropped.
 const KEPT_PIXELS: usize = 4 << 20;
-/// Longer side of images with a coarse shadow map (px).
+/// Largest longer side (px) of a small image, which gets coarser shadow maps and irradiance grids.
 const SMALL_PX: u32 = 128;
 /// Texels per side of the shadow map of small images.
 const SMALL_SHADOW: usize = 192;
@@ -49,7 +49,7 @@ pub struct Renderer {
     irradiance_grids: [[IrradianceGrids; 2]; 2],
     /// Frame caches by camera, the most recent last.
     kept: Vec<(CacheKey, FrameCache)>,
-    /// Depth and ids without colour.
+    /// View and visibility buffer of images without colour, kept for their memory.
     view: View,
     solid: VisibilityBuffer,
     shaded_pixels: usize,
@@ -216,7 +216,7 @@ fn irradiance_grids(assets: &RenderAssets, variation: &RenderVariation) -> [[Irr
     [false, true].map(|is_small| std::array::from_fn(|_| IrradianceGrids::new(assets, variation, is_small)))
 }
 
-/// Rounds poses to 8 µm and 8 µrad, far below the resolution of depth images, so that simulation jitter of resting
+/// Rounds positions and quaternion components to 2⁻¹⁷ (7.6 µm, about 15 µrad), far below the resolution of depth images, so that simulation jitter of resting
 /// objects changes nothing.
 fn snapped(frame: &FrameState) -> FrameState {
     const STEPS: f64 = 131_072.0;

@@ -6,7 +6,7 @@ use super::vertex::{Corner, area_of, first_sample, range_of_three};
 /// Triangles in a batch.
 pub(super) const BLOCK: usize = 16;
 
-/// Vertices of triangles as structure of arrays.
+/// Vertices of triangles as structure of arrays: x and y (px), reversed z (1/depth).
 #[derive(Default)]
 pub(super) struct Corners {
     pub x: [[f32; BLOCK]; 3],
@@ -140,7 +140,8 @@ pub(super) struct Spans<const ROWS: usize> {
     /// First samples.
     pub starts: [u32; ROWS],
     counts: [u32; ROWS],
-    /// Distances from the samples with the given `values` to the first ones.
+    /// Offsets (samples) of the first samples of the rows from the pixel-aligned samples at which `values`, reversed z,
+    /// are given.
     pub offsets: [f32; ROWS],
     pub values: [f32; ROWS],
 }
@@ -168,7 +169,7 @@ impl Triangle {
             let start = first_sample(left, width);
             rows.starts[i] = start;
             rows.counts[i] = first_sample(right, width).max(start) - start;
-            // Evaluated at the same pixel for any number of samples.
+            // Reversed z is evaluated at a pixel-aligned sample, so that rounding is the same for any samples per pixel.
             let pixel = (start + scale - 1) & !(scale - 1);
             rows.offsets[i] = (start as i32 - pixel as i32) as f32;
             let begin = f64::from(row as i32).mul_add(dy, self.gradient.constant);

@@ -32,7 +32,7 @@ pub(super) struct EdgePixels {
 pub(super) struct UnmatchedSample {
     pub point: ShadingPoint,
     surface_id: u32,
-    /// Index of the edge pixel.
+    /// Index into the list of edge pixels, not of the image.
     pub edge_pixel: u32,
     /// Weight of the samples.
     pub share: f32,
@@ -125,7 +125,8 @@ impl EdgePixels {
     }
 }
 
-/// Colours around the tile that begins at a pixel of an image of a size.
+/// Colours of the tile whose first pixel is (`column`, `row`) and of a one-pixel border, repeated at the image's edge.
+/// `colors` is the whole image, row by row.
 fn color_window(colors: &[Vec3A], [width, height]: [usize; 2], [column, row]: [usize; 2]) -> ColorWindow {
     let at = |first: usize, step: usize, size: usize| (first + step).saturating_sub(1).min(size - 1);
     std::array::from_fn(|y| {

@@ -35,7 +35,7 @@ struct Group {
     pixels: Vec<Covered>,
 }
 
-/// The opaque image.
+/// Result of the opaque pass, over which layers are composited, with scene and view to shade them.
 pub(crate) struct Opaque<'a> {
     pub scene: &'a RenderScene<'a>,
     pub view: &'a View,
@@ -149,7 +149,8 @@ impl Work {
     }
 }
 
-/// Number of times a view ray crosses interfaces like the far and the near one: hidden ones lie between the two.
+/// Number of times the stored far and near interfaces are composited: a pixel stores two, and hidden ones between them
+/// count as equal to these.
 fn crossings(parts: &[Part], [far, near]: [u32; 2]) -> [usize; 2] {
     let near = &parts[near as usize - 1];
     let Some(far) = far.checked_sub(1).map(|part| &parts[part as usize]) else {

@@ -175,7 +175,7 @@ impl Canvas {
         self.polyline(&head, true, &format!(r#"fill="{color}""#));
     }
 
-    /// Embeds another diagram with its corner at a point.
+    /// Embeds another diagram with its upper left corner at a point (px).
     pub fn group(&mut self, at: Point, other: Self) {
         let _ = writeln!(self.body, r#"<g transform="translate({} {})">"#, px(at[0]), px(at[1]));
         self.body += &other.body;
