@@ -16,6 +16,7 @@ mod cluster;
 mod command_line;
 mod demo;
 mod docs;
+mod features;
 mod fuzz;
 mod install;
 mod interop;

@@ -3,7 +3,7 @@
 use crate::command_line::PHASES;
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{docs, setup, tidy, wheel};
+use crate::{docs, features, setup, tidy, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "typos" => if_installed(workspace, "typos", &[]),
         "clippy" => cargo(workspace, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
         "doc" => documentation(workspace),
-        "build" => cargo(workspace, &BUILD),
+        "build" => features::check(workspace).and_then(|()| cargo(workspace, &BUILD)),
         "link check" => link_check(workspace),
         "bytes" => same_bytes(workspace),
         "python" => python_wheel(workspace),

@@ -2,7 +2,6 @@
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +26,6 @@ pub fn build(workspace: &Workspace) -> Result<PathBuf> {
     let place = target.join("wheel");
     let python = place.join("python/bin/python");
     let wheels = place.join("built");
-    check_features(workspace)?;
     if wheels.exists() {
         fs::remove_dir_all(&wheels).on("remove the wheel built before", &wheels)?;
     }
@@ -36,25 +34,6 @@ pub fn build(workspace: &Workspace) -> Result<PathBuf> {
     build.arg("--interpreter").arg(&python).arg("--target-dir").arg(&target).arg("--out").arg(&wheels);
     process::visible(&mut build)?;
     only_file(&wheels)
-}
-
-/// The wheel is built of the libraries that the tests' build made: with other features, cargo would compile them again.
-fn check_features(workspace: &Workspace) -> Result {
-    let libraries = |which: &[&str]| {
-        let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} [{f}]"];
-        let listed = process::output(&mut workspace.cargo(tree.iter().chain(which).copied()))?;
-        Ok(listed.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect::<BTreeSet<String>>())
-    };
-    let known = libraries(&["--workspace", "--edges", "normal,build,dev"])?;
-    let wheel = libraries(&["--package", "genmanip-python", "--edges", "normal,build"])?;
-    match wheel.difference(&known).next() {
-        None => Ok(()),
-        Some(library) => Err(Problem {
-            what: format!("the wheel needs `{library}`, with other features than the rest of the workspace"),
-            expected: "the same features, so that no library is compiled twice".into(),
-            hint: "raise them in python/Cargo.toml or in the root manifest; `cargo tree -e features -i LIBRARY`".into(),
-        }),
-    }
 }
 
 /// Installs a wheel without looking for what it depends on.

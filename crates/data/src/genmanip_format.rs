@@ -41,18 +41,14 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
-    let (mut episodes, mut frames) = (0, 0);
-    let left_out = exporter.each(|source, rows| {
+    let report = exporter.each(target, |source, rows| {
         let folder = Folder { staging: &staging, name: &rows.metadata.result.id, rows: rows.frames };
         folder.numbers(source, robot, settings)?;
         folder.images(source, settings)?;
-        folder.about(source, &rows, settings)?;
-        episodes += 1;
-        frames += rows.frames;
-        Ok(())
+        folder.about(source, &rows, settings)
     })?;
     staging.publish()?;
-    Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out })
+    Ok(report)
 }
 
 /// Folder of one episode.

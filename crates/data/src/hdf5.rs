@@ -53,17 +53,13 @@ pub fn export(
         "rate_hz": settings.fps,
         "action_contract": exporter.contract(),
     });
-    let (mut episodes, mut frames) = (0, 0);
-    let left_out = exporter.each(|source, rows| {
+    let report = exporter.each(target, |source, rows| {
         let name = format!("{}.hdf5", rows.metadata.result.id);
         let file = File { name: &name, builder: Hdf5Builder::new() };
-        staging.write(&name, &file.episode(source, &rows, settings, &about.to_string())?)?;
-        episodes += 1;
-        frames += rows.frames;
-        Ok(())
+        staging.write(&name, &file.episode(source, &rows, settings, &about.to_string())?)
     })?;
     staging.publish()?;
-    Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out })
+    Ok(report)
 }
 
 /// The file of an episode under construction.

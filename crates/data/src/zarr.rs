@@ -43,14 +43,13 @@ pub fn export(
 ) -> Result<ExportReport, DataError> {
     let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
     let mut writer = Writer { staging, arrays: Vec::new(), frames: 0, ends: Vec::new(), entries: Vec::new() };
-    let left_out = exporter.each(|source, rows| writer.push(source, &rows, settings.depth))?;
-    let (frames, episodes) = (writer.frames, writer.ends.len());
+    let report = exporter.each(target, |source, rows| writer.push(source, &rows, settings.depth))?;
     writer.finish(&json!({
         "genmanip_version": env!("CARGO_PKG_VERSION"),
         "rate_hz": settings.fps,
         "action_contract": exporter.contract(),
     }))?;
-    Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out })
+    Ok(report)
 }
 
 struct Writer {

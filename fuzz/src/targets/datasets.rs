@@ -1,14 +1,14 @@
 //! The episode store, and data sets of every format that is read.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use genmanip_assets::robots;
 use genmanip_core::{Camera, Intrinsics, Pose, RgbdImage};
-use genmanip_data::lerobot::LerobotDataset;
+use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    CameraTrack, EpisodeStore, ExportSettings, LerobotSettings, Selection, TrackRecorder, VideoSettings,
+    CameraTrack, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, TrackRecorder,
+    VideoSettings, zarr as zarr_format,
 };
-use genmanip_data::{lerobot, zarr as zarr_format};
 use genmanip_dataset_tools::check::{DatasetCheck, check};
 use genmanip_dataset_tools::import::{ImportSettings, import};
 use tempfile::TempDir;
@@ -38,10 +38,10 @@ pub fn episodes(_: &str, repository: &Path) -> Result<Opened, Failure> {
 
 /// Those episodes as LeRobot v3.0: checked, and its actions read for playback.
 pub fn lerobot(_: &str, repository: &Path) -> Result<Opened, Failure> {
-    let folder = store(repository)?;
-    let (store, target) = parts(&folder)?;
     let settings = LerobotSettings { export: export(true), record: false, ..LerobotSettings::default() };
-    lerobot::export(&store, &Selection::Recorded, &robots::panda(), &settings, &target)?;
+    let folder = exported(repository, |store, target| {
+        lerobot::export(store, &Selection::Recorded, &robots::panda(), &settings, target)
+    })?;
     opened(folder.path(), |folder| {
         let dataset = LerobotDataset::open(&folder.join(DATASET)).map_err(message)?;
         let actions = dataset.episodes().iter().map(|episode| dataset.actions(episode).map(drop));
@@ -53,10 +53,10 @@ pub fn lerobot(_: &str, repository: &Path) -> Result<Opened, Failure> {
 
 /// Those episodes as LeRobot v2.1: checked and imported.
 pub fn v21(_: &str, repository: &Path) -> Result<Opened, Failure> {
-    let folder = store(repository)?;
-    let (store, target) = parts(&folder)?;
     let settings = LerobotSettings { export: export(true), record: false, ..LerobotSettings::default() };
-    lerobot::export_v21(&store, &Selection::Recorded, &robots::panda(), &settings, &target)?;
+    let folder = exported(repository, |store, target| {
+        lerobot::export_v21(store, &Selection::Recorded, &robots::panda(), &settings, target)
+    })?;
     opened(folder.path(), |folder| {
         let is_sound = checked(folder);
         imported(&folder.join(DATASET), &folder.join("imported"))?;
@@ -66,9 +66,9 @@ pub fn v21(_: &str, repository: &Path) -> Result<Opened, Failure> {
 
 /// Those episodes as Zarr, without images.
 pub fn zarr(_: &str, repository: &Path) -> Result<Opened, Failure> {
-    let folder = store(repository)?;
-    let (store, target) = parts(&folder)?;
-    zarr_format::export(&store, &Selection::Recorded, &robots::panda(), &export(false), &target)?;
+    let folder = exported(repository, |store, target| {
+        zarr_format::export(store, &Selection::Recorded, &robots::panda(), &export(false), target)
+    })?;
     opened(folder.path(), checked)
 }
 
@@ -127,9 +127,14 @@ fn track(camera: &Camera) -> Result<CameraTrack, Failure> {
     Ok(recorder.finish()?)
 }
 
-/// The store, taken out of its folder's listing, and the place of a data set beside it.
-fn parts(folder: &TempDir) -> Result<(EpisodeStore, PathBuf), Failure> {
-    Ok((EpisodeStore::open(folder.path().join("episodes"))?, folder.path().join(DATASET)))
+/// A folder with a data set of the recorded episodes in `dataset`.
+fn exported(
+    repository: &Path,
+    write: impl FnOnce(&EpisodeStore, &Path) -> Result<ExportReport, DataError>,
+) -> Result<TempDir, Failure> {
+    let (recorded, folder) = (store(repository)?, tempfile::tempdir()?);
+    write(&EpisodeStore::open(recorded.path().join("episodes"))?, &folder.path().join(DATASET))?;
+    Ok(folder)
 }
 
 fn export(images: bool) -> ExportSettings {

@@ -50,11 +50,11 @@ pub fn images(_: &str, repository: &Path) -> Result<Opened, Failure> {
         Input::file("photo.jpg", genmanip_format::jpeg(&rgb, width, height)?),
     ];
     let read = |input: &Input| {
-        let bytes = &input.files[0].1;
-        let texture = image::texture(bytes, &mut image::MAX_PIXELS.clone()).map(drop);
+        let (bytes, mut pixels_left) = (&input.files[0].1, image::MAX_PIXELS);
+        let texture = image::texture(bytes, &mut pixels_left).map(drop);
         let depth = depth::decode_depth_png(bytes).map(drop).map_err(message);
-        let image = RgbImage::of_png(bytes).map(drop);
-        texture.or(depth).or(image)
+        let rgb = RgbImage::of_png(bytes).map(drop);
+        texture.or(depth).or(rgb)
     };
     Ok(Opened { corpus, read: Box::new(read) })
 }

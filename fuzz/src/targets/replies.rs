@@ -101,7 +101,7 @@ pub fn services(_: &str, repository: &Path) -> Result<Opened, Failure> {
     let image = image();
     let planner = planner(&worlds::default_world(), &PlannerSettings::default())?;
     let scenes = Arc::new(SceneSource::of_tasks(&[repository.join("examples/tasks/012_pick_and_place.json")], None)?);
-    let points: Vec<DVec3> = (0..8).map(|corner| DVec3::new(0.5, 0.0, 0.0) + 0.04 * cube_corner(corner)).collect();
+    let points = cube(DVec3::new(0.5, 0.0, 0.0));
     let question = GraspQuestion {
         points: &points,
         scene: &[],
@@ -125,9 +125,12 @@ pub fn services(_: &str, repository: &Path) -> Result<Opened, Failure> {
         Input::file("grasp.json", serde_json::to_vec(&GraspRequest::of(&question))?),
         Input::file("agent.json", serde_json::to_vec(&act)?),
     ];
-    let cameras =
-        Value::Array(vec![map(&[("name", "static".into()), ("size", Value::Array(vec![32.into(), 24.into()]))])]);
-    let action = map(&[("space", "joint_position".into())]);
+    let channels = map(&[("rgb", true.into()), ("depth", true.into())]);
+    let size = Value::Array(vec![32.into(), 24.into()]);
+    let camera = map(&[("name", "static".into()), ("size", size), ("channels", channels)]);
+    let gripper = map(&[("encoding", "width_m".into())]);
+    let action = map(&[("space", "joint_position".into()), ("gripper", gripper)]);
+    let cameras = Value::Array(vec![camera]);
     let settings = map(&[("action", action), ("rate_hz", 60.into()), ("cameras", cameras)]);
     corpus.push(packed("env.msgpack", &map(&[("ask", "open".into()), ("settings", settings)]))?);
     let read = move |input: &Input| {
@@ -157,10 +160,11 @@ fn packed(name: &str, value: &Value) -> Result<Input, Failure> {
     Ok(Input::file(name, bytes))
 }
 
-/// A cube's corner, sides of 1.
-fn cube_corner(index: u8) -> DVec3 {
-    let bit = |place: u8| f64::from(index >> place & 1);
-    DVec3::new(bit(0), bit(1), bit(2))
+/// Points on the surface of a cube with sides of 4 cm, 5 mm apart.
+fn cube(corner: DVec3) -> Vec<DVec3> {
+    let grid = (0..9 * 9 * 9).map(|index| [index % 9, index / 9 % 9, index / 81]);
+    let surface = grid.filter(|place| place.iter().any(|step| [0, 8].contains(step)));
+    surface.map(|place| corner + 0.005 * DVec3::from_array(place.map(f64::from))).collect()
 }
 
 /// A table seen obliquely from above, with a red patch on it.

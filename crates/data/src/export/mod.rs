@@ -260,12 +260,16 @@ impl<'a> Exporter<'a> {
         self.settings.contract(self.robot)
     }
 
-    /// Passes the rows of every readable episode to `write`; returns the damaged ones with their errors.
+    /// Passes the rows of every readable episode to `write`; returns the summary of a data set at `target`.
+    ///
+    /// # Errors
+    /// If no episode is readable, one is damaged that was named explicitly, or `write` fails.
     pub fn each(
         &self,
+        target: &Path,
         mut write: impl FnMut(&Source, EpisodeRows) -> Result<(), DataError>,
-    ) -> Result<Vec<(String, String)>, DataError> {
-        let mut left_out = Vec::new();
+    ) -> Result<ExportReport, DataError> {
+        let (mut left_out, mut frames) = (Vec::new(), 0);
         for id in &self.ids {
             let source = match self.source(id) {
                 Err(error) if error.is_damage() && !self.is_strict => {
@@ -274,19 +278,17 @@ impl<'a> Exporter<'a> {
                 }
                 source => source?,
             };
-            write(&source, rows::rows(&source, self.robot, self.settings)?)?;
+            let rows = rows::rows(&source, self.robot, self.settings)?;
+            frames += rows.frames;
+            write(&source, rows)?;
         }
+        let episodes = self.ids.len() - left_out.len();
         match left_out.first() {
             Some((id, why)) if left_out.len() == self.ids.len() => {
                 Err(DataError::mismatch("episodes to export", "at least one undamaged", format!("{id}: {why}")))
             }
-            _ => Ok(left_out),
+            _ => Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes, frames, left_out }),
         }
-    }
-
-    /// Number of selected episodes, damaged ones included.
-    pub fn episode_count(&self) -> usize {
-        self.ids.len()
     }
 
     fn source(&self, id: &str) -> Result<Source, DataError> {

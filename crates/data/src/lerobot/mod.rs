@@ -71,14 +71,12 @@ pub fn export(
 ) -> Result<ExportReport, DataError> {
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
     let mut writers = Writers::begin(settings, robot, dataset)?;
-    let left_out = exporter.each(|source, rows| {
+    let report = exporter.each(dataset, |source, rows| {
         writers.push(source, rows, &settings.export)?;
         if settings.record { writers.colors.copy_record(store, &source.episode.result.id) } else { Ok(()) }
     })?;
-    let frames = writers.colors.frames();
     let depth_dataset = writers.publish(settings, &exporter.contract(), dataset)?;
-    let episodes = exporter.episode_count() - left_out.len();
-    Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
+    Ok(ExportReport { depth_dataset, ..report })
 }
 
 /// Writes episodes that are not in a store, with their tracks, to a data set without native record at `dataset` (and

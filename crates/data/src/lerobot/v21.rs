@@ -42,14 +42,12 @@ pub fn export_v21(
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
     let staging = begin(dataset, settings.run.as_deref())?;
     let mut writer = Writer::new(staging, settings.export.fps);
-    let left_out = exporter.each(|source, rows| {
+    let report = exporter.each(dataset, |source, rows| {
         writer.push(rows)?;
         if settings.record { record::copy(&writer.staging, store, &source.episode.result.id) } else { Ok(()) }
     })?;
-    let frames = writer.metadata.frames;
     writer.finish(dataset, &robot.name, &Origin::Exported(settings.clone()), Some(&exporter.contract()))?;
-    let episodes = exporter.episode_count() - left_out.len();
-    Ok(ExportReport { dataset: dataset.into(), depth_dataset: None, episodes, frames, left_out })
+    Ok(report)
 }
 
 /// Fields of `episodes.jsonl` beyond LeRobot's own.

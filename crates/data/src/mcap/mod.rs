@@ -46,9 +46,9 @@ pub fn export(
     target: &Path,
 ) -> Result<ExportReport, DataError> {
     let (exporter, staging) = Exporter::begin(store, selection, robot, settings, target)?;
-    let (mut frames, mut episodes) = (0, Vec::new());
+    let mut episodes = Vec::new();
     let contract = exporter.contract();
-    let left_out = exporter.each(|source, rows| {
+    let report = exporter.each(target, |source, rows| {
         let recorded = Recording::of(source, &rows, robot, settings)?;
         let metadata = episode_metadata(&rows, settings, &contract.to_value());
         let name = format!("{}.mcap", rows.metadata.result.id);
@@ -56,13 +56,11 @@ pub fn export(
             .to_bytes(&metadata, &rows.metadata.scenario_json)
             .map_err(|error| DataError::NotWritable { what: name.clone(), why: error.to_string() })?;
         staging.write(&name, &bytes)?;
-        frames += rows.frames;
         episodes.push(
             json!({"file": name, "instruction": rows.metadata.instruction, "success": rows.metadata.result.success}),
         );
         Ok(())
     })?;
-    let count = episodes.len();
     let about = json!({
         "schema": "genmanip.mcap_export/1",
         "genmanip_version": env!("CARGO_PKG_VERSION"),
@@ -72,7 +70,7 @@ pub fn export(
     });
     staging.write("export.json", (format!("{about:#}\n")).as_bytes())?;
     staging.publish()?;
-    Ok(ExportReport { dataset: target.into(), depth_dataset: None, episodes: count, frames, left_out })
+    Ok(report)
 }
 
 /// Episode metadata as text.
