@@ -245,7 +245,7 @@ fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Re
     };
     let known = episode.scenario.world.cameras.iter().map(|camera| &camera.name);
     let cameras = known.filter(|name| is_wanted(name)).cloned().collect();
-    let failed = |error: DataError| WorkspaceError::broken(format!("cannot keep the pictures of {id}"), error);
+    let failed = |error: DataError| WorkspaceError::broken(format!("cannot keep the images of {id}"), error);
     let tracks =
         images::render_tracks(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
             .map_err(|error| WorkspaceError::broken(format!("cannot draw {id}"), error))?;

@@ -221,7 +221,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Workspace
     Ok(check_answer(&recorded.response, &request))
 }
 
-/// Objects by a text: uids separated by commas, or else a search query for `catalogue`.
+/// Objects by a text: uids separated by commas, or a search query for `catalogue` if no part is or looks like a uid.
 ///
 /// # Errors
 /// When a uid is unknown, or nothing fits the query.
@@ -230,7 +230,9 @@ pub fn select_objects(text: &str, catalogue: &Catalogue) -> Result<Vec<ObjectCar
     let parts: Vec<String> = parts.collect();
     let is_uid = |part: &String| {
         let uid = uid_of(part);
-        Catalogue::builtin().card(uid).or_else(|| Catalogue::all().card(uid)).is_some()
+        let is_like_one = uid.contains(|c: char| c.is_ascii_digit())
+            && uid.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        is_like_one || Catalogue::builtin().card(uid).or_else(|| Catalogue::all().card(uid)).is_some()
     };
     if parts.iter().any(is_uid) {
         return offered(&parts, "--objects");

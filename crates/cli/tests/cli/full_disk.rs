@@ -25,7 +25,7 @@ fn every_stage_says_that_the_disk_is_full() {
     let task = example("021_spatial");
     for (arguments, free_kib, stage) in [
         (format!("collect {task} --episodes 1 --out other"), 100, "collecting stopped"),
-        ("export --to hdf5 run".into(), 8, "cannot write the dataset"),
+        ("export --to hdf5 run".into(), 8, "cannot keep the images"),
         ("evaluate --policy do_nothing run".into(), 8, "cannot write"),
         // A transcript that cannot be written is no failure of the policy.
         ("evaluate --policy agent:vlm=random,transcripts=transcripts run".into(), 100, "evaluating agent"),

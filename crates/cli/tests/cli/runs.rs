@@ -213,7 +213,7 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
     let export = ["export", "run", "--to", "lerobot", "--action", "ee", "--rotation", "quat", "--rate", "20"];
     let more = ["--cameras", "wrist", "--columns", "boxes,masks"];
     let report = genmanip(here, &[&export[..], &more, &["--json"]].concat()).json(0);
-    let dataset = "run/exports/lerobot-ee-quat-20hz";
+    let dataset = "run/exports/lerobot-ee-quat-20hz-wrist";
     assert_eq!((&report["dataset"], &report["episodes"]), (&dataset.into(), &2.into()));
     let files = tree(&here.join(dataset));
     let json = |name: &str| serde_json::from_slice::<Value>(&files[name]).unwrap();

