@@ -12,7 +12,7 @@ use crate::errors::{error, json, read_json};
 use crate::observation::{dictionary, observe_privileged, picture};
 
 /// Scenes in which episodes start; environments share one.
-#[pyclass(frozen, module = "genmanip")]
+#[pyclass(frozen, name = "Scenes", module = "genmanip")]
 pub struct SceneSource(pub Arc<sessions::SceneSource>);
 
 #[pymethods]
@@ -55,7 +55,7 @@ impl SceneSource {
 }
 
 /// A moment to go back to.
-#[pyclass(frozen, module = "genmanip")]
+#[pyclass(frozen, name = "Saved", module = "genmanip")]
 pub struct SessionState(sessions::SessionState);
 
 /// An environment that a program drives.

@@ -66,7 +66,7 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  genmanip plan out/scenarios/017_pick_and_place-000.json --pick 032 --picture plan.png\n  \
                       genmanip plan SCENARIO --to 0.5,-0.2,0.15 --yaw 45 --animation plan.mp4\n  \
-                      genmanip plan --robot examples/robots/six_axis.urdf --joints 1,0.6,0.6,0,0.4,0 --picture plan.png\n\n\
+                      genmanip plan --robot ur5e_2f85 --to 0.5,-0.2,0.15 --picture plan.png\n\n\
                       The robot's base frame: x ahead, y to its left, z up, the table at z = 0."
     )]
     Plan(PlanArguments),
@@ -439,9 +439,8 @@ pub struct PlanArguments {
     /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Robot of the empty world: a name, a URDF file or a folder with one; scenarios laid out for another robot are
-    /// refused
-    #[arg(long, value_name = "NAME|URDF")]
+    /// Robot of the empty world; scenarios laid out for another robot are refused
+    #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
 }
 

@@ -1,9 +1,10 @@
 //! Import of 3D models (GLB, glTF, OBJ, STL, MSH, URDF, MJCF) as object models.
 //!
 //! 1. A reader of the format converts the files to a [`raw::RawObject`] ([`formats`]).
-//! 2. [`clean`] repairs meshes, [`place`] determines unit, up axis and origin, [`simplify`] reduces the visual meshes.
+//! 2. [`clean`] repairs meshes, [`units_and_frame`] determines unit, up axis and origin, [`simplify`]
+//!    reduces the visual meshes.
 //! 3. [`collision`] derives convex pieces; objects that are open at the top stay hollow.
-//! 4. [`mass`] and [`prior`] fill in typical masses, [`words`] derives names and descriptions.
+//! 4. [`mass`] and [`typical_sizes`] fill in typical masses, [`names_and_colors`] derives names and descriptions.
 //! 5. Every guess and every repair is listed in a [`report::Report`].
 //!
 //! [`import`] performs no IO: the caller reads files, each within a given size limit.

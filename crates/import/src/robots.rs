@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use genmanip_assets::robots;
 use genmanip_core::RobotModel;
 use genmanip_core::limits;
 use genmanip_data::files;
@@ -35,20 +34,6 @@ pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, WorkspaceError
             .because(error)
             .with_hint(hint)
     })
-}
-
-/// Reads a robot as [`read`] and registers it for the whole program; returns its name.
-///
-/// # Errors
-/// As [`read`], and if another robot has this name.
-pub fn register(path: &Path) -> Result<String, WorkspaceError> {
-    let robot = robots::register(&path.display().to_string(), read(path, None)?);
-    let robot = robot.map_err(|error| {
-        WorkspaceError::input(format!("the robot of {} has no name of its own", path.display()))
-            .because(error)
-            .with_hint("change the name in its `<robot name=…>`")
-    })?;
-    Ok(robot.name.clone())
 }
 
 fn only_urdf(folder: &Path) -> Result<PathBuf, WorkspaceError> {

@@ -45,7 +45,9 @@ pub fn documents(_: &str, repository: &Path) -> Result<Opened, Failure> {
             Err(error) => Some(Err(message(error))),
         }
     }
-    const KINDS: [fn(&[u8]) -> Option<Result<(), String>>; 9] = [
+    /// `None` if the bytes are a document of another kind.
+    type ReadKind = fn(&[u8]) -> Option<Result<(), String>>;
+    const KINDS: [ReadKind; 9] = [
         read::<Task>,
         read::<Scenario>,
         read::<World>,

@@ -21,12 +21,15 @@ pub struct Target {
     pub open: fn(&str, &Path) -> Result<Opened, Failure>,
 }
 
+/// Reader of an input; the error is the message of a refusal.
+pub type Reader = Box<dyn FnMut(&Input) -> Result<(), String>>;
+
 /// A target in use.
 pub struct Opened {
     /// Valid inputs.
     pub corpus: Vec<Input>,
     /// Reads an input; `Err` is the message of a refusal.
-    pub read: Box<dyn FnMut(&Input) -> Result<(), String>>,
+    pub read: Reader,
 }
 
 /// All targets.

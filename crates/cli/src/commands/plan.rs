@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use genmanip_core::Seed;
-use genmanip_import::robots;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::plan::{MotionRequest, Target, plan};
 use genmanip_rollout::Stage;
@@ -49,12 +48,7 @@ fn stage(arguments: &PlanArguments) -> Result<Stage, Failed> {
         worlds::check_robot(&stage.scenario.world, robot)?;
         return Ok(stage);
     }
-    let is_file = |path: &Path| path.is_dir() || path.extension().is_some_and(|ending| ending == "urdf");
-    let name = match robot {
-        Some(path) if is_file(Path::new(path)) => Some(robots::register(Path::new(path))?),
-        name => name.map(str::to_owned),
-    };
-    Ok(scenarios::empty_stage(worlds::read_world_with(arguments.world.as_deref(), name.as_deref())?)?)
+    Ok(scenarios::empty_stage(worlds::read_world_with(arguments.world.as_deref(), robot)?)?)
 }
 
 fn target(arguments: &PlanArguments) -> Target {

@@ -39,7 +39,7 @@ impl ShadingPoints {
             Some(texture) => {
                 texture.sample(self.pixels.count, [&self.u, &self.v], &self.texels, tint, samples, &mut self.base);
             }
-            None => self.base = tint.map(|tint| BatchColumn::of(tint)),
+            None => self.base = tint.map(BatchColumn::of),
         }
     }
 }

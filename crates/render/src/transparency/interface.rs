@@ -69,7 +69,7 @@ impl Interface {
         let is_shell = !self.is_solid;
         if material.texture.is_none() && !is_shell {
             let tint = material.tint(material.base, 1.0, is_shell).to_array();
-            self.passes = tint.map(|tint| BatchColumn::of(tint));
+            self.passes = tint.map(BatchColumn::of);
         } else {
             for i in 0..pixels.len() {
                 let base = Vec3A::new(base[0][i], base[1][i], base[2][i]);
