@@ -5,7 +5,7 @@
 //!
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
-//! - [`suite`]: frozen scenarios for evaluation, and their selection.
+//! - [`suite_format`]: frozen scenarios for evaluation, and their selection.
 //! - [`rows`]: one row per episode of a run, totals over rows, and the selection of episodes with images.
 //! - [`report`]: one self-contained HTML page.
 //! - [`leaderboard_html`]: policies on the same suites.

@@ -6,7 +6,7 @@
 //! - [`designed_tasks`], [`task_checks`]: tasks of the rule-based designer into a folder, and all faults of task files.
 //! - [`scenarios`], [`worlds`]: scenarios, worlds, robots and planners by file or name.
 //! - [`robots`]: robot files of the user, registered by name.
-//! - [`Ledger`](ledger::Ledger): finished items, one JSON line each, so that a killed call continues.
+//! - [`Ledger`](resume_ledger::Ledger): finished items, one JSON line each, so that a killed call continues.
 //! - [`shard`]: the part of a run that one of several machines does.
 //! - [`disk_space`]: free disk space, and an estimate of what a run needs.
 //! - [`Progress`]: progress callbacks; stages report, callers print.

@@ -138,7 +138,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let unpriced = evaluate(&suite, &agent, &limited, &NoProgress, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
 
-    act::an_image_becomes_motions(&suite.scenarios[0].clone().into(), folder.parent().unwrap());
+    act::an_image_becomes_motions(&suite.scenarios[0].clone(), folder.parent().unwrap());
 
     let ids = [format!("{TASK}-000"), format!("{TASK}-001")];
     remote::a_server_leads_the_arm(&folder, ids.each_ref().map(String::as_str));
