@@ -42,6 +42,7 @@ impl SceneSource {
     }
 
     /// Most objects that any of them has.
+    #[pyo3(name = "most_objects")]
     fn max_objects(&self) -> usize {
         self.0.max_objects()
     }
@@ -101,6 +102,7 @@ impl Env {
     }
 
     /// As `observe`, less which object is grasped: for loops that count microseconds.
+    #[pyo3(name = "glance")]
     fn observe_privileged<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         observe_privileged(py, &py.detach(|| self.session().observe_privileged()).map_err(error)?)
     }

@@ -93,10 +93,10 @@ impl Policy for PythonPolicy {
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         Python::attach(|py| {
-            let step_tuple = PyDict::new(py);
-            step_tuple.set_item("instruction", &start.instruction)?;
-            step_tuple.set_item("seed", start.seed.to_string())?;
-            self.object.bind(py).call_method1("reset", (step_tuple,)).map(|_| ())
+            let episode = PyDict::new(py);
+            episode.set_item("instruction", &start.instruction)?;
+            episode.set_item("seed", start.seed.to_string())?;
+            self.object.bind(py).call_method1("reset", (episode,)).map(|_| ())
         })
         .map_err(failed)
     }

@@ -67,7 +67,12 @@ impl GraspTrials {
         let grasps = match grasps {
             Ok(grasps) => grasps,
             // Too few points are visible to find grasps.
-            Err(CloudError::Empty | CloudError::TooFew { .. } | CloudError::NoExtent { .. }) => Vec::new(),
+            Err(
+                CloudError::Empty
+                | CloudError::TooFew { .. }
+                | CloudError::NoExtent { .. }
+                | CloudError::TooLarge { .. },
+            ) => Vec::new(),
             Err(error) => return Err(error.into()),
         };
         let (ending, grasp) = arm::execute(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::occlusion::Occlusion;
 use super::points::{Seen, bounds, principal_extents, thinned, thinned_to};
-use super::{CloudError, CloudSettings, CloudTarget};
+use super::{CloudError, CloudSettings, CloudTarget, MAX_EXTENT_M};
 
 /// Preprocessed input of the sampler, world frame.
 #[derive(Debug)]
@@ -42,6 +42,11 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     }
     if target.points.len() < MIN_POINTS {
         return Err(CloudError::TooFew { got: target.points.len(), least: MIN_POINTS });
+    }
+    let (low, high) = bounds(target.points);
+    let extent_m = (high - low).max_element();
+    if extent_m > MAX_EXTENT_M {
+        return Err(CloudError::TooLarge { extent_m });
     }
     let points = thinned_to(target.points, settings.voxel, settings.most_points);
     let (low, high) = bounds(&points);

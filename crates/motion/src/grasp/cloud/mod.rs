@@ -64,7 +64,18 @@ pub enum CloudError {
         /// Standard deviation along the second principal axis, mm.
         extent_mm: f64,
     },
+    /// The points are too far apart for one object; stray points or another unit.
+    #[error(
+        "the cloud of the target is {extent_m:.3e} m wide, expected at most {MAX_EXTENT_M} m: are its points metres?"
+    )]
+    TooLarge {
+        /// Longest side of the bounds, m.
+        extent_m: f64,
+    },
 }
+
+/// Largest side of the bounds of a target, m; bounds the height fields of the search.
+const MAX_EXTENT_M: f64 = 5.0;
 
 /// Sampling settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -131,7 +142,7 @@ pub struct CloudGrasp {
 /// Empty if nothing fits the gripper.
 ///
 /// # Errors
-/// Fails if the cloud is empty, not finite, too small or without extent.
+/// Fails if the cloud is empty, not finite, too small, too large or without extent.
 pub fn cloud_grasps(
     target: &CloudTarget,
     gripper: &Gripper,

@@ -156,16 +156,19 @@ fn what_others_hide_and_what_lies_below_a_top_is_known_to_be_unknown() {
 
 #[test]
 fn broken_clouds_are_refused_with_the_reason() {
+    let mut far: Vec<DVec3> = cuboid(DVec3::splat(0.05), 0.0, 300).iter().map(|(point, _)| *point).collect();
+    far[3].y = 4e10;
     let planner = planner();
     let line: Vec<DVec3> = (0..200).map(|i| DVec3::new(0.5 + 0.001 * f64::from(i), 0.0, 0.02)).collect();
     let mut broken = line.clone();
     broken[7].y = f64::NAN;
-    let cases: [(&[DVec3], &str); 5] = [
+    let cases: [(&[DVec3], &str); 6] = [
         (&[], "the cloud of the target is empty"),
         (&line[..1], "the cloud of the target has 1 points, expected at least 12"),
         (&[DVec3::ONE; 100], "the cloud of the target has no extent: 0.00 mm across, expected a surface"),
         (&line, "the cloud of the target has no extent: 0.00 mm across, expected a surface"),
         (&broken, "point 7 of the target is not finite"),
+        (&far, "the cloud of the target is 4.000e10 m wide, expected at most 5 m: are its points metres?"),
     ];
     for (points, message) in cases {
         let error = planner.cloud_grasps(&target(points, &[], &[])).unwrap_err();
