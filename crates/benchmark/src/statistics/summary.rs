@@ -219,24 +219,23 @@ pub fn spl(success: bool, path_m: f64, reference_m: f64) -> f64 {
 
 /// Counts causes, most frequent first, equals in the order of [`FailureCause`].
 pub fn failure_counts(causes: impl IntoIterator<Item = FailureCause>) -> Vec<FailureCount> {
-    let mut counts: BTreeMap<FailureCause, usize> = BTreeMap::new();
-    for cause in causes {
-        *counts.entry(cause).or_default() += 1;
-    }
-    let mut counts: Vec<FailureCount> =
-        counts.into_iter().map(|(cause, count)| FailureCount { cause, count }).collect();
-    counts.sort_by_key(|entry| std::cmp::Reverse(entry.count));
-    counts
+    let counts = most_frequent_first(causes).into_iter();
+    counts.map(|(cause, count)| FailureCount { cause, count }).collect()
 }
 
 /// Counts failures of an agent by class and stage, most frequent first.
 pub fn agent_failure_counts<'a>(failures: impl IntoIterator<Item = &'a AgentFailure>) -> Vec<AgentFailureCount> {
-    let mut counts: BTreeMap<(Option<FailureClass>, AgentStage), usize> = BTreeMap::new();
-    for failure in failures {
-        *counts.entry((failure.class, failure.stage)).or_default() += 1;
+    let counts = most_frequent_first(failures.into_iter().map(|failure| (failure.class, failure.stage))).into_iter();
+    counts.map(|((class, stage), count)| AgentFailureCount { class, stage, count }).collect()
+}
+
+/// Keys with their frequencies, most frequent first; equally frequent ones in their order.
+fn most_frequent_first<K: Ord>(keys: impl IntoIterator<Item = K>) -> Vec<(K, usize)> {
+    let mut counts: BTreeMap<K, usize> = BTreeMap::new();
+    for key in keys {
+        *counts.entry(key).or_default() += 1;
     }
-    let count = |((class, stage), count)| AgentFailureCount { class, stage, count };
-    let mut counts: Vec<AgentFailureCount> = counts.into_iter().map(count).collect();
-    counts.sort_by_key(|entry| std::cmp::Reverse(entry.count));
+    let mut counts: Vec<(K, usize)> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     counts
 }
