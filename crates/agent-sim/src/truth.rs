@@ -32,7 +32,8 @@ pub(super) struct Now {
 /// Injected error; hidden from the failure attribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InjectedError {
-    /// Number of the ask; for errors outside answers, the number of the preceding ask.
+    /// Index from 0 of the falsified question. For a wrong grasp, of the question before it; for fingers that stay
+    /// open, number of questions asked so far, which is the index of the next one.
     pub ask: usize,
     /// Failure class that the error should cause.
     pub class: FailureClass,
@@ -97,7 +98,7 @@ impl GroundTruth {
         Move { object, atoms: step.atoms.iter().map(atom).collect() }
     }
 
-    /// Goal verdict in the current state, including motion and grasped object.
+    /// Goal verdict in the current state; a condition on an object that moves or is held does not hold.
     pub(super) fn verdict(&self) -> GoalVerdict {
         let rest = self.state().map(|state| Stage::rest(&state.objects, state.grasped, &RolloutSettings::default()));
         judge_goal(&self.scene(), &self.stage.goal, &rest.unwrap_or_default(), &self.stage.relations)

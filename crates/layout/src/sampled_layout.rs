@@ -67,7 +67,11 @@ pub(crate) struct SupportRegion {
 pub(crate) struct Contradiction(pub Vec<usize>);
 
 impl SampledLayout {
-    /// Samples all headings and closes the networks; `aligned` samples quarter turns and uses the larger area.
+    /// Samples all headings and derives all implied bounds (`Network::close`). With `aligned`, yaw is a quarter turn up
+    /// to `ALIGNED_RAD` off, and objects may use the larger area (`wide_x_m`, `wide_y_m`).
+    ///
+    /// # Errors
+    /// Indices into the context's edges that contradict each other.
     pub fn new(context: &Context, aligned: bool, rng: &mut impl Rng) -> Result<Self, Contradiction> {
         let mut objects: Vec<Option<OrientedObject>> = vec![None; context.models.len()];
         for step in &context.steps {

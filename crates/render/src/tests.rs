@@ -32,7 +32,7 @@ fn draw(assets: &Arc<RenderAssets>, state: &FrameState, camera: &Camera, channel
     continued(&mut Renderer::new(Arc::clone(assets), RenderVariation::default()), state, camera, channels)
 }
 
-/// An image that continues the last one of the renderer.
+/// Image by a renderer that may reuse the caches of its previous one; the bytes must equal those of a fresh renderer.
 pub(crate) fn continued(
     renderer: &mut Renderer,
     state: &FrameState,
@@ -50,7 +50,8 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share) as usize]
 }
 
-/// Depth in the image centre against a formula; `analytic` receives the view ray of a pixel in camera axes.
+/// Depth of all pixels that show the object against a formula. `analytic` receives the camera position (m) and the view
+/// ray, scaled to a depth of 1 m, both in the object's frame, and returns the depth (m).
 fn check_depth(model: Arc<ObjectModel>, pose: Pose, viewpoint: DVec3, analytic: impl Fn(DVec3, DVec3) -> Option<f64>) {
     let k = Intrinsics::from_vertical_fov(256, 144, 0.7);
     let camera = Camera::looking_at("c", viewpoint, pose.position, k);
@@ -240,7 +241,7 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let hand =
         Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
     let small = camera(64, 36);
-    // Once per frame: the camera moves every time.
+    // Drawn once per frame, from another pose each time; the others follow a still view of the same frame.
     let swift = Camera { intrinsics: camera(112, 63).intrinsics, ..hand.clone() };
     let without_normals = Channels { normal: false, parts: false, ..Channels::ALL };
     let twice = [&fixed, &hand, &small].map(|camera| [(camera, Channels::ALL), (camera, without_normals)]);
@@ -271,7 +272,7 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
 #[test]
 fn coarse_meshes_of_small_images_keep_their_shape() {
     let (assets, state) = toy();
-    // The same view with and without full detail: 255 pixels are few enough for coarse meshes.
+    // The same view with and without full detail: 248 pixels are less than `FULL_DETAIL_PX` (256), 496 are more.
     let (small, large) = (camera(248, 140), camera(496, 280));
     let (coarse, fine) = (draw(&assets, &state, &small, Channels::ALL), draw(&assets, &state, &large, Channels::ALL));
     let fine_id = |pixel: usize| fine.instance[(pixel / 248 * 2 + 1) * 496 + pixel % 248 * 2 + 1];

@@ -48,7 +48,8 @@ pub struct PipelineSettings {
     /// Source of the expert's grasps: `mesh`, `rgbd`, or `http:URL`.
     #[serde(default = "mesh", skip_serializing_if = "is_mesh")]
     pub grasps: String,
-    /// Randomise the [physics](crate::physics_variation) of each attempt, with its appearance seed.
+    /// Randomise the [physics](crate::physics_variation) of each attempt, from the stream `physics` of its
+    /// [`variation_seed`].
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub vary_physics: bool,
     /// Policy that acts first in each attempt and is corrected by the expert when it fails, `NAME:key=value,…`; `None`
@@ -94,7 +95,7 @@ impl PipelineSettings {
 /// Read-only resources shared by all attempts.
 #[derive(Clone, Copy)]
 pub struct Resources<'a> {
-    /// Asset source.
+    /// Source of the object models that scenarios name.
     pub catalogue: &'a dyn AssetSource,
     /// Motion planner of the robot; expensive to create.
     pub planner: &'a Arc<Planner>,
@@ -234,7 +235,7 @@ fn reopen(id: &str, resources: Resources, store: &EpisodeStore) -> Result<Option
     Ok(Some((Stage::open(scenario, resources.catalogue, resources.planner.robot())?, episode)))
 }
 
-/// A concurrent process may have stored the same attempt.
+/// Treats an attempt that exists already as written: a concurrent process stored the same one, whose bytes are equal.
 fn kept(written: Result<(), DataError>, id: &str, store: &EpisodeStore) -> Result<(), DataError> {
     match written {
         Err(DataError::Exists { .. }) if store.contains(id) => Ok(()),
@@ -254,7 +255,8 @@ pub fn trial(
     Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |(_, episode)| episode.result))
 }
 
-/// Generates the layout and runs the expert.
+/// Lays out the scene, randomises its physics if asked, and runs the expert, or the policy to correct and then the
+/// expert. `Err` holds the result of an attempt without a layout.
 fn play(attempt: &Attempt, resources: Resources, settings: &PipelineSettings) -> Result<Played, RolloutError> {
     let mut scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
@@ -307,7 +309,8 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
     }
 }
 
-/// Maps jobs in worker threads; results are in the order of the jobs, without those stopped.
+/// Maps jobs in worker threads; results are in the order of the jobs. Once `stop` is set no further job starts; jobs
+/// that never started have no result.
 ///
 /// # Errors
 /// As [`in_parallel_each`].
@@ -322,8 +325,8 @@ pub fn in_parallel<J: Sync, R: Send, E: Send>(
     Ok(results)
 }
 
-/// Maps jobs in worker threads; passes each result to `deliver` in the order of the jobs as soon as possible, without
-/// those stopped.
+/// Maps jobs in worker threads; passes each result to `deliver` in the order of the jobs as soon as possible. Once
+/// `stop` is set no further job starts.
 ///
 /// # Errors
 /// The first error in the order of the jobs; no further job starts after it, and no later result is delivered.

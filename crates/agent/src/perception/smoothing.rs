@@ -8,13 +8,13 @@ const RADIUS: usize = 4;
 /// Maximum inverse-depth difference within one surface, in standard deviations of a single depth (three of the
 /// difference).
 const SAME_SURFACE: f32 = 4.5;
-/// Residual noise after smoothing, as a share, on surfaces without edges.
+/// Standard deviation after smoothing divided by that before, on surfaces without edges.
 pub const RESIDUAL_NOISE: f64 = 1.0 / 3.0;
 
-/// Replaces each depth by the mean over its surface; `error_m` is the standard deviation of a depth of 1 m, which grows
-/// with the square of the depth.
+/// Replaces each depth by the harmonic mean of the pixels within `RADIUS` that lie on the same surface. `error_m` is
+/// the standard deviation (m) of one pixel's depth at 1 m; it grows with the square of the depth.
 ///
-/// Averages inverse depth, which is linear in pixel coordinates on a plane. Missing depths stay missing.
+/// Inverse depth is averaged because it is linear in pixel coordinates on a plane. Missing depths stay missing.
 #[must_use]
 pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
     let (width, height) = (image.width() as usize, image.height() as usize);

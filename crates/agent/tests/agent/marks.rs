@@ -8,7 +8,8 @@ use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 
-/// A white table with single-colour objects: a large one, a thin one, three small ones side by side.
+/// A white table with single-colour objects: a large one, a thin one, three small ones side by side, and one in the
+/// lower right corner.
 struct Scene {
     picture: RgbImage,
     masks: Vec<Mask>,

@@ -27,7 +27,7 @@ pub trait Scope {
 /// Evaluates an expression.
 ///
 /// # Errors
-/// A description of the expected token and its position.
+/// Describes what was expected and quotes the remaining text.
 pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     let mut parser = Parser { text, rest: text, scope };
     let value = parser.ternary().and_then(|value| match parser.peek() {
@@ -248,7 +248,7 @@ impl<'a> Parser<'a> {
             ("abs", &[x], None) => x.abs(),
             ("floor", &[x], None) => x.floor(),
             ("round", &[x], None) => x.round(),
-            // Lengths and counts as words.
+            // Text for sentences: metres as whole centimetres or millimetres in digits, small counts as words.
             ("cm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 100.0))),
             ("mm", &[x], None) => return Ok(Value::String(format!("{:.0}", x * 1000.0))),
             ("count", &[x], None) => return Ok(Value::String(count_word(x))),

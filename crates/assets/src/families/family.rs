@@ -47,7 +47,9 @@ pub struct Family {
     /// Affordances by part name, where the name alone does not imply them.
     #[serde(default)]
     pub part_affordances: BTreeMap<String, Vec<String>>,
-    /// Parameters: fixed values, ranges `[low, high]`, lists to choose from, or `=expressions`.
+    /// Parameters: fixed values, ranges `[low, high]` (uniform), lists to choose from, `{"palette": NAMES, "not":
+    /// EXPRESSION}` (a colour of these palettes other than this word), `{"whole": [low, high]}` (an integer), or
+    /// `=expressions`.
     vars: BTreeMap<String, Value>,
     /// Templates of the description.
     card: CardTemplate,
@@ -294,7 +296,7 @@ impl ParameterScope<'_> {
                 [low, high] if low.is_number() && high.is_number() => {
                     let (low, high) = (low.as_f64().unwrap_or(0.0), high.as_f64().unwrap_or(0.0));
                     let value = low + (high - low) * self.seed.fork(name).rng().random::<f64>();
-                    // Quantised to 0.1 mm.
+                    // Four decimals: 0.1 mm for lengths, which are in metres; ratios and angles likewise.
                     return Ok(number((value * 1e4).round() / 1e4));
                 }
                 items => pick(items)?,

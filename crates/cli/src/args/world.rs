@@ -98,13 +98,13 @@ pub struct CameraEditArguments {
     /// Camera position: x,y,z in metres, the robot's base frame
     #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub eye: Option<[f64; 3]>,
-    /// Target point: x,y,z in metres
+    /// Target point: x,y,z in metres, the robot's base frame
     #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
     pub target: Option<[f64; 3]>,
     /// Mount it where the robot has its wrist camera
     #[arg(long, conflicts_with_all = ["eye", "target"])]
     pub hand: bool,
-    /// Noise, holes and steps of a device's sensors, or `none`
+    /// Noise, missing pixels and depth quantisation of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
     pub sensor: Option<String>,
     /// Shutter time for motion blur, seconds; 0 for no blur
@@ -134,7 +134,7 @@ pub struct CameraPreviewArguments {
     /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
     #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
-    /// Pixels per row and rows of each view [default: the camera's]; another ratio cuts two edges off
+    /// Pixels per row and rows of each view [default: the camera's]; another ratio crops the view at two sides
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
 }

@@ -14,8 +14,9 @@ use crate::simd::BatchColumn;
 /// Share of the key light that a body and the surface around it lose in full shadow of other bodies. Fitted to
 /// path-traced images.
 const SHADED: f32 = 0.55;
-/// Share of the sky above a body's centre covered by the robot from which it counts as held, and at which it fully
-/// does. Chosen: objects beside the gripper have less than 0.15, objects between the fingers more than 0.4.
+/// Shares of the sky above a body's centre that the robot covers: up to the first the body does not count as held,
+/// from the second on it does fully. Chosen: objects beside the gripper have less than 0.15, objects between the
+/// fingers more than 0.4.
 const BESIDE: f32 = 0.2;
 const BETWEEN: f32 = 0.4;
 
@@ -23,8 +24,8 @@ const BETWEEN: f32 = 0.4;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Proxies {
     bodies: Vec<Proxy>,
-    /// True if bodies occlude each other. Only for wrist cameras, which are close to objects, below the gripper, and
-    /// never continue a frame.
+    /// True for wrist cameras, which are close to objects and below the gripper: bodies darken each other. For fixed
+    /// cameras they do not, so that unchanged tiles of the last frame can be reused.
     count: bool,
 }
 
@@ -82,7 +83,7 @@ impl Proxies {
         self.of_body(body).map_or(1.0, |own| own.lit)
     }
 
-    /// True if bodies occlude each other.
+    /// True if bodies darken each other: for wrist cameras.
     pub fn count(&self) -> bool {
         self.count
     }
@@ -129,7 +130,8 @@ impl Proxies {
     }
 }
 
-/// Degree to which a body is held by a robot with some bodies.
+/// Degree to which a body counts as held, 0-1: from the share of the sky above its centre that the robot's proxies
+/// cover, [`BESIDE`] to [`BETWEEN`].
 fn held(own: &Proxy, robot: &[Proxy]) -> f32 {
     let above = 1.0 - unoccluded_sky(robot, own.body, own.center, [0.0, 0.0, 1.0]);
     ((above - BESIDE) / (BETWEEN - BESIDE)).clamp(0.0, 1.0)

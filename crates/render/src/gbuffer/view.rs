@@ -48,7 +48,7 @@ pub(crate) struct View {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
     pose: Pose,
-    /// Height of the support surface below its centre (m).
+    /// World z of the support surface below its centre (m).
     pub ground: Option<f32>,
     pub visible: bool,
     /// Level of detail, see [`Mesh::at_level`].

@@ -12,6 +12,7 @@ const SAMPLES: usize = 8;
 pub(super) struct DepthGradient {
     /// Value at the image origin, in double precision: vertices may lie far outside.
     pub constant: f64,
+    /// Change per sample along a row, and from row to row.
     pub dx: f32,
     pub dy: f32,
     /// Range over the vertices, which rounding on slivers must not exceed.

@@ -196,7 +196,7 @@ impl RenderAssets {
     }
 }
 
-/// Shapes of the opaque parts, by body.
+/// Shape of each body from its opaque parts that cast shadows; `None` without such a part.
 fn shapes(parts: &[Part], bodies: usize) -> Vec<Option<BodyShape>> {
     let mut meshes = vec![Vec::new(); bodies];
     for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {

@@ -1,4 +1,4 @@
-//! Colour imager: photon and read noise, and compression.
+//! Colour imager: exposure, white balance, vignetting, photon and read noise, and JPEG compression.
 
 use genmanip_core::{ColorSensor, Seed};
 use glam::Vec3A;
@@ -11,7 +11,7 @@ use super::noise::bell;
 use crate::encode;
 use crate::scene::texture::{linear_from_srgb8, srgb8_from_linear};
 
-/// Noisy, compressed image from an ideal 8-bit sRGB image, taken as linear light.
+/// Image of the sensor from an ideal 8-bit sRGB image, whose linear values are taken as light; 1.0 fills the wells.
 pub(super) fn exposed(
     settings: &ColorSensor,
     [width, height]: [u32; 2],

@@ -14,7 +14,7 @@ use crate::scene::material::Material;
 use crate::shading::reflectance::cavity_interreflection;
 use crate::simd::{BatchColumn, CHUNK, dot};
 
-/// Adds the light of the support surface, `viewpoint_height` (m) below the camera, on objects close above it.
+/// Adds the light of the support surface, `eye_height` (m) below the camera, on objects close above it.
 #[inline(always)]
 pub(super) fn ground_bounce<const LANES: usize>(
     light: &PartLight<'_>,

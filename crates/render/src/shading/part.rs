@@ -34,14 +34,15 @@ pub(crate) struct PartLight<'a> {
     pub lighting: &'a Lighting,
     /// Environment prefiltered for its roughness.
     pub glossy: Glossy,
-    /// Irradiance grid, on a support surface.
+    /// Irradiance grid, if the part is a support surface.
     pub irradiance_grid: Option<&'a IrradianceGrid>,
-    /// Height of the support surface that reflects light onto it (m), and its lit share, 0-1.
+    /// World z of the support surface below the part (m), which reflects light onto it; `None` for fixtures.
     pub ground: Option<f32>,
+    /// Share of the key light on the body and the surface around it that other bodies leave, 0-1.
     pub ground_lit: f32,
     /// Proxy with its lit cavity.
     pub cavity: Option<&'a Proxy>,
-    /// Share of a surface's own bounce light that returns to it, 0-1.
+    /// Share of the body's own bounce light that returns to it, 0-1: less in the dark gripper.
     pub bounce: f32,
 }
 
@@ -53,7 +54,7 @@ impl PartLight<'_> {
 }
 
 impl<'a> ShadedPart<'a> {
-    /// A part of a view.
+    /// Gathers mesh, material, placement and light of part `index` (into the assets' parts) for a view.
     pub fn new(scene: &'a RenderScene<'_>, view: &'a View, index: usize) -> Self {
         let (part, material, placed) = (&scene.assets.parts[index], &scene.materials[index], &view.parts[index]);
         let mesh = placed.mesh(part);

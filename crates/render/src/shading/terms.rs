@@ -15,13 +15,15 @@ pub(super) struct ShadingTerms {
     /// Split-sum scale and bias of the ambient Fresnel term.
     pub(super) scale: BatchColumn,
     pub(super) bias: BatchColumn,
-    /// Cosine between normal and key light (0 facing away), arriving key light, specular lobe and Fresnel weight.
+    /// Cosine between normal and direction to the key light; 0 facing away.
     pub(super) lit: BatchColumn,
+    /// Arriving key light.
     pub(super) strength: BatchColumn,
     /// Share of the ambient light occluded together with the key light.
     pub(super) occluded_ambient: BatchColumn,
     /// Share of interreflected key light in concave corners.
     pub(super) corner: BatchColumn,
+    /// Specular lobe of the key light, and Fresnel weight.
     pub(super) lobe: BatchColumn,
     pub(super) weight: BatchColumn,
     pub color: [BatchColumn; 3],

@@ -168,7 +168,7 @@ pub fn frame(assets: &RenderAssets) -> FrameState {
     assets.frame_state(&[0.9], 0.04, objects).unwrap()
 }
 
-/// A small camera at the place of the `static` one.
+/// Camera in front of the toy scene, with a vertical field of view of 0.75 rad.
 pub fn camera(width: u32, height: u32) -> Camera {
     let intrinsics = Intrinsics::from_vertical_fov(width, height, 0.75);
     Camera::looking_at("test", DVec3::new(1.1, 0.3, 0.6), DVec3::new(0.45, 0.0, 0.05), intrinsics)
