@@ -33,16 +33,19 @@ pub struct Annotator {
 /// State carried over from earlier questions.
 #[derive(Clone, Debug, Default)]
 struct Memory {
-    /// Number of decompositions so far, and the ask of the latest one.
+    /// Number of decompositions so far.
     rounds: usize,
+    /// Index in the transcript of the latest decomposition.
     split: Option<usize>,
     /// Unchecked sub-tasks of the round.
     open: usize,
-    /// Ask of the check that ended a round, and the sub-tasks it reported as remaining.
+    /// Index of the check that ended a round, and the sub-tasks it reported as remaining.
     remaining: Option<(usize, Vec<String>)>,
-    /// Object chosen last, and its sub-task.
+    /// Object chosen last.
     taken: Option<usize>,
+    /// Sub-task of the latest question for an object.
     subtask: String,
+    /// Index in the transcript of the latest question of any kind.
     ask: usize,
 }
 

@@ -144,7 +144,7 @@ impl Profile {
         Self { segments, nodes, times, speeds }
     }
 
-    /// Samples the smoothed motion with scaled time.
+    /// Samples the smoothed motion, whose duration is multiplied by `segment`.
     fn sample(&self, path: &Path, settings: &TimingSettings, segment: f64) -> Trajectory {
         let dt = settings.dt;
         let end = self.times.last().copied().unwrap_or(0.0) * segment;

@@ -54,7 +54,7 @@ impl Sim {
         self.data.time()
     }
 
-    /// Simulates one control interval (1/60 s).
+    /// Simulates one control interval (1/60 s unless the world says otherwise).
     ///
     /// `command` = arm joint targets and gripper width.
     /// It is rounded to f32, clamped to the joint ranges and maximum joint velocities (a target too far away is

@@ -43,7 +43,8 @@ pub(super) fn hold_width(grasp: &FeasibleGrasp, motion: &MotionSettings) -> f64 
     (grasp.object_from_tcp.width - motion.squeeze_m).max(0.0)
 }
 
-/// Release poses of the object, smallest yaw change first.
+/// Goal poses of the held object at rest: for each yaw change (that of the path's last cell, else `turns_deg` in
+/// order), on the target point and on its alternatives.
 pub(super) fn release_goals(agent: &Agent, subtask: &Subtask) -> Vec<PlaceGoal> {
     let turns: Vec<f64> = match subtask.path.last() {
         Some((_, last)) => vec![last.yaw_deg],

@@ -24,7 +24,7 @@ use genmanip_benchmark::suites::SuiteAssets;
 use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{Cause, WorkspaceError};
 
-/// Stands between the id of a scenario's first episode and the number of a further one.
+/// Separator between the id of a scenario's first episode and the number of a further one.
 const AGAIN: char = '+';
 
 /// Scenarios with the streams of their episodes.

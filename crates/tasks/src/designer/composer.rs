@@ -133,6 +133,7 @@ impl<'a> Composer<'a> {
         Some(object)
     }
 
+    /// Adds one or two objects that look like a card, if there are any: a distractor for an expression by appearance.
     fn add_look_alikes(&mut self, card: &ObjectCard) {
         for _ in 0..self.rng.random_range(1..=2) {
             if let Some(twin) = self.pick(|other| looks_like(other, card)) {
