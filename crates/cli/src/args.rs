@@ -4,7 +4,7 @@ use genmanip_assets::CATALOGUES;
 use genmanip_terminal::{GlobalArguments, parse};
 use std::path::PathBuf;
 
-use clap::builder::TypedValueParser;
+use clap::builder::{ArgPredicate, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use genmanip_pipeline::policies;
 
@@ -277,11 +277,15 @@ pub struct ShowGraspsArguments {
 /// Arguments of `task new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
+    /// A request in plain words, such as "put the red mug to the left of the bowl": its objects are taken from the
+    /// catalogue and a scene is composed for it; directions are the robot's
+    #[arg(long, value_name = "SENTENCE", conflicts_with_all = ["kind", "copies", "fill", "include", "world"])]
+    pub text: Option<String>,
     /// pick_and_place, spatial, appearance, common_sense, long_horizon, articulated, or all in turn
     #[arg(long, default_value = "all")]
     pub kind: String,
-    /// Number of tasks
-    #[arg(long, default_value_t = 12, value_parser = parse::count)]
+    /// Number of tasks; of scenes for the sentence of --text [default for --text: 1]
+    #[arg(long, default_value_t = 12, default_value_if("text", ArgPredicate::IsPresent, "1"), value_parser = parse::count)]
     pub count: usize,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
@@ -308,7 +312,14 @@ pub struct NewArguments {
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
+    /// [default for --text: full]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "builtin",
+        default_value_if("text", ArgPredicate::IsPresent, "full"),
+        value_parser = CATALOGUES
+    )]
     pub catalog: String,
     #[arg(long, value_name = "UID,…|QUERY", help = format!("{OBJECTS} [default: all of the catalogue]"))]
     pub objects: Option<String>,

@@ -21,7 +21,7 @@ use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
-    readers, relations, render, rendered, scale, segment, statistics, suite,
+    readers, relations, render, rendered, scale, segment, statistics, suite, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
@@ -54,6 +54,11 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &answers::describe(&measured));
+        }
+        LabCommand::Wording(arguments) => {
+            let cards = catalogue(&arguments.catalog).cards();
+            let measured = wording::measure(cards, arguments.count, Seed::new(arguments.seed))?;
+            printer.data(&measured, &wording::describe(&measured));
         }
         LabCommand::Design(arguments) => {
             let measured =

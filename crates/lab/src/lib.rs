@@ -30,6 +30,7 @@ pub mod scale;
 pub mod segment;
 pub mod statistics;
 pub mod suite;
+pub mod wording;
 
 pub use clock::cpu_clock;
 /// Error of a measurement.

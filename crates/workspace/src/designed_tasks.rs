@@ -9,7 +9,7 @@ use genmanip_core::asset::uid_of;
 use genmanip_core::{Atom, Document, ObjectCard, Seed, Task, TaskKind, limits};
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_tasks::designer::{DesignSettings, Missing, Series};
+use genmanip_tasks::designer::{DesignSettings, Missing, SentenceError, Series, task_from_sentence};
 use serde::Serialize;
 
 use crate::Progress;
@@ -76,6 +76,66 @@ pub fn design_into(folder: &Path, design: &Design, progress: &dyn Progress) -> R
     }
     progress.end();
     Ok(rows)
+}
+
+/// Composes `count` scenes for a sentence, each as a task with a file of the folder, like [`design_into`].
+///
+/// # Errors
+/// When the sentence is not understood or no scene suits it, before anything is written; when a file cannot be written,
+/// or a file of the same name holds another task.
+pub fn compose_into(
+    folder: &Path,
+    sentence: &str,
+    count: usize,
+    cards: &[ObjectCard],
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Vec<NewTask>, WorkspaceError> {
+    let settings = DesignSettings::default();
+    let name = slug(sentence);
+    progress.begin("designing", count);
+    let tasks: Vec<Task> = (0..count)
+        .map(|index| {
+            let id = format!("{name}-{seed}-{index:05}");
+            let task = task_from_sentence(sentence, cards, seed.fork_index(index as u64), &id, &settings);
+            progress.advance();
+            task.map_err(|error| {
+                let hint = hint_for(&error);
+                WorkspaceError::broken("there is no task for the sentence", error).with_hint(hint)
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    let rows = tasks.iter().map(|task| keep(task, folder)).collect();
+    progress.end();
+    rows
+}
+
+/// First words of a sentence as part of a file name.
+fn slug(sentence: &str) -> String {
+    const MAX_LETTERS: usize = 40;
+    let letters = sentence.to_lowercase();
+    let words = letters.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let mut name = String::new();
+    for word in words {
+        if name.len() + word.len() > MAX_LETTERS {
+            break;
+        }
+        name += if name.is_empty() { "" } else { "-" };
+        name += word;
+    }
+    if name.is_empty() { "sentence".into() } else { name }
+}
+
+fn hint_for(error: &SentenceError) -> &'static str {
+    match error {
+        SentenceError::Unreadable { .. } => {
+            "say what to move and where, or what to open, close or turn: \"put the red mug to the left of the bowl\", \
+             \"take the apple out of the bowl and put it on the plate\", \"open the top drawer of the cabinet\""
+        }
+        SentenceError::NoObject { .. } => "name a candidate, or search the catalogue: genmanip assets search WORDS",
+        SentenceError::Unsuitable { .. } => "name another object for this part of the sentence",
+        SentenceError::NoScene { .. } => "ask for fewer objects, name them more precisely, or try another --seed",
+    }
 }
 
 /// The next task; with `include`, the next whose goal involves that object.

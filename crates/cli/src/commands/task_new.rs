@@ -49,10 +49,17 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         return Err(Failed::misused(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
     }
-    let rows = match arguments.designer.as_str() {
-        "rules" => by_rules(arguments, &kinds, printer)?,
-        "llm" => by_language_model(arguments, &kinds, printer)?,
-        other => {
+    if arguments.text.is_some() && !is_rules {
+        return Err(Failed::misused("--text is for rules").hint("leave out --designer llm"));
+    }
+    let rows = match (arguments.designer.as_str(), &arguments.text) {
+        ("rules", Some(sentence)) => {
+            let (cards, seed) = (cards(arguments)?, Seed::new(arguments.seed));
+            designed_tasks::compose_into(&arguments.out, sentence, arguments.count, &cards, seed, printer)?
+        }
+        ("rules", None) => by_rules(arguments, &kinds, printer)?,
+        ("llm", _) => by_language_model(arguments, &kinds, printer)?,
+        (other, _) => {
             return Err(Failed::misused(format!("unknown designer `{other}`")).hint("expected rules or llm"));
         }
     };

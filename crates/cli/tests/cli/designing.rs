@@ -29,6 +29,27 @@ fn rules_write_tasks_that_other_verbs_read() {
     assert_eq!(tree(&folder.path().join("three")).len(), 2);
 }
 
+/// A sentence is a task, or a question with candidates that writes nothing.
+#[test]
+fn a_sentence_becomes_a_task_or_a_question() {
+    let folder = tempfile::tempdir().unwrap();
+    let new = |sentence: &str, out: &str| {
+        genmanip(folder.path(), &["task", "new", "--text", sentence, "--seed", "3", "--out", out, "--json"])
+    };
+    let rows = new("put the red mug to the left of the bowl", "said").json(0);
+    let row = &rows.as_array().unwrap()[0];
+    assert_eq!(row["task"], "put-the-red-mug-to-the-left-of-the-bowl-3-00000");
+    let shown = genmanip(folder.path(), &["task", "show", "--json", row["file"].as_str().unwrap()]).json(0);
+    assert_eq!(shown["source"], "sentence");
+    assert_eq!(shown["goal"][0][0]["relation"], "left", "{:#}", shown["goal"]);
+    let checked = genmanip(folder.path(), &["task", "check", "said"]);
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    new("put the coffee spoon on the plate", "none")
+        .assert_refused(&["`coffee spoon`; candidates: Spoon (015)", "hint"]);
+    new("tidy up", "none").assert_refused(&["not understood", "say what to move and where"]);
+    assert!(!folder.path().join("none").exists());
+}
+
 /// Of four cubes there are not two dozen tasks of all kinds: what there is stays, the rest is told kind by kind.
 #[test]
 fn a_kind_that_runs_out_costs_nothing_that_is_there() {

@@ -67,6 +67,8 @@ pub enum LabCommand {
     /// Compose tasks with the rule-based designer and check validity, variety, quotas and references
     #[command(after_help = "Example:\n  genmanip-lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
+    /// Mismatches between sentence and goal planted in designed tasks, and how many are named
+    Wording(DesignArguments),
     /// Plan motion problems, check every path again, and time planning, time parameterisation and kinematics
     #[command(after_help = "Examples:\n  genmanip-lab motion --problems problems.json --json\n  \
                       genmanip-lab motion --problems problems.json --robot panda/ --json\n  \

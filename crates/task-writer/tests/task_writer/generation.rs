@@ -212,6 +212,10 @@ fn the_prompt() {
     let designer = Designer::with_model(Shared(Arc::clone(&script)), &settings).unwrap();
     designer.design(&recorded_answers()[2].1.request("x", &catalogue()).unwrap());
     let messages = &script.seen()[0].messages;
+    assert!(
+        messages[0].text().contains(genmanip_tasks::answer::DESCRIPTION_PLACEHOLDER),
+        "the prompt gives another one"
+    );
     insta::assert_snapshot!(format!("{}\n\n---- user ----\n\n{}", messages[0].text(), messages[1].text()));
 }
 

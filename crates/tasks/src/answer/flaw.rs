@@ -91,6 +91,12 @@ pub enum FlawKind {
     NotAContainer,
     /// The goal does not match the requested kind of task.
     WrongKind,
+    /// The instruction states another goal, or does not name an object of the goal.
+    SentenceMismatch,
+    /// An object is on or in two others at once.
+    TwoSupports,
+    /// The description is the text that the prompt gives in its place.
+    Placeholder,
 }
 
 impl FlawKind {

@@ -46,6 +46,7 @@ use flaw::Findings;
 pub use flaw::{Flaw, FlawKind, Repair};
 pub use recorded::{RecordedAnswer, RecordedAnswerError};
 pub use request::{MAX_ANSWER_BYTES, TaskRequest};
+pub use rules::DESCRIPTION_PLACEHOLDER;
 
 /// Result of checking an answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -115,6 +116,7 @@ fn read_task(raw: &str, request: &TaskRequest, findings: &mut Findings) -> Optio
     let mut task = draft.to_task(request)?;
     task.interchangeable = references::interchangeable(&task);
     rules::check_copies(&task, findings);
+    rules::check_sentence(&task, findings);
     Some(task)
 }
 

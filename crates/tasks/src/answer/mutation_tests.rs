@@ -106,6 +106,12 @@ fn violations(task: &Task, request: &TaskRequest) -> Vec<String> {
         |subject: &String, relation: Relation, reference: &String| (subject.clone(), relation, reference.clone());
     let edges: Vec<Fact> =
         task.scene_graph.edges.iter().map(|edge| fact(&edge.subject, edge.relation, &edge.reference)).collect();
+    for (index, edge) in task.scene_graph.edges.iter().enumerate().filter(|(_, edge)| edge.relation.is_support()) {
+        let is_other = |other: &&GraphEdge| {
+            other.subject == edge.subject && other.relation.is_support() && other.reference != edge.reference
+        };
+        rule(!task.scene_graph.edges[..index].iter().any(|other| is_other(&other)), "one support");
+    }
     let mut sound_relation = |(subject, relation, reference): &Fact| {
         rule(
             state_of.contains_key(subject.as_str()) && state_of.contains_key(reference.as_str()),
@@ -427,7 +433,8 @@ fn changes_to_valid_answers_are_detected_or_harmless() {
         if let Some((task, placed)) = read_literally(&answer, &request) {
             literal += 1;
             let broken = violations(&task, &request);
-            assert_eq!(report.task.is_some(), broken.is_empty() && placed, "{broken:?} {}", details());
+            let agrees = crate::references::disagreement(&task).is_none();
+            assert_eq!(report.task.is_some(), broken.is_empty() && placed && agrees, "{broken:?} {}", details());
             assert!(report.task.as_ref().is_none_or(|accepted| *accepted == task), "{}", details());
         }
     }

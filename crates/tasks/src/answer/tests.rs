@@ -24,7 +24,7 @@ pub(super) fn recorded() -> Vec<(String, RecordedAnswer)> {
 /// A valid answer with mug 001, plate 008, apple 027, tumbler 004 and cabinet 057.
 fn valid_answer() -> Value {
     json!({
-        "instruction": "Put the red apple on the plate.",
+        "instruction": "Do what the conditions say.",
         "goal_conditions": [[condition("027", "none", "top", "008")]],
         "scene_graph": {
             "description": "A mug in the middle.",
@@ -242,6 +242,16 @@ fn the_initial_graph() {
     check(add_node(node("002", "none")), &["isolated_object"]);
     check(add_node(node("001", "none")), &["~duplicate_node"]);
     check(add_node(node("057", "ajar")), &["unknown_state", "isolated_object"]);
+    check(
+        |answer: &mut Value| {
+            push(&mut answer["scene_graph"]["edges"], edge("002", "top", "008"));
+            push(&mut answer["scene_graph"]["edges"], edge("002", "top", "001"));
+            push(&mut answer["scene_graph"]["nodes"], node("002", "none"));
+        },
+        &["two_supports"],
+    );
+    let placeholder = |answer: &mut Value| answer["scene_graph"]["description"] = json!(DESCRIPTION_PLACEHOLDER);
+    check(placeholder, &["placeholder"]);
     let too_few = |answer: &mut Value| {
         answer["scene_graph"]["edges"] = json!([edge("027", "left", "008")]);
         answer["scene_graph"]["nodes"] = json!([node("027", "none"), node("008", "none")]);
@@ -409,6 +419,7 @@ fn instances_are_offered_and_identified_by_number() {
     assert_eq!(offered().ids(), ["001", "002", "008", "027", "004", "057", "006", "027#2"]);
     let answer = |subject: &str, edges: [Value; 3], nodes: &[&str]| {
         let mut answer = valid_answer();
+        answer["instruction"] = json!("Put the red apple on the plate.");
         answer["goal_conditions"] = json!([[condition(subject, "none", "top", "008")]]);
         answer["scene_graph"]["edges"] = json!(edges);
         answer["scene_graph"]["nodes"] = nodes.iter().map(|uid| node(uid, "none")).collect();

@@ -192,15 +192,32 @@ impl<'a> Composer<'a> {
                 Some(card) => card,
                 None => self.pick_filler().filter(|card| card.uid != item.uid)?,
             };
-            self.sketch.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
-            let second = self.sketch.beyond(end, aside, self.settings)?;
-            self.sketch.is_straight(reference, item, second).then_some(())?;
-            self.sketch.relate(second, aside, reference, &mut self.balance, self.settings);
-            place.second = Some(second);
+            place.second = Some(self.add_beyond(item, aside, reference, end)?);
         } else {
             self.keep_free(item, relation, reference)?;
         }
         Some(place)
+    }
+
+    /// Adds `end` on a random side of `reference`, with free room for `item` between them.
+    pub fn add_across(&mut self, item: &ObjectCard, reference: usize, end: &'a ObjectCard) -> Option<usize> {
+        let aside = *Relation::SIDES.choose(&mut self.rng)?;
+        self.add_beyond(item, aside, reference, end)
+    }
+
+    /// Adds `end` on one side of `reference`, with free room for `item` between them.
+    fn add_beyond(
+        &mut self,
+        item: &ObjectCard,
+        aside: Relation,
+        reference: usize,
+        end: &'a ObjectCard,
+    ) -> Option<usize> {
+        self.sketch.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
+        let second = self.sketch.beyond(end, aside, self.settings)?;
+        self.sketch.is_straight(reference, item, second).then_some(())?;
+        self.sketch.relate(second, aside, reference, &mut self.balance, self.settings);
+        Some(second)
     }
 
     /// Reserves free room for `item` beside `anchor`.

@@ -1,6 +1,5 @@
 //! Final check of a design: it is validated like an answer of a language model, and its sentence is read back.
 
-use super::RULES;
 use std::sync::Arc;
 
 use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
@@ -11,8 +10,8 @@ use super::sketch::Sketch;
 use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references::{self, Mismatch};
 
-/// The finished task, or the reason why the design was rejected.
-pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
+/// The finished task from `source`, or the reason why the design was rejected.
+pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str, source: &str) -> Result<Task, String> {
     let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
     let task = Task {
         id: id.to_owned(),
@@ -29,7 +28,7 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
         objects: offered.iter().cloned().map(Arc::new).collect(),
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
-        source: RULES.into(),
+        source: source.into(),
     };
     let request = TaskRequest {
         id: task.id.clone(),

@@ -22,6 +22,9 @@ mod knowledge;
 mod naming;
 mod phrasing;
 mod report;
+mod sentence;
+#[cfg(test)]
+mod sentence_tests;
 mod series;
 mod settings;
 mod sketch;
@@ -40,6 +43,7 @@ use sketch::Sketch;
 
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
+pub use sentence::{SENTENCE, SentenceError, task_from_sentence};
 pub use series::{Missing, Series};
 
 /// Source of tasks that were designed by these rules.
@@ -134,7 +138,7 @@ fn draw(
         };
         let outcome = kinds::compose(kind, &mut composer)
             .ok_or_else(|| "the composition does not work out".to_owned())
-            .and_then(|draft| gate::pass(&composer.sketch, &draft, kind, id))
+            .and_then(|draft| gate::pass(&composer.sketch, &draft, kind, id, RULES))
             .and_then(|task| match said.contains(&task.instruction) {
                 true => Err("the instruction was used before".to_owned()),
                 false => Ok(task),

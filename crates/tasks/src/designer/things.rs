@@ -135,7 +135,8 @@ impl Things {
             && (!relation.is_inside() || self.lies_inside(host, item))
     }
 
-    fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+    /// True if there is room for `item` in or on `host`, by their outlines.
+    pub fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         let sorted = |x: f64, y: f64| if x > y { (x, y) } else { (y, x) };
         let (length, width) = sorted(item.size_m.x, item.size_m.y);
         match host.annotations.room {
@@ -154,7 +155,7 @@ impl Things {
 
     /// True if more than half of an object *in* another one is below its rim, upright or not, and nothing lies across
     /// the rim.
-    fn lies_inside(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+    pub fn lies_inside(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         host.annotations.room.is_some_and(|room| {
             let (height, wide) = (item.size_m.z, item.size_m.x.max(item.size_m.y));
             // The judge requires more than half of the surface inside, not counting the surface that touches the floor.

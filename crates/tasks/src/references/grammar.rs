@@ -5,7 +5,12 @@
 
 use genmanip_core::Relation;
 
+use super::colloquial;
 use super::lexicon::is_color;
+use super::words::{
+    ADVERBS, ARTICLES, DEFINITE, DETERMINERS, ENDS, EXTREMES, JOINERS, LOOSE, PARTICLES, PLACES, PRONOUNS, PUT,
+    RELATIVES, SHOULD, SOURCE, SOURCES, SPELLINGS, STATE, TAKE, WISHES,
+};
 
 /// One request.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +42,7 @@ pub(super) struct Place {
 
 /// Part of an articulated object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(crate) enum Part {
     Upper,
     Lower,
     Both,
@@ -46,7 +51,7 @@ pub(super) enum Part {
 
 /// Change of state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Action {
+pub(crate) enum Action {
     Open,
     Close,
     On,
@@ -55,76 +60,6 @@ pub(super) enum Action {
     High,
     Press,
 }
-
-use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
-
-/// Prepositions, longer ones first. The designer has a table of its own, so that the reader checks it.
-pub(super) const PLACES: [(&str, &[Relation]); 18] = [
-    ("on the far side of", &[Front]),
-    ("on the robot's side of", &[Back]),
-    ("to the robot's left of", &[Left]),
-    ("to the robot's right of", &[Right]),
-    // The camera faces the robot.
-    ("on the camera's side of", &[Front]),
-    ("to the camera's left of", &[Right]),
-    ("to the camera's right of", &[Left]),
-    ("on top of", &[On, Top]),
-    ("next to", &[Near]),
-    ("close to", &[Near]),
-    ("beside", &[Near]),
-    ("near", &[Near]),
-    ("between", &[Between]),
-    ("inside", &[In, Top]),
-    ("into", &[In, Top]),
-    ("onto", &[On, Top]),
-    ("in", &[In, Top]),
-    ("on", &[On, Top]),
-];
-
-/// First words of noun phrases.
-const DETERMINERS: [&str; 11] =
-    ["the", "a", "an", "some", "my", "what", "whatever", "something", "both", "another", "one"];
-const TAKE: [&str; 5] = ["pick up", "take", "grab", "find", "fetch"];
-const PUT: [&str; 6] = ["put", "place", "set", "move", "stack", "bring"];
-const STATE: [&str; 15] = [
-    "open", "close", "shut", "pull", "push", "lift", "raise", "lower", "flip", "fold", "swing", "turn", "switch",
-    "press", "set",
-];
-const PARTICLES: [&str; 13] = [
-    "all the way up",
-    "to low",
-    "to high",
-    "open",
-    "shut",
-    "on",
-    "off",
-    "out",
-    "down",
-    "up",
-    "to off",
-    "all the way down",
-    "wide",
-];
-const JOINERS: [&str; 18] = [
-    "after that",
-    "as well",
-    "as you like",
-    "either will do",
-    "and then",
-    "first",
-    "finally",
-    "please",
-    "could you",
-    "can you",
-    "then",
-    "also",
-    "and",
-    ",",
-    ";",
-    ":",
-    "too",
-    "help me",
-];
 
 /// A parsed instruction.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -137,13 +72,25 @@ pub(super) struct Parsed {
 
 /// Parses an instruction; `None` if it has no command or a command is outside the grammar.
 pub(super) fn read(instruction: &str) -> Option<Parsed> {
+    readings(instruction).into_iter().next()
+}
+
+/// The ways to parse an instruction: as a plain request, and as colloquial English.
+pub(super) fn readings(instruction: &str) -> Vec<Parsed> {
     let text = instruction.to_lowercase();
+    let free = || read_freely(&colloquial::plain(&text));
+    read_plain(&text).into_iter().chain(free()).collect()
+}
+
+fn read_plain(text: &str) -> Option<Parsed> {
     let mut parsed = Parsed::default();
+    let mut spoken_of = (None, None);
     for sentence in text.split(['.', '?', '!']) {
         let (sentence, reason) = sentence.split_once(", because ").unwrap_or((sentence, ""));
         let (before, after) = sentence.split_once(':').unwrap_or(("", sentence));
         parsed.context += &format!(" {before} {reason}");
         let mut reader = Reader::new(after);
+        (reader.object, reader.place) = std::mem::take(&mut spoken_of);
         reader.skip_joiners();
         let tower = before.trim().ends_with("tower");
         if reader.is_done() || !(reader.begins_command() || tower) {
@@ -166,6 +113,30 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
             parsed.commands.push(reader.command()?);
             reader.skip_joiners();
         }
+        spoken_of = (reader.object, reader.place);
+    }
+    (!parsed.commands.is_empty()).then_some(parsed)
+}
+
+/// Parses colloquial English: wishes, statements of where something belongs, requests after other clauses or without a
+/// verb or articles, and pronouns.
+fn read_freely(text: &str) -> Option<Parsed> {
+    let mut parsed = Parsed::default();
+    let mut spoken_of = (None, None);
+    for sentence in text.split(['.', '?', '!', ':']) {
+        let mut reader = Reader::new(sentence);
+        reader.is_free = true;
+        reader.is_terse = !reader.words.iter().any(|word| ARTICLES.contains(&word.as_str()));
+        (reader.object, reader.place) = std::mem::take(&mut spoken_of);
+        let starts: Vec<usize> = (0..reader.words.len()).filter(|&index| reader.begins_clause(index)).collect();
+        let found = starts.into_iter().find_map(|start| Some((start, reader.requests(start)?)));
+        let start = found.as_ref().map_or(reader.words.len(), |(start, _)| *start);
+        parsed.context += &format!(" {}", reader.words[..start].join(" "));
+        match found {
+            Some((_, commands)) => parsed.commands.extend(commands),
+            None => reader.hear(),
+        }
+        spoken_of = (reader.object, reader.place);
     }
     (!parsed.commands.is_empty()).then_some(parsed)
 }
@@ -173,12 +144,26 @@ pub(super) fn read(instruction: &str) -> Option<Parsed> {
 struct Reader {
     words: Vec<String>,
     next: usize,
+    /// Noun of the last noun phrase, for which `one` stands in the next.
+    noun: Option<String>,
+    /// Object of the last request, for which `it` stands.
+    object: Option<Group>,
+    /// Object of the last place, for which `it` stands in another place.
+    place: Option<Group>,
+    /// True for colloquial English.
+    is_free: bool,
+    /// True if the sentence leaves out its articles.
+    is_terse: bool,
 }
 
 impl Reader {
     fn new(text: &str) -> Self {
         let spaced = text.replace(',', " , ").replace(';', " ; ");
-        Self { words: spaced.split_whitespace().map(String::from).collect(), next: 0 }
+        let words = spaced.split_whitespace().map(|word| {
+            let spelling = SPELLINGS.iter().find(|(other, _)| *other == word);
+            spelling.map_or(word, |(_, usual)| usual).to_owned()
+        });
+        Self { words: words.collect(), next: 0, noun: None, object: None, place: None, is_free: false, is_terse: false }
     }
 
     fn is_done(&self) -> bool {
@@ -227,16 +212,112 @@ impl Reader {
             || ["either", "i want"].iter().any(begins)
     }
 
+    /// Remembers the object of a sentence without a request: `where is the puzzle cube?`
+    fn hear(&mut self) {
+        let about = ["about", "there is", "here is"];
+        if let Some(start) =
+            (0..self.words.len()).find(|&index| about.iter().any(|word| self.at_index(index, word).is_some()))
+        {
+            self.next = start;
+            self.take_any(&about);
+            self.object = self.group().or_else(|| self.object.take());
+        }
+    }
+
+    /// True at the beginning of a sentence or clause.
+    fn begins_clause(&self, index: usize) -> bool {
+        index == 0 || [",", ";", "so", "and", "then"].contains(&self.word(index - 1))
+    }
+
+    /// All requests from an index to the end of the sentence.
+    fn requests(&mut self, start: usize) -> Option<Vec<Command>> {
+        self.next = start;
+        let mut commands = Vec::new();
+        self.skip_joiners();
+        while !self.is_done() {
+            commands.push(self.request()?);
+            self.skip_joiners();
+        }
+        (!commands.is_empty()).then_some(commands)
+    }
+
+    fn request(&mut self) -> Option<Command> {
+        let begins = self.begins_command();
+        let parsers = [Self::wish, Self::need, Self::question, Self::duty, Self::aside];
+        let free = parsers.into_iter().find_map(|parse| self.attempt(parse));
+        let command = match free {
+            Some(command) => Some(command),
+            None if begins || self.is_terse || !DETERMINERS.contains(&self.word(self.next)) => {
+                self.attempt(Self::one_command)
+            }
+            None => None,
+        }?;
+        self.remember(&command);
+        Some(command)
+    }
+
     /// Parses `I want … to be somewhere`.
     fn desire(&mut self) -> Option<Command> {
-        let start = self.next;
-        let command = self.take("i want").then(|| {
-            let subject = self.group()?;
-            self.take("to be").then_some(())?;
-            let places = self.places()?;
+        self.attempt(|reader| {
+            reader.take("i want").then_some(())?;
+            let subject = reader.group()?;
+            reader.take("to be").then_some(())?;
+            let places = reader.places()?;
             Some(Command::Put { subjects: vec![subject], places })
-        });
-        let command = command.flatten();
+        })
+    }
+
+    /// Parses `I'd like … somewhere` and `make sure … is somewhere`.
+    fn wish(&mut self) -> Option<Command> {
+        self.take_any(&WISHES)?;
+        let mut subjects = vec![self.group()?];
+        while self.take("and") {
+            subjects.push(self.group()?);
+        }
+        if self.take_any(&SHOULD).is_none() {
+            self.take_any(&["is", "are", "be"]);
+        }
+        let places = self.places()?;
+        Some(Command::Put { subjects, places })
+    }
+
+    /// Parses `grandma needs her … somewhere`.
+    fn need(&mut self) -> Option<Command> {
+        let verb =
+            (self.next..self.next + 3).find(|&index| ["needs", "wants", "need", "want"].contains(&self.word(index)))?;
+        self.next = verb + 1;
+        let subject = self.group()?;
+        let places = self.places()?;
+        Some(Command::Put { subjects: vec![subject], places })
+    }
+
+    /// Parses `the … should be somewhere`.
+    fn duty(&mut self) -> Option<Command> {
+        let subject = self.group()?;
+        self.take_any(&SHOULD)?;
+        let places = self.places()?;
+        Some(Command::Put { subjects: vec![subject], places })
+    }
+
+    /// Parses `could the … go somewhere`.
+    fn question(&mut self) -> Option<Command> {
+        self.take_any(&["could", "can", "would", "should"])?;
+        self.duty()
+    }
+
+    /// Parses `the …, put it somewhere`.
+    fn aside(&mut self) -> Option<Command> {
+        DEFINITE.contains(&self.word(self.next)).then_some(())?;
+        let object = self.group()?;
+        self.take(",").then_some(())?;
+        self.object = Some(object);
+        self.begins_command().then(|| self.one_command()).flatten()
+    }
+
+    /// Runs a parser, and goes back to where it began if it fails.
+    fn attempt(&mut self, parse: impl FnOnce(&mut Self) -> Option<Command>) -> Option<Command> {
+        let start = self.next;
+        let command = parse(self);
         if command.is_none() {
             self.next = start;
         }
@@ -244,6 +325,21 @@ impl Reader {
     }
 
     fn command(&mut self) -> Option<Command> {
+        let command = self.one_command()?;
+        self.remember(&command);
+        Some(command)
+    }
+
+    /// Keeps the object of a request for later pronouns.
+    fn remember(&mut self, command: &Command) {
+        self.object = match command {
+            Command::Put { subjects, .. } => subjects.last().cloned(),
+            Command::Change { object, .. } => Some(object.clone()),
+            Command::Either(_) => None,
+        };
+    }
+
+    fn one_command(&mut self) -> Option<Command> {
         if self.take("either") {
             let mut options = vec![self.command()?];
             while self.take(",") || self.take("or") {
@@ -253,20 +349,30 @@ impl Reader {
             }
             return Some(Command::Either(options));
         }
-        if self.take_any(&TAKE).is_some() {
-            let subject = self.group()?;
-            self.take("and").then_some(())?;
-            self.take_any(&PUT)?;
-            self.take("it").then_some(())?;
-            let places = self.places()?;
-            return Some(Command::Put { subjects: vec![subject], places });
+        let taken = self.attempt(Self::fetch);
+        if taken.is_some() {
+            return taken;
         }
-        let start = self.next;
-        if let Some(command) = self.put() {
-            return Some(command);
+        let put = self.attempt(Self::put);
+        if put.is_some() {
+            return put;
         }
-        self.next = start;
         self.change()
+    }
+
+    /// Parses `take … and put it somewhere`; a location after the object is where it is now.
+    fn fetch(&mut self) -> Option<Command> {
+        self.take_any(&TAKE)?;
+        self.take("me");
+        let mut subject = self.group()?;
+        if subject.at.is_none() && self.preposition(self.next).is_some() {
+            subject.at = Some(Box::new(self.place()?));
+        }
+        while self.take_any(&["up", ",", "and", "then"]).is_some() {}
+        self.take_any(&PUT)?;
+        self.take_any(&PRONOUNS)?;
+        let places = self.places()?;
+        Some(Command::Put { subjects: vec![subject], places })
     }
 
     /// Parses a request with its verb, or without one after another request.
@@ -275,20 +381,32 @@ impl Reader {
         if verb.is_none() && STATE.iter().any(|verb| self.at(verb).is_some()) {
             return None;
         }
-        self.take("both");
+        while self.take_any(&["me", "away", "back", "both"]).is_some() {}
         let mut subjects = vec![self.group()?];
         while self.take("and") {
             subjects.push(self.group()?);
         }
+        if self.is_free && self.take("or") {
+            let other = self.group()?;
+            let places = self.places()?;
+            let put = |subjects| Command::Put { subjects, places: places.clone() };
+            return Some(Command::Either(vec![put(subjects), put(vec![other])]));
+        }
         let places = self.places()?;
+        // `put the apple in the bowl on the plate`: the first place is where it is now.
+        if let ([subject], [from]) = (subjects.as_mut_slice(), places.as_slice())
+            && subject.at.is_none()
+            && from.relations.iter().any(|relation| relation.is_support())
+            && self.preposition(self.next).is_some()
+        {
+            subject.at = Some(Box::new(from.clone()));
+            return Some(Command::Put { subjects, places: self.places()? });
+        }
         Some(Command::Put { subjects, places })
     }
 
     fn places(&mut self) -> Option<Vec<Place>> {
-        while self
-            .take_any(&["so that it is", "so that it ends up", "together", "either", "both", "down", ","])
-            .is_some()
-        {}
+        while self.take_any(&ADVERBS).is_some() {}
         let mut places = vec![self.place()?];
         while self.take("or") {
             self.take("both");
@@ -300,10 +418,22 @@ impl Reader {
     fn place(&mut self) -> Option<Place> {
         let (relations, length) = self.preposition(self.next)?;
         self.next += length;
-        let mut objects = vec![self.group()?];
-        if relations == [Between] && self.take("and") {
+        let (last, is_pronoun) = (self.place.clone(), PRONOUNS.contains(&self.word(self.next)));
+        let first = self.group()?;
+        let mut objects = vec![if is_pronoun { last.unwrap_or(first) } else { first }];
+        if relations == [Relation::Between] && self.take("and") {
             objects.push(self.group()?);
         }
+        // `on the board next to the bread`: the second place is where the board is.
+        let support = |relations: &[Relation]| relations.iter().any(|relation| relation.is_support());
+        if let [object] = objects.as_mut_slice()
+            && object.at.is_none()
+            && support(relations)
+            && self.preposition(self.next).is_some_and(|(next, _)| !support(next))
+        {
+            object.at = Some(Box::new(self.place()?));
+        }
+        self.place = objects.first().cloned();
         Some(Place { relations, objects })
     }
 
@@ -316,14 +446,16 @@ impl Reader {
         let ends = follows.is_empty() || [",", ";", "and", "or", "its"].contains(&follows);
         // A location continues with a determiner: `on the`, `in a`. Descriptions such as `lettered in red` or `with a
         // cross on top` do not.
-        let bare = ["in", "on"].contains(&self.word(index)) && length == 1 && !DETERMINERS.contains(&follows);
-        (!ends && !bare).then_some((relations, length))
+        let is_definite = DETERMINERS.contains(&follows) || PRONOUNS.contains(&follows) || self.is_terse;
+        let bare = LOOSE.contains(&self.word(index)) && length == 1 && !is_definite;
+        let compares = index > 0 && EXTREMES.contains(&self.word(index - 1));
+        (!ends && !bare && !compares).then_some((relations, length))
     }
 
     fn group(&mut self) -> Option<Group> {
-        let mut words = Vec::new();
+        let mut words: Vec<String> = Vec::new();
         let mut at = None;
-        if ["the", "a", "an", "some", "my"].contains(&self.word(self.next)) {
+        if ARTICLES.contains(&self.word(self.next)) {
             self.next += 1;
         }
         while !self.is_done() {
@@ -336,16 +468,44 @@ impl Reader {
                 at = Some(Box::new(self.place()?));
                 break;
             }
-            let stops = [",", ";", "and", "or", "so", "together", "both", "either", "down"];
+            let source = SOURCES.iter().find_map(|phrase| self.at(phrase));
+            if let Some(length) = source
+                && words.last().is_some_and(|word| !EXTREMES.contains(&word.as_str()))
+                && DETERMINERS.contains(&self.word(self.next + length))
+            {
+                self.next += length;
+                at = Some(Box::new(Place { relations: SOURCE, objects: vec![self.group()?] }));
+                break;
+            }
             let goes_on = self.word(self.next) == "and" && self.continues(&words);
-            let stops = stops.contains(&self.word(self.next)) && !goes_on;
-            let ends = stops || self.at("to be").is_some() || self.at_particle();
+            let stops = ENDS.contains(&self.word(self.next)) && !goes_on;
+            let is_relative = words.last().is_some_and(|word| RELATIVES.contains(&word.as_str()));
+            let is_told = self.is_free
+                && !is_relative
+                && SHOULD.iter().chain(&["is", "are"]).any(|phrase| self.at(phrase).is_some());
+            let ends = stops || is_told || self.at("to be").is_some() || self.at_particle();
             if ends || self.preposition(self.next).is_some() {
                 break;
             }
             words.push(self.word(self.next).to_owned());
             self.next += 1;
         }
+        if words.last().is_some_and(|word| word == "one")
+            && let (Some(noun), Some(last)) = (&self.noun, words.last_mut())
+        {
+            last.clone_from(noun);
+        }
+        if words.first().is_some_and(|word| words.len() == 1 && PRONOUNS.contains(&word.as_str())) {
+            return self.object.clone();
+        }
+        // An article inside a noun phrase belongs to one of its prepositions.
+        let joins = |word: &String| ["of", "with", "without", "to", "from", "and", "in", "on"].contains(&word.as_str());
+        if words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
+            return None;
+        }
+        let after = ["with", "without", "of", "that", "lettered", "marked"];
+        let head = words.iter().take_while(|word| !after.contains(&word.as_str())).last();
+        self.noun = head.cloned().or_else(|| self.noun.take());
         (!words.is_empty()).then_some(Group { words, at })
     }
 
@@ -370,8 +530,11 @@ impl Reader {
     fn change(&mut self) -> Option<Command> {
         let verb = self.take_any(&STATE)?;
         let mut particle = self.take_any(&["on", "off", "out", "open", "down", "up"]);
-        let part = self.part();
-        let object = self.group()?;
+        let mut part = self.part();
+        let mut object = self.group()?;
+        if part.is_none() {
+            part = own_part(&mut object.words);
+        }
         if self.at_particle() {
             particle = self.take_any(&PARTICLES).or(particle);
         }
@@ -395,6 +558,32 @@ impl Reader {
     }
 }
 
+/// Removes the part from a noun phrase such as `microwave door` or `cabinet's top drawer`.
+fn own_part(words: &mut Vec<String>) -> Option<Part> {
+    let part = match words.last()?.as_str() {
+        "door" | "lid" | "flap" | "screen" if words.len() > 1 => Part::Other,
+        "drawer" | "drawers" => {
+            let before = words.len().checked_sub(2).and_then(|index| words.get(index));
+            let part = match before.map(String::as_str) {
+                Some("top" | "upper") => Part::Upper,
+                Some("bottom" | "lower") => Part::Lower,
+                Some("both") => Part::Both,
+                _ => return None,
+            };
+            words.truncate(words.len() - 1);
+            part
+        }
+        _ => return None,
+    };
+    words.truncate(words.len() - 1);
+    match words.last_mut() {
+        Some(owner) => owner.truncate(owner.trim_end_matches("'s").len()),
+        // The only objects with two drawers.
+        None => words.extend(["drawer", "cabinet"].map(String::from)),
+    }
+    Some(part)
+}
+
 fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
     Some(match (verb, particle) {
         ("open" | "lift" | "raise", None | Some("up")) | ("pull", Some("out" | "open")) => Action::Open,
@@ -402,11 +591,11 @@ fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
         ("close" | "lower", None | Some("down")) | ("push" | "fold" | "pull", Some("shut")) | ("shut", None) => {
             Action::Close
         }
-        ("turn" | "switch", Some("on")) => Action::On,
-        ("turn" | "switch" | "shut" | "set", Some("off" | "to off")) => Action::Off,
-        ("turn" | "set", Some("to low")) => Action::Low,
-        ("turn" | "set", Some("to high" | "all the way up")) => Action::High,
-        ("press", None | Some("down")) | ("push", Some("down")) => Action::Press,
+        ("turn" | "switch" | "flip", Some("on")) => Action::On,
+        ("turn" | "switch" | "shut" | "set" | "flip", Some("off" | "to off")) => Action::Off,
+        ("turn" | "set", Some("to low" | "down to low" | "on low")) => Action::Low,
+        ("turn" | "set", Some("to high" | "all the way up" | "up to high" | "on high")) => Action::High,
+        ("press" | "hit" | "push", None) | ("press" | "push", Some("down")) => Action::Press,
         _ => return None,
     })
 }

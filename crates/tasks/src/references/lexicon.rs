@@ -75,8 +75,17 @@ impl Lexicon {
         let of = core.iter().position(|word| *word == "of").unwrap_or(core.len());
         let (front, tail) = core.split_at(of);
         let (head, adjectives) = front.split_last()?;
-        let head = self.singular(head);
-        let mut meant = self.by_head(&head, things)?;
+        // A noun of two words, such as `chess piece`, comes first.
+        let pair = adjectives.split_last().map(|(before, rest)| (format!("{before} {}", self.singular(head)), rest));
+        let (head, adjectives) = match pair.filter(|(pair, _)| self.heads.contains_key(pair)) {
+            Some(pair) => pair,
+            None => (self.singular(head), adjectives),
+        };
+        let (mut meant, tail) = match self.by_head(&head, things) {
+            Some(meant) => (meant, tail),
+            // What a pack holds: `pack of crisps`.
+            None => (self.by_head(&self.singular(tail.last()?), things)?, &tail[..0]),
+        };
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
         // Colours of parts are listed in the description, colours of the object in the card's own field.
         meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
@@ -88,7 +97,44 @@ impl Lexicon {
         for color in colors {
             meant = with_color(color, meant);
         }
+        // `cream jar` is a category as well as a colour and a noun.
+        if meant.is_empty() {
+            let category = words.join(" ");
+            meant = things.iter().filter(|thing| thing.card.category == category).copied().collect();
+        }
         Some(meant)
+    }
+
+    /// True if the noun of a phrase is the last word of the object's name, or its category.
+    pub fn is_named(&self, words: &[&str], card: &ObjectCard) -> bool {
+        let bare = self.bare(words);
+        let Some(noun) = bare.last().map(|noun| self.singular(noun)) else { return false };
+        card.category == noun || card.name.to_lowercase().split(' ').next_back() == Some(noun.as_str())
+    }
+
+    /// True if the word is in the vocabulary.
+    pub fn contains(&self, word: &str) -> bool {
+        self.heads.contains_key(&self.singular(word)) || self.is_adjective(word) || EMPTY.contains(&word)
+    }
+
+    /// True if the word describes an object without naming it.
+    pub fn is_adjective(&self, word: &str) -> bool {
+        let sizes = ["larger", "bigger", "largest", "biggest", "smaller", "smallest"];
+        self.colors.contains(word)
+            || self.synonyms.contains_key(word)
+            || TRAITS.contains(&word)
+            || sizes.contains(&word)
+            || self.small.iter().chain(&self.large).any(|size| size == word)
+    }
+
+    /// True if the word may mean any object.
+    pub fn means_anything(&self, word: &str) -> bool {
+        self.everything.iter().any(|any| *any == self.singular(word)) || ["what", "one", "ones"].contains(&word)
+    }
+
+    /// True if the noun may mean the object.
+    pub fn names(&self, noun: &str, card: &ObjectCard) -> bool {
+        self.heads.get(&self.singular(noun)).is_some_and(|sorts| sorts.iter().any(|sort| is_of(sort, card)))
     }
 
     fn by_head<'c>(&self, head: &str, things: &[SceneObject<'c>]) -> Option<Vec<SceneObject<'c>>> {
@@ -114,7 +160,10 @@ impl Lexicon {
             }
             None => {
                 let exact: Vec<SceneObject> = things.iter().filter(named).copied().collect();
-                (!exact.is_empty()).then_some(exact)
+                let labelled =
+                    |thing: &&SceneObject| thing.card.name.to_lowercase().split(' ').any(|word| word == head);
+                let meant = if exact.is_empty() { things.iter().filter(labelled).copied().collect() } else { exact };
+                (!meant.is_empty()).then_some(meant)
             }
         }
     }

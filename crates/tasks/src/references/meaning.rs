@@ -251,7 +251,7 @@ impl<'c> Interpreter<'c> {
 }
 
 /// The state after an action; `None` if the object has no such state or is already in it.
-fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&str>) -> Option<String> {
+pub(crate) fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&str>) -> Option<String> {
     let drawers = card.states.iter().any(|state| state == "top_open");
     let now = now?;
     let state = match (action, part, now) {

@@ -13,20 +13,25 @@
 //! # }
 //! ```
 
+mod agreement;
+mod colloquial;
 mod grammar;
 mod lexicon;
 mod meaning;
 mod mismatch;
 mod necessity;
+pub(crate) mod sentence;
 mod space;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, SceneGraph, Task};
+use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
+pub use agreement::disagreement;
 use grammar::Parsed;
 use meaning::Interpreter;
 pub use mismatch::{Mismatch, ReadAtom};
@@ -50,8 +55,14 @@ pub struct Reading {
 /// # Errors
 /// [`Mismatch`] if the instruction is outside the grammar, or a phrase has no referent or several.
 pub fn read(instruction: &str, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
-    let unreadable = || Mismatch::Unreadable { phrase: instruction.to_owned() };
-    understand(&grammar::read(instruction).ok_or_else(unreadable)?, cards, graph)
+    let mut mismatch = None;
+    for parsed in grammar::readings(instruction) {
+        match understand(&parsed, cards, graph) {
+            Ok(reading) => return Ok(reading),
+            Err(error) => mismatch = mismatch.or(Some(error)),
+        }
+    }
+    Err(mismatch.unwrap_or_else(|| Mismatch::Unreadable { phrase: instruction.to_owned() }))
 }
 
 /// Resolves a parsed instruction in a scene.
@@ -148,6 +159,11 @@ fn check_goal(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
 
 /// True if the condition that was read is the intended one, up to exchange of copies within a group.
 fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>]) -> bool {
+    resembles(read, meant, groups, |said, meant| said == meant)
+}
+
+/// Like [`says`], with relations compared by `fits(said, meant)`.
+fn resembles(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>], fits: fn(Relation, Relation) -> bool) -> bool {
     let any = |id: &'_ String| -> String {
         let group = groups.iter().find(|group| group.contains(id));
         group.and_then(|group| group.first()).unwrap_or(id).clone()
@@ -159,7 +175,7 @@ fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>]) -> bool {
         ) => {
             let ends: BTreeSet<String> = std::iter::once(reference).chain(second_reference).map(any).collect();
             any(subject) == any(meant)
-                && relations.contains(relation)
+                && relations.iter().any(|said| fits(*said, *relation))
                 && references.iter().map(any).collect::<BTreeSet<_>>() == ends
         }
         (ReadAtom::State { object, state }, Atom::State { object: meant, state: wanted }) => {

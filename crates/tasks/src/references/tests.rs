@@ -6,7 +6,7 @@ use genmanip_assets::Catalogue;
 use genmanip_core::asset::uid_of;
 use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 
-use super::grammar::PLACES;
+use super::words::PLACES;
 use super::{Clue, Mismatch, check, intended, interchangeable, is_needless, read, resolved};
 use crate::designer::{DesignSettings, design_many};
 
@@ -127,7 +127,7 @@ fn the_reader_knows_the_prepositions_of_every_relation() {
             let meant = PLACES.iter().find(|(preposition, _)| preposition == said);
             assert!(
                 meant.is_some_and(|(_, relations)| relations.contains(&relation)),
-                "PLACES in references/grammar.rs does not read `{said}` as `{}`",
+                "PLACES in references/words.rs does not read `{said}` as `{}`",
                 relation.name()
             );
         }

@@ -22,6 +22,7 @@ pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Find
         }
     }
     check_nodes_of_edges(&draft, request, findings);
+    check_supports(&draft, request, findings);
     check_edges_of_nodes(&draft, request, findings);
     if draft.written_nodes < request.min_objects {
         let message = format!("expected at least {} nodes, got {}", request.min_objects, draft.written_nodes);
@@ -69,6 +70,20 @@ fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut 
         draft.written_nodes -= 1;
         false
     });
+}
+
+/// No object is on or in two others; on and in the same one is a repetition.
+fn check_supports(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    let mut supports: BTreeMap<usize, usize> = BTreeMap::new();
+    for edge in draft.edges.iter().filter(|edge| edge.relation.is_support()) {
+        let first = *supports.entry(edge.subject).or_insert(edge.reference);
+        if first != edge.reference {
+            let name = |index: usize| object_name(request, index);
+            let message =
+                format!("{} is on or in both {} and {}", name(edge.subject), name(first), name(edge.reference));
+            findings.reject(FlawKind::TwoSupports, edge.path.as_str(), message, "keep one of these edges");
+        }
+    }
 }
 
 fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {

@@ -9,6 +9,10 @@ use genmanip_core::{Task, TaskKind};
 use super::TaskRequest;
 use super::flaw::{Findings, FlawKind};
 use super::resolve::{Draft, Test};
+use crate::references;
+
+/// Description in the example of the format; an answer that returns it describes nothing.
+pub const DESCRIPTION_PLACEHOLDER: &str = "two to five sentences: where every object stands";
 
 /// Maximum length of an instruction, white-space separated words.
 const MAX_WORDS: usize = 30;
@@ -16,6 +20,10 @@ const MAX_WORDS: usize = 30;
 /// Reports all violations and returns the repaired draft.
 pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
     check_instruction(&draft, findings);
+    if draft.description.trim() == DESCRIPTION_PLACEHOLDER {
+        let message = "expected a description of the scene, got the placeholder of the format";
+        findings.reject(FlawKind::Placeholder, "$.scene_graph.description", message, "say where every object stands");
+    }
     let draft = graph::check(draft, request, findings);
     let graph_is_consistent = graph::check_consistency(&draft, request, findings);
     goal::check(&draft, request, findings);
@@ -44,6 +52,17 @@ pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
             findings.reject(FlawKind::GoalAlreadySatisfied, "$.goal_conditions", message, hint);
             return;
         }
+    }
+}
+
+/// The sentence means the goal. Only for answers without other flaws, whose scene can be relied on.
+pub(super) fn check_sentence(task: &Task, findings: &mut Findings) {
+    if findings.rejects() {
+        return;
+    }
+    if let Some(why) = references::disagreement(task) {
+        let hint = "the goal is what the instruction asks for, and the instruction names its objects";
+        findings.reject(FlawKind::SentenceMismatch, "$.instruction", why, hint);
     }
 }
 

@@ -39,7 +39,7 @@ pub(super) fn compose(kind: TaskKind, composer: &mut Composer) -> Option<Draft> 
 }
 
 /// Completes a design whose scene is finished.
-fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
+pub(super) fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
     if composer.sketch.len() < composer.settings.objects[0] {
         return None;
     }

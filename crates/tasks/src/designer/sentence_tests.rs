@@ -1,0 +1,78 @@
+//! Sentences of users become tasks that state what they say, or questions.
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{Atom, Seed, Task};
+
+use super::{DesignSettings, task_from_sentence};
+use crate::references;
+
+fn compose(sentence: &str, seed: u64) -> Result<Task, String> {
+    let cards = Catalogue::full().cards();
+    task_from_sentence(sentence, cards, Seed::new(seed), "task", &DesignSettings::default())
+        .map_err(|error| error.to_string())
+}
+
+/// The goal with categories instead of ids: `mug left bowl or …`.
+fn goal_of(task: &Task) -> String {
+    let kind = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.category.clone());
+    let atom = |atom: &Atom| match atom {
+        Atom::Relation { subject, relation, reference, second_reference } => {
+            let second = second_reference.iter().map(|id| format!(" {}", kind(id))).collect::<String>();
+            format!("{} {} {}{second}", kind(subject), relation.name(), kind(reference))
+        }
+        Atom::State { object, state } => format!("{} {state}", kind(object)),
+    };
+    let all = |atoms: &Vec<Atom>| atoms.iter().map(atom).collect::<Vec<_>>().join(" and ");
+    task.goal.alternatives.iter().map(all).collect::<Vec<_>>().join(" or ")
+}
+
+#[test]
+fn sentences_become_the_tasks_that_they_state() {
+    let cases = [("put the red mug to the left of the bowl", "mug left bowl")];
+    let mut wrong = Vec::new();
+    for (sentence, expected) in cases {
+        for seed in 0..3 {
+            match compose(sentence, seed) {
+                Ok(task) => {
+                    assert_eq!(task.instruction.to_lowercase(), sentence.to_lowercase());
+                    assert_eq!(references::check(&task), Ok(()));
+                    if goal_of(&task) != expected {
+                        wrong.push(format!("{sentence}: {}, expected {expected}", goal_of(&task)));
+                    }
+                }
+                Err(error) => wrong.push(format!("{sentence}: {error}")),
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Sentences that name no object, no place or something impossible are questions, never other tasks.
+#[test]
+fn unclear_sentences_are_questions() {
+    let cases = [
+        ("put the gizmo on the plate", "no object of the catalogue is `gizmo`"),
+        ("Put the coffee spoon on the plate.", "no object of the catalogue is `coffee spoon`; candidates: Spoon (015)"),
+        ("put the microwave on the plate", "`microwave` is nothing that the gripper can carry"),
+        ("turn on the banana", "`banana` has no such state"),
+        ("put the hammer in the egg cup", "`egg cup` has no room for the object"),
+        ("move the mug", "the sentence is not understood"),
+        ("put it over there", "the sentence is not understood"),
+        ("Place the spoon to the left and to the right of the bowl.", "the sentence is not understood"),
+        ("Please tidy up a little, thank you so much", "the sentence is not understood"),
+        ("", "the sentence is not understood"),
+    ];
+    for (sentence, expected) in cases {
+        let error = compose(sentence, 1).unwrap_err();
+        assert!(error.starts_with(expected), "{sentence}: {error}");
+    }
+}
+
+/// A seed decides the scene; the sentence stays.
+#[test]
+fn seeds_make_different_scenes() {
+    let sentence = "put the apple next to the bowl";
+    let [one, again, other] = [1, 1, 2].map(|seed| compose(sentence, seed).unwrap());
+    assert_eq!(one, again);
+    assert_ne!(one.scene_graph, other.scene_graph);
+}
