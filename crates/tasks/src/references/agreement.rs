@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use genmanip_core::{Atom, ObjectCard, Relation, Task};
 
 use super::lexicon::lexicon;
-use super::words::{self, PLACES};
+use super::words;
 use super::{ReadAtom, open, read, resembles};
 
 /// Words that name no object: verbs, places, parts and courtesies beside the tables of the grammar.
@@ -96,6 +96,7 @@ mod tests {
     use genmanip_assets::Catalogue;
     use genmanip_core::{Seed, TaskKind};
 
+    use super::super::words::PLACES;
     use super::*;
     use crate::designer::{DesignSettings, design_many};
 

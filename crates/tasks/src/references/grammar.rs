@@ -5,6 +5,7 @@
 
 use genmanip_core::Relation;
 
+use super::change::{Action, Part, action, own_part};
 use super::colloquial;
 use super::lexicon::is_color;
 use super::words::{
@@ -38,27 +39,6 @@ pub(super) struct Place {
     /// Relations that the preposition can mean.
     pub relations: &'static [Relation],
     pub objects: Vec<Group>,
-}
-
-/// Part of an articulated object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
-    Upper,
-    Lower,
-    Both,
-    Other,
-}
-
-/// Change of state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Action {
-    Open,
-    Close,
-    On,
-    Off,
-    Low,
-    High,
-    Press,
 }
 
 /// A parsed instruction.
@@ -556,46 +536,4 @@ impl Reader {
         ];
         parts.into_iter().find_map(|(phrase, part)| self.take(phrase).then_some(part))
     }
-}
-
-/// Removes the part from a noun phrase such as `microwave door` or `cabinet's top drawer`.
-fn own_part(words: &mut Vec<String>) -> Option<Part> {
-    let part = match words.last()?.as_str() {
-        "door" | "lid" | "flap" | "screen" if words.len() > 1 => Part::Other,
-        "drawer" | "drawers" => {
-            let before = words.len().checked_sub(2).and_then(|index| words.get(index));
-            let part = match before.map(String::as_str) {
-                Some("top" | "upper") => Part::Upper,
-                Some("bottom" | "lower") => Part::Lower,
-                Some("both") => Part::Both,
-                _ => return None,
-            };
-            words.truncate(words.len() - 1);
-            part
-        }
-        _ => return None,
-    };
-    words.truncate(words.len() - 1);
-    match words.last_mut() {
-        Some(owner) => owner.truncate(owner.trim_end_matches("'s").len()),
-        // The only objects with two drawers.
-        None => words.extend(["drawer", "cabinet"].map(String::from)),
-    }
-    Some(part)
-}
-
-fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
-    Some(match (verb, particle) {
-        ("open" | "lift" | "raise", None | Some("up")) | ("pull", Some("out" | "open")) => Action::Open,
-        ("flip" | "swing" | "push" | "open", Some("open")) => Action::Open,
-        ("close" | "lower", None | Some("down")) | ("push" | "fold" | "pull", Some("shut")) | ("shut", None) => {
-            Action::Close
-        }
-        ("turn" | "switch" | "flip", Some("on")) => Action::On,
-        ("turn" | "switch" | "shut" | "set" | "flip", Some("off" | "to off")) => Action::Off,
-        ("turn" | "set", Some("to low" | "down to low" | "on low")) => Action::Low,
-        ("turn" | "set", Some("to high" | "all the way up" | "up to high" | "on high")) => Action::High,
-        ("press" | "hit" | "push", None) | ("press" | "push", Some("down")) => Action::Press,
-        _ => return None,
-    })
 }

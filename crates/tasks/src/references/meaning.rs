@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use genmanip_core::{HorizontalAxis, ObjectCard, Relation, SceneGraph};
 
-use super::grammar::{Action, Command, Group, Part, Place};
+use super::change::{Action, Part};
+use super::grammar::{Command, Group, Place};
 use super::lexicon::{SceneObject, lexicon};
 use super::space::{Certainty, Space};
 use super::{Mismatch, ReadAtom};

@@ -14,6 +14,7 @@
 //! ```
 
 mod agreement;
+mod change;
 mod colloquial;
 mod grammar;
 mod lexicon;

@@ -2,8 +2,8 @@
 
 use genmanip_core::{ObjectCard, Relation};
 
+pub(crate) use super::change::{Action, Part};
 use super::grammar::{self, Group, Parsed, Place};
-pub(crate) use super::grammar::{Action, Part};
 use super::lexicon::{SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
 use super::words::EXTREMES;
