@@ -4,15 +4,14 @@
 
 use std::ops::Range;
 
-use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::buffer::{HALF, LightBuffer, MIXED, NO_RANGE, SEVERAL, TileSummary, fill};
+use super::buffer::{HALF, LightBuffer, NO_RANGE, SEVERAL, fill};
 use crate::ambient::ssao::{SsaoTaps, occlude};
 use crate::gbuffer::material_bins::MaterialBins;
 use crate::gbuffer::points::{PixelCenters, Pixels, Points, packed};
 use crate::gbuffer::static_layer::TILE;
-use crate::gbuffer::view::{View, part_and_triangle};
+use crate::gbuffer::view::View;
 use crate::render_scene::RenderScene;
 use crate::shadow::map::UnresolvedSamples;
 use crate::shadow::pcss::UNKNOWN;
@@ -38,7 +37,7 @@ impl LightBuffer {
     /// Samples the shadow mask and AO of dirty tiles.
     pub fn estimate(&mut self, scene: &RenderScene<'_>, view: &View, tiles: &[usize], estimator: &mut Estimator) {
         let (assets, shadow, camera) = (scene.assets, scene.shadow, &view.camera);
-        self.find_shadows(scene, view, tiles, estimator);
+        self.find_shadows(scene, tiles, estimator);
         self.find_ambient(scene, tiles, estimator);
         let Estimator { pixels, points, taps, unresolved, shadows, ssao, by_proxies, .. } = estimator;
         let Self { width, height, ids, depth, raw_shadow_mask, raw_half_ao, .. } = self;
@@ -75,7 +74,7 @@ impl LightBuffer {
     }
 
     /// Fills the shadow mask of lit tiles, and bins the pixels of the others.
-    fn find_shadows(&mut self, scene: &RenderScene<'_>, view: &View, tiles: &[usize], estimator: &mut Estimator) {
+    fn find_shadows(&mut self, scene: &RenderScene<'_>, tiles: &[usize], estimator: &mut Estimator) {
         let Estimator { shadows, shadow_tiles, .. } = estimator;
         shadows.clear(scene.assets.parts.len());
         shadow_tiles.clear();
@@ -85,7 +84,7 @@ impl LightBuffer {
             if surface == 0 {
                 fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
                 self.shadow_range[tile] = NO_RANGE;
-            } else if !scene.shadow.is_on() || is_lit(&self.tiles[tile], scene, view) {
+            } else if !scene.shadow.is_on() || scene.shadow.lights(&self.tiles[tile].footprint) {
                 fill(&mut self.raw_shadow_mask, self.width, pixels, 1.0);
                 self.shadow_range[tile] = [1.0; 2];
             } else {
@@ -135,15 +134,6 @@ impl LightBuffer {
             }
         }
     }
-}
-
-/// True if a tile shows one triangle on which no shadow falls.
-fn is_lit(tile: &TileSummary, scene: &RenderScene<'_>, view: &View) -> bool {
-    let Some((part, triangle)) = part_and_triangle(tile.only).filter(|_| tile.only != MIXED) else { return false };
-    let (part, placed) = (&scene.assets.parts[part], &view.parts[part]);
-    let mesh = placed.mesh(part);
-    let normal = placed.world_from_body * Vec3A::from_vec4(mesh.faces[triangle].plane);
-    part.hides_back(mesh) && scene.shadow.lights(&tile.footprint, normal)
 }
 
 /// Writes AO samples of points at even rows and columns.

@@ -26,7 +26,7 @@ pub(crate) struct ShadowMap {
     layers: LayeredBuffer,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// By map tile: largest reversed z in it, and within reach of a point's taps.
+    /// By map tile: largest reversed z in it, and in the light cones of points in it.
     own_highest: Vec<f32>,
     highest: Vec<f32>,
     /// Number of updates.
@@ -161,17 +161,14 @@ impl ShadowMap {
         MapFootprint { tiles, lowest: low.reversed_z }
     }
 
-    /// True if no shadow falls on a flat piece of surface with a unit normal.
-    pub fn lights(&self, footprint: &MapFootprint, normal: Vec3A) -> bool {
-        // The plane of the surface changes by at most two texels per texel.
-        let lowest = footprint.lowest - 2.0 * MAX_RADIUS / self.light.texels_per_m;
+    /// True if no shadow falls on anything within some bounds.
+    pub fn lights(&self, footprint: &MapFootprint) -> bool {
         let count = self.layers.tile_columns;
         let [columns, mut rows] = [0, 1].map(|axis| {
             let [from, to] = footprint.tiles.map(|tile| tile[axis]);
             from.clamp(0, count as i32) as usize..(to + 1).clamp(0, count as i32) as usize
         });
-        let is_lit = |row: usize| self.highest[row * count..][columns.clone()].iter().all(|&high| high <= lowest);
-        self.light.light_from_world.row(2).dot(normal) < 0.0 && rows.all(is_lit)
+        rows.all(|row| self.highest[row * count..][columns.clone()].iter().all(|&high| high <= footprint.lowest))
     }
 
     /// Writes the shadow mask of points that are lit or facing away; queues the others.
@@ -183,7 +180,7 @@ impl ShadowMap {
         for i in 0..points.count {
             let (x, y) = (on_map.samples.x[i], on_map.samples.y[i]);
             let is_on_map = x >= 0.0 && y >= 0.0 && x <= limit && y <= limit;
-            let is_lit = || self.highest[on_map.tile[i] as usize] <= on_map.samples.reversed_z[i] - on_map.slack[i];
+            let is_lit = || self.highest[on_map.tile[i] as usize] <= on_map.samples.reversed_z[i];
             share[points.pixel[i] as usize] = if on_map.facing[i] <= 0.0 {
                 UNKNOWN
             } else if !is_on_map || is_lit() {
@@ -236,13 +233,15 @@ impl ShadowMap {
         filter.count = 0;
     }
 
-    /// Updates the largest reversed z within reach of each tile's taps.
+    /// Updates the largest reversed z of each tile and in the light cones of its points.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
         self.own_highest.resize(tiles * tiles, 0.0);
         summarise_tiles(&self.layers.target, &self.layers.changed, &mut self.own_highest);
         let reach = (self.light.search_radius() as usize + 1).div_ceil(TILE);
-        spread(&self.own_highest, tiles, reach, &mut self.highest);
+        // Distances along both axes add up to at most √2 times the distance.
+        let rise = TILE as f32 / self.light.texels_per_m / self.light.spread.max(1e-6) / std::f32::consts::SQRT_2;
+        dilate_cones(&self.own_highest, tiles, reach, rise, &mut self.highest);
     }
 }
 
@@ -309,13 +308,11 @@ struct MapPoints {
     tile: Column<u32>,
     /// Cosine between normal and light.
     facing: BatchColumn,
-    /// Largest change of reversed z within the largest radius.
-    slack: BatchColumn,
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
-    let MapPoints { samples, tile, facing, slack } = out;
+    let MapPoints { samples, tile, facing } = out;
     let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
         .map(|axis| axis.to_array());
     let center = light.center.to_array();
@@ -339,7 +336,6 @@ fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
         (samples.x[i], samples.y[i], samples.reversed_z[i]) = (x, y, 3.0 * radius - local(2));
         (samples.tilt_x[i], samples.tilt_y[i]) = (tilt_x, tilt_y);
         facing[i] = -slopes[2];
-        slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
     }
 }
 
@@ -361,22 +357,25 @@ fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f
     }
 }
 
-/// Largest value within `reach` tiles, along rows and then along columns.
-fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>) {
-    // Joins each value with its neighbour in the other list.
-    let widen = |list: &mut [f32], others: &[f32]| {
-        list.iter_mut().zip(others).for_each(|(value, &other)| *value = if other > *value { other } else { *value });
+/// Largest value in the light cone above each tile, up to `reach` tiles away: the cone rises by `rise` from tile to tile.
+/// Along rows, then along columns.
+fn dilate_cones(own: &[f32], tiles: usize, reach: usize, rise: f32, out: &mut Vec<f32>) {
+    // Joins each value with one that is `step` tiles away in the other list.
+    let widen = |list: &mut [f32], others: &[f32], step: usize| {
+        let lost = rise * (step - 1) as f32;
+        let joined = |value: f32, other: f32| if other - lost > value { other - lost } else { value };
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = joined(*value, other));
     };
     let mut rows = own.to_vec();
     for step in (1..=reach).filter(|&step| step < tiles) {
         for (row, own) in rows.chunks_exact_mut(tiles).zip(own.chunks_exact(tiles)) {
-            widen(row, &own[step..]);
-            widen(&mut row[step..], own);
+            widen(row, &own[step..], step);
+            widen(&mut row[step..], own, step);
         }
     }
     out.clone_from(&rows);
     for step in (1..=reach).filter(|&step| step < tiles) {
-        widen(out, &rows[step * tiles..]);
-        widen(&mut out[step * tiles..], &rows);
+        widen(out, &rows[step * tiles..], step);
+        widen(&mut out[step * tiles..], &rows, step);
     }
 }
