@@ -132,14 +132,15 @@ impl<const SIDE: usize> Window<SIDE> {
         out
     }
 
-    /// Weight of a tap: 0 for an unknown value or another surface than at the centre.
+    /// Weight of a tap: 0 for an unknown value, nearly 0 for another surface than at the centre.
     #[inline(always)]
     fn weight(&self, [row, column]: [usize; 2], [tap_row, tap_column]: [usize; 2], value: f32, weight: f32) -> f32 {
         let depth = self.depth[row][column];
         let is_same = (self.surface[tap_row][tap_column] == self.surface[row][column])
-            & ((self.depth[tap_row][tap_column] - depth).abs() < SAME_DEPTH * depth)
-            & (value >= 0.0);
-        if is_same { weight } else { 0.0 }
+            & ((self.depth[tap_row][tap_column] - depth).abs() < SAME_DEPTH * depth);
+        // Thin objects between samples take the values around them.
+        let weight = if is_same { weight } else { 1e-4 * weight };
+        if value >= 0.0 { weight } else { 0.0 }
     }
 }
 

@@ -120,15 +120,17 @@ impl LightBuffer {
     /// Bins the pixels of some tiles by part.
     pub fn fill_bins(&self, parts: usize, tiles: &[usize], bins: &mut MaterialBins) {
         bins.clear(parts);
-        tiles.iter().for_each(|&tile| self.push_tile(tile, bins));
+        tiles.iter().for_each(|&tile| self.push_tile(tile, 1, bins));
     }
 
-    /// Adds the pixels of a tile to the bins of their parts.
-    pub(super) fn push_tile(&self, tile: usize, bins: &mut MaterialBins) {
+    /// Adds the pixels of a tile to the bins of their parts; of a tile that shows one surface those on every `step`th
+    /// diagonal.
+    pub(super) fn push_tile(&self, tile: usize, step: usize, bins: &mut MaterialBins) {
         let ([columns, rows], surface) = (self.pixels_of(tile), self.tiles[tile].surface);
         for row in rows {
             if surface != SEVERAL {
-                bins.extend(surface, columns.clone().map(|column| packed(column, row)));
+                let columns = columns.clone().skip(row % step).step_by(step);
+                bins.extend(surface, columns.map(|column| packed(column, row)));
                 continue;
             }
             for column in columns.clone() {

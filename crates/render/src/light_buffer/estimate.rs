@@ -88,11 +88,10 @@ impl LightBuffer {
                 fill(&mut self.raw_shadow_mask, self.width, pixels, 1.0);
                 self.shadow_range[tile] = [1.0; 2];
             } else {
-                if surface == SEVERAL {
-                    fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
-                }
+                fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
                 shadow_tiles.push(tile);
-                self.push_tile(tile, shadows);
+                // On one surface the filter knows enough from every second pixel.
+                self.push_tile(tile, 2, shadows);
             }
         }
     }
