@@ -1,12 +1,10 @@
 //! Per-camera frame cache: the passes of a frame in order, repeated only for dirty tiles.
 
-use std::ops::Range;
-
 use glam::{Vec2, Vec3A};
 
 use crate::ambient::proxy_set::Proxies;
 use crate::gbuffer::material_bins::MaterialBins;
-use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE, dilated};
+use crate::gbuffer::static_layer::{LayeredBuffer, Rectangle, TILE};
 use crate::gbuffer::view::{CameraView, View, surface_of};
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::light_buffer::{Estimator, LightBuffer, UpsampleWindow, Windows};
@@ -51,11 +49,13 @@ pub(crate) struct FrameCache {
     pub shaded_pixels: usize,
 }
 
-/// Tiles to be repeated, by pass. Each pass reads the neighbours of a tile, so each set is the one before dilated by a tile.
+/// Tiles to be repeated, by pass. Each pass reads the neighbours of a tile, so marks spread by a tile from pass to pass.
 #[derive(Debug, Default)]
 struct DirtyTiles {
     /// Raw shadow mask and AO.
     estimated: Vec<bool>,
+    /// Tiles with other surfaces, raw shadow mask or AO than in the last frame.
+    changed: Vec<bool>,
     /// Their bilateral filters.
     blurred: Vec<bool>,
     /// AO upsampling and shading.
@@ -97,10 +97,11 @@ impl FrameCache {
         self.run_passes(scene);
     }
 
-    /// Finds the dirty tiles of all passes.
+    /// Finds the dirty tiles of each pass but for those that the pass before adds.
     fn find_dirty(&mut self, scene: &RenderScene<'_>, continues: bool) {
-        let (changed, columns) = (&self.opaque.changed, self.opaque.tile_columns);
-        let DirtyTiles { estimated, blurred, shaded, resolved } = &mut self.dirty;
+        let columns = self.opaque.tile_columns;
+        let DirtyTiles { estimated, changed, blurred, shaded, resolved } = &mut self.dirty;
+        changed.clone_from(&self.opaque.changed);
         if continues {
             self.light_buffer.mark_dirty(changed, scene.shadow, self.shadow_version, estimated);
         } else {
@@ -108,14 +109,16 @@ impl FrameCache {
         }
         if scene.proxies.differ(&self.proxies) {
             estimated.fill(true);
+            changed.fill(true);
         }
-        *blurred = dilated(estimated, columns);
-        *shaded = dilated(blurred, columns);
+        for marks in [blurred, &mut *shaded, &mut *resolved] {
+            marks.clear();
+            marks.resize(changed.len(), false);
+        }
         let grids = scene.irradiance_grids;
         if grids.version() != self.grid_version {
             self.light_buffer.mark_supports(grids, shaded);
         }
-        *resolved = dilated(shaded, columns);
         for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {
             if part.is_transparent() && motion.moved {
                 for rectangle in [&motion.before, &motion.now] {
@@ -143,19 +146,21 @@ impl FrameCache {
         };
         for step in 0..strips + 3 {
             if let Some(strip) = strip_of(step, 0) {
-                let tiles = marked(&self.dirty.estimated, strip);
-                self.light_buffer.estimate(scene, &self.view, &tiles, &mut self.estimator);
+                let DirtyTiles { estimated, changed, .. } = &mut self.dirty;
+                let tiles: Vec<usize> = strip.filter(|&tile| estimated[tile]).collect();
+                self.light_buffer.estimate(scene, &self.view, &tiles, &mut self.estimator, changed);
             }
             if let Some(strip) = strip_of(step, 1) {
-                self.light_buffer.blur(&marked(&self.dirty.blurred, strip), &mut self.windows);
+                let tiles = self.light_buffer.spread(&self.dirty.changed, strip, &mut self.dirty.blurred);
+                self.light_buffer.blur(&tiles, &mut self.windows);
             }
             if let Some(strip) = strip_of(step, 2) {
-                let tiles = marked(&self.dirty.shaded, strip);
+                let tiles = self.light_buffer.spread(&self.dirty.blurred, strip, &mut self.dirty.shaded);
                 self.light_buffer.upsample(&tiles, &mut self.upsample_window);
                 self.shade(scene, &tiles);
             }
             if let Some(strip) = strip_of(step, 3) {
-                let tiles = marked(&self.dirty.resolved, strip);
+                let tiles = self.light_buffer.spread(&self.dirty.shaded, strip, &mut self.dirty.resolved);
                 self.restore(&tiles);
                 let transparent = self.view.has_transparent.then_some(&self.transparent);
                 self.resolver.find(&self.opaque.target, transparent, &self.light_buffer, &tiles, &self.colors);
@@ -260,11 +265,6 @@ impl FrameCache {
 /// Instance id of each surface number; 0 is the background.
 fn instances_of(assets: &RenderAssets) -> Vec<u16> {
     std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
-}
-
-/// Marked tiles of a range.
-fn marked(marks: &[bool], range: Range<usize>) -> Vec<usize> {
-    range.filter(|&tile| marks[tile]).collect()
 }
 
 /// Depth from reversed z; 0 for the background.

@@ -163,19 +163,6 @@ impl LayeredBuffer {
     }
 }
 
-/// Marks of a grid of tiles, dilated by one tile in all directions.
-pub(crate) fn dilated(marks: &[bool], columns: usize) -> Vec<bool> {
-    let across = |tile: usize| {
-        let column = tile % columns;
-        let row = tile - column;
-        marks[row + column.saturating_sub(1)..row + (column + 2).min(columns)].contains(&true)
-    };
-    let rows: Vec<bool> = (0..marks.len()).map(across).collect();
-    let down =
-        |tile: usize| rows[tile] || tile >= columns && rows[tile - columns] || rows.get(tile + columns) == Some(&true);
-    (0..marks.len()).map(down).collect()
-}
-
 /// Summed-area table of marks on a grid of tiles: tests rectangles in constant time.
 #[derive(Debug, Default)]
 pub(crate) struct MarkCount {

@@ -153,6 +153,13 @@ impl LightBuffer {
             .map(move |row| row * columns + column.saturating_sub(1)..row * columns + (column + 2).min(columns))
     }
 
+    /// Marks the tiles of a range that have a neighbour with another mark; returns all marked tiles of the range.
+    pub fn spread(&self, others: &[bool], range: Range<usize>, marks: &mut [bool]) -> Vec<usize> {
+        let is_near = |tile: usize| self.neighbours(tile).any(|line| others[line].contains(&true));
+        range.clone().for_each(|tile| marks[tile] |= is_near(tile));
+        range.filter(|&tile| marks[tile]).collect()
+    }
+
     /// True if all samples of a tile and its neighbours show one triangle, or the background.
     pub fn shows_one(&self, tile: usize) -> bool {
         let only = self.tiles[tile].only;

@@ -34,8 +34,35 @@ pub(crate) struct Estimator {
 }
 
 impl LightBuffer {
-    /// Samples the shadow mask and AO of dirty tiles.
-    pub fn estimate(&mut self, scene: &RenderScene<'_>, view: &View, tiles: &[usize], estimator: &mut Estimator) {
+    /// Samples the shadow mask and AO of dirty tiles; marks those in which a value changed.
+    pub fn estimate(
+        &mut self,
+        scene: &RenderScene<'_>,
+        view: &View,
+        tiles: &[usize],
+        estimator: &mut Estimator,
+        changed: &mut [bool],
+    ) {
+        let before = tiles.iter().filter(|&&tile| !changed[tile]).map(|&tile| (tile, self.estimates_of(tile)));
+        let before: Vec<_> = before.collect();
+        self.sample(scene, view, tiles, estimator);
+        for (tile, before) in before {
+            changed[tile] = self.estimates_of(tile) != before;
+        }
+    }
+
+    /// Raw shadow mask and AO of a tile, row by row.
+    fn estimates_of(&self, tile: usize) -> ([[f32; TILE]; TILE], [[f32; HALF]; HALF]) {
+        let ([columns, rows], [half_columns, half_rows]) = (self.pixels_of(tile), self.half_pixels_of(tile));
+        let whole = |row: usize| (rows.start + row) * self.width + columns.start;
+        let half = |row: usize| (half_rows.start + row) * self.width / 2 + half_columns.start;
+        (
+            std::array::from_fn(|row| std::array::from_fn(|column| self.raw_shadow_mask[whole(row) + column])),
+            std::array::from_fn(|row| std::array::from_fn(|column| self.raw_half_ao[half(row) + column])),
+        )
+    }
+
+    fn sample(&mut self, scene: &RenderScene<'_>, view: &View, tiles: &[usize], estimator: &mut Estimator) {
         let (assets, shadow, camera) = (scene.assets, scene.shadow, &view.camera);
         self.find_shadows(scene, tiles, estimator);
         self.find_ambient(scene, tiles, estimator);
