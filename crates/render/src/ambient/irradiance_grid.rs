@@ -17,7 +17,7 @@ use crate::lights::lighting::Lighting;
 use crate::scene::assets::RenderAssets;
 use crate::scene::supports::SupportTop;
 use crate::scene::variation::RenderVariation;
-use crate::simd::within;
+use crate::simd::{BatchColumn, CHUNK, Column, floor, nearest_integer, whole_registers, within};
 
 /// Grid spacing for large and for small images (m). Chosen: a sixth of the width of a small object, and about a pixel.
 const STEP_M: [f32; 2] = [0.01, 0.02];
@@ -183,26 +183,35 @@ impl IrradianceGrid {
         changes
     }
 
-    /// Factor of the ambient light at a position (m).
+    /// Multiplies the ambient light at `count` positions (m) by its factors.
     #[inline(always)]
-    pub fn at(&self, x: f32, y: f32) -> Vec4 {
-        let [column, row] = self.on_grid(Vec2::new(x, y));
-        let (left, top) = (column as usize, row as usize);
-        let index = top * self.columns + left;
-        let (Some([a, b]), Some([c, d])) =
-            (self.points[index..].first_chunk::<2>(), self.points[index + self.columns..].first_chunk::<2>())
-        else {
-            return Vec4::ONE;
-        };
-        let (x, y) = (column - left as f32, row - top as f32);
-        let (upper, lower) = (*a + (*b - *a) * x, *c + (*d - *c) * x);
-        upper + (lower - upper) * y
+    pub fn apply(&self, count: usize, place: &[BatchColumn; 3], around: &mut [BatchColumn; 3]) {
+        let (mut index, mut x, mut y) = (Column::<u32>::default(), BatchColumn::default(), BatchColumn::default());
+        for i in 0..whole_registers(count) {
+            let [column, row] = self.on_grid(Vec2::new(place[0][i], place[1][i]));
+            let (left, top) = (floor(column), floor(row));
+            (x[i], y[i]) = (column - left, row - top);
+            index[i] = nearest_integer(top) * self.columns as u32 + nearest_integer(left);
+        }
+        let mut factors = [Vec4::ONE; CHUNK];
+        for i in 0..count.min(CHUNK) {
+            let index = index[i] as usize;
+            if let ([a, b, ..], [c, d, ..]) = (&self.points[index..], &self.points[index + self.columns..]) {
+                let (upper, lower) = (*a + (*b - *a) * x[i], *c + (*d - *c) * x[i]);
+                factors[i] = upper + (lower - upper) * y[i];
+            }
+        }
+        for channel in 0..3 {
+            for i in 0..CHUNK {
+                around[channel][i] *= factors[i][channel];
+            }
+        }
     }
 
     /// Grid coordinates of a position (m), clamped to where they can be interpolated.
     #[inline(always)]
     fn on_grid(&self, place: Vec2) -> [f32; 2] {
-        let at = (place - self.first) / self.step;
+        let at = (place - self.first) * (1.0 / self.step);
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
@@ -342,12 +351,17 @@ mod tests {
     fn bodies_darken_and_colour_the_surface_around_them() {
         let scene = Scene::new();
         for (grid, center) in [DVec3::X * 0.5, SIDE].into_iter().enumerate() {
-            let light = |mount, block, y| scene.anew(mount, [block, FAR]).grids[grid].at(0.5, center.y as f32 + y);
+            let light = |mount, block, y| {
+                let place = [0.5, center.y as f32 + y, 0.0].map(BatchColumn::of);
+                let mut around = [BatchColumn::of(1.0); 3];
+                scene.anew(mount, [block, FAR]).grids[grid].apply(1, &place, &mut around);
+                Vec3A::from_array(around.map(|channel| channel[0]))
+            };
             let at = |height, mount, y| light(mount, center + DVec3::Z * height, y);
             let near = at(0.03, CameraMount::World, 0.05);
             assert!(near.x > near.y && near.y < 0.9, "{near} on surface {grid}");
             let away = at(0.03, CameraMount::World, 0.3);
-            assert!((away - Vec4::ONE.with_w(0.0)).abs().max_element() < 0.05, "{away} on surface {grid}");
+            assert!((away - Vec3A::ONE).abs().max_element() < 0.05, "{away} on surface {grid}");
             assert_eq!(at(0.13, CameraMount::World, 0.05), light(CameraMount::World, DVec3::Z, 0.05));
             assert!(at(0.13, CameraMount::Hand, 0.05).y < 0.97);
         }

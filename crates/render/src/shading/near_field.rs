@@ -1,4 +1,4 @@
-//! Near-field light: ground bounce, cavity light and the irradiance grid.
+//! Near-field light: ground bounce and cavity light.
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
@@ -6,13 +6,12 @@ use super::part::PartLight;
 use super::points::ShadingPoints;
 use super::terms::ShadingTerms;
 use crate::ambient::cavity::facing_middle;
-use crate::ambient::irradiance_grid::IrradianceGrid;
 use crate::ambient::proxies::Proxy;
 use crate::gbuffer::view::PartView;
 use crate::lights::lighting::Lighting;
 use crate::scene::material::Material;
 use crate::shading::reflectance::cavity_interreflection;
-use crate::simd::{BatchColumn, CHUNK, dot};
+use crate::simd::dot;
 
 /// Adds the light of the support surface, `eye_height` (m) below the camera, on objects close above it.
 #[inline(always)]
@@ -58,21 +57,5 @@ pub(super) fn cavity_term<const LANES: usize>(
             let albedo = points.base[channel][i] * (1.0 - material.metallic);
             out.color[channel][i] += cavity_interreflection(albedo, opening) * facing * key[channel];
         }
-    }
-}
-
-/// Multiplies the ambient light on a support surface by its irradiance grid.
-#[inline(always)]
-pub(super) fn apply_irradiance_grid(
-    irradiance_grid: &IrradianceGrid,
-    count: usize,
-    place: &[BatchColumn; 3],
-    around: &mut [BatchColumn; 3],
-) {
-    for i in 0..count.min(CHUNK) {
-        let [r, g, b, _] = irradiance_grid.at(place[0][i], place[1][i]).to_array();
-        around[0][i] *= r;
-        around[1][i] *= g;
-        around[2][i] *= b;
     }
 }

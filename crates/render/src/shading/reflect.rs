@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::near_field::{apply_irradiance_grid, cavity_term, ground_bounce};
+use super::near_field::{cavity_term, ground_bounce};
 use super::part::{PartLight, ShadedPart};
 use super::points::ShadingPoints;
 use super::terms::{ShadingTerms, mirrored};
@@ -43,7 +43,7 @@ fn reflect_chunk<const LANES: usize>(points: &ShadingPoints, part: &ShadedPart<'
         ground_bounce::<LANES>(light, camera.viewpoint.z - top, points, placed, out);
     }
     if let Some(irradiance_grid) = light.irradiance_grid {
-        apply_irradiance_grid(irradiance_grid, points.pixels.count, &points.place, &mut out.around);
+        irradiance_grid.apply(points.pixels.count, &points.place, &mut out.around);
     }
     find_highlights::<LANES>(material.roughness, light.lighting, out);
     apply_shadow::<LANES>(&points.shadow, light.with_key(), out);
