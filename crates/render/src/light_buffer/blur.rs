@@ -6,6 +6,7 @@ use multiversion::multiversion;
 
 use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill};
 use crate::gbuffer::static_layer::TILE;
+use crate::raster::read_window;
 use crate::shadow::pcss::UNKNOWN;
 
 /// Values that the filter reads on each side of its centre.
@@ -34,7 +35,7 @@ impl LightBuffer {
             fill(&mut self.shadow_mask, self.width, [columns, rows], constant);
             return;
         }
-        let blurred = blur_tile(&mut windows.full, self, &self.raw_shadow_mask, [columns.start, rows.start]);
+        let blurred = blur_tile(&mut windows.full, self, [columns.start, rows.start]);
         for (row, line) in rows.zip(&blurred) {
             self.shadow_mask[row * self.width..][columns.clone()].copy_from_slice(line);
         }
@@ -48,7 +49,7 @@ impl LightBuffer {
             fill(&mut self.half_ao, width, [columns, rows], constant);
             return;
         }
-        let blurred = blur_half_tile(&mut windows.half, self, &self.raw_half_ao, [columns.start, rows.start]);
+        let blurred = blur_half_tile(&mut windows.half, self, [columns.start, rows.start]);
         for (row, line) in rows.zip(&blurred) {
             self.half_ao[row * width..][columns.clone()].copy_from_slice(line);
         }
@@ -62,10 +63,10 @@ pub(crate) struct Windows {
     half: Window<HALF_WINDOW>,
 }
 
-/// A tile with its margin.
+/// A tile with its margin; beyond the image the values of its border.
 #[derive(Debug)]
 struct Window<const SIDE: usize> {
-    surface: [[u32; SIDE]; SIDE],
+    surface: [[u16; SIDE]; SIDE],
     depth: [[f32; SIDE]; SIDE],
     value: [[f32; SIDE]; SIDE],
 }
@@ -77,25 +78,13 @@ impl<const SIDE: usize> Default for Window<SIDE> {
 }
 
 impl<const SIDE: usize> Window<SIDE> {
-    /// Loads values around a tile that begins at a column and row of their grid, one per `PIXELS`² pixels; values beyond
-    /// the image are unknown.
+    /// Loads the values around a tile that begins at a column and row, from images of a width.
     #[inline(always)]
-    fn load<const PIXELS: usize>(&mut self, light_buffer: &LightBuffer, values: &[f32], [x0, y0]: [usize; 2]) {
-        let (width, height) = (light_buffer.width / PIXELS, light_buffer.height / PIXELS);
-        let (from, to) = (MARGIN.saturating_sub(x0), SIDE.min(width + MARGIN - x0));
-        self.value = [[UNKNOWN; SIDE]; SIDE];
-        for row in 0..SIDE {
-            let Some(y) = (y0 + row).checked_sub(MARGIN).filter(|&y| y < height) else { continue };
-            let x = x0 + from - MARGIN;
-            let pixel = (y * light_buffer.width + x) * PIXELS;
-            let (depths, surfaces) = (&light_buffer.depth[pixel..], &light_buffer.surface[pixel..]);
-            let pixels = depths.iter().zip(surfaces).step_by(PIXELS).zip(&values[y * width + x..]);
-            for (column, ((&depth, &surface), &value)) in (from..to).zip(pixels) {
-                self.value[row][column] = value;
-                self.depth[row][column] = depth;
-                self.surface[row][column] = u32::from(surface);
-            }
-        }
+    fn load(&mut self, width: usize, surface: &[u16], depth: &[f32], value: &[f32], place: [usize; 2]) {
+        let first = place.map(|at| at as isize - MARGIN as isize);
+        read_window(surface, [width, width], first, &mut self.surface);
+        read_window(depth, [width, width], first, &mut self.depth);
+        read_window(value, [width, width], first, &mut self.value);
     }
 
     /// Weighted means along rows, then along columns, over known values of the same surface at about the same depth.
@@ -144,19 +133,14 @@ impl<const SIDE: usize> Window<SIDE> {
     }
 }
 
-#[multiversion(targets("x86_64+avx2+fma"))]
-fn blur_tile(window: &mut Window<WINDOW>, buffer: &LightBuffer, mask: &[f32], at: [usize; 2]) -> [[f32; TILE]; TILE] {
-    window.load::<1>(buffer, mask, at);
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn blur_tile(window: &mut Window<WINDOW>, buffer: &LightBuffer, at: [usize; 2]) -> [[f32; TILE]; TILE] {
+    window.load(buffer.width, &buffer.surface, &buffer.depth, &buffer.raw_shadow_mask, at);
     window.blurred()
 }
 
-#[multiversion(targets("x86_64+avx2+fma"))]
-fn blur_half_tile(
-    window: &mut Window<HALF_WINDOW>,
-    buffer: &LightBuffer,
-    ao: &[f32],
-    at: [usize; 2],
-) -> [[f32; HALF]; HALF] {
-    window.load::<2>(buffer, ao, at);
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
+fn blur_half_tile(window: &mut Window<HALF_WINDOW>, buffer: &LightBuffer, at: [usize; 2]) -> [[f32; HALF]; HALF] {
+    window.load(buffer.width / 2, &buffer.half_surface, &buffer.half_depth, &buffer.raw_half_ao, at);
     window.blurred()
 }

@@ -33,6 +33,9 @@ pub(crate) struct LightBuffer {
     pub ids: Vec<u32>,
     /// Surface numbers (part number plus one); 0 for the background.
     pub surface: Vec<u16>,
+    /// Depth and surface numbers of the AO samples.
+    pub(super) half_depth: Vec<f32>,
+    pub(super) half_surface: Vec<u16>,
     /// Shadow mask before and after filtering: share of the key light that arrives; [`UNKNOWN`] where it does not matter.
     pub(super) raw_shadow_mask: Vec<f32>,
     pub shadow_mask: Vec<f32>,
@@ -83,9 +86,10 @@ impl LightBuffer {
         for list in [&mut self.raw_shadow_mask, &mut self.shadow_mask, &mut self.ambient] {
             *list = vec![UNKNOWN; pixels];
         }
-        for list in [&mut self.raw_half_ao, &mut self.half_ao] {
+        for list in [&mut self.raw_half_ao, &mut self.half_ao, &mut self.half_depth] {
             *list = vec![UNKNOWN; pixels / 4];
         }
+        self.half_surface = vec![0; pixels / 4];
         self.tiles = vec![TileSummary::default(); tiles];
         for list in [&mut self.shadow_range, &mut self.ao_range] {
             *list = vec![NO_RANGE; tiles];
@@ -120,22 +124,21 @@ impl LightBuffer {
     /// Bins the pixels of some tiles by part.
     pub fn fill_bins(&self, parts: usize, tiles: &[usize], bins: &mut MaterialBins) {
         bins.clear(parts);
-        tiles.iter().for_each(|&tile| self.push_tile(tile, 1, bins));
+        tiles.iter().for_each(|&tile| self.push_tile::<1>(tile, bins));
     }
 
-    /// Adds the pixels of a tile to the bins of their parts; of a tile that shows one surface those on every `step`th
+    /// Adds the pixels of a tile to the bins of their parts; of a tile that shows one surface only those on every `STEP`th
     /// diagonal.
-    pub(super) fn push_tile(&self, tile: usize, step: usize, bins: &mut MaterialBins) {
+    pub(super) fn push_tile<const STEP: usize>(&self, tile: usize, bins: &mut MaterialBins) {
         let ([columns, rows], surface) = (self.pixels_of(tile), self.tiles[tile].surface);
-        for row in rows {
-            if surface != SEVERAL {
-                let columns = columns.clone().skip(row % step).step_by(step);
-                bins.extend(surface, columns.map(|column| packed(column, row)));
-                continue;
-            }
-            for column in columns.clone() {
-                bins.extend(self.surface[row * self.width + column], [packed(column, row)]);
-            }
+        if surface != SEVERAL {
+            let first = packed(columns.start, rows.start);
+            let [row, column] = [|i: usize| i / TILE, |i: usize| i % TILE + i / TILE % STEP];
+            let places = (0..TILE * TILE / STEP).map(|i| first + packed(column(i * STEP), row(i * STEP)));
+            return bins.extend(surface, places);
+        }
+        for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
+            bins.extend(self.surface[row * self.width + column], [packed(column, row)]);
         }
     }
 

@@ -118,7 +118,7 @@ impl LightBuffer {
                 fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
                 shadow_tiles.push(tile);
                 // On one surface the filter knows enough from every second pixel.
-                self.push_tile(tile, 2, shadows);
+                self.push_tile::<2>(tile, shadows);
             }
         }
     }
@@ -171,7 +171,7 @@ fn put_half(points: &Points, share: &BatchColumn, half: &mut [f32], width: usize
 }
 
 /// Range of the known values in some rows of `SIDE` columns.
-#[multiversion(targets("x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn range_of<const SIDE: usize>(values: &[f32], width: usize, column: usize, rows: Range<usize>) -> [f32; 2] {
     // One pair of extremes per column: columns are independent, so this runs in vectors.
     let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);

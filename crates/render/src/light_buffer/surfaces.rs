@@ -5,7 +5,7 @@
 use glam::Vec3A;
 use multiversion::multiversion;
 
-use super::buffer::{LightBuffer, MIXED, SEVERAL, TileSummary};
+use super::buffer::{HALF, LightBuffer, MIXED, SEVERAL, TileSummary};
 use crate::ambient::ssao::MAX_REACH;
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::{CameraView, View};
@@ -34,6 +34,13 @@ impl LightBuffer {
             };
             let TileContents { reversed_z: [low, high], first, differ, differ_all } =
                 read_tile((&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride), seen);
+            for (row, half_row) in rows.clone().step_by(2).zip(self.half_pixels_of(tile)[1].clone()) {
+                let (pixel, sample) = (row * self.width + columns.start, half_row * self.width / 2 + columns.start / 2);
+                for column in 0..HALF {
+                    self.half_depth[sample + column] = self.depth[pixel + 2 * column];
+                    self.half_surface[sample + column] = self.surface[pixel + 2 * column];
+                }
+            }
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
             // Without several surfaces the first pixel is enough.
             let lines = rows.clone().map(|row| row * self.width + columns.start);

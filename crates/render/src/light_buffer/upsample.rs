@@ -50,10 +50,10 @@ impl LightBuffer {
             for column in 0..TILE {
                 for (side, step) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
                     let x = (x + step).min(half_width - 1);
-                    let pixel = 2 * y * self.width + 2 * x;
-                    window.coarse_surface[row][side][column] = u32::from(self.surface[pixel]);
-                    window.coarse_depth[row][side][column] = self.depth[pixel];
-                    window.value[row][side][column] = self.half_ao[y * half_width + x];
+                    let sample = y * half_width + x;
+                    window.coarse_surface[row][side][column] = u32::from(self.half_surface[sample]);
+                    window.coarse_depth[row][side][column] = self.half_depth[sample];
+                    window.value[row][side][column] = self.half_ao[sample];
                 }
             }
         }
@@ -61,7 +61,7 @@ impl LightBuffer {
 }
 
 /// Mean of the four AO samples around each pixel that belong to the same surface at about the same depth.
-#[multiversion(targets("x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn upsample_tile(window: &UpsampleWindow) -> [[f32; TILE]; TILE] {
     let mut out = [[1.0; TILE]; TILE];
     for row in 0..TILE {

@@ -194,20 +194,21 @@ impl VisibilityBuffer {
     }
 }
 
-/// Reads a square window of values per sample from a first column and row on; beyond the image those of its border.
+/// Reads a square window of an image from a first column and row on; beyond the image the values of its border.
+#[inline(always)]
 pub(crate) fn read_window<T: Copy, const SIDE: usize>(
-    buffer: &VisibilityBuffer,
     values: &[T],
+    [width, stride]: [usize; 2],
     [column, row]: [isize; 2],
     out: &mut [[T; SIDE]; SIDE],
 ) {
     let clamp = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
     for (step, out) in out.iter_mut().enumerate() {
-        let line = &values[clamp(row + step as isize, buffer.height) * buffer.stride..][..buffer.width];
+        let line = &values[clamp(row + step as isize, values.len() / stride) * stride..][..width];
         let whole = usize::try_from(column).ok().and_then(|column| line.get(column..)?.first_chunk());
         *out = match whole {
             Some(whole) => *whole,
-            None => std::array::from_fn(|step| line[clamp(column + step as isize, buffer.width)]),
+            None => std::array::from_fn(|step| line[clamp(column + step as isize, width)]),
         };
     }
 }

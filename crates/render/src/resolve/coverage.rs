@@ -40,7 +40,7 @@ pub(super) fn find_coverage(
     let first = place.map(|at| 2 * at as isize - 1);
     let load = |buffer: &VisibilityBuffer| {
         let mut depths = [[0.0; SIDE]; SIDE];
-        read_window(buffer, &buffer.reversed_z, first, &mut depths);
+        read_window(&buffer.reversed_z, [buffer.width, buffer.stride], first, &mut depths);
         depths
     };
     let opaque = load(opaque);

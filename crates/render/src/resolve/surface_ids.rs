@@ -57,7 +57,8 @@ impl Default for TileSurfaceIds {
 impl TileSurfaceIds {
     /// Loads the tile that begins at a pixel; returns false if all its samples have one id.
     pub fn load(&mut self, buffer: &VisibilityBuffer, place: [usize; 2], codes: &NormalCodes) -> bool {
-        read_window(buffer, &buffer.ids, place.map(|at| 2 * at as isize - 2), &mut self.0);
+        let first = place.map(|at| 2 * at as isize - 2);
+        read_window(&buffer.ids, [buffer.width, buffer.stride], first, &mut self.0);
         load(&mut self.0, &codes.offsets, &codes.codes)
     }
 }

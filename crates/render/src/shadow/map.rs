@@ -340,7 +340,7 @@ fn place_points(light: &KeyLight, points: &Points, out: &mut MapPoints) {
 }
 
 /// Largest reversed z in changed tiles.
-#[multiversion(targets("x86_64+avx2+fma"))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f32]) {
     let tiles = target.width / TILE;
     for (tile, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
