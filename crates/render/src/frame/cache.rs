@@ -93,27 +93,22 @@ impl FrameCache {
         }
         self.light_buffer.read_surfaces(scene, &self.opaque.target, &self.opaque.changed, view);
         self.light_buffer.find_unoccluded(assets, scene.variation, scene.irradiance_grids);
-        self.find_dirty(scene, continues);
+        self.find_dirty(scene);
         self.run_passes(scene);
     }
 
     /// Finds the dirty tiles of each pass but for those that the pass before adds.
-    fn find_dirty(&mut self, scene: &RenderScene<'_>, continues: bool) {
+    fn find_dirty(&mut self, scene: &RenderScene<'_>) {
         let columns = self.opaque.tile_columns;
         let DirtyTiles { estimated, changed, blurred, shaded, resolved } = &mut self.dirty;
         changed.clone_from(&self.opaque.changed);
-        if continues {
-            self.light_buffer.mark_dirty(changed, scene.shadow, self.shadow_version, estimated);
-        } else {
-            estimated.clone_from(changed);
-        }
+        self.light_buffer.mark_dirty(changed, scene.shadow, self.shadow_version, estimated);
         if scene.proxies.differ(&self.proxies) {
             estimated.fill(true);
             changed.fill(true);
         }
         for marks in [blurred, &mut *shaded, &mut *resolved] {
-            marks.clear();
-            marks.resize(changed.len(), false);
+            *marks = vec![false; changed.len()];
         }
         let grids = scene.irradiance_grids;
         if grids.version() != self.grid_version {

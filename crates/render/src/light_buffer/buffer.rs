@@ -15,7 +15,7 @@ pub(super) const SEVERAL: u16 = u16::MAX;
 /// Stands for several visibility ids in a tile.
 pub(super) const MIXED: u32 = u32::MAX;
 /// Range of no values.
-pub(super) const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 /// AO samples along the side of a tile.
 pub(super) const HALF: usize = TILE / 2;
 

@@ -6,12 +6,13 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use super::buffer::{HALF, LightBuffer, NO_RANGE, SEVERAL, fill};
+use super::buffer::{HALF, LightBuffer, SEVERAL, TileSummary, fill};
 use crate::ambient::ssao::{SsaoTaps, occlude};
 use crate::gbuffer::material_bins::MaterialBins;
 use crate::gbuffer::points::{PixelCenters, Pixels, Points, packed};
 use crate::gbuffer::static_layer::TILE;
 use crate::gbuffer::view::View;
+use crate::raster::read_window;
 use crate::render_scene::RenderScene;
 use crate::shadow::map::UnresolvedSamples;
 use crate::shadow::pcss::UNKNOWN;
@@ -28,9 +29,6 @@ pub(crate) struct Estimator {
     shadows: MaterialBins,
     ssao: MaterialBins,
     by_proxies: MaterialBins,
-    /// Tiles with sampled shadows, and with sampled AO.
-    shadow_tiles: Vec<usize>,
-    ao_tiles: Vec<usize>,
 }
 
 impl LightBuffer {
@@ -53,13 +51,11 @@ impl LightBuffer {
 
     /// Raw shadow mask and AO of a tile, row by row.
     fn estimates_of(&self, tile: usize) -> ([[f32; TILE]; TILE], [[f32; HALF]; HALF]) {
-        let ([columns, rows], [half_columns, half_rows]) = (self.pixels_of(tile), self.half_pixels_of(tile));
-        let whole = |row: usize| (rows.start + row) * self.width + columns.start;
-        let half = |row: usize| (half_rows.start + row) * self.width / 2 + half_columns.start;
-        (
-            std::array::from_fn(|row| std::array::from_fn(|column| self.raw_shadow_mask[whole(row) + column])),
-            std::array::from_fn(|row| std::array::from_fn(|column| self.raw_half_ao[half(row) + column])),
-        )
+        let (mut mask, mut ao) = ([[UNKNOWN; TILE]; TILE], [[UNKNOWN; HALF]; HALF]);
+        let place = self.place_of(tile).map(|at| at as isize);
+        read_window(&self.raw_shadow_mask, [self.width; 2], place.map(|at| at * TILE as isize), &mut mask);
+        read_window(&self.raw_half_ao, [self.width / 2; 2], place.map(|at| at * HALF as isize), &mut ao);
+        (mask, ao)
     }
 
     fn sample(&mut self, scene: &RenderScene<'_>, view: &View, tiles: &[usize], estimator: &mut Estimator) {
@@ -76,25 +72,22 @@ impl LightBuffer {
         if shadow.is_on() {
             shadow.resolve(unresolved, raw_shadow_mask);
         }
-        ssao.for_each(pixels, centers, |part, pixels| {
-            points.fill(pixels, &assets.parts[part], &view.parts[part], camera);
-            occlude(points, depth, size, camera, view.parts[part].ground, scene.variation, taps);
-            if scene.irradiance_grids.of(part as u16 + 1).is_none() {
-                scene.proxies.darken(points, assets.parts[part].body, &mut taps.share);
-            }
-            put_half(points, &taps.share, raw_half_ao, *width / 2);
-        });
-        by_proxies.for_each(pixels, centers, |part, pixels| {
-            points.fill(pixels, &assets.parts[part], &view.parts[part], camera);
-            taps.share.fill(1.0);
-            scene.proxies.darken(points, assets.parts[part].body, &mut taps.share);
-            put_half(points, &taps.share, raw_half_ao, *width / 2);
-        });
-        for &tile in &estimator.shadow_tiles {
+        for (bins, has_ssao) in [(ssao, true), (by_proxies, false)] {
+            bins.for_each(pixels, centers, |part, pixels| {
+                points.fill(pixels, &assets.parts[part], &view.parts[part], camera);
+                match has_ssao {
+                    true => occlude(points, depth, size, camera, view.parts[part].ground, scene.variation, taps),
+                    false => taps.share.fill(1.0),
+                }
+                if scene.irradiance_grids.of(part as u16 + 1).is_none() {
+                    scene.proxies.darken(points, assets.parts[part].body, &mut taps.share);
+                }
+                put_half(points, &taps.share, raw_half_ao, *width / 2);
+            });
+        }
+        for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             self.shadow_range[tile] = range_of::<TILE>(&self.raw_shadow_mask, self.width, columns.start, rows);
-        }
-        for &tile in &estimator.ao_tiles {
             let [columns, rows] = self.half_pixels_of(tile);
             self.ao_range[tile] = range_of::<HALF>(&self.raw_half_ao, self.width / 2, columns.start, rows);
         }
@@ -102,34 +95,25 @@ impl LightBuffer {
 
     /// Fills the shadow mask of lit tiles, and bins the pixels of the others.
     fn find_shadows(&mut self, scene: &RenderScene<'_>, tiles: &[usize], estimator: &mut Estimator) {
-        let Estimator { shadows, shadow_tiles, .. } = estimator;
-        shadows.clear(scene.assets.parts.len());
-        shadow_tiles.clear();
+        estimator.shadows.clear(scene.assets.parts.len());
         for &tile in tiles {
-            let surface = self.tiles[tile].surface;
-            let pixels = self.pixels_of(tile);
-            if surface == 0 {
-                fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
-                self.shadow_range[tile] = NO_RANGE;
-            } else if !scene.shadow.is_on() || scene.shadow.lights(&self.tiles[tile].footprint) {
-                fill(&mut self.raw_shadow_mask, self.width, pixels, 1.0);
-                self.shadow_range[tile] = [1.0; 2];
-            } else {
-                fill(&mut self.raw_shadow_mask, self.width, pixels, UNKNOWN);
-                shadow_tiles.push(tile);
+            let TileSummary { surface, footprint, .. } = &self.tiles[tile];
+            let is_lit = *surface > 0 && (!scene.shadow.is_on() || scene.shadow.lights(footprint));
+            if !is_lit {
                 // On one surface the filter knows enough from every second pixel.
-                self.push_tile::<2>(tile, shadows);
+                self.push_tile::<2>(tile, &mut estimator.shadows);
             }
+            let (pixels, value) = (self.pixels_of(tile), if is_lit { 1.0 } else { UNKNOWN });
+            fill(&mut self.raw_shadow_mask, self.width, pixels, value);
         }
     }
 
     /// Fills the AO of unoccluded tiles, and bins the AO samples of the others: every second row and column.
     fn find_ambient(&mut self, scene: &RenderScene<'_>, tiles: &[usize], estimator: &mut Estimator) {
-        let Estimator { ssao, by_proxies, ao_tiles, .. } = estimator;
+        let Estimator { ssao, by_proxies, .. } = estimator;
         let (parts, has_proxies) = (scene.assets.parts.len(), scene.proxies.count());
         ssao.clear(parts);
         by_proxies.clear(parts);
-        ao_tiles.clear();
         for &tile in tiles {
             let (own, is_unoccluded, is_far) =
                 (self.tiles[tile].surface, self.is_unoccluded[tile], self.is_far_from_statics[tile]);
@@ -143,10 +127,8 @@ impl LightBuffer {
                 let value = if own == 0 { UNKNOWN } else { 1.0 };
                 let pixels = self.half_pixels_of(tile);
                 fill(&mut self.raw_half_ao, self.width / 2, pixels, value);
-                self.ao_range[tile] = if own == 0 { NO_RANGE } else { [1.0; 2] };
                 continue;
             }
-            ao_tiles.push(tile);
             let [columns, rows] = self.pixels_of(tile);
             for row in rows.step_by(2) {
                 for column in columns.clone().step_by(2) {

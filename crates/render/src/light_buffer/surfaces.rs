@@ -34,12 +34,10 @@ impl LightBuffer {
             };
             let TileContents { reversed_z: [low, high], first, differ, differ_all } =
                 read_tile((&opaque.ids[sample..], &opaque.reversed_z[sample..], opaque.stride), seen);
-            for (row, half_row) in rows.clone().step_by(2).zip(self.half_pixels_of(tile)[1].clone()) {
-                let (pixel, sample) = (row * self.width + columns.start, half_row * self.width / 2 + columns.start / 2);
-                for column in 0..HALF {
-                    self.half_depth[sample + column] = self.depth[pixel + 2 * column];
-                    self.half_surface[sample + column] = self.surface[pixel + 2 * column];
-                }
+            for place in 0..HALF * HALF {
+                let [x, y] = [columns.start / 2 + place % HALF, rows.start / 2 + place / HALF];
+                let (sample, pixel) = (y * self.width / 2 + x, 2 * (y * self.width + x));
+                (self.half_depth[sample], self.half_surface[sample]) = (self.depth[pixel], self.surface[pixel]);
             }
             let surface = if differ >> TRIANGLE_BITS != 0 { SEVERAL } else { (first >> TRIANGLE_BITS) as u16 };
             // Without several surfaces the first pixel is enough.

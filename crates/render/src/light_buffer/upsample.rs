@@ -6,14 +6,15 @@ use multiversion::multiversion;
 
 use super::buffer::{HALF, LightBuffer, SAME_DEPTH, fill};
 use crate::gbuffer::static_layer::TILE;
+use crate::raster::read_window;
 
 /// A tile and the AO samples around it, each beside the pixels to its left or right.
 #[derive(Debug, Default)]
 pub(crate) struct UpsampleWindow {
-    surface: [[u32; TILE]; TILE],
+    surface: [[u16; TILE]; TILE],
     depth: [[f32; TILE]; TILE],
     /// By AO row: samples to the left and to the right of each column.
-    coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
+    coarse_surface: [[[u16; TILE]; 2]; HALF + 1],
     coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
     value: [[[f32; TILE]; 2]; HALF + 1],
 }
@@ -40,18 +41,16 @@ impl LightBuffer {
     fn fill_window(&self, first_column: usize, first_row: usize, window: &mut UpsampleWindow) {
         let (half_width, half_height) = (self.width / 2, self.height / 2);
         let (x, y) = (first_column / 2, first_row / 2);
-        for row in 0..TILE {
-            let fine = (first_row + row) * self.width + first_column;
-            window.surface[row] = std::array::from_fn(|column| u32::from(self.surface[fine + column]));
-            window.depth[row] = std::array::from_fn(|column| self.depth[fine + column]);
-        }
+        let first = [first_column as isize, first_row as isize];
+        read_window(&self.surface, [self.width; 2], first, &mut window.surface);
+        read_window(&self.depth, [self.width; 2], first, &mut window.depth);
         for row in 0..=HALF {
             let y = (y + row).min(half_height - 1);
             for column in 0..TILE {
                 for (side, step) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
                     let x = (x + step).min(half_width - 1);
                     let sample = y * half_width + x;
-                    window.coarse_surface[row][side][column] = u32::from(self.half_surface[sample]);
+                    window.coarse_surface[row][side][column] = self.half_surface[sample];
                     window.coarse_depth[row][side][column] = self.half_depth[sample];
                     window.value[row][side][column] = self.half_ao[sample];
                 }
