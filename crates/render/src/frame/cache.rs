@@ -18,7 +18,7 @@ use crate::simd::CHUNK;
 use crate::transparency::visibility::TransparentBuffers;
 
 /// Pixels of a strip of tiles that goes through a pass at a time: its data fit the second-level cache.
-const STRIP_PIXELS: usize = 16_384;
+const STRIP_PIXELS: usize = 8_192;
 /// Samples per pixel along each axis.
 const SCALE: usize = 2;
 
