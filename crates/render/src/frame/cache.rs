@@ -99,7 +99,6 @@ impl FrameCache {
 
     /// Finds the dirty tiles of each pass but for those that the pass before adds.
     fn find_dirty(&mut self, scene: &RenderScene<'_>) {
-        let columns = self.opaque.tile_columns;
         let DirtyTiles { estimated, changed, blurred, shaded, resolved } = &mut self.dirty;
         changed.clone_from(&self.opaque.changed);
         self.light_buffer.mark_dirty(changed, scene.shadow, self.shadow_version, estimated);
@@ -118,7 +117,7 @@ impl FrameCache {
             if part.is_transparent() && motion.moved {
                 for rectangle in [&motion.before, &motion.now] {
                     for row in rectangle.tile_rows() {
-                        resolved[row * columns..][rectangle.tile_columns()].fill(true);
+                        resolved[row * self.opaque.tile_columns..][rectangle.tile_columns()].fill(true);
                     }
                 }
             }

@@ -142,6 +142,5 @@ fn locate(points: &mut Points, depths: &BatchColumn, placed: &PartView, camera: 
 
 /// Rotations of sampling patterns in a block of 4×4 points: neighbours differ much, and all sixteen occur in 4×4 blocks.
 pub(crate) const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-/// Offsets within a block, modulo 16, so that nearly all rotations occur in 4×4 pixels, and every second one on a
-/// checkerboard.
+/// Offsets within a block, modulo 16: nearly all rotations occur in 4×4 pixels, every second one on a checkerboard.
 const WITHIN: [[u8; 2]; 2] = [[0, 1], [3, 2]];

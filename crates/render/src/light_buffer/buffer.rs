@@ -127,8 +127,7 @@ impl LightBuffer {
         tiles.iter().for_each(|&tile| self.push_tile::<1>(tile, bins));
     }
 
-    /// Adds the pixels of a tile to the bins of their parts; of a tile that shows one surface only those on every `STEP`th
-    /// diagonal.
+    /// Adds the pixels of a tile to the bins of their parts; of a single surface only those on every `STEP`th diagonal.
     pub(super) fn push_tile<const STEP: usize>(&self, tile: usize, bins: &mut MaterialBins) {
         let ([columns, rows], surface) = (self.pixels_of(tile), self.tiles[tile].surface);
         if surface != SEVERAL {

@@ -357,14 +357,12 @@ fn summarise_tiles(target: &VisibilityBuffer, changed: &[bool], highest: &mut [f
     }
 }
 
-/// Largest value in the light cone above each tile, up to `reach` tiles away: the cone rises by `rise` from tile to tile.
-/// Along rows, then along columns.
+/// Largest value in the light cone above each tile, which rises by `rise` per tile: along rows, then along columns.
 fn dilate_cones(own: &[f32], tiles: usize, reach: usize, rise: f32, out: &mut Vec<f32>) {
     // Joins each value with one that is `step` tiles away in the other list.
     let widen = |list: &mut [f32], others: &[f32], step: usize| {
         let lost = rise * (step - 1) as f32;
-        let joined = |value: f32, other: f32| if other - lost > value { other - lost } else { value };
-        list.iter_mut().zip(others).for_each(|(value, &other)| *value = joined(*value, other));
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = value.max(other - lost));
     };
     let mut rows = own.to_vec();
     for step in (1..=reach).filter(|&step| step < tiles) {
