@@ -13,7 +13,7 @@ use genmanip::motion::{AllowedCollisions, CollisionWorld, Planner, PlannerSettin
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
     let (urdf, out) = arguments.next().zip(arguments.next()).ok_or("usage: plan_for_an_arm ROBOT.urdf PATH.json")?;
-    let robot = Arc::new(robots::read(&urdf, None)?);
+    let robot = Arc::new(robots::read(&urdf, &robots::Settings::of_environment())?.model);
     let planner = Planner::new(Arc::clone(&robot), PlannerSettings::default())?;
     let mut world = CollisionWorld::default();
     let block = Piece::at(DVec3::new(0.5, 0.0, 0.2), Shape::Box { half_extents: DVec3::new(0.1, 0.1, 0.2) });

@@ -1,7 +1,7 @@
 //! Command-line arguments.
 
 use genmanip_assets::CATALOGUES;
-use genmanip_terminal::{GlobalArguments, parse};
+use genmanip_terminal::{GlobalArguments, UrdfArguments, parse};
 use std::path::PathBuf;
 
 use clap::builder::{ArgPredicate, TypedValueParser};
@@ -16,6 +16,7 @@ pub use evaluate::*;
 pub use export::*;
 pub use launch::*;
 pub use render::*;
+pub use robot::*;
 pub use serve::*;
 pub use suite::*;
 pub use world::*;
@@ -29,6 +30,7 @@ mod export;
 mod launch;
 mod parse_values;
 mod render;
+mod robot;
 mod serve;
 mod suite;
 mod world;
@@ -166,6 +168,12 @@ pub enum Command {
         /// Subcommand
         #[command(subcommand)]
         command: AssetsCommand,
+    },
+    /// Robots from their URDF
+    Robot {
+        /// Subcommand
+        #[command(subcommand)]
+        command: RobotCommand,
     },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
@@ -450,9 +458,12 @@ pub struct PlanArguments {
     /// Camera of image and video, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Robot of the empty world; scenarios laid out for another robot are refused
+    /// Robot of the empty world, or the URDF of any arm; scenarios laid out for another robot are refused
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
+    /// Folders of the meshes of a URDF, and choices of its reader
+    #[command(flatten)]
+    pub urdf: UrdfArguments,
 }
 
 /// The policies of the registry, and an example.

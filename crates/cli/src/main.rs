@@ -58,6 +58,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
         Command::Assets { command } => commands::assets::run(command, &packs, printer),
+        Command::Robot { command } => commands::robot::run(command, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Lab { .. } => Err(Failed::misused("`genmanip lab` is the program `genmanip-lab` now")

@@ -84,7 +84,7 @@ pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, Po
 pub use pose::Pose;
 pub use projection::Projection;
 pub use relation::{HorizontalAxis, Relation, RelationFacts, RelationKind, Side, Support};
-pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
+pub use robot::{Drives, Gripper, Mimic, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PhysicsFactors, PlacedObject, Request, Scenario};
 pub use seed::Seed;
 pub use sensor::{CameraSensor, ColorSensor, DepthSensor};

@@ -74,6 +74,21 @@ pub struct RobotJoint {
     pub max_jerk: f64,
     /// Largest torque or force, N·m or N.
     pub max_effort: f64,
+    /// Joint without end stops: positions a full turn apart are the same.
+    pub continuous: bool,
+    /// Coupling to another joint, which then sets the position; such a joint is no degree of freedom.
+    pub mimic: Option<Mimic>,
+}
+
+/// Position of a joint as a linear function of another joint's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mimic {
+    /// Link moved by the other joint.
+    pub link: usize,
+    /// Position per unit of the other joint's position.
+    pub multiplier: f64,
+    /// Position where the other joint is at 0, rad or m.
+    pub offset: f64,
 }
 
 /// A parallel gripper: two mirrored fingers.
@@ -183,30 +198,34 @@ impl RobotModel {
         self.home.len()
     }
 
-    /// The arm's joints, base to tip.
+    /// The arm's joints that move by themselves, base to tip.
     pub fn arm_joints(&self) -> impl Iterator<Item = &RobotJoint> {
-        self.links
-            .iter()
-            .enumerate()
-            .filter(|(index, _)| !self.gripper.fingers.contains(index))
-            .filter_map(|(_, link)| link.joint.as_ref())
+        self.arm_links().filter_map(|index| self.links[index].joint.as_ref())
+    }
+
+    /// The links behind [`RobotModel::arm_joints`].
+    pub fn arm_links(&self) -> impl Iterator<Item = usize> {
+        let moves = |link: &RobotLink| link.joint.as_ref().is_some_and(|joint| joint.mimic.is_none());
+        (0..self.links.len()).filter(move |index| !self.gripper.fingers.contains(index) && moves(&self.links[*index]))
     }
 
     /// `world_from_link` for every link, given arm joint positions and opening width.
     pub fn link_poses(&self, arm: &[f64], gripper_width: f64) -> Vec<Pose> {
         let mut poses: Vec<Pose> = Vec::with_capacity(self.links.len());
-        let mut arm = arm.iter().copied();
+        let mut positions = vec![0.0; self.links.len()];
+        for (link, &position) in self.arm_links().zip(arm) {
+            positions[link] = position;
+        }
+        for finger in self.gripper.fingers {
+            positions.get_mut(finger).into_iter().for_each(|position| *position = gripper_width / 2.0);
+        }
         for (index, link) in self.links.iter().enumerate() {
             let parent = link.parent.and_then(|parent| poses.get(parent)).copied().unwrap_or_default();
             let motion = match &link.joint {
                 None => Pose::IDENTITY,
                 Some(joint) => {
-                    let position = if self.gripper.fingers.contains(&index) {
-                        gripper_width / 2.0
-                    } else {
-                        arm.next().unwrap_or(0.0)
-                    };
-                    joint.kind.motion(joint.axis, position)
+                    let follow = |mimic: Mimic| positions[mimic.link] * mimic.multiplier + mimic.offset;
+                    joint.kind.motion(joint.axis, joint.mimic.map_or(positions[index], follow))
                 }
             };
             poses.push(parent * link.parent_from_link * motion);

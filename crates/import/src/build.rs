@@ -7,7 +7,7 @@ use genmanip_core::{
 use glam::{DVec2, DVec3, Vec2};
 
 use crate::collision::{self, Body};
-use crate::raw::{RawLink, RawObject};
+use crate::raw::{RawLink, RawObject, Surface};
 use crate::report::{Guess, Report};
 use crate::typical_sizes::{self, Prior};
 use crate::units_and_frame::{self, Given};
@@ -81,7 +81,7 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
         .map(|((link, body), mass)| ObjectLink {
             name: link.name.clone(),
             joint: link.joint.clone(),
-            visual: visual(link),
+            visual: visual(&link.surfaces),
             pieces: body.pieces,
             cavity: body.cavity,
             mass: *mass,
@@ -158,8 +158,8 @@ fn friction(raw: &RawObject, guesses: &mut Vec<Guess>) -> f64 {
 }
 
 /// Visual parts with smooth normals.
-fn visual(link: &RawLink) -> Vec<VisualPart> {
-    link.surfaces
+pub(crate) fn visual(surfaces: &[Surface]) -> Vec<VisualPart> {
+    surfaces
         .iter()
         .map(|surface| {
             let uv = |index: u32| {

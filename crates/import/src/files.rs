@@ -1,12 +1,14 @@
 //! The files of one import: confined to a root folder, read once each, and hashed.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_core::Texture;
-use genmanip_core::limits::{IMPORTED_PICTURE, Limit};
+use genmanip_core::limits::{IMPORTED_MESH, IMPORTED_PICTURE, Limit, SETTINGS};
 use sha2::{Digest, Sha256};
 
+use crate::raw::MAX_TRIANGLES;
 use crate::{ImportError, image};
 
 /// Version of the pipeline, part of the hash: versions may build different objects from the same files.
@@ -15,6 +17,9 @@ const PIPELINE: &str = "genmanip.import/1";
 const MAX_FILES: usize = 512;
 /// Maximum total size of one object's files, bytes.
 const MAX_BYTES: u64 = 256 << 20;
+/// The same for a robot, and the maximum number of triangles of one of its meshes.
+const MAX_ROBOT_BYTES: u64 = 1 << 30;
+const MAX_ROBOT_TRIANGLES: usize = 2_000_000;
 
 /// Reads a file by its path relative to the root; errors are messages.
 pub type ReadFile<'a> = dyn FnMut(&str, Limit) -> Result<Vec<u8>, String> + 'a;
@@ -28,12 +33,93 @@ pub struct Files<'a> {
     images: BTreeMap<String, Arc<Texture>>,
     /// Remaining budget of pixels to decode.
     pub pixels_left: usize,
+    /// Maximum number of triangles of a mesh.
+    pub max_triangles: usize,
+    /// Materials and textures are not read.
+    pub geometry_only: bool,
+    /// Folders of the disk to search; without them, paths are relative to the root and stay inside.
+    packages: Option<Packages>,
+    max_bytes: u64,
+}
+
+/// Folders of ROS packages: those that are named, then those of `ROS_PACKAGE_PATH`, then the folders above the file.
+#[derive(Clone, Debug, Default)]
+pub struct Packages {
+    /// Folder of each named package.
+    pub named: BTreeMap<String, PathBuf>,
+    /// Folders that contain packages.
+    pub search: Vec<PathBuf>,
 }
 
 impl<'a> Files<'a> {
     /// An empty set of files.
     pub fn new(read: &'a mut ReadFile<'a>) -> Self {
-        Self { read, known: BTreeMap::new(), bytes: 0, images: BTreeMap::new(), pixels_left: image::MAX_PIXELS }
+        Self {
+            read,
+            known: BTreeMap::new(),
+            bytes: 0,
+            images: BTreeMap::new(),
+            pixels_left: image::MAX_PIXELS,
+            max_triangles: MAX_TRIANGLES,
+            geometry_only: false,
+            packages: None,
+            max_bytes: MAX_BYTES,
+        }
+    }
+
+    /// The files of a robot: absolute paths anywhere on the disk, and larger meshes.
+    pub fn of_robot(read: &'a mut ReadFile<'a>, packages: Packages) -> Self {
+        Self {
+            packages: Some(packages),
+            max_triangles: MAX_ROBOT_TRIANGLES,
+            max_bytes: MAX_ROBOT_BYTES,
+            ..Self::new(read)
+        }
+    }
+
+    /// Resolves the name of a mesh or texture in a description; `package://NAME/` is a folder of that name, or one with
+    /// a `package.xml` of that name, on the way from the description to the root.
+    ///
+    /// # Errors
+    /// As [`beside`], and on the disk if there is no such file.
+    pub fn locate(&mut self, file: &str, named: &str) -> Result<String, ImportError> {
+        let named = named.trim().replace('\\', "/");
+        let in_package = ["package://", "model://"].into_iter().find_map(|scheme| named.strip_prefix(scheme));
+        let Some(packages) = self.packages.clone() else {
+            let Some(rest) = in_package else { return beside(file, &named) };
+            let plain = beside(file, rest.split_once('/').map_or(rest, |(_, inside)| inside));
+            let found = in_folders_above(file, rest).into_iter().find(|path| self.bytes(path, IMPORTED_MESH).is_ok());
+            return found.map_or(plain, Ok);
+        };
+        let plain = named.strip_prefix("file://").unwrap_or(&named);
+        if plain.is_empty() || plain.contains(['\0', '\n']) {
+            return Err(ImportError::new(file, format!("refers to the file `{}`, which is no path", shortened(plain))));
+        }
+        let mut candidates: Vec<PathBuf> = Vec::new();
+        match in_package {
+            Some(rest) => {
+                let (package, inside) = rest.split_once('/').unwrap_or(("", rest));
+                candidates.extend(packages.named.get(package).map(|folder| folder.join(inside)));
+                candidates.extend(packages.search.iter().map(|folder| folder.join(rest)));
+                candidates.extend(in_folders_above(file, rest).into_iter().map(PathBuf::from));
+            }
+            None => {
+                candidates.push(Path::new(file).with_file_name(plain));
+                // Some exporters write paths relative to the package.
+                candidates.extend(Path::new(file).ancestors().skip(2).map(|folder| folder.join(plain)));
+            }
+        }
+        if let Some(found) = candidates.iter().find(|path| path.is_file()) {
+            return Ok(found.display().to_string());
+        }
+        let error = ImportError::new(file, format!("refers to the mesh `{}`: no such file", shortened(&named)));
+        Err(match in_package.map(|rest| rest.split('/').next().unwrap_or_default()) {
+            Some(package) => error.hint(format!(
+                "name the package's folder: --package {}=DIR; or set ROS_PACKAGE_PATH to the folder that contains it",
+                shortened(package)
+            )),
+            None => error.hint("paths are relative to the URDF; package://NAME/… is found by --package NAME=DIR"),
+        })
     }
 
     /// The contents of a file.
@@ -49,8 +135,8 @@ impl<'a> Files<'a> {
         }
         let bytes = (self.read)(path, limit).map_err(|message| ImportError::new(path, message))?;
         self.bytes += bytes.len() as u64;
-        if self.bytes > MAX_BYTES {
-            let message = format!("the files of the object exceed {} MiB in total", MAX_BYTES >> 20);
+        if self.bytes > self.max_bytes {
+            let message = format!("the files of the object exceed {} MiB in total", self.max_bytes >> 20);
             return Err(ImportError::new(path, message));
         }
         let bytes = Arc::new(bytes);
@@ -136,6 +222,39 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
         }
     }
     Ok(parts.join("/"))
+}
+
+/// Paths of `NAME/inside` of a package in the folders above a file, likeliest first: packages that are called NAME, then
+/// any folder that could be the package.
+fn in_folders_above(file: &str, rest: &str) -> Vec<String> {
+    let (package, inside) = rest.split_once('/').unwrap_or(("", rest));
+    let is_absolute = file.starts_with('/');
+    let mut parts: Vec<&str> = file.split('/').filter(|part| !part.is_empty()).collect();
+    let (mut named, mut any, mut deeper) = (Vec::new(), Vec::new(), Vec::new());
+    while parts.pop().is_some() {
+        let folder = if is_absolute { format!("/{}", parts.join("/")) } else { parts.join("/") };
+        let within = |inside: &str| match folder.as_str() {
+            "" => inside.to_owned(),
+            "/" => format!("/{inside}"),
+            folder => format!("{folder}/{inside}"),
+        };
+        if parts.last() == Some(&package) || is_absolute && is_package(Path::new(&folder), package) {
+            named.push(within(inside));
+        }
+        named.push(within(rest));
+        any.push(within(inside));
+        // Packages within a package are often taken out of it.
+        let inner = inside.match_indices('/').map(|(at, _)| &inside[at + 1..]).filter(|inner| inner.contains('/'));
+        deeper.extend(inner.map(within));
+    }
+    named.into_iter().chain(any).chain(deeper).filter(|path| !path.split('/').any(|part| part == "..")).collect()
+}
+
+/// True if a folder has a `package.xml` with this name.
+fn is_package(folder: &Path, name: &str) -> bool {
+    let manifest = folder.join("package.xml");
+    let text = manifest.is_file().then(|| genmanip_data::files::read(&manifest, SETTINGS).ok()).flatten();
+    text.is_some_and(|text| String::from_utf8_lossy(&text).contains(&format!("<name>{name}</name>")))
 }
 
 /// Truncates and sanitises a text from a file for use in a message.

@@ -19,15 +19,16 @@ use genmanip_lab::blame::BlameArguments;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
+use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
-    readers, relations, render, rendered, scale, segment, statistics, suite, wording,
+    readers, relations, render, rendered, scale, segment, statistics, strangers, suite, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
 use crate::args::{self, LabCommand};
-use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
+use genmanip_terminal::{Printer, UrdfArguments};
 
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
@@ -41,6 +42,16 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = worlds::read_world(arguments.world.as_deref())?;
             let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &agent::describe(&measured));
+        }
+        LabCommand::Strangers(arguments) => {
+            let strangers = StrangersArguments {
+                folder: arguments.folder.clone(),
+                urdf: urdf_settings(&arguments.urdf),
+                kinds: arguments.kinds.clone(),
+                pairs: arguments.pairs,
+            };
+            let measured = strangers::measure(&strangers, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &strangers::describe(&measured));
         }
         LabCommand::Batch(arguments) => {
             let world = worlds::read_world(arguments.world.as_deref())?;
@@ -161,7 +172,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             segment_of(arguments, printer)?;
         }
         LabCommand::Motion(arguments) => {
-            let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            let measured = motion::measure(&motion_arguments(arguments, printer)?, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &motion::describe(&measured));
         }
     }
@@ -315,7 +326,12 @@ fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, F
     })
 }
 
-fn motion_arguments(arguments: &args::MotionArguments) -> Result<MotionArguments, Failed> {
+fn urdf_settings(arguments: &UrdfArguments) -> robots::Settings {
+    let UrdfArguments { packages, tip, visuals_collide } = arguments.clone();
+    robots::Settings::new(&packages, robots::Choices { tip, visuals_collide, visible: false })
+}
+
+fn motion_arguments(arguments: &args::MotionArguments, printer: &Printer) -> Result<MotionArguments, Failed> {
     let generated = || Source::Generated {
         is_hard: arguments.generate.as_deref() == Some("hard"),
         count: arguments.count.unwrap_or(100),
@@ -324,7 +340,11 @@ fn motion_arguments(arguments: &args::MotionArguments) -> Result<MotionArguments
     let of_file = |path| Source::File { path, count: arguments.count.unwrap_or(usize::MAX) };
     Ok(MotionArguments {
         robot: match &arguments.robot {
-            Some(path) => robots::read(path, arguments.tip.as_deref())?.into(),
+            Some(path) => {
+                let read = robots::read(path, &urdf_settings(&arguments.urdf))?;
+                read.notes.iter().for_each(|note| printer.say(note));
+                read.model.into()
+            }
             None => panda(),
         },
         problems: arguments.problems.clone().map_or_else(generated, of_file),

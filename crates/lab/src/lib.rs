@@ -29,6 +29,7 @@ pub mod rendered;
 pub mod scale;
 pub mod segment;
 pub mod statistics;
+pub mod strangers;
 pub mod suite;
 pub mod wording;
 

@@ -56,13 +56,18 @@ pub enum ModelError {
 
 /// Forward kinematics of a robot arm.
 ///
-/// Frame 0 is the base (= world); frame `k + 1` moves with arm joint `k`, z along the joint axis. Fixed links are
-/// merged into the frame that carries them.
+/// Frame 0 is the base (= world); frame `k + 1` moves with joint `k`, z along the joint axis. Without coupled joints,
+/// joint `k` is degree of freedom `k`. Fixed links are merged into the frame that carries them.
 #[derive(Clone, Debug)]
 pub struct Chain {
+    /// Every moving frame, parents first.
+    moving: Vec<ChainJoint>,
+    /// The degrees of freedom.
     joints: Vec<ChainJoint>,
     tcp_frame: usize,
     frame_from_tcp: Rigid,
+    /// Number of degrees of freedom that move the TCP.
+    tool_dof: usize,
     links: Vec<LinkMount>,
 }
 
@@ -73,6 +78,35 @@ pub(crate) struct ChainJoint {
     pub(crate) is_prismatic: bool,
     pub(crate) lower: f64,
     pub(crate) upper: f64,
+    /// Positions a full turn apart are the same.
+    pub(crate) continuous: bool,
+    /// Degree of freedom that sets the position.
+    pub(crate) driver: usize,
+    /// Multiplier and offset of a coupled joint.
+    pub(crate) coupling: Option<[f64; 2]>,
+}
+
+impl ChainJoint {
+    /// Position of the joint at a configuration [rad or m].
+    pub(crate) fn position(&self, config: &[f64]) -> f64 {
+        let q = config[self.driver];
+        self.coupling.map_or(q, |[multiplier, offset]| q * multiplier + offset)
+    }
+
+    /// Joint motion per unit motion of its degree of freedom, absolute.
+    pub(crate) fn ratio(&self) -> f64 {
+        self.coupling.map_or(1.0, |[multiplier, _]| multiplier.abs())
+    }
+
+    /// Range of positions that shows every posture once.
+    pub(crate) fn sampled(&self) -> std::ops::RangeInclusive<f64> {
+        if self.continuous { -std::f64::consts::PI..=std::f64::consts::PI } else { self.lower..=self.upper }
+    }
+
+    /// Margin kept from the limits: at most a twentieth of the range, so that short slides keep most of theirs.
+    pub(crate) fn margin(&self, largest: f64) -> f64 {
+        largest.min(0.05 * (self.upper - self.lower))
+    }
 }
 
 /// Mount of a link: its moving frame, its pose in that frame with a closed gripper, and its motion per opening width.
@@ -87,7 +121,8 @@ impl Chain {
     /// Compiles the arm of `robot`.
     pub fn new(robot: &RobotModel) -> Result<Self, ModelError> {
         check_indices(robot)?;
-        let mut joints: Vec<ChainJoint> = Vec::new();
+        let mut moving: Vec<ChainJoint> = Vec::new();
+        let drivers: Vec<usize> = robot.arm_links().collect();
         let mut links: Vec<LinkMount> = Vec::with_capacity(robot.links.len());
         for (index, link) in robot.links.iter().enumerate() {
             let base = LinkMount { frame: 0, frame_from_link: Rigid::IDENTITY, per_width: DVec3::ZERO };
@@ -100,37 +135,59 @@ impl Chain {
                 }
                 Some(joint) => {
                     check_joint(robot, joint)?;
+                    let driving = joint.mimic.map_or(index, |mimic| mimic.link);
+                    let Some(driver) = drivers.iter().position(|link| *link == driving) else {
+                        let what = format!("follows link {driving}, which no joint of its own moves");
+                        return Err(ModelError::BadJoint {
+                            robot: robot.name.clone(),
+                            joint: joint.name.clone(),
+                            what,
+                        });
+                    };
                     let link_from_joint = Rigid {
                         rotation: DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, joint.axis.normalize())),
                         translation: DVec3::ZERO,
                     };
-                    joints.push(ChainJoint {
+                    moving.push(ChainJoint {
                         parent_frame: parent.frame,
                         parent_from_joint: frame_from_link * link_from_joint,
                         is_prismatic: joint.kind == JointKind::Prismatic,
                         lower: joint.lower,
                         upper: joint.upper,
+                        continuous: joint.continuous,
+                        driver,
+                        coupling: joint.mimic.map(|mimic| [mimic.multiplier, mimic.offset]),
                     });
                     LinkMount {
-                        frame: joints.len(),
+                        frame: moving.len(),
                         frame_from_link: link_from_joint.inverse(),
                         per_width: DVec3::ZERO,
                     }
                 }
             });
         }
+        let joints: Vec<ChainJoint> = moving.iter().filter(|joint| joint.coupling.is_none()).cloned().collect();
         if robot.home.len() != joints.len() {
             let (expected, got) = (joints.len(), robot.home.len());
             return Err(ModelError::HomeLength { robot: robot.name.clone(), expected, got });
         }
         let hand = &links[robot.hand];
         let (tcp_frame, frame_from_tcp) = (hand.frame, hand.frame_from_link * Rigid::from(&robot.hand_from_tcp));
-        Ok(Self { joints, tcp_frame, frame_from_tcp, links })
+        let above = std::iter::successors(Some(tcp_frame), |frame| Some(moving[frame.checked_sub(1)?].parent_frame));
+        let mut movers: Vec<usize> = above.filter(|frame| *frame > 0).map(|frame| moving[frame - 1].driver).collect();
+        movers.sort_unstable();
+        movers.dedup();
+        Ok(Self { tool_dof: movers.len(), moving, joints, tcp_frame, frame_from_tcp, links })
     }
 
     /// Number of arm joints.
     pub fn dof(&self) -> usize {
         self.joints.len()
+    }
+
+    /// Number of degrees of freedom that move the TCP.
+    pub fn tool_dof(&self) -> usize {
+        self.tool_dof
     }
 
     /// Lower limit of each joint [rad or m].
@@ -174,8 +231,14 @@ impl Chain {
         crate::linear::determinant(gram).max(0.0).sqrt()
     }
 
+    /// The degrees of freedom, in the order of a configuration.
     pub(crate) fn joints(&self) -> &[ChainJoint] {
         &self.joints
+    }
+
+    /// The joint of every moving frame, coupled ones included.
+    pub(crate) fn moving(&self) -> &[ChainJoint] {
+        &self.moving
     }
 
     /// Moving frame of the TCP, and `frame_from_tcp`.
@@ -192,7 +255,7 @@ impl Chain {
 
     /// `world_from_frame` for every frame.
     pub(crate) fn frames(&self, config: &[f64]) -> Vec<Rigid> {
-        let mut frames = Vec::with_capacity(self.joints.len() + 1);
+        let mut frames = Vec::with_capacity(self.moving.len() + 1);
         self.frames_into(config, &mut frames);
         frames
     }
@@ -200,7 +263,8 @@ impl Chain {
     pub(crate) fn frames_into(&self, config: &[f64], frames: &mut Vec<Rigid>) {
         frames.clear();
         frames.push(Rigid::IDENTITY);
-        for (joint, &q) in self.joints.iter().zip(config) {
+        for joint in &self.moving {
+            let q = joint.position(config);
             let rest = frames[joint.parent_frame] * joint.parent_from_joint;
             frames.push(if joint.is_prismatic {
                 Rigid { translation: rest.translation + rest.rotation.z_axis * q, ..rest }
@@ -221,21 +285,23 @@ impl Chain {
         let mut frame = self.tcp_frame;
         while frame > 0 {
             moves_tcp[frame] = true;
-            frame = self.joints[frame - 1].parent_frame;
+            frame = self.moving[frame - 1].parent_frame;
         }
-        let column = |(index, joint): (usize, &ChainJoint)| {
-            if !moves_tcp[index + 1] {
-                return [0.0; 6];
-            }
+        let mut columns = vec![[0.0; 6]; self.joints.len()];
+        for (index, joint) in self.moving.iter().enumerate().filter(|(index, _)| moves_tcp[index + 1]) {
             let axis = frames[index + 1].rotation.z_axis;
             let (linear, angular) = if joint.is_prismatic {
                 (axis, DVec3::ZERO)
             } else {
                 (axis.cross(tip - frames[index + 1].translation), axis)
             };
-            [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
-        };
-        self.joints.iter().enumerate().map(column).collect()
+            let column = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z];
+            let ratio = joint.coupling.map_or(1.0, |[multiplier, _]| multiplier);
+            for (sum, part) in columns[joint.driver].iter_mut().zip(column) {
+                *sum += part * ratio;
+            }
+        }
+        columns
     }
 }
 

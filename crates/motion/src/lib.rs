@@ -8,7 +8,6 @@ mod chain;
 mod collision;
 pub mod commands;
 mod depth;
-pub mod description;
 pub mod feasibility;
 pub mod grasp;
 mod hull;
@@ -26,10 +25,9 @@ mod test_robot;
 pub use chain::{Chain, ModelError};
 pub use collision::{
     AllowedCollisions, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, MovingBody, RobotError,
-    RobotShape, SurfaceError, triangulate,
+    RobotShape, SurfaceError, always_near, triangulate,
 };
 pub use depth::{DepthError, DepthSettings};
-pub use description::{DescriptionError, MeshFile, read_robot};
 pub use feasibility::{
     FeasibilitySettings, FeasibleGrasp, GraspRejection, GraspRejections, HalfTurn, PickMotions, PickQuery,
     PickedObject, PlaceGoal, PlaceQuery, Release,

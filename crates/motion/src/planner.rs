@@ -117,6 +117,17 @@ impl Planner {
         self.shape.chain().tcp_pose(config)
     }
 
+    /// Number of degrees of freedom that move the tool; with fewer than six, IK meets positions, and orientations within
+    /// 3.4 degrees.
+    pub fn tool_dof(&self) -> usize {
+        self.shape.chain().tool_dof()
+    }
+
+    /// Joint positions of which every IK solution is one: the limits less a margin, and one turn of a continuous joint.
+    pub fn ranges(&self) -> Vec<std::ops::RangeInclusive<f64>> {
+        self.ik.solved_ranges()
+    }
+
     /// IK solutions for a TCP pose, best first; empty if it is unreachable.
     pub fn ik(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
         self.ik.solve(world_from_tcp, reference)

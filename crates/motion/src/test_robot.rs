@@ -82,6 +82,8 @@ pub(crate) fn test_panda() -> Arc<RobotModel> {
         max_acceleration,
         max_jerk: 5000.0,
         max_effort: 50.0,
+        continuous: false,
+        mimic: None,
     };
     let base = capsule(v(-0.05, 0.0, 0.06), v(0.0, 0.0, 0.1), 0.06);
     let mut links = vec![link("link0", None, Pose::IDENTITY, None, vec![base])];

@@ -18,6 +18,9 @@ fn feasibility() -> FeasibilitySettings {
     FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
 }
 
+/// Turns about the vertical that are tried for an arm with fewer than six joints.
+const TURNS: u32 = 72;
+
 /// Target of the motion, as given by the user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
@@ -77,8 +80,8 @@ pub struct PlannedMotion {
 
 /// Target in configuration space or as grasps.
 enum Goal {
-    /// One of these configurations.
-    Configurations(Vec<Vec<f64>>),
+    /// One of these configurations; those of an arm with few joints may have any turn about the vertical.
+    Configurations { configs: Vec<Vec<f64>>, any_yaw: bool },
     /// The first free grasp of an object, by its index.
     Grasp { object: usize, grasps: Vec<FeasibleGrasp> },
 }
@@ -110,7 +113,12 @@ pub fn plan(
     let dt_s = planner.settings().timing.dt;
     Ok(PlannedMotion {
         scenario: stage.scenario.id.clone(),
-        goal: request.target.describe(),
+        goal: match &goal {
+            Goal::Configurations { any_yaw: true, .. } => {
+                format!("{}, turned as the arm can", request.target.describe())
+            }
+            Goal::Configurations { .. } | Goal::Grasp { .. } => request.target.describe(),
+        },
         solved: planned.is_ok(),
         failure: planned.as_ref().err().map(ToString::to_string),
         planning_ms,
@@ -121,7 +129,7 @@ pub fn plan(
         dt_s,
         trajectory,
         blocked: match goal {
-            Goal::Configurations(goals) if planned.is_err() => goals.into_iter().next(),
+            Goal::Configurations { configs, .. } if planned.is_err() => configs.into_iter().next(),
             _ => None,
         },
     })
@@ -178,8 +186,8 @@ fn paths(
     let nothing = AllowedCollisions::none();
     let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
-        Goal::Configurations(goals) => {
-            let path = planner.plan_joint(&free(gripper_width_m), start, goals, seed)?;
+        Goal::Configurations { configs, .. } => {
+            let path = planner.plan_joint(&free(gripper_width_m), start, configs, seed)?;
             return Ok((vec![path], gripper_width_m));
         }
         Goal::Grasp { object, grasps } => (object, grasps),
@@ -217,7 +225,7 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     let wanted = match target {
         Target::Joints(given) => {
             let configuration = joints("--joints", Some(given), stage)?;
-            return Ok(Goal::Configurations(configuration.into_iter().collect()));
+            return Ok(Goal::Configurations { configs: configuration.into_iter().collect(), any_yaw: false });
         }
         Target::Point { position_m, yaw_rad } => return above(position_m, *yaw_rad, planner, start),
         Target::Object(wanted) => wanted.as_str(),
@@ -248,12 +256,18 @@ fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> 
     };
     let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::PI) };
     let world_from_tcp = Pose::from_position_yaw(DVec3::new(x, y, z), yaw_rad) * down;
-    let goals = planner.ik(&world_from_tcp, start);
+    let mut goals = planner.ik(&world_from_tcp, start);
+    let any_yaw = goals.is_empty() && planner.tool_dof() < 6;
+    if any_yaw {
+        let turned = (1..TURNS).map(|turn| f64::from(turn) * std::f64::consts::TAU / f64::from(TURNS));
+        let turned = turned.map(|turn| Pose::from_position_yaw(DVec3::new(x, y, z), yaw_rad + turn) * down);
+        goals = turned.map(|pose| planner.ik(&pose, start)).find(|goals| !goals.is_empty()).unwrap_or_default();
+    }
     if goals.is_empty() {
         return Err(WorkspaceError::input(format!("the hand, pointing down, does not get to ({x}, {y}, {z})"))
             .with_hint("positions are metres in the robot's base frame: x ahead, y to its left, z above the table"));
     }
-    Ok(Goal::Configurations(goals))
+    Ok(Goal::Configurations { configs: goals, any_yaw })
 }
 
 /// Joint positions as the user gave them.

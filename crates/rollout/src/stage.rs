@@ -167,7 +167,12 @@ impl Stage {
                 physics: placed.physics,
             })
             .collect();
-        let scene = Arc::new(Model::compile(&scenario.world, robot, &objects)?);
+        // A robot without drives moves in planning and images alone.
+        let scene = match robot.drives {
+            Some(_) => Model::compile(&scenario.world, robot, &objects)?,
+            None => Model::compile_without_robot(&scenario.world, &objects)?,
+        };
+        let scene = Arc::new(scene);
         let posed = objects.into_iter().map(|object| PosedObject {
             id: object.name,
             model: object.model,

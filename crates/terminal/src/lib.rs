@@ -9,8 +9,10 @@ pub mod parse;
 mod printer;
 mod program;
 mod stop;
+mod urdf;
 
 pub use error::{ExitStatus, Failed};
 pub use printer::{List, Printer};
 pub use program::{GlobalArguments, arguments, environment, robot_help, run};
 pub use stop::on_interrupt;
+pub use urdf::UrdfArguments;

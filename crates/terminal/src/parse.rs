@@ -1,6 +1,19 @@
 //! Value parsers of command lines.
 
+use std::path::PathBuf;
+
 use genmanip_core::Seed;
+
+/// A package and its folder, NAME=DIR.
+///
+/// # Errors
+/// The expected form.
+pub fn package(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, folder)) if !name.is_empty() && !folder.is_empty() => Ok((name.to_owned(), folder.into())),
+        _ => Err("expected NAME=DIR, e.g. ur_description=/opt/ros/ur_description".into()),
+    }
+}
 
 /// A whole number from 1 to a million.
 ///

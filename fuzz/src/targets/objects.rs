@@ -33,7 +33,7 @@ pub fn robots(_: &str, _: &Path) -> Result<Opened, Failure> {
     let folder = tempfile::tempdir()?;
     let read = move |input: &Input| {
         input.write(folder.path()).map_err(message)?;
-        robots::read(folder.path(), None).map(drop).map_err(message)
+        robots::read(folder.path(), &robots::Settings::default()).map(drop).map_err(message)
     };
     Ok(Opened { corpus: vec![Input { files: genmanip_lab::hostile::robot() }], read: Box::new(read) })
 }

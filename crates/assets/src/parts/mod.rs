@@ -3,6 +3,7 @@
 mod block;
 mod capsules;
 mod case;
+mod mesh;
 mod open_box;
 mod prism;
 mod ring;
@@ -17,6 +18,7 @@ use serde::Deserialize;
 pub use block::Block;
 pub use capsules::Capsules;
 pub use case::Case;
+pub use mesh::Mesh;
 pub use open_box::OpenBox;
 pub use prism::Prism;
 pub use ring::Ring;
@@ -48,6 +50,8 @@ pub enum Part {
     Ring(Ring),
     /// Collision-only capsules.
     Capsules(Capsules),
+    /// A triangle mesh.
+    Mesh(Mesh),
 }
 
 /// Assembles the parts of one link; `seed` drives their random textures.
@@ -72,6 +76,7 @@ impl Part {
             Self::Prism(part) => part.add_to(link, seed),
             Self::Ring(part) => part.add_to(link, seed),
             Self::Capsules(part) => part.add_to(link),
+            Self::Mesh(part) => part.add_to(link, seed),
         }
     }
 
@@ -131,6 +136,10 @@ impl Part {
             Self::Capsules(part) => (
                 part.path.len() == part.radii.len() + 1 && !part.radii.is_empty(),
                 "capsules need one radius per segment of the path",
+            ),
+            Self::Mesh(part) => (
+                part.is_sound(),
+                "a mesh needs 3-50000 vertices and valid indices; a solid one 4-512 vertices around a volume",
             ),
         };
         (!sound).then_some(rule)

@@ -249,7 +249,19 @@ impl JointData {
     fn build(&self) -> RobotJoint {
         let &Self { kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort, .. } = self;
         let name = self.name.clone();
-        RobotJoint { name, kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort }
+        RobotJoint {
+            name,
+            kind,
+            axis,
+            lower,
+            upper,
+            max_velocity,
+            max_acceleration,
+            max_jerk,
+            max_effort,
+            continuous: false,
+            mimic: None,
+        }
     }
 }
 

@@ -18,6 +18,7 @@ pub mod plan;
 pub mod render;
 pub mod replay;
 pub mod report;
+pub mod robot;
 pub mod serve;
 pub mod suite;
 pub mod task;

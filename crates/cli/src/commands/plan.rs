@@ -10,11 +10,13 @@ use genmanip_viz::motion_images;
 use genmanip_workspace::{documents, scenarios, worlds};
 
 use crate::args::PlanArguments;
-use genmanip_terminal::Printer;
+use genmanip_import::robots;
 use genmanip_terminal::{ExitStatus, Failed};
+use genmanip_terminal::{Printer, UrdfArguments};
+use genmanip_workspace::WorkspaceError;
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stage = stage(arguments)?;
+    let stage = stage(arguments, printer)?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let planner = worlds::planner(&stage.scenario.world, &settings)?;
@@ -41,14 +43,34 @@ pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, F
 const OPENING_M: f64 = 0.08;
 
 /// The scenario as given, or an empty world with the robot as given.
-fn stage(arguments: &PlanArguments) -> Result<Stage, Failed> {
-    let robot = arguments.robot.as_deref();
+fn stage(arguments: &PlanArguments, printer: &Printer) -> Result<Stage, Failed> {
+    let from_urdf = arguments.robot.as_deref().filter(|name| is_urdf(name));
+    let from_urdf = from_urdf.map(|path| registered(Path::new(path), arguments, printer)).transpose()?;
+    let robot = from_urdf.as_deref().or(arguments.robot.as_deref());
     if let Some(path) = &arguments.scenario {
         let stage = scenarios::read_stage(path)?;
         worlds::check_robot(&stage.scenario.world, robot)?;
         return Ok(stage);
     }
     Ok(scenarios::empty_stage(worlds::read_world_with(arguments.world.as_deref(), robot)?)?)
+}
+
+/// True for a file or folder rather than the name of a robot.
+fn is_urdf(name: &str) -> bool {
+    let path = Path::new(name);
+    name.contains('/') || path.extension().is_some_and(|ending| ending == "urdf" || ending == "xacro")
+}
+
+/// Reads a robot from its URDF and returns the name under which the program knows it.
+fn registered(path: &Path, arguments: &PlanArguments, printer: &Printer) -> Result<String, Failed> {
+    let UrdfArguments { packages, tip, visuals_collide } = arguments.urdf.clone();
+    let visible = arguments.picture.is_some() || arguments.animation.is_some();
+    let settings = robots::Settings::new(&packages, robots::Choices { tip, visuals_collide, visible });
+    let robots::PlannedRobot { mut model, notes } = robots::read(path, &settings)?;
+    notes.iter().for_each(|note| printer.say(note));
+    model.name = format!("{} (URDF)", model.name);
+    let refused = |error| WorkspaceError::input(format!("{} cannot be used", path.display())).because(error);
+    Ok(genmanip_assets::robots::register(&path.display().to_string(), model).map_err(refused)?.name.clone())
 }
 
 fn target(arguments: &PlanArguments) -> Target {

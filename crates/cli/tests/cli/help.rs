@@ -14,6 +14,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["task", "show"],
         &["layout"],
         &["plan"],
+        &["robot", "add"],
         &["collect"],
         &["merge"],
         &["launch"],

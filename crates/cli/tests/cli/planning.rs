@@ -46,3 +46,20 @@ fn plan_reaches_grasps_points_and_joint_positions() {
     }
     assert!(!at("q.png").exists());
 }
+
+/// An arm from its URDF, without masses or drives.
+#[test]
+fn plan_takes_the_urdf_of_any_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/robots/six_axis.urdf");
+    let plan = |more: &[&str]| genmanip(folder.path(), &[&["plan", "--robot", urdf], more].concat());
+    let planned = plan(&["--joints=0.8,0.6,0.6,0,0.4,0", "--picture", "arm.png", "--json"]).json(0);
+    assert_eq!(planned["solved"], true, "{planned}");
+    let last = planned["trajectory"].as_array().unwrap().last().unwrap();
+    assert!((last[0].as_f64().unwrap() - 0.8).abs() < 1e-6, "{last}");
+    assert_eq!(std::fs::read(folder.path().join("arm.png")).unwrap()[..4], *b"\x89PNG");
+    plan(&["--joints=0,0,0"]).assert_refused(&["--joints has 3 numbers", "expected 6"]);
+    plan(&["--joints=0,0,0,0,0,0", "--tip", "claw"]).assert_refused(&["claw, which does not exist"]);
+    genmanip(folder.path(), &["plan", "--robot", "no/such.urdf", "--joints", "0"])
+        .assert_refused(&["no/such.urdf", "check the path"]);
+}

@@ -31,6 +31,8 @@ pub fn robot() -> RobotModel {
             max_acceleration: 10.0,
             max_jerk: 100.0,
             max_effort: 87.0,
+            continuous: false,
+            mimic: None,
         }),
         visual: Vec::new(),
         pieces: Vec::new(),

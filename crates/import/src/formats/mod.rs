@@ -1,12 +1,13 @@
 //! Readers of file formats: each converts file contents to a [`crate::raw::RawObject`] without guessing.
 
+pub mod dae;
 pub mod glb;
 pub mod mjcf;
 pub mod obj;
 mod solid;
 pub mod stl;
 pub mod urdf;
-mod xml;
+pub(crate) mod xml;
 
 use genmanip_core::limits::IMPORTED_MESH;
 
@@ -14,6 +15,7 @@ use crate::ImportError;
 use crate::files::Files;
 use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 use genmanip_core::Material;
+use glam::DVec3;
 
 /// Default colour of surfaces without a material, as in STL.
 const PLAIN: [f32; 3] = [0.7, 0.7, 0.7];
@@ -31,6 +33,7 @@ pub fn extension(path: &str) -> String {
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     match extension(path).as_str() {
         "obj" => obj::read(path, files),
+        "dae" => dae::read(path, files),
         "glb" | "gltf" => glb::read(path, files),
         "urdf" => urdf::read(path, files),
         "xml" => mjcf::read(path, files),
@@ -49,7 +52,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
             })
         }
         other => Err(ImportError::new(path, format!("unsupported file extension `{other}`"))
-            .hint("expected .glb, .gltf, .obj, .stl, .msh, .urdf or .xml (MJCF); unpack archives first")),
+            .hint("expected .glb, .gltf, .obj, .dae, .stl, .msh, .urdf or .xml (MJCF); unpack archives first")),
     }
 }
 
@@ -61,6 +64,7 @@ pub fn advised(error: ImportError) -> ImportError {
     let hint = match extension(&error.file).as_str() {
         "glb" | "gltf" => "copy or export it again as glTF 2.0; the Khronos glTF validator lists all errors",
         "obj" => "fix it or export it again; lines are `v X Y Z`, `vt U V`, and `f` with vertex indices from 1",
+        "dae" => "export it again as Collada 1.4 or 1.5, or convert it to OBJ",
         "stl" => "copy it again, or export it as binary STL",
         "msh" => {
             "expected MuJoCo's MSH: counts of vertices, normals, texture coordinates and faces, then the data; or convert it to OBJ"
@@ -72,6 +76,24 @@ pub fn advised(error: ImportError) -> ImportError {
     error.hint(hint)
 }
 
+/// The vertices of a mesh file, in no particular order.
+///
+/// # Errors
+/// As [`read`]; a file without triangles is none.
+pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportError> {
+    match extension(path).as_str() {
+        "stl" => stl::corners(path, &files.bytes(path, IMPORTED_MESH)?, files.max_triangles),
+        "obj" => obj::vertices(path, files),
+        _ => Ok(mesh(path, files)?.positions),
+    }
+}
+
+fn joined(surfaces: Vec<Surface>) -> RawMesh {
+    let mut all = RawMesh::default();
+    surfaces.iter().for_each(|surface| all.append(&surface.mesh));
+    all
+}
+
 /// The triangles of a mesh file, ignoring materials.
 ///
 /// # Errors
@@ -80,6 +102,8 @@ pub fn mesh(path: &str, files: &mut Files<'_>) -> Result<RawMesh, ImportError> {
     match extension(path).as_str() {
         "stl" => stl::read(path, &files.bytes(path, IMPORTED_MESH)?),
         "msh" => stl::read_msh(path, &files.bytes(path, IMPORTED_MESH)?),
+        // In the axes of the file, as other readers of descriptions take it.
+        "dae" => Ok(joined(dae::surfaces(path, files, &mut Vec::new())?.surfaces)),
         _ => {
             let object = read(path, files)?;
             Ok(object.all_surfaces())

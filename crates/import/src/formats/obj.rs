@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::PLAIN;
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::raw::{MAX_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+use crate::raw::{RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
 /// Maximum number of surfaces; groups that alternate between materials share one.
 const MAX_SURFACES: usize = 4096;
@@ -33,6 +33,24 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     })
 }
 
+/// The vertices of an OBJ file, also those that no face uses.
+///
+/// # Errors
+/// With the number of the invalid line.
+pub fn vertices(path: &str, files: &mut Files<'_>) -> Result<Vec<DVec3>, ImportError> {
+    let bytes = files.bytes(path, IMPORTED_MESH)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut reader = Reader { path, ..Reader::default() };
+    for (index, line) in text.lines().enumerate() {
+        reader.line = index + 1;
+        let mut words = line.split_whitespace();
+        if words.next() == Some("v") {
+            reader.corner(words)?;
+        }
+    }
+    Ok(reader.corners)
+}
+
 /// The surfaces of an OBJ file, one per group and material.
 ///
 /// # Errors
@@ -40,7 +58,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
 pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Result<Vec<Surface>, ImportError> {
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     let text = String::from_utf8_lossy(&bytes);
-    let mut reader = Reader { path, ..Reader::default() };
+    let mut reader = Reader { path, max_triangles: files.max_triangles, ..Reader::default() };
     let mut materials = BTreeMap::new();
     for (index, line) in text.lines().enumerate() {
         reader.line = index + 1;
@@ -51,6 +69,7 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
             "f" => reader.face(words)?,
             "o" | "g" => reader.group = words.collect::<Vec<_>>().join(" "),
             "usemtl" => reader.material = words.collect::<Vec<_>>().join(" "),
+            "mtllib" if files.geometry_only => {}
             "mtllib" => match library(path, line.trim_start()[6..].trim(), files, notes) {
                 Ok(found) => materials.extend(found),
                 Err(error) => notes.push(format!("materials ignored: {error}")),
@@ -85,6 +104,7 @@ struct Reader<'a> {
     group: String,
     material: String,
     triangles: usize,
+    max_triangles: usize,
     /// Surfaces by group and material.
     surfaces: BTreeMap<(String, String), Part>,
 }
@@ -133,9 +153,9 @@ impl Reader<'_> {
             return Err(self.wrong(format!("a face with {} vertices", corners.len())));
         }
         self.triangles += corners.len() - 2;
-        if self.triangles > MAX_TRIANGLES {
+        if self.triangles > self.max_triangles {
             return Err(self
-                .wrong(format!("more than {MAX_TRIANGLES} triangles"))
+                .wrong(format!("more than {} triangles", self.max_triangles))
                 .hint("reduce it in a modelling program first"));
         }
         let key = (self.group.clone(), self.material.clone());
@@ -239,7 +259,18 @@ pub fn texture(
     files: &mut Files<'_>,
     notes: &mut Vec<String>,
 ) -> Option<Arc<genmanip_core::Texture>> {
-    match beside(file, named).and_then(|path| files.image(&path)) {
+    match beside(file, named) {
+        Ok(path) => image(&path, files, notes),
+        Err(error) => {
+            notes.push(format!("texture ignored: {error}"));
+            None
+        }
+    }
+}
+
+/// Loads a texture; an unavailable one is noted and ignored.
+pub fn image(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Option<Arc<genmanip_core::Texture>> {
+    match files.image(path) {
         Ok((texture, note)) => {
             notes.extend(note);
             Some(texture)

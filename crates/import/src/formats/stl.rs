@@ -10,26 +10,37 @@ use crate::raw::{MAX_TRIANGLES, RawMesh};
 /// # Errors
 /// If it is neither binary nor text STL, or too large.
 pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
-    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
-    let is_binary = count.is_some_and(|count| bytes.len() as u64 >= 84 + 50 * u64::from(count) && count > 0);
-    let corners = if is_binary {
-        let count = count.unwrap_or(0) as usize;
-        check_count(path, count)?;
-        let triangles = bytes[84..].chunks_exact(50).take(count);
-        triangles.flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect()
-    } else if bytes.trim_ascii_start().starts_with(b"solid") {
-        text_corners(path, bytes)?
-    } else {
-        return Err(ImportError::new(
-            path,
-            "neither text nor binary STL: its length does not match its number of triangles",
-        ));
-    };
+    let corners = corners(path, bytes, MAX_TRIANGLES)?;
     if corners.is_empty() || corners.len() % 3 != 0 {
         return Err(ImportError::new(path, format!("{} vertices; expected three per triangle", corners.len())));
     }
     let triangles = (0..corners.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect();
     Ok(RawMesh { positions: corners, uvs: Vec::new(), triangles })
+}
+
+/// Vertices of the triangles of an STL file, three each; none if it has no triangles. Bytes behind the triangles of a
+/// binary file are ignored.
+///
+/// # Errors
+/// If it is neither binary nor text STL, or has more than `max_triangles`.
+pub fn corners(path: &str, bytes: &[u8], max_triangles: usize) -> Result<Vec<DVec3>, ImportError> {
+    let is_text = bytes.trim_ascii_start().starts_with(b"solid");
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    let is_binary =
+        count.is_some_and(|count| bytes.len() as u64 >= 84 + 50 * u64::from(count) && (count > 0 || !is_text));
+    if is_binary {
+        let count = count.unwrap_or(0) as usize;
+        check_count(path, count, max_triangles)?;
+        let triangles = bytes[84..].chunks_exact(50).take(count);
+        Ok(triangles.flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect())
+    } else if is_text {
+        text_corners(path, bytes, max_triangles)
+    } else if (80..84).contains(&bytes.len()) {
+        // A header alone.
+        Ok(Vec::new())
+    } else {
+        Err(ImportError::new(path, "neither text nor binary STL: its length does not match its number of triangles"))
+    }
 }
 
 /// Triangles of an MSH file: four counts, then vertices, normals, texture coordinates and faces.
@@ -41,7 +52,7 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     let word = |index: usize| Some(i32::from_le_bytes(bytes.get(4 * index..4 * index + 4)?.try_into().ok()?));
     let count = |index| word(index).and_then(|value| usize::try_from(value).ok()).ok_or_else(wrong);
     let (corners, normals, uvs, faces) = (count(0)?, count(1)?, count(2)?, count(3)?);
-    check_count(path, faces.max(corners / 3))?;
+    check_count(path, faces.max(corners / 3), MAX_TRIANGLES)?;
     let words = [3 * corners, 3 * normals.min(bytes.len()), 2 * uvs.min(bytes.len()), 3 * faces];
     if bytes.len() != 4 * (4 + words.iter().sum::<usize>()) || corners == 0 || faces == 0 {
         return Err(wrong());
@@ -72,9 +83,9 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     Ok(RawMesh { positions, uvs: texture, triangles })
 }
 
-fn check_count(path: &str, triangles: usize) -> Result<(), ImportError> {
-    if triangles > MAX_TRIANGLES {
-        return Err(ImportError::new(path, format!("{triangles} triangles; at most {MAX_TRIANGLES} are supported"))
+fn check_count(path: &str, triangles: usize, max_triangles: usize) -> Result<(), ImportError> {
+    if triangles > max_triangles {
+        return Err(ImportError::new(path, format!("{triangles} triangles; at most {max_triangles} are supported"))
             .hint("reduce it in a modelling program first"));
     }
     Ok(())
@@ -85,7 +96,7 @@ fn corner(bytes: &[u8]) -> DVec3 {
     DVec3::new(number(&bytes[..4]), number(&bytes[4..8]), number(&bytes[8..12]))
 }
 
-fn text_corners(path: &str, bytes: &[u8]) -> Result<Vec<DVec3>, ImportError> {
+fn text_corners(path: &str, bytes: &[u8], max_triangles: usize) -> Result<Vec<DVec3>, ImportError> {
     let text = String::from_utf8_lossy(bytes);
     let mut corners = Vec::new();
     for (index, line) in text.lines().enumerate() {
@@ -96,7 +107,7 @@ fn text_corners(path: &str, bytes: &[u8]) -> Result<Vec<DVec3>, ImportError> {
         };
         corners.push(DVec3::new(x, y, z));
     }
-    check_count(path, corners.len() / 3)?;
+    check_count(path, corners.len() / 3, max_triangles)?;
     Ok(corners)
 }
 

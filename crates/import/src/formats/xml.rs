@@ -11,6 +11,8 @@ use crate::files::{Files, shortened};
 /// Maximum number of elements and attributes, and maximum nesting depth.
 const MAX_NODES: u32 = 400_000;
 const MAX_DEPTH: usize = 128;
+/// Maximum number of undeclared prefixes.
+const MAX_PREFIXES: usize = 16;
 
 /// An XML element.
 #[derive(Clone, Debug, Default)]
@@ -25,16 +27,42 @@ pub struct Element {
     pub place: (String, u32),
 }
 
-/// Parses a file and returns its root element. Entities are not expanded.
+/// Parses a file and returns its root element. Entities are not expanded, and prefixes need not be declared. Tags of
+/// xacro, the macro language of ROS, keep their prefix.
 ///
 /// # Errors
 /// With line and column of a syntax error.
 pub fn parse(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
-    let text = files.text(path, IMPORTED_DESCRIPTION)?;
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(&text, options);
-    let document = document.map_err(|error| ImportError::new(path, format!("not XML: {error}")))?;
-    element(path, document.root_element(), 0)
+    let mut text = files.text(path, IMPORTED_DESCRIPTION)?;
+    for _ in 0..MAX_PREFIXES {
+        let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+        match Document::parse_with_options(&text, options) {
+            Ok(document) => return element(path, document.root_element(), 0),
+            Err(roxmltree::Error::UnknownNamespace(prefix, position)) => {
+                let Some(declared) = with_prefix(&text, &prefix) else {
+                    return Err(ImportError::new(path, format!("not XML: unknown prefix `{prefix}` at {position}")));
+                };
+                text = declared;
+            }
+            Err(error) => return Err(ImportError::new(path, format!("not XML: {error}"))),
+        }
+    }
+    Err(ImportError::new(path, format!("more than {MAX_PREFIXES} undeclared prefixes")))
+}
+
+/// The text with a prefix declared at its first element.
+fn with_prefix(text: &str, prefix: &str) -> Option<String> {
+    let is_start = |(at, _): &(usize, &str)| text[at + 1..].starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let mut outside = 0;
+    let (at, _) = text.match_indices('<').find(|found| {
+        let is_inside = found.0 < outside;
+        if let (false, Some(comment)) = (is_inside, text[found.0..].strip_prefix("<!--")) {
+            outside = found.0 + comment.find("-->").map_or(text.len(), |end| end + 7);
+        }
+        !is_inside && is_start(found)
+    })?;
+    let end = at + text[at..].find(|c: char| c.is_whitespace() || c == '>' || c == '/')?;
+    Some(format!("{} xmlns:{prefix}=\"{prefix}\"{}", &text[..end], &text[end..]))
 }
 
 fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, ImportError> {
@@ -43,7 +71,10 @@ fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, Impo
     }
     let children = node.children().filter(Node::is_element).map(|child| element(path, child, depth + 1));
     Ok(Element {
-        tag: node.tag_name().name().to_owned(),
+        tag: match node.tag_name().namespace() {
+            Some(namespace) if namespace.contains("xacro") => format!("xacro:{}", node.tag_name().name()),
+            Some(_) | None => node.tag_name().name().to_owned(),
+        },
         attributes: node
             .attributes()
             .map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned()))

@@ -77,6 +77,11 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Read a folder of other people's robots, objects and datasets, and plan random motions of the arms
+    #[command(after_help = "Example:\n  genmanip-lab strangers robots/ --kinds robot --pairs 20 --json\n\n\
+                      Refused files name their reason; silent counts files of which something was dropped without a note.\n\
+                      A pair is solvable if the planner, or a plain RRT-Connect in 20 s, joins it.")]
+    Strangers(StrangersArguments),
     /// Generate objects of all families and test them: stability, grasps, containers, states, cost of physics
     #[command(after_help = "Example:\n  genmanip-lab assets --seed 7 --count 200 --json\n\n\
                       The families in turn, each with its own seeds; docs/concepts/assets.md describes the figures.")]

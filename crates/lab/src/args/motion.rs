@@ -3,7 +3,26 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_terminal::parse;
+use genmanip_terminal::{UrdfArguments, parse};
+
+/// Arguments of `genmanip-lab strangers`.
+#[derive(Debug, Args)]
+pub struct StrangersArguments {
+    /// Folder with robots, objects and datasets of other people, at any depth
+    pub folder: PathBuf,
+    /// Kinds to try [default: all]
+    #[arg(long, value_delimiter = ',', value_parser = genmanip_lab::strangers::KINDS)]
+    pub kinds: Vec<String>,
+    /// Random motions planned for each arm; 0 reads only
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub pairs: usize,
+    /// Folders of the meshes of robots, and choices of the reader
+    #[command(flatten)]
+    pub urdf: UrdfArguments,
+    /// Seed of the motions
+    #[arg(long, default_value_t = 1, value_parser = parse::seed)]
+    pub seed: u64,
+}
 
 /// Arguments of `genmanip-lab motion`.
 #[derive(Debug, Args)]
@@ -23,9 +42,9 @@ pub struct MotionArguments {
     /// Folder of another robot, or its URDF [default: the built-in Panda]
     #[arg(long, value_name = "DIR")]
     pub robot: Option<PathBuf>,
-    /// Link of that robot that is the tool frame
-    #[arg(long, value_name = "LINK", requires = "robot")]
-    pub tip: Option<String>,
+    /// Folders of the meshes of that robot, and choices of the reader
+    #[command(flatten)]
+    pub urdf: UrdfArguments,
     /// Seed of the searches and of generated problems
     #[arg(long, default_value_t = 1, value_parser = parse::seed)]
     pub seed: u64,

@@ -33,14 +33,11 @@ pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics
     let robot = planner.robot();
     let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;
     let settings = IkSettings::default();
-    let margin = settings.limit_margin;
     let ik = InverseKinematics::new(chain.clone(), settings);
     let poses = if ik.is_analytic() { poses } else { poses.div_ceil(PER_NUMERIC_POSE) };
     let mut rng = seed.fork("poses").rng();
-    let limits: Vec<(f64, f64)> = chain.lower().zip(chain.upper()).collect();
-    let mut draw = || -> Vec<f64> {
-        limits.iter().map(|(lower, upper)| rng.random_range(lower + margin..=upper - margin)).collect()
-    };
+    let ranges = ik.solved_ranges();
+    let mut draw = || -> Vec<f64> { ranges.iter().map(|range| rng.random_range(range.clone())).collect() };
     let targets: Vec<_> = (0..poses).map(|_| draw()).map(|config| (chain.tcp_pose(&config), config)).collect();
     let mut clock = cpu_clock();
     for (pose, config) in &targets {

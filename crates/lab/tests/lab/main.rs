@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod motion;
+mod strangers;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -64,6 +65,7 @@ fn help_of_every_subcommand_reads_well() {
         "data",
         "design",
         "motion",
+        "strangers",
         "grasp",
         "fit",
         "scale",

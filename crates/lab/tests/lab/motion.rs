@@ -57,7 +57,7 @@ fn lab_motion_plans_and_tests_again() {
     let turn = r#"{"problems": [{"start": [-1, 0], "goal": [1, 0.2], "obstacles": []}]}"#;
     std::fs::write(at("turn.json"), turn).unwrap();
     let arguments = ["motion", "--problems", "turn.json", "--robot", "robot", "--json"];
-    let missing = ["turntable.urdf is not a robot", "mesh package://m/bar.obj of link arm: no such file"];
+    let missing = ["turntable.urdf is not a robot", "mesh `package://m/bar.obj`: no such file"];
     lab(folder.path(), &arguments).assert_refused(&missing);
     std::fs::write(at("robot/bar.obj"), BAR).unwrap();
     let measured = lab(folder.path(), &arguments).json(0);

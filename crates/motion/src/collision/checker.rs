@@ -22,11 +22,13 @@ pub struct CollisionReport {
     pub other: String,
     /// Distance (m); negative is penetration depth.
     pub distance: f64,
+    /// True if both are links of the robot.
+    pub between_links: bool,
 }
 
 impl std::fmt::Display for CollisionReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { part, other, distance } = self;
+        let Self { part, other, distance, .. } = self;
         if *distance < 0.0 {
             write!(f, "{part} is {:.1} mm inside {other}", -distance * 1e3)
         } else {
@@ -109,10 +111,11 @@ impl<'a> Checker<'a> {
     pub fn check(&self, config: &[f64]) -> Option<CollisionReport> {
         let frames = self.robot.chain.frames(config);
         let mut worst: Option<(f64, CollisionReport)> = None;
-        let mut note = |part: &str, other: &str, margin: f64, separation: Separation| {
+        let mut note = |part: &str, other: &str, between_links: bool, margin: f64, separation: Separation| {
             let Separation::Within(distance) = separation else { return };
             if distance < margin && worst.as_ref().is_none_or(|(violation, _)| distance - margin < *violation) {
-                let report = CollisionReport { part: part.to_owned(), other: other.to_owned(), distance };
+                let report =
+                    CollisionReport { part: part.to_owned(), other: other.to_owned(), distance, between_links };
                 worst = Some((distance - margin, report));
             }
         };
@@ -120,31 +123,22 @@ impl<'a> Checker<'a> {
             let world_from_body = frames[body.frame] * body.frame_from_body;
             for (target, margin) in self.obstacles.iter().zip(self.margins_of(index)) {
                 if let Some(margin) = *margin {
-                    note(body.name, target.name, margin, target.separation(body, &world_from_body, margin));
+                    note(body.name, target.name, false, margin, target.separation(body, &world_from_body, margin));
                 }
             }
         }
         for &BodyPair { first, second, margin, .. } in &self.body_pairs {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-            note(a.name, b.name, margin, bodies_separation(a, b, &world_from_a, &world_from_b, margin));
+            note(
+                a.name,
+                b.name,
+                are_links(a, b),
+                margin,
+                bodies_separation(a, b, &world_from_a, &world_from_b, margin),
+            );
         }
         worst.map(|(_, report)| report)
-    }
-
-    /// Link pairs that penetrate each other.
-    pub(crate) fn touching_links(&self, config: &[f64]) -> Vec<(usize, usize)> {
-        let frames = self.robot.chain.frames(config);
-        let touching = |pair: &BodyPair| {
-            let [a, b] = [pair.first, pair.second].map(|index| &self.bodies[index]);
-            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-            let (MovingBody::Link(first), MovingBody::Link(second)) = (a.id, b.id) else { return None };
-            match bodies_separation(a, b, &world_from_a, &world_from_b, 0.0) {
-                Separation::Within(distance) if distance <= 0.0 => Some((first, second)),
-                _ => None,
-            }
-        };
-        self.body_pairs.iter().filter_map(touching).collect()
     }
 
     /// True if every pair keeps its clearance.
@@ -215,13 +209,13 @@ impl<'a> Checker<'a> {
                 if let Some(surface) = target.surface {
                     surface.each_near(body, &world_from_body, *margin, |facet, distance| {
                         target.relaxed_facets.add(body, facet, relaxed_margin(distance).min(*margin));
-                        note_worst(&mut worst, body.name, target.name, distance);
+                        note_worst(&mut worst, body.name, target.name, distance, false);
                     });
                     continue;
                 }
                 if let Separation::Within(distance) = target.separation(body, &world_from_body, *margin) {
                     *margin = margin.min(relaxed_margin(distance));
-                    note_worst(&mut worst, body.name, target.name, distance);
+                    note_worst(&mut worst, body.name, target.name, distance, false);
                 }
             }
         }
@@ -231,7 +225,7 @@ impl<'a> Checker<'a> {
                 (frames[a.frame] * a.frame_from_body, frames[b.frame] * b.frame_from_body);
             if let Separation::Within(distance) = bodies_separation(a, b, &world_from_a, &world_from_b, *margin) {
                 *margin = margin.min(relaxed_margin(distance));
-                note_worst(&mut worst, a.name, b.name, distance);
+                note_worst(&mut worst, a.name, b.name, distance, are_links(a, b));
             }
         }
         self.refresh_fast_margins();
@@ -298,6 +292,8 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[PlacedOb
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
         is_prismatic: joint.is_prismatic,
+        driver: joint.driver,
+        coupling: joint.coupling.map(|coupling| coupling.map(|value| value as f32)),
     };
     let placed = |body: &Body, cover: &CoverBall| CoverBall { ball: cover.ball.moved(&body.frame_from_body), ..*cover };
     let body = |body: &Body<'a>| FastBody {
@@ -314,7 +310,7 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[PlacedOb
         field: target.surface.map(|surface| &surface.field),
     };
     FastModel {
-        joints: robot.chain.joints().iter().map(joint).collect(),
+        joints: robot.chain.moving().iter().map(joint).collect(),
         bodies: bodies.iter().map(body).collect(),
         obstacles: obstacles.iter().map(obstacle).collect(),
         ..FastModel::default()
@@ -327,8 +323,12 @@ fn relaxed_margin(distance: f64) -> f64 {
     if distance > 0.0 { nearly.max(0.0) } else { nearly }
 }
 
-fn note_worst(worst: &mut Option<CollisionReport>, part: &str, other: &str, distance: f64) {
+fn are_links(a: &Body, b: &Body) -> bool {
+    matches!((a.id, b.id), (MovingBody::Link(_), MovingBody::Link(_)))
+}
+
+fn note_worst(worst: &mut Option<CollisionReport>, part: &str, other: &str, distance: f64, between_links: bool) {
     if worst.as_ref().is_none_or(|report| distance < report.distance) {
-        *worst = Some(CollisionReport { part: part.to_owned(), other: other.to_owned(), distance });
+        *worst = Some(CollisionReport { part: part.to_owned(), other: other.to_owned(), distance, between_links });
     }
 }

@@ -32,6 +32,9 @@ pub(super) struct FastJoint {
     pub(super) parent_frame: usize,
     pub(super) parent_from_joint: Transform,
     pub(super) is_prismatic: bool,
+    /// Index of the joint position that moves it, and multiplier and offset of a coupled joint.
+    pub(super) driver: usize,
+    pub(super) coupling: Option<[f32; 2]>,
 }
 
 /// Clearance between a body and an obstacle (m).
@@ -264,17 +267,22 @@ fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) 
         origin: [zero, zero, zero],
     });
     let mut sines = [(zero, one); PRECOMPUTED];
-    for (sine, q) in sines.iter_mut().zip(config) {
-        *sine = q.sin_cos();
+    let position = |joint: &FastJoint| {
+        let q = config[joint.driver];
+        joint.coupling.map_or(q, |[multiplier, offset]| q * multiplier + Lanes::all(offset))
+    };
+    for (sine, joint) in sines.iter_mut().zip(joints) {
+        *sine = position(joint).sin_cos();
     }
-    for (index, (joint, q)) in joints.iter().zip(config).enumerate() {
+    for (index, joint) in joints.iter().enumerate() {
+        let q = position(joint);
         let parent = &frames[joint.parent_frame];
         let Transform { rows, translation } = &joint.parent_from_joint;
         let column = |k: usize| rotate_sparse(parent, [rows[0][k], rows[1][k], rows[2][k]]);
         let (x, y, z) = (column(0), column(1), column(2));
         let mut origin = add(rotate_sparse(parent, *translation), parent.origin);
         if joint.is_prismatic {
-            origin = add(origin, scale(z, *q));
+            origin = add(origin, scale(z, q));
             frames.push(LaneFrame { columns: [x, y, z], origin });
         } else {
             let (sin, cos) = sines.get(index).copied().unwrap_or_else(|| q.sin_cos());

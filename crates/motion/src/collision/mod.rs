@@ -16,7 +16,7 @@
 //! | distance field: a grid of distance bounds around a surface | `field` | clear or touching by one lookup |
 //! | distance table over two joints for a link pair that only these move | `pair_table` | lower bound on their distance |
 //!
-//! `robot_shape` holds the compiled robot; `world` the obstacles, the attached object and allowed contacts; `body` and
+//! `robot_shape` holds the compiled robot; `always_near` finds link pairs that need no check; `world` the obstacles, the attached object and allowed contacts; `body` and
 //! `placed_obstacle` their poses in one query; and [`Checker`] all of these with a clearance per pair. `lanes` and
 //! `lane_geometry` process eight configurations at a time in single precision (SIMD); `ROUNDING` (2e-5 m) bounds the
 //! rounding error, and every bound is conservative by that amount.
@@ -44,6 +44,7 @@
 //! in steps a fifth as long. [`Checker::check`] and [`Checker::is_free`] check one configuration: bounding spheres, then
 //! exact distances.
 
+mod always_near;
 mod body;
 pub(crate) mod checker;
 pub(crate) mod convex;
@@ -70,6 +71,7 @@ mod tests;
 mod triangle;
 pub(crate) mod world;
 
+pub use always_near::always_near;
 pub use body::MovingBody;
 pub use checker::{Checker, CollisionReport};
 pub use convex::GeometryError;

@@ -8,10 +8,10 @@ use super::body::{Body, BodyPair, MAX_DISTANCE_M, MovingBody, bodies_separation}
 use super::convex::{Ball, Convex, GeometryError, Separation};
 use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
-use super::pair_table::PairTable;
+use super::pair_table::{Mover, PairTable};
 use super::probe::FacePlanes;
 use super::world::Attached;
-use crate::chain::{Chain, ModelError};
+use crate::chain::{Chain, ChainJoint, ModelError};
 use crate::rigid::Rigid;
 
 /// Links that always stay farther apart than this are not checked against each other (m).
@@ -55,6 +55,23 @@ pub enum RobotError {
 impl RobotShape {
     /// Compiles kinematics and collision pieces.
     pub fn new(robot: &RobotModel) -> Result<Self, RobotError> {
+        let mut shape = Self::without_tables(robot)?;
+        shape.tables = shape.pair_tables(&robot.gripper.fingers);
+        // Drop pairs that never come near each other.
+        let kept: Vec<bool> = shape
+            .tables
+            .iter()
+            .map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR_M))
+            .collect();
+        let mut keep = kept.iter();
+        shape.pairs.retain(|_| keep.next() == Some(&true));
+        let mut keep = kept.iter();
+        shape.tables.retain(|_| keep.next() == Some(&true));
+        Ok(shape)
+    }
+
+    /// Like [`RobotShape::new`] without the distance tables, which only speed up many checks.
+    pub(super) fn without_tables(robot: &RobotModel) -> Result<Self, RobotError> {
         let chain = Chain::new(robot)?;
         let links = robot
             .links
@@ -77,19 +94,9 @@ impl RobotShape {
             .filter(|(a, b)| !links[*a].pieces.is_empty() && !links[*b].pieces.is_empty() && !never(*a, *b))
             .collect();
         let [left, right] = robot.gripper.fingers;
-        let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
-        shape.tables = shape.pair_tables(&[left, right]);
-        // Drop pairs that never come near each other.
-        let kept: Vec<bool> = shape
-            .tables
-            .iter()
-            .map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR_M))
-            .collect();
-        let mut keep = kept.iter();
-        shape.pairs.retain(|_| keep.next() == Some(&true));
-        let mut keep = kept.iter();
-        shape.tables.retain(|_| keep.next() == Some(&true));
-        Ok(shape)
+        let pairs: Vec<(usize, usize)> = pairs;
+        let tables = vec![None; pairs.len()];
+        Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables })
     }
 
     /// The kinematic chain.
@@ -130,10 +137,7 @@ impl RobotShape {
             .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
             .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
             .map(|(first, second)| {
-                // A joint that carries both bodies moves neither relative to the other.
-                let (a, b) = (self.motion_bounds(&bodies[first]), self.motion_bounds(&bodies[second]));
-                let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
-                let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
+                let movers = self.movers(&bodies[first], &bodies[second]);
                 let table = match (bodies[first].id, bodies[second].id) {
                     (MovingBody::Link(a), MovingBody::Link(b)) => self.pair(a, b),
                     _ => None,
@@ -154,11 +158,17 @@ impl RobotShape {
         let mut tables = vec![None; self.pairs.len()];
         let joints = self.chain.joints();
         let middle: Vec<f64> = joints.iter().map(|joint| 0.5 * (joint.lower + joint.upper)).collect();
+        let range = |joint: &ChainJoint| [*joint.sampled().start(), *joint.sampled().end()];
         for pair in self.body_pairs(&bodies, 0.0) {
             let (a, b) = (&bodies[pair.first], &bodies[pair.second]);
             let finger = fingers.iter().any(|link| [a.id, b.id].contains(&MovingBody::Link(*link)));
             let (Some(index), [first, second], false) = (pair.table, pair.movers.as_slice(), finger) else { continue };
-            let mover = |&(joint, bound): &(usize, f64)| (joint, [joints[joint].lower, joints[joint].upper], bound);
+            let mover = |&(joint, bound): &(usize, f64)| Mover {
+                joint,
+                range: range(&joints[joint]),
+                continuous: joints[joint].continuous,
+                bound,
+            };
             let mut config = middle.clone();
             tables[index] = Some(PairTable::new([mover(first), mover(second)], |at| {
                 (config[first.0], config[second.0]) = (at[0], at[1]);
@@ -173,10 +183,37 @@ impl RobotShape {
         tables
     }
 
-    /// Motion bounds per joint: maximum speed of a point of the body per unit joint velocity [m/rad] (1 for prismatic
-    /// joints); 0 if the joint does not move the body.
+    /// Degrees of freedom that move one body relative to the other, each with its motion bound.
+    fn movers(&self, first: &Body, second: &Body) -> Vec<(usize, f64)> {
+        let (a, b) = (self.joint_bounds(first), self.joint_bounds(second));
+        let mut movers: Vec<(usize, f64)> = Vec::new();
+        for (index, joint) in self.chain.moving().iter().enumerate() {
+            // A joint that carries both bodies moves neither relative to the other.
+            if (a[index] > 0.0) == (b[index] > 0.0) {
+                continue;
+            }
+            let bound = a[index].max(b[index]) * joint.ratio();
+            match movers.iter_mut().find(|(driver, _)| *driver == joint.driver) {
+                Some((_, sum)) => *sum += bound,
+                None => movers.push((joint.driver, bound)),
+            }
+        }
+        movers
+    }
+
+    /// Motion bounds per degree of freedom: maximum speed of a point of the body per unit joint velocity [m/rad] (1 for
+    /// prismatic joints); 0 if it does not move the body.
     pub(super) fn motion_bounds(&self, body: &Body) -> Vec<f64> {
-        let joints = self.chain.joints();
+        let mut bounds = vec![0.0; self.chain.dof()];
+        for (joint, bound) in self.chain.moving().iter().zip(self.joint_bounds(body)) {
+            bounds[joint.driver] += bound * joint.ratio();
+        }
+        bounds
+    }
+
+    /// Like [`RobotShape::motion_bounds`], per joint, coupled ones included.
+    fn joint_bounds(&self, body: &Body) -> Vec<f64> {
+        let joints = self.chain.moving();
         let mut bounds = vec![0.0_f64; joints.len()];
         let mut distance = body.ball.center.length() + body.ball.radius;
         let mut frame = body.frame;
@@ -198,7 +235,7 @@ impl RobotShape {
         let mut ball = body.ball;
         let mut frame = body.frame;
         while frame > 0 {
-            let joint = &self.chain.joints()[frame - 1];
+            let joint = &self.chain.moving()[frame - 1];
             let slide = if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
             let radius = ball.center.length() + ball.radius + slide;
             ball = Ball { center: joint.parent_from_joint.translation, radius };

@@ -22,7 +22,7 @@ pub struct IkSettings {
     pub free_joint_values: usize,
     /// Values of the fine sweep if the coarse one finds nothing (poses at the reach limit).
     pub fine_free_joint_values: usize,
-    /// Margin to the joint limits [rad or m].
+    /// Margin to the joint limits, at most a twentieth of a joint's range [rad or m].
     pub limit_margin: f64,
     /// Start configurations of the numeric solver.
     pub numeric_starts: usize,
@@ -36,7 +36,8 @@ pub struct IkSettings {
     pub max_solutions: usize,
     /// Weight of the distance to the reference configuration, per rad.
     pub reference_weight: f64,
-    /// Weight of being near a joint limit (1 at the limit, 0 from 0.5 rad on), summed over the joints.
+    /// Weight of being near a joint limit (1 at the limit, 0 from 0.5 rad or a quarter of the range on), summed over the
+    /// joints.
     pub limit_weight: f64,
     /// Weight of being near a singularity (1 at it, halved at manipulability 0.05).
     pub singularity_weight: f64,
@@ -192,7 +193,20 @@ impl InverseKinematics {
 
     /// Joint ranges reduced by a margin at either end.
     fn ranges(&self, margin: f64) -> impl Iterator<Item = Range> + use<'_> {
-        self.chain.joints().iter().map(move |joint| Range::new(joint.lower + margin, joint.upper - margin))
+        self.chain.joints().iter().map(move |joint| {
+            let margin = joint.margin(margin);
+            Range::new(joint.lower + margin, joint.upper - margin)
+        })
+    }
+
+    /// Joint positions of which every solution is one: the limits less the margin, and one turn of a continuous joint.
+    pub fn solved_ranges(&self) -> Vec<std::ops::RangeInclusive<f64>> {
+        let margin = |joint: &crate::chain::ChainJoint| joint.margin(self.settings.limit_margin);
+        let range = |joint: &crate::chain::ChainJoint| match joint.continuous {
+            true => joint.sampled(),
+            false => joint.lower + margin(joint)..=joint.upper - margin(joint),
+        };
+        self.chain.joints().iter().map(range).collect()
     }
 
     /// All closed-form branches for one value of the free joint (joint 7), inside the joint limits, unrefined; empty
@@ -210,7 +224,7 @@ impl InverseKinematics {
     fn sweep(&self, franka: &FrankaGeometry, wanted: &Rigid, reference: &[f64], values: usize) -> Vec<Vec<f64>> {
         let Some(free) = self.chain.joints().last() else { return Vec::new() };
         let margin = self.settings.limit_margin;
-        let (lower, upper) = (free.lower + margin, free.upper - margin);
+        let (lower, upper) = (free.lower + free.margin(margin), free.upper - free.margin(margin));
         let grid = (0..values).map(|k| lower + (upper - lower) * (k as f64 + 0.5) / values as f64);
         let near = reference[reference.len() - 1].clamp(lower, upper.max(lower));
         let mut solutions = Vec::new();
@@ -226,7 +240,7 @@ impl InverseKinematics {
         let s = &self.settings;
         let mut rng = Seed::new(0).fork("inverse kinematics").rng();
         let starts = (0..s.numeric_starts).map(|start| {
-            let draw = |joint: &crate::chain::ChainJoint| rng.random_range(joint.lower..=joint.upper);
+            let draw = |joint: &crate::chain::ChainJoint| rng.random_range(joint.sampled());
             if start == 0 { reference.to_vec() } else { self.chain.joints().iter().map(draw).collect() }
         });
         let how = self.descent();
@@ -238,8 +252,8 @@ impl InverseKinematics {
     /// allow; other joints have one position only.
     fn unwound(&self, mut config: Vec<f64>, reference: &[f64]) -> Vec<f64> {
         let turn = std::f64::consts::TAU;
-        let margin = self.settings.limit_margin;
         for ((q, near), joint) in config.iter_mut().zip(reference).zip(self.chain.joints()) {
+            let margin = joint.margin(self.settings.limit_margin);
             let (lower, upper) = (joint.lower + margin, joint.upper - margin);
             if joint.is_prismatic || joint.upper - joint.lower <= turn {
                 continue;
@@ -257,7 +271,7 @@ impl InverseKinematics {
         let turn = std::f64::consts::TAU;
         let mut inside = Vec::with_capacity(config.len());
         for (q, joint) in config.iter().zip(self.chain.joints()) {
-            let (lower, upper) = (joint.lower + margin, joint.upper - margin);
+            let (lower, upper) = (joint.lower + joint.margin(margin), joint.upper - joint.margin(margin));
             let q = q + ((lower - q) / turn).ceil() * turn;
             if q.is_nan() || q > upper {
                 return None;
@@ -269,7 +283,7 @@ impl InverseKinematics {
 
     /// Cheap check that rejects poses far out of reach.
     fn is_maybe_reachable(&self, wanted: &Rigid) -> bool {
-        let joints = self.chain.joints();
+        let joints = self.chain.moving();
         let slide = |joint: &crate::chain::ChainJoint| {
             if joint.is_prismatic { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 }
         };
@@ -302,7 +316,10 @@ impl InverseKinematics {
         let near_limits: f64 = config
             .iter()
             .zip(self.chain.joints())
-            .map(|(q, joint)| (1.0 - (q - joint.lower).min(joint.upper - q) / 0.5).max(0.0).powi(2))
+            .map(|(q, joint)| {
+                let near = 0.5_f64.min(0.25 * (joint.upper - joint.lower));
+                (1.0 - (q - joint.lower).min(joint.upper - q) / near).max(0.0).powi(2)
+            })
             .sum();
         let singular = 0.05 / (0.05 + self.chain.manipulability(config));
         s.reference_weight * distance + s.limit_weight * near_limits + s.singularity_weight * singular

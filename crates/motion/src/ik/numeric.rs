@@ -51,19 +51,45 @@ impl Range {
     }
 }
 
+/// Weight of orientation against position for arms with fewer than six joints (m/rad): low, so that they meet the
+/// position, and the orientation as well as they can.
+const FEW_WEIGHT: f64 = 0.01;
+/// Error of such a solution: position (m) and orientation (rad).
+const FEW_POSITION: f64 = 2e-4;
+const FEW_ORIENTATION: f64 = 0.06;
+/// Improvement of an iteration, relative to the error, at which such an arm has come as near as it can.
+const FEW_STALLED: f64 = 1e-3;
+
 /// Iterates from `config` towards the desired TCP pose within the ranges; `None` if it does not converge.
+///
+/// An arm with fewer than six joints meets the position, and the orientation within 3.4 degrees.
 pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: &DescentSettings) -> Option<Vec<f64>> {
     let mut config = config.to_vec();
     let mut frames = Vec::new();
     let mut drift = settings.drift.clone().filter(|drift| drift.len() == config.len());
+    let has_few = chain.tool_dof() < 6;
+    let mut before = f64::INFINITY;
     for _ in 0..=settings.iterations {
         chain.frames_into(&config, &mut frames);
-        let error = tcp_error(&chain.tcp(&frames), desired);
+        let mut error = tcp_error(&chain.tcp(&frames), desired);
+        if has_few {
+            let length = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let (position, orientation) = (length(&error[..3]), length(&error[3..]));
+            let whole = position.hypot(FEW_WEIGHT * orientation);
+            if before - whole < FEW_STALLED * whole && position < FEW_POSITION {
+                return (orientation < FEW_ORIENTATION).then_some(config);
+            }
+            before = whole;
+            error[3..].iter_mut().for_each(|value| *value *= FEW_WEIGHT);
+        }
         let size = error.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         if size < settings.tolerance {
             return Some(config);
         }
         let mut jacobian = chain.jacobian_at(&frames);
+        if has_few {
+            jacobian.iter_mut().flat_map(|column| &mut column[3..]).for_each(|value| *value *= FEW_WEIGHT);
+        }
         let damping = (0.1 * size).min(0.05).powi(2);
         let mut drift = drift.take().unwrap_or_else(|| vec![0.0; config.len()]);
         let mut step = drifting_step(&jacobian, &error, damping, &drift)?;

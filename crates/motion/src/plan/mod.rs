@@ -7,6 +7,8 @@ mod straight;
 #[cfg(test)]
 mod tests;
 
+use std::f64::consts::TAU;
+
 use genmanip_core::Seed;
 
 use crate::collision::{Checker, CollisionReport};
@@ -37,10 +39,10 @@ pub enum PlanError {
         beyond: f64,
     },
     /// The start is in collision.
-    #[error("the start is in collision: {0}")]
+    #[error("the start is in collision: {}{}", .0, of_links(.0))]
     StartInCollision(CollisionReport),
     /// Every goal is in collision; the report is for the first.
-    #[error("every goal is in collision; at the first, {0}")]
+    #[error("every goal is in collision; at the first, {}{}", .0, of_links(.0))]
     GoalInCollision(CollisionReport),
     /// No configuration reaches the target.
     #[error("out of reach: {what}")]
@@ -64,6 +66,16 @@ pub enum PlanError {
         /// First collision of the straight joint-space path.
         straight_collision: Option<CollisionReport>,
     },
+}
+
+/// Advice on two links that block each other.
+fn of_links(report: &CollisionReport) -> &'static str {
+    match report.between_links {
+        true => {
+            " (if these links cannot really meet: disable_collisions in an SRDF, or never_colliding of a robot file)"
+        }
+        false => "",
+    }
 }
 
 fn straight_contact(straight_collision: Option<&CollisionReport>) -> String {
@@ -120,7 +132,7 @@ fn free_goals(
     checker.relax(start, settings.contact_tolerance).map_err(PlanError::StartInCollision)?;
     let mut free = Vec::new();
     let mut first_error = None;
-    for goal in goals {
+    for goal in &goals.iter().flat_map(|goal| unwound(checker, start, goal)).collect::<Vec<_>>() {
         let tested = within_limits(checker, "goal", goal).and_then(|()| {
             let mut relaxed = checker.clone();
             relaxed.relax(goal, settings.contact_tolerance).map_err(PlanError::GoalInCollision)?;
@@ -139,6 +151,25 @@ fn free_goals(
     }
     free.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
     Ok(free)
+}
+
+/// A goal with its continuous joints turned to within half a turn of the start, and once each the other way round.
+fn unwound(checker: &Checker, start: &[f64], goal: &[f64]) -> Vec<Vec<f64>> {
+    let mut near = goal.to_vec();
+    let mut around = Vec::new();
+    for (index, joint) in checker.chain().joints().iter().enumerate().take(goal.len()) {
+        if joint.continuous && near[index].is_finite() {
+            near[index] -= TAU * ((near[index] - start[index]) / TAU).round();
+            around.push(index);
+        }
+    }
+    let other_way = |index: &usize| {
+        let mut goal = near.clone();
+        goal[*index] -= TAU.copysign(goal[*index] - start[*index]);
+        goal
+    };
+    let others: Vec<Vec<f64>> = around.iter().map(other_way).collect();
+    std::iter::once(near).chain(others).collect()
 }
 
 pub(crate) fn within_limits(checker: &Checker, which: &'static str, config: &[f64]) -> Result<(), PlanError> {

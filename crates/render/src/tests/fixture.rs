@@ -118,6 +118,8 @@ pub fn robot() -> Arc<RobotModel> {
             max_acceleration: 1.0,
             max_jerk: 1.0,
             max_effort: 1.0,
+            continuous: false,
+            mimic: None,
         })
     };
     let turn = joint(JointKind::Revolute, DVec3::Z);

@@ -5,32 +5,33 @@
 
 use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
 
-use super::DescriptionError;
+use crate::ImportError;
+use crate::formats::xml::Element;
 
 /// Maximum number of links.
 pub const MAX_LINKS: usize = 512;
-/// Maximum number of moving joints: more than two arms with hands.
-pub const MAX_JOINTS: usize = 64;
+/// Maximum number of moving joints: more than a humanoid with hands.
+pub const MAX_JOINTS: usize = 128;
 /// Maximum number of collision pieces of all links.
 pub const MAX_PIECES: usize = 512;
-/// Maximum number of vertices of a mesh's convex hull: hull costs grow quadratically.
-pub const MAX_CORNERS: usize = 4096;
 /// Maximum distance of a vertex from the base with all joints stretched out (m).
 pub const MAX_REACH_M: f64 = 10.0;
 /// Allowed extents of a collision piece, and coordinates of a frame in its parent frame (m).
 const SIZES_M: [f64; 2] = [1e-6, 10.0];
 /// Maximum limit of a revolute joint [rad]: 16 turns either way.
-const MAX_ANGLE: f64 = 100.0;
+pub(super) const MAX_ANGLE: f64 = 100.0;
 /// Minimum range of a joint [rad or m].
-const MIN_RANGE: f64 = 1e-6;
+pub(super) const MIN_RANGE: f64 = 1e-6;
 /// Allowed joint velocities [rad/s or m/s].
-const SPEEDS: [f64; 2] = [1e-4, 1e3];
+pub(super) const SPEEDS: [f64; 2] = [1e-4, 1e3];
 /// Maximum time from one joint limit to the other [s]: motions are sampled at the control rate.
 const MAX_CROSSING_S: f64 = 1000.0;
 /// Maximum joint effort [N·m or N].
-const MAX_EFFORT: f64 = 1e6;
+pub(super) const MAX_EFFORT: f64 = 1e6;
 /// Maximum mass of a link (kg) and moment of inertia [kg·m²].
 const MAX_MASS: f64 = 1e5;
+/// Rounding error of a moment of inertia, kg·m².
+const ROUNDING: f64 = 1e-9;
 
 /// Likely causes of oversized values.
 const MILLIMETRES: &str =
@@ -38,23 +39,24 @@ const MILLIMETRES: &str =
 const DEGREES: &str = "is this in degrees? URDF is in radians";
 
 /// Checks each link, then the whole.
-pub(super) fn check(links: &[RobotLink]) -> Result<(), DescriptionError> {
+pub(super) fn check(path: &str, links: &[RobotLink]) -> Result<(), ImportError> {
     let joints = links.iter().filter(|link| link.joint.is_some()).count();
     let pieces = links.iter().map(|link| link.pieces.len()).sum();
     for (size, limit, unit) in [(joints, MAX_JOINTS, "moving joints"), (pieces, MAX_PIECES, "collision pieces")] {
         if size > limit {
-            return Err(DescriptionError::Huge { what: "the robot".into(), size, limit, unit });
+            let message = format!("the robot has {size} {unit}, at most {limit} are allowed");
+            return Err(ImportError::new(path, message).hint("remove links and pieces that planning does not need"));
         }
     }
     for link in links {
-        check_link(link)?;
-        check_joint(link)?;
+        check_link(path, link)?;
+        check_joint(path, link)?;
     }
     Ok(())
 }
 
 /// Checks the reach of the whole robot.
-pub(super) fn check_reach(robot: &RobotModel) -> Result<(), DescriptionError> {
+pub(super) fn check_reach(path: &str, robot: &RobotModel) -> Result<(), ImportError> {
     // Stretched out: each frame at the end of its parent, each slide at its farther limit.
     let mut reach_m: Vec<f64> = Vec::with_capacity(robot.links.len());
     for link in &robot.links {
@@ -65,24 +67,23 @@ pub(super) fn check_reach(robot: &RobotModel) -> Result<(), DescriptionError> {
         let body = link.pieces.iter().map(|piece| piece.link_from_piece.position.length() + radius_m(&piece.shape));
         let outermost = here + body.fold(0.0, f64::max);
         if outermost > MAX_REACH_M {
-            return Err(DescriptionError::Implausible {
-                place: format!("link {}", link.name),
-                what: "reach",
-                expected: format!("at most {MAX_REACH_M} m from the base, all joints stretched out"),
-                got: format!("{outermost:.3e} m"),
-                hint: MILLIMETRES,
-            });
+            let message = format!(
+                "link {}: reach should be at most {MAX_REACH_M} m from the base, all joints stretched out, got \
+                 {outermost:.3e} m",
+                link.name
+            );
+            return Err(ImportError::new(path, message).hint(MILLIMETRES));
         }
         reach_m.push(here);
     }
     Ok(())
 }
 
-fn check_link(link: &RobotLink) -> Result<(), DescriptionError> {
+fn check_link(path: &str, link: &RobotLink) -> Result<(), ImportError> {
     let place = || format!("link {}", link.name);
-    check_frame(&place(), link.parent_from_link.position)?;
+    check_frame(path, &place(), link.parent_from_link.position)?;
     for piece in &link.pieces {
-        check_frame(&place(), piece.link_from_piece.position)?;
+        check_frame(path, &place(), piece.link_from_piece.position)?;
         let sizes = match &piece.shape {
             Shape::Box { half_extents } => (*half_extents * 2.0).to_array().to_vec(),
             Shape::Sphere { radius } => vec![2.0 * radius],
@@ -97,23 +98,31 @@ fn check_link(link: &RobotLink) -> Result<(), DescriptionError> {
         let [smallest, largest] = SIZES_M;
         if let Some(size) = sizes.into_iter().find(|size| !(smallest..=largest).contains(size)) {
             let hint = if size > largest { MILLIMETRES } else { "remove pieces without extent" };
-            return Err(implausible(place(), "size of the collision geometry", (smallest, largest, "m"), size, hint));
+            return Err(implausible(
+                path,
+                &place(),
+                "size of the collision geometry",
+                (smallest, largest, "m"),
+                size,
+                hint,
+            ));
         }
     }
     Ok(())
 }
 
-fn check_frame(place: &str, position: DVec3) -> Result<(), DescriptionError> {
+fn check_frame(path: &str, place: &str, position: DVec3) -> Result<(), ImportError> {
     let far = position.abs().max_element();
     let largest = SIZES_M[1];
     if far <= largest {
         return Ok(());
     }
-    Err(implausible(place.to_owned(), "origin", (-largest, largest, "m"), far, MILLIMETRES))
+    Err(implausible(path, place, "origin", (-largest, largest, "m"), far, MILLIMETRES))
 }
 
-fn check_joint(link: &RobotLink) -> Result<(), DescriptionError> {
-    let Some(joint) = &link.joint else { return Ok(()) };
+fn check_joint(path: &str, link: &RobotLink) -> Result<(), ImportError> {
+    // A coupled joint moves as far as the one that it follows.
+    let Some(joint) = link.joint.as_ref().filter(|joint| joint.mimic.is_none()) else { return Ok(()) };
     let place = || format!("joint {}", joint.name);
     let (farthest, unit, hint) = match joint.kind {
         JointKind::Revolute => (MAX_ANGLE, "rad", DEGREES),
@@ -121,58 +130,68 @@ fn check_joint(link: &RobotLink) -> Result<(), DescriptionError> {
     };
     for limit in [joint.lower, joint.upper] {
         if limit.abs() > farthest {
-            return Err(implausible(place(), "limit", (-farthest, farthest, unit), limit, hint));
+            return Err(implausible(path, &place(), "limit", (-farthest, farthest, unit), limit, hint));
         }
     }
     let range = joint.upper - joint.lower;
     if range < MIN_RANGE {
         let fixed = "use type=\"fixed\" for a joint that does not move";
-        return Err(implausible(place(), "range of the limits", (MIN_RANGE, 2.0 * farthest, unit), range, fixed));
+        return Err(implausible(
+            path,
+            &place(),
+            "range of the limits",
+            (MIN_RANGE, 2.0 * farthest, unit),
+            range,
+            fixed,
+        ));
     }
     let [slowest, fastest] = SPEEDS;
     let slowest = slowest.max(range / MAX_CROSSING_S);
     if !(slowest..=fastest).contains(&joint.max_velocity) {
         let hint = "a joint must cross its range within 1000 s; velocities are in rad/s or m/s";
-        return Err(implausible(place(), "velocity", (slowest, fastest, "per second"), joint.max_velocity, hint));
+        return Err(implausible(
+            path,
+            &place(),
+            "velocity",
+            (slowest, fastest, "per second"),
+            joint.max_velocity,
+            hint,
+        ));
     }
     if !(0.0..=MAX_EFFORT).contains(&joint.max_effort) {
         let hint = "efforts are in N·m or N";
-        return Err(implausible(place(), "effort", (0.0, MAX_EFFORT, "N·m or N"), joint.max_effort, hint));
+        return Err(implausible(path, &place(), "effort", (0.0, MAX_EFFORT, "N·m or N"), joint.max_effort, hint));
     }
     Ok(())
 }
 
-/// Checks mass and moments of inertia of a link, which planning does not use.
-pub(super) fn check_inertial(place: &str, mass: f64, inertia: [f64; 6]) -> Result<(), DescriptionError> {
+/// Checks mass and moments of inertia of a link, which planning does not use: implausible ones indicate a misread file.
+pub(super) fn check_inertial(node: &Element) -> Result<(), ImportError> {
     let hint = "masses are in kg, moments of inertia in kg·m²";
-    if !(0.0..=MAX_MASS).contains(&mass) {
-        return Err(implausible(place.to_owned(), "mass", (0.0, MAX_MASS, "kg"), mass, hint));
+    let within = |element: &Element, name: &str, [low, high]: [f64; 2]| {
+        let value = element.number(name, 0.0)?;
+        if (low..=high).contains(&value) {
+            return Ok(());
+        }
+        Err(element.wrong(format!("{name} should be {low:?} to {high:?}, got {value:?}")).hint(hint))
+    };
+    if let Some(mass) = node.first("mass") {
+        within(mass, "value", [0.0, MAX_MASS])?;
     }
-    let [ixx, ixy, ixz, iyy, iyz, izz] = inertia;
-    let on_the_diagonal = [ixx, iyy, izz].into_iter().find(|value| !(0.0..=MAX_MASS).contains(value));
-    if let Some(value) = on_the_diagonal {
-        return Err(implausible(place.to_owned(), "inertia", (0.0, MAX_MASS, "kg·m²"), value, hint));
-    }
-    match [ixy, ixz, iyz].into_iter().find(|value| value.abs() > MAX_MASS) {
-        Some(value) => Err(implausible(place.to_owned(), "inertia", (-MAX_MASS, MAX_MASS, "kg·m²"), value, hint)),
-        None => Ok(()),
-    }
+    let Some(inertia) = node.first("inertia") else { return Ok(()) };
+    ["ixx", "iyy", "izz"].iter().try_for_each(|name| within(inertia, name, [-ROUNDING, MAX_MASS]))?;
+    ["ixy", "ixz", "iyz"].iter().try_for_each(|name| within(inertia, name, [-MAX_MASS, MAX_MASS]))
 }
 
 fn implausible(
-    place: String,
-    what: &'static str,
+    path: &str,
+    place: &str,
+    what: &str,
     (low, high, unit): (f64, f64, &str),
     got: f64,
-    hint: &'static str,
-) -> DescriptionError {
-    DescriptionError::Implausible {
-        place,
-        what,
-        expected: format!("{low:?} to {high:?} {unit}"),
-        got: format!("{got:?}"),
-        hint,
-    }
+    hint: &str,
+) -> ImportError {
+    ImportError::new(path, format!("{place}: {what} should be {low:?} to {high:?} {unit}, got {got:?}")).hint(hint)
 }
 
 /// Distance of the farthest vertex from the centre, or from the origin for a hull.

@@ -1,0 +1,276 @@
+//! URDF: the tree of links and joints, read once for objects and robots.
+
+mod object;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_core::{JointKind, MassProperties, Pose, Shape};
+use glam::{DMat3, DQuat, DVec3};
+
+pub use object::{Surfaces, combined, read};
+
+use super::xml::{self, Element};
+use crate::ImportError;
+use crate::files::{Files, shortened};
+use crate::units_and_frame::transformed_mass;
+
+/// Reads the root element of a URDF.
+///
+/// # Errors
+/// If the file is not XML, not a URDF, or a xacro file.
+pub fn robot(path: &str, files: &mut Files<'_>) -> Result<Element, ImportError> {
+    let robot = xml::parse(path, files)?;
+    if robot.tag != "robot" {
+        return Err(robot.wrong("expected <robot>"));
+    }
+    match first_macro(&robot).or_else(|| path.ends_with(".xacro").then_some(&robot)) {
+        Some(found) => Err(found.wrong("a xacro file, which must be expanded first").hint(format!(
+            "expand it: `xacro {path} > robot.urdf`, with ROS or after `pip install xacro`; then use robot.urdf"
+        ))),
+        None => Ok(robot),
+    }
+}
+
+fn first_macro(node: &Element) -> Option<&Element> {
+    if node.tag.starts_with("xacro:") { Some(node) } else { node.children.iter().find_map(first_macro) }
+}
+
+/// A link with its joint to the parent.
+#[derive(Debug)]
+pub struct Link<'x> {
+    /// Name, unique in the file.
+    pub name: &'x str,
+    /// The element.
+    pub node: &'x Element,
+    /// Index of the parent and the joint; `None` for the root.
+    pub joint: Option<(usize, Joint<'x>)>,
+}
+
+/// A joint as written in the file.
+#[derive(Clone, Debug)]
+pub struct Joint<'x> {
+    /// Name; that of the child link if there is none.
+    pub name: &'x str,
+    /// The element.
+    pub node: &'x Element,
+    /// Name of the parent link.
+    pub parent: &'x str,
+    /// Name of the child link.
+    pub child: &'x str,
+    /// Pose of the child's frame in the parent's at position 0.
+    pub parent_from_joint: Pose,
+    /// The motion; `None` for a fixed joint.
+    pub motion: Option<Motion<'x>>,
+}
+
+/// Motion of a joint.
+#[derive(Clone, Debug)]
+pub struct Motion<'x> {
+    /// Type.
+    pub kind: JointKind,
+    /// True for a joint without end stops.
+    pub continuous: bool,
+    /// Unit axis.
+    pub axis: DVec3,
+    /// Limits, rad or m, `None` without; the lower is at most the upper.
+    pub range: Option<[f64; 2]>,
+    /// Largest velocity, if stated.
+    pub velocity: Option<f64>,
+    /// Largest torque or force, if stated.
+    pub effort: Option<f64>,
+    /// Joint whose position this one follows, multiplier and offset.
+    pub mimic: Option<(&'x str, f64, f64)>,
+}
+
+/// The links of a description, parents first, and at most `most` of them.
+///
+/// # Errors
+/// With the line of a joint to an unknown link, a loop, or an invalid number.
+pub fn links<'x>(robot: &'x Element, most: usize, notes: &mut Vec<String>) -> Result<Vec<Link<'x>>, ImportError> {
+    let nodes: Vec<&Element> = robot.all("link").collect();
+    if nodes.is_empty() || nodes.len() > most {
+        return Err(ImportError::new(&robot.place.0, format!("{} links; expected 1 to {most}", nodes.len())));
+    }
+    let joints = robot.all("joint").map(|node| joint(node, notes)).collect::<Result<Vec<_>, _>>()?;
+    ordered(robot, &nodes, joints)
+}
+
+fn joint<'x>(node: &'x Element, notes: &mut Vec<String>) -> Result<Joint<'x>, ImportError> {
+    let link = |tag: &str| {
+        let found = node.first(tag).and_then(|end| end.attribute("link"));
+        found.ok_or_else(|| node.wrong(format!("expected <{tag} link=\"…\">")))
+    };
+    let (parent, child) = (link("parent")?, link("child")?);
+    let name = node.attribute("name").unwrap_or(child);
+    let kind = match node.attribute("type").unwrap_or_default() {
+        "revolute" | "continuous" => Some(JointKind::Revolute),
+        "prismatic" => Some(JointKind::Prismatic),
+        "fixed" => None,
+        other => {
+            notes.push(format!("joint of type `{}` to {} treated as fixed", shortened(other), shortened(child)));
+            None
+        }
+    };
+    let motion = kind.map(|kind| motion(node, kind)).transpose()?;
+    Ok(Joint { name, node, parent, child, parent_from_joint: origin(node)?, motion })
+}
+
+fn motion(node: &Element, kind: JointKind) -> Result<Motion<'_>, ImportError> {
+    let continuous = node.attribute("type") == Some("continuous");
+    let axis = match node.first("axis") {
+        Some(axis) => axis.exactly::<3>("xyz")?.unwrap_or([1.0, 0.0, 0.0]),
+        None => [1.0, 0.0, 0.0],
+    };
+    let axis = DVec3::from_array(axis).try_normalize().ok_or_else(|| node.wrong("its axis has no length"))?;
+    let limit = node.first("limit");
+    let range = match limit {
+        Some(limit) if !continuous => Some([limit.number("lower", 0.0)?, limit.number("upper", 0.0)?]),
+        Some(_) | None => None,
+    };
+    if let Some([lower, upper]) = range.filter(|[lower, upper]| lower > upper) {
+        return Err(node.wrong(format!("expected an increasing range, got {lower} to {upper}")));
+    }
+    let stated = |name: &str| match limit {
+        Some(limit) => Ok(limit.exactly::<1>(name)?.map(|[value]| value)),
+        None => Ok(None),
+    };
+    let mimic = match node.first("mimic") {
+        Some(mimic) => {
+            let joint = mimic.attribute("joint").ok_or_else(|| mimic.wrong("expected the name of a joint"))?;
+            Some((joint, mimic.number("multiplier", 1.0)?, mimic.number("offset", 0.0)?))
+        }
+        None => None,
+    };
+    Ok(Motion { kind, continuous, axis, range, velocity: stated("velocity")?, effort: stated("effort")?, mimic })
+}
+
+/// Pose of the `<origin>` of an element.
+///
+/// # Errors
+/// If a number is invalid.
+pub fn origin(node: &Element) -> Result<Pose, ImportError> {
+    let Some(origin) = node.first("origin") else { return Ok(Pose::IDENTITY) };
+    let position = origin.exactly::<3>("xyz")?.unwrap_or_default();
+    let [roll, pitch, yaw] = origin.exactly::<3>("rpy")?.unwrap_or_default();
+    let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    Ok(Pose { position: DVec3::from_array(position), rotation })
+}
+
+/// Mass properties of an `<inertial>` element, in the link's frame; `None` without mass.
+///
+/// # Errors
+/// If a number is invalid.
+pub fn mass(node: &Element) -> Result<Option<MassProperties>, ImportError> {
+    let Some(mass) = node.first("mass") else { return Ok(None) };
+    let mass_kg = mass.number("value", 0.0)?;
+    let mut moments = [0.0; 6];
+    if let Some(inertia) = node.first("inertia") {
+        for (value, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
+            *value = inertia.number(name, 0.0)?;
+        }
+    }
+    let [ixx, iyy, izz, ixy, ixz, iyz] = moments;
+    let inertia = DMat3::from_cols(DVec3::new(ixx, ixy, ixz), DVec3::new(ixy, iyy, iyz), DVec3::new(ixz, iyz, izz));
+    // A body with zero mass, as bases are often written, has no mass of its own.
+    let own = MassProperties { mass_kg, center: DVec3::ZERO, inertia };
+    Ok((mass_kg > 0.0).then_some(transformed_mass(&own, &origin(node)?)))
+}
+
+/// Geometry of a visual or collision element.
+#[derive(Clone, Debug)]
+pub enum Form {
+    /// A primitive.
+    Shape(Shape),
+    /// A mesh file, resolved, and its scale.
+    Mesh(String, DVec3),
+    /// A primitive of size 0, as placeholders are written.
+    Nothing,
+}
+
+/// The geometry of a visual or collision element; `None` without one that is known.
+///
+/// # Errors
+/// If a size is invalid or a mesh file is missing.
+pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Option<Form>, ImportError> {
+    let Some(geometry) = element.first("geometry") else { return Ok(None) };
+    let Some(node) = geometry.children.first() else { return Ok(None) };
+    let size = |name: &str| {
+        let value = node.number(name, 0.0)?;
+        if value >= 0.0 { Ok(value) } else { Err(node.wrong(format!("{name}: expected a positive length"))) }
+    };
+    let lengths = ["size", "radius", "length"].map(|name| node.numbers(name).ok().flatten().unwrap_or_default());
+    let are_zero = |values: &Vec<f64>| !values.is_empty() && values.iter().all(|value| *value == 0.0);
+    if lengths.iter().any(are_zero) {
+        return Ok(Some(Form::Nothing));
+    }
+    let shape = match node.tag.as_str() {
+        "box" => {
+            let size = DVec3::from_array(node.exactly::<3>("size")?.unwrap_or_default());
+            if size.min_element() <= 0.0 {
+                return Err(node.wrong("expected three positive lengths as size"));
+            }
+            Shape::Box { half_extents: size / 2.0 }
+        }
+        "sphere" => Shape::Sphere { radius: size("radius")? },
+        "cylinder" => Shape::Cylinder { radius: size("radius")?, half_height: size("length")? / 2.0 },
+        "capsule" => Shape::Capsule { radius: size("radius")?, half_length: size("length")? / 2.0 },
+        _ => {
+            let Some(node) = geometry.first("mesh") else { return Ok(None) };
+            let named = node.attribute("filename").ok_or_else(|| node.wrong("expected a filename"))?;
+            let scale = match node.numbers("scale")?.as_deref() {
+                None => DVec3::ONE,
+                Some(&[all]) => DVec3::splat(all),
+                Some(&[x, y, z]) => DVec3::new(x, y, z),
+                Some(_) => return Err(node.wrong("expected one or three numbers as scale")),
+            };
+            return Ok(Some(Form::Mesh(files.locate(path, named)?, scale)));
+        }
+    };
+    Ok(Some(Form::Shape(shape)))
+}
+
+/// Links, parents first, each with its joint.
+fn ordered<'x>(
+    robot: &'x Element,
+    links: &[&'x Element],
+    joints: Vec<Joint<'x>>,
+) -> Result<Vec<Link<'x>>, ImportError> {
+    let mut nodes: BTreeMap<&str, &'x Element> = BTreeMap::new();
+    for link in links {
+        let name = link.attribute("name").ok_or_else(|| link.wrong("expected a name"))?;
+        if nodes.insert(name, link).is_some() {
+            return Err(link.wrong("duplicate link name"));
+        }
+    }
+    let mut hung: BTreeSet<&str> = BTreeSet::new();
+    for joint in &joints {
+        for end in [joint.parent, joint.child] {
+            if !nodes.contains_key(end) {
+                return Err(robot.wrong(format!("a joint refers to the unknown link `{}`", shortened(end))));
+            }
+        }
+        if !hung.insert(joint.child) {
+            return Err(robot.wrong(format!("link `{}` has two parent joints", shortened(joint.child))));
+        }
+    }
+    let roots: Vec<&str> = nodes.keys().copied().filter(|name| !hung.contains(name)).collect();
+    let [root] = roots.as_slice() else {
+        return Err(robot.wrong(format!("expected exactly one root link, got {}", roots.len())));
+    };
+    let mut order = vec![Link { name: root, node: nodes[root], joint: None }];
+    let mut known = BTreeMap::from([(*root, 0_usize)]);
+    while order.len() < nodes.len() {
+        let before = order.len();
+        // In file order, so that equal files get equal indices.
+        let parents = known.clone();
+        for joint in joints.iter().filter(|joint| !known.contains_key(joint.child)).collect::<Vec<_>>() {
+            let Some(&parent) = parents.get(joint.parent) else { continue };
+            known.insert(joint.child, order.len());
+            order.push(Link { name: joint.child, node: nodes[joint.child], joint: Some((parent, joint.clone())) });
+        }
+        if order.len() == before {
+            return Err(robot.wrong("some links form a loop"));
+        }
+    }
+    Ok(order)
+}

@@ -1,0 +1,444 @@
+//! Robot files from a URDF: an arm with proposals for what a URDF does not say, on which a gripper of the program is
+//! mounted.
+
+use genmanip_assets::AssetError;
+use genmanip_assets::robots::{self as registry, PartKind, compose};
+use genmanip_core::glam::{DMat3, DQuat, DVec3, EulerRot};
+use genmanip_core::{JointKind, MassProperties, Material, Pose, RobotLink, RobotModel};
+use genmanip_motion::{AllowedCollisions, CollisionWorld, Planner, PlannerSettings, PlanningScene, triangulate};
+use genmanip_workspace::WorkspaceError;
+use serde_json::{Value, json};
+
+use super::PlannedRobot;
+use super::hulls::hull;
+use super::tool_frame::behind_fingers;
+use crate::collision::hull::convex_hull;
+use crate::units_and_frame::transformed_mass;
+
+/// Gripper where the user names none.
+pub const GRIPPER: &str = "panda_hand";
+/// Density of a link that states no mass, over the volume of its hulls, kg/m³.
+const DENSITY: f64 = 800.0;
+/// Smallest mass of a link, kg, and moment of inertia, kg·m².
+const LEAST_MASS_KG: f64 = 0.01;
+const LEAST_INERTIA: f64 = 1e-6;
+/// Natural frequency of a driven joint, rad/s: gains are critical for the inertia that it moves.
+const FREQUENCY: f64 = 45.0;
+/// Payload and gripper that the gains are made for, kg.
+const PAYLOAD_KG: f64 = 1.5;
+/// Accelerations proposed at most [rad/s² or m/s²], and jerk per acceleration [1/s].
+const ACCELERATIONS: [f64; 2] = [1.0, 12.0];
+const JERK_PER_ACCELERATION: f64 = 400.0;
+/// Heights of the tool centre point at which home and reach are sought, m.
+const HOME_M: [f64; 5] = [0.45, 0.38, 0.32, 0.25, 0.18];
+const PICK_M: f64 = 0.05;
+/// Distances from the base's axis that are tried, m.
+const STEP_M: f64 = 0.025;
+/// Clearance of the postures, m; pairs within twice as much at nearly every configuration are not checked.
+const NEAR_M: f64 = 0.003;
+
+/// Files of a new robot.
+#[derive(Debug)]
+pub struct Proposal {
+    /// Name of robot and arm.
+    pub name: String,
+    /// `arms/NAME.json`.
+    pub arm: Value,
+    /// `NAME.json`.
+    pub robot: Value,
+    /// The composed robot.
+    pub model: RobotModel,
+    /// Names and values of the proposals.
+    pub proposals: Vec<[String; 2]>,
+    /// Assumptions and omissions.
+    pub notes: Vec<String>,
+}
+
+/// Proposes the files of a robot that was read with its visible surfaces.
+///
+/// # Errors
+/// If the arm has no joint before its tool frame, or its files would be refused.
+pub fn propose(read: PlannedRobot, name: &str, gripper: &str) -> Result<Proposal, WorkspaceError> {
+    let PlannedRobot { model: described, mut notes } = read;
+    let kept = kept_links(&described);
+    let dropped: Vec<&str> = (0..described.links.len())
+        .filter(|link| !kept.contains(link) && described.links[*link].joint.is_some())
+        .map(|link| described.links[link].name.as_str())
+        .collect();
+    if !dropped.is_empty() {
+        notes.push(format!("left out, since no joint of theirs moves the tool frame: {}", dropped.join(", ")));
+    }
+    let mount = mount(&described);
+    let arm = Arm { described: &described, kept: &kept, name };
+    let dynamics = arm.dynamics(&mut notes);
+    let mut home: Vec<f64> = arm.joints().map(|link| arm.middle(link)).collect();
+    let mut reach = None;
+    let mut never: Vec<[String; 2]> = Vec::new();
+    let written = |home: &[f64], reach: Option<[f64; 3]>, never: &[[String; 2]]| {
+        (arm.file(&dynamics, home, reach), robot_file(name, gripper, &mount, never))
+    };
+    let composed = |files: &(Value, Value)| {
+        let find = |kind: PartKind, wanted: &str| match (kind, wanted == name) {
+            (PartKind::Arm, true) => Ok(files.0.to_string()),
+            _ => registry::find(kind, wanted),
+        };
+        compose(&format!("{name}.json"), &files.1.to_string(), &find).map_err(refused)
+    };
+    // First at the middle of the ranges, to find what can never collide, then home and reach.
+    let first = composed(&written(&home, reach, &never))?;
+    let near = genmanip_motion::always_near(&first, 2.0 * NEAR_M)
+        .map_err(|error| WorkspaceError::broken("the robot's shapes cannot be compiled", error))?;
+    never.extend(near.iter().map(|&(a, b)| [first.links[a].name.clone(), first.links[b].name.clone()]));
+    let files = written(&home, reach, &never);
+    let planner = planner(composed(&files)?)?;
+    let found = Reached::of(&planner);
+    if let Some(found) = &found {
+        home.clone_from(&found.home);
+        reach = Some([found.farthest_m, found.from_above_m[0], found.from_above_m[1]]);
+    } else {
+        notes.push(
+            "no posture with the gripper pointing down was found: home is the middle of every range, and reach is left \
+             out; edit the file, or try another --tip"
+                .into(),
+        );
+    }
+    let (arm_file, robot) = written(&home, reach, &never);
+    let model = composed(&(arm_file.clone(), robot.clone()))?;
+    let rounded = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
+    let mut proposals = vec![
+        ["tool frame".into(), described.links[described.hand].name.clone()],
+        ["gripper".into(), format!("{gripper}, turned by {:?} deg", rpy_deg(mount.rotation).map(f64::round))],
+        ["joints".into(), arm.joints().map(|link| arm.joint(link).name.as_str()).collect::<Vec<_>>().join(", ")],
+        ["home, rad".into(), rounded(&home)],
+        ["kp, N·m/rad".into(), rounded(&dynamics.iter().map(|joint| joint.kp).collect::<Vec<_>>())],
+    ];
+    if let Some([farthest, near, far]) = reach {
+        proposals.push(["reach, m".into(), format!("{farthest:.2}; from above {near:.2} to {far:.2}")]);
+    }
+    Ok(Proposal { name: name.to_owned(), arm: arm_file, robot, model, proposals, notes })
+}
+
+fn refused(error: AssetError) -> WorkspaceError {
+    WorkspaceError::input("the robot's files would be refused".to_owned())
+        .because(error)
+        .with_hint("docs/guides/your-own-robot.md explains every key; --gripper names another gripper")
+}
+
+fn planner(model: RobotModel) -> Result<Planner, WorkspaceError> {
+    Planner::new(std::sync::Arc::new(model), PlannerSettings::default())
+        .map_err(|error| WorkspaceError::broken("the robot cannot be planned for", error))
+}
+
+/// Links that only joints before the tool frame move, fingers left out.
+fn kept_links(robot: &RobotModel) -> Vec<usize> {
+    let mut carriers = vec![robot.hand];
+    while let Some(parent) = robot.links[carriers[carriers.len() - 1]].parent {
+        carriers.push(parent);
+    }
+    let fingers = behind_fingers(&robot.links);
+    let mut kept: Vec<usize> = Vec::new();
+    for (index, link) in robot.links.iter().enumerate() {
+        let carries = carriers.contains(&index);
+        let rides = link.joint.is_none() && link.parent.is_some_and(|parent| kept.contains(&parent));
+        if carries || rides && !fingers[index] || link.parent.is_none() {
+            kept.push(index);
+        }
+    }
+    kept
+}
+
+/// Frame of the gripper's hand in the tool frame: its z along the axis of the tool that points away from the arm.
+fn mount(robot: &RobotModel) -> Pose {
+    let poses = robot.link_poses(&robot.home, 0.0);
+    let tool = poses[robot.hand];
+    let mut above = Vec::new();
+    let mut link = Some(robot.hand);
+    while let Some(index) = link {
+        if robot.links[index].joint.is_some() {
+            above.push(index);
+        }
+        link = robot.links[index].parent;
+    }
+    let Some(&last) = above.first() else { return Pose::IDENTITY };
+    // Away from the arm: from the joint before the last, which a flange always has behind it.
+    let before = above.get(1).map_or(DVec3::ZERO, |link| poses[*link].position);
+    let away = tool.position - before;
+    let axis = robot.links[last].joint.as_ref().map(|joint| poses[last].transform_vector(joint.axis));
+    let through = axis.filter(|axis| {
+        let offset = tool.position - poses[last].position;
+        (offset - *axis * offset.dot(*axis)).length() < 0.02 && axis.dot(away).abs() > 0.02
+    });
+    let approach = through.map_or(away.normalize_or(DVec3::Z), |axis| axis * axis.dot(away).signum());
+    let in_tool = tool.rotation.inverse() * approach;
+    let (axis, _) = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z]
+        .into_iter()
+        .map(|axis| (axis, axis.dot(in_tool)))
+        .fold((DVec3::Z, f64::NEG_INFINITY), |best, found| if found.1 > best.1 { found } else { best });
+    Pose::new(DVec3::ZERO, DQuat::from_rotation_arc(DVec3::Z, axis))
+}
+
+fn rpy_deg(rotation: DQuat) -> [f64; 3] {
+    let (yaw, pitch, roll) = rotation.to_euler(EulerRot::ZYX);
+    [roll, pitch, yaw].map(f64::to_degrees).map(|angle| (angle * 1e6).round() / 1e6)
+}
+
+fn robot_file(name: &str, gripper: &str, mount: &Pose, never: &[[String; 2]]) -> Value {
+    json!({
+        "schema": PartKind::Robot.schema(), "name": name, "on": name, "gripper": gripper,
+        "mount": {"position": mount.position, "rpy_deg": rpy_deg(mount.rotation)},
+        "never_colliding": never,
+    })
+}
+
+/// The arm to be written.
+struct Arm<'a> {
+    described: &'a RobotModel,
+    kept: &'a [usize],
+    name: &'a str,
+}
+
+/// Proposed drive of a joint.
+struct Dynamics {
+    kp: f64,
+    kv: f64,
+    acceleration: f64,
+    effort: f64,
+}
+
+impl Arm<'_> {
+    fn joints(&self) -> impl Iterator<Item = usize> + '_ {
+        self.kept.iter().copied().filter(|link| self.described.links[*link].joint.is_some())
+    }
+
+    fn joint(&self, link: usize) -> &genmanip_core::RobotJoint {
+        self.described.links[link].joint.as_ref().expect("a moving link")
+    }
+
+    fn middle(&self, link: usize) -> f64 {
+        let joint = self.joint(link);
+        if joint.lower < 0.0 && joint.upper > 0.0 { 0.0 } else { 0.5 * (joint.lower + joint.upper) }
+    }
+
+    /// Gains and limits from the inertia that each joint moves with the arm stretched out.
+    fn dynamics(&self, notes: &mut Vec<String>) -> Vec<Dynamics> {
+        let poses = self.described.link_poses(&self.described.home, 0.0);
+        let masses: Vec<(usize, MassProperties)> = self.kept.iter().map(|&link| (link, self.mass(link))).collect();
+        let is_behind = |mut link: usize, joint: usize| loop {
+            if link == joint {
+                return true;
+            }
+            match self.described.links[link].parent {
+                Some(parent) => link = parent,
+                None => return false,
+            }
+        };
+        let tool = poses[self.described.hand].position;
+        let mut proposed = Vec::new();
+        for link in self.joints().collect::<Vec<_>>() {
+            let joint = self.joint(link);
+            let (origin, axis) = (poses[link].position, poses[link].transform_vector(joint.axis));
+            let lever = |at: DVec3| match joint.kind {
+                JointKind::Revolute => (at - origin - axis * (at - origin).dot(axis)).length_squared(),
+                JointKind::Prismatic => 1.0,
+            };
+            let own = masses.iter().filter(|(body, _)| is_behind(*body, link));
+            let own: f64 =
+                own.map(|(body, mass)| mass.mass_kg * lever(poses[*body].transform_point(mass.center))).sum();
+            let moved = own + PAYLOAD_KG * lever(tool) + 0.01;
+            let weight: f64 =
+                9.81 * (moved * (masses.iter().map(|(_, mass)| mass.mass_kg).sum::<f64>() + PAYLOAD_KG)).sqrt();
+            let mut effort = joint.max_effort;
+            if effort <= 1.0 {
+                effort = (3.0 * weight).ceil();
+                notes.push(format!("joint {} states no effort: {effort} is assumed", joint.name));
+            }
+            let spare = (effort - weight).max(0.2 * effort);
+            proposed.push(Dynamics {
+                kp: (moved * FREQUENCY * FREQUENCY).max(50.0).round(),
+                kv: (2.0 * moved * FREQUENCY).max(2.0).round(),
+                acceleration: (0.5 * spare / moved).clamp(ACCELERATIONS[0], ACCELERATIONS[1]),
+                effort,
+            });
+        }
+        proposed
+    }
+
+    /// Mass of a link as stated, or from the volume of its hulls.
+    fn mass(&self, link: usize) -> MassProperties {
+        let RobotLink { mass, pieces, .. } = &self.described.links[link];
+        if mass.mass_kg > LEAST_MASS_KG {
+            return *mass;
+        }
+        let mut sum: Option<MassProperties> = None;
+        for piece in pieces {
+            let Some((corners, triangles)) = solid(piece) else { continue };
+            let loose: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|index| corners[index as usize])).collect();
+            let moments = genmanip_assets::solid::Moments::of_surface(&loose);
+            if !(moments.volume > 0.0 && moments.center.is_finite()) {
+                continue;
+            }
+            let own = moments.with_mass(moments.volume * DENSITY);
+            sum = Some(sum.map_or(own, |sum| crate::formats::urdf::combined(&sum, &own)));
+        }
+        let small =
+            MassProperties { mass_kg: LEAST_MASS_KG, center: DVec3::ZERO, inertia: DMat3::IDENTITY * LEAST_INERTIA };
+        sum.filter(|sum| sum.mass_kg > LEAST_MASS_KG).unwrap_or(small)
+    }
+
+    fn file(&self, dynamics: &[Dynamics], home: &[f64], reach: Option<[f64; 3]>) -> Value {
+        let mut drives = dynamics.iter();
+        let name = |link: usize| self.described.links[link].name.as_str();
+        let links: Vec<Value> = self
+            .kept
+            .iter()
+            .map(|&link| {
+                let RobotLink { parent, parent_from_link, joint, visual, pieces, .. } = &self.described.links[link];
+                let mass = transformed_mass(&self.mass(link), &Pose::IDENTITY);
+                let inertia = positive(mass.inertia);
+                let mut parts: Vec<Value> = visual.iter().map(visible).collect();
+                parts.extend(pieces.iter().filter_map(solid).map(|(corners, triangles)| {
+                    json!({"mesh": {"positions": corners.iter().map(rounded).collect::<Vec<_>>(), "triangles": triangles, "solid": true}})
+                }));
+                let mut file = json!({
+                    "name": name(link),
+                    "position": parent_from_link.position, "rpy_deg": rpy_deg(parent_from_link.rotation),
+                    "mass_kg": mass.mass_kg, "center": mass.center, "inertia": inertia, "parts": parts,
+                });
+                if let Some(parent) = parent {
+                    file["parent"] = name(*parent).into();
+                }
+                if let (Some(joint), Some(drive)) = (joint, joint.as_ref().and_then(|_| drives.next())) {
+                    file["joint"] = json!({
+                        "name": joint.name, "kind": joint.kind, "axis": joint.axis,
+                        "lower": joint.lower, "upper": joint.upper,
+                        "max_velocity": joint.max_velocity, "max_acceleration": drive.acceleration,
+                        "max_jerk": drive.acceleration * JERK_PER_ACCELERATION, "max_effort": drive.effort,
+                    });
+                }
+                file
+            })
+            .collect();
+        let never: Vec<[&str; 2]> = self
+            .described
+            .never_colliding
+            .iter()
+            .filter(|(a, b)| self.kept.contains(a) && self.kept.contains(b))
+            .map(|&(a, b)| [name(a), name(b)])
+            .collect();
+        let mut file = json!({
+            "schema": PartKind::Arm.schema(), "name": self.name,
+            "sources": {
+                "kinematics": format!("URDF of {}", self.described.name),
+                "drives": "proposed from the inertia that each joint moves; check them against the maker's figures",
+                "acceleration": "proposed; not part of URDF",
+            },
+            "tool_link": name(self.described.hand), "home": home,
+            "drives": {
+                "kp": dynamics.iter().map(|joint| joint.kp).collect::<Vec<_>>(),
+                "kv": dynamics.iter().map(|joint| joint.kv).collect::<Vec<_>>(),
+                "armature": 0.01, "damping": 0.1, "hull_friction": 0.3,
+            },
+            "links": links, "never_colliding": never,
+        });
+        if let Some([farthest, near, far]) = reach {
+            file["reach"] = json!({"max_m": farthest, "from_above_m": [near, far]});
+        }
+        file
+    }
+}
+
+/// Corners of a piece, few enough for a part, and outward triangles.
+fn solid(piece: &genmanip_core::Piece) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
+    let (corners, _) = triangulate(piece).ok()?;
+    convex_hull(&hull(corners)?.corners)
+}
+
+/// Six numbers of a positive definite inertia.
+fn positive(inertia: DMat3) -> [f64; 6] {
+    let [x, y, z] = [inertia.x_axis, inertia.y_axis, inertia.z_axis];
+    let least = LEAST_INERTIA;
+    let diagonal = [x.x.max(least), y.y.max(least), z.z.max(least)];
+    let is_definite = DMat3::from_cols(
+        DVec3::new(diagonal[0], x.y, x.z),
+        DVec3::new(x.y, diagonal[1], y.z),
+        DVec3::new(x.z, y.z, diagonal[2]),
+    );
+    let minor = diagonal[0] * diagonal[1] - x.y * x.y;
+    if minor > 0.0 && is_definite.determinant() > 0.0 {
+        return [diagonal[0], diagonal[1], diagonal[2], x.y, x.z, y.z];
+    }
+    [diagonal[0], diagonal[1], diagonal[2], 0.0, 0.0, 0.0]
+}
+
+fn rounded(point: &DVec3) -> [f64; 3] {
+    point.to_array().map(|value| (value * 1e6).round() / 1e6)
+}
+
+fn visible(part: &genmanip_core::VisualPart) -> Value {
+    let positions: Vec<[f64; 3]> = part
+        .mesh
+        .positions
+        .iter()
+        .map(|point| {
+            rounded(&part.link_from_part.transform_point(point.as_dvec3())).map(|value| (value * 1e4).round() / 1e4)
+        })
+        .collect();
+    let Material { base_color, roughness, metallic, .. } = part.material;
+    let [r, g, b] = base_color.map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8);
+    json!({"mesh": {
+        "name": "body", "positions": positions, "triangles": part.mesh.triangles,
+        "finish": {"color": format!("#{r:02x}{g:02x}{b:02x}"), "rough": roughness, "metal": metallic > 0.5},
+    }})
+}
+
+/// Home and range of a robot that picks from above.
+struct Reached {
+    home: Vec<f64>,
+    farthest_m: f64,
+    from_above_m: [f64; 2],
+}
+
+impl Reached {
+    fn of(planner: &Planner) -> Option<Self> {
+        let robot = planner.robot();
+        let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
+        let around =
+            PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: robot.gripper.max_width };
+        let checker = planner.checker(&around, NEAR_M);
+        let down = DQuat::from_rotation_x(std::f64::consts::PI);
+        let posture = |distance: f64, height: f64, reference: &[f64]| {
+            let yaws = [0.0, 0.5, 1.0, 1.5].map(|quarter| quarter * std::f64::consts::PI);
+            yaws.into_iter().find_map(|yaw| {
+                let turned = DQuat::from_rotation_z(yaw) * down;
+                let pose = Pose::new(DVec3::new(distance, 0.0, height), turned);
+                planner.ik(&pose, reference).into_iter().find(|config| checker.is_free(config))
+            })
+        };
+        let stretched: f64 = robot.links.iter().map(|link| link.parent_from_link.position.length()).sum();
+        let steps = (1..).map(|step| f64::from(step) * STEP_M).take_while(|distance| *distance < stretched);
+        let reached: Vec<f64> = steps.filter(|distance| posture(*distance, PICK_M, &robot.home).is_some()).collect();
+        let from_above_m = longest_run(&reached)?;
+        let middle = 0.5 * (from_above_m[0] + from_above_m[1]);
+        let home = HOME_M.into_iter().find_map(|height| {
+            let places = [1.0, 0.85, 1.15, 0.7, 1.3].map(|share| share * middle);
+            places.into_iter().find_map(|distance| posture(distance, height, &robot.home))
+        })?;
+        Some(Self { home, farthest_m: stretched.min(from_above_m[1] * 1.2), from_above_m })
+    }
+}
+
+/// Ends of the longest run of distances without a gap; `None` if it is shorter than two steps.
+fn longest_run(distances: &[f64]) -> Option<[f64; 2]> {
+    let mut best: Option<[f64; 2]> = None;
+    let mut start = 0;
+    for (index, &distance) in distances.iter().enumerate() {
+        if index > 0 && distance - distances[index - 1] > 1.5 * STEP_M {
+            start = index;
+        }
+        let run = [distances[start], distance];
+        if best.is_none_or(|best| run[1] - run[0] > best[1] - best[0]) {
+            best = Some(run);
+        }
+    }
+    best.filter(|run| run[1] - run[0] > 2.0 * STEP_M)
+}

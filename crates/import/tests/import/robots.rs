@@ -1,0 +1,400 @@
+//! Robots from URDF: every kind of geometry and joint, where meshes are found, and what is refused or noted.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Pose, RobotModel, Seed, Shape};
+use genmanip_import::robots::{self, Choices, MAX_LINKS, MAX_PIECES, PlannedRobot, Settings};
+use genmanip_motion::{AllowedCollisions, Chain, CollisionWorld, Planner, PlannerSettings, PlanningScene};
+
+/// Six joints like those of many industrial arms, one with a different axis, plus a rail and a tool.
+const ARM: &str = r#"<robot name="six">
+  <link name="world"/>
+  <link name="base"><collision><geometry><cylinder radius="0.08" length="0.1"/></geometry></collision></link>
+  <joint name="foot" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 0.05"/></joint>
+  <link name="shoulder"><collision><geometry><sphere radius="0.07"/></geometry></collision></link>
+  <joint name="j1" type="revolute"><parent link="base"/><child link="shoulder"/><origin xyz="0 0 0.2"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2"/></joint>
+  <link name="upper"><collision><origin xyz="0 0 0.2"/><geometry><box size="0.08 0.08 0.3"/></geometry></collision></link>
+  <joint name="j2" type="revolute"><parent link="shoulder"/><child link="upper"/><origin xyz="0 0 0.1" rpy="0 0.1 0"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="2"/></joint>
+  <link name="fore"><collision><origin xyz="0.2 0 0"/><geometry><mesh filename="fore.obj" scale="1 1 1"/></geometry></collision></link>
+  <joint name="j3" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.4"/>
+    <axis xyz="0 2 0"/><limit lower="-2.5" upper="2.5" velocity="2"/></joint>
+  <link name="roll"/>
+  <joint name="j4" type="continuous"><parent link="fore"/><child link="roll"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/></joint>
+  <link name="pitch"/>
+  <joint name="j5" type="revolute"><parent link="roll"/><child link="pitch"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="2"/></joint>
+  <link name="flange"/>
+  <joint name="j6" type="revolute"><parent link="pitch"/><child link="flange"/><origin xyz="0.1 0 0"/>
+    <axis xyz="1 0 0"/><limit lower="-3" upper="3" velocity="2"/></joint>
+</robot>"#;
+
+const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03\nv 0.15 0.03 -0.03\n\
+                     v -0.15 -0.03 0.03\nv 0.15 -0.03 0.03\nv -0.15 0.03 0.03\nv 0.15 0.03 0.03\nv 0 0 0\n";
+
+/// Reads a robot from files in a folder, the first of which is the URDF.
+fn read_files(files: &[(&str, &[u8])], choices: Choices) -> Result<PlannedRobot, String> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    robots::read(&folder.path().join(files[0].0), &Settings { choices, ..Settings::default() }).map_err(|error| {
+        let cause = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+        format!("{cause} ({})", error.hint().unwrap_or_default())
+    })
+}
+
+fn read(urdf: &str) -> Result<PlannedRobot, String> {
+    read_files(&[("arm.urdf", urdf.as_bytes()), ("fore.obj", BRICK.as_bytes())], Choices::default())
+}
+
+fn six() -> RobotModel {
+    read(ARM).unwrap().model
+}
+
+fn with(old: &str, new: &str) -> Result<PlannedRobot, String> {
+    assert!(ARM.contains(old), "{old}");
+    read(&ARM.replacen(old, new, 1))
+}
+
+/// Checks the notes, and the planner's path between configurations: its joint distance, or the refusal.
+fn plan(robot: RobotModel, start: &[f64], goal: &[f64]) -> Result<f64, String> {
+    let planner = Planner::new(Arc::new(robot), PlannerSettings::default()).unwrap();
+    let (world, allowed) = (CollisionWorld::new(), AllowedCollisions::none());
+    let around = PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: 0.0 };
+    let path = planner.plan_joint(&around, start, &[goal.to_vec()], Seed::new(1)).map_err(|error| error.to_string())?;
+    assert!(path.states(0.01).iter().all(|state| planner.check(&around, state).is_none()));
+    Ok(path.length())
+}
+
+#[test]
+fn another_arm_is_read_and_moved() {
+    let robot = six();
+    assert_eq!((robot.arm_dof(), robot.links[robot.hand].name.as_str()), (6, "flange (tool)"));
+    let planner = Planner::new(Arc::new(robot.clone()), PlannerSettings::default()).unwrap();
+    for step in 0..20 {
+        let config: Vec<f64> = (0..6).map(|joint| (f64::from(step * 7 + joint * 3)).sin()).collect();
+        let wanted = planner.tcp_pose(&config);
+        let solutions = planner.ik(&wanted, &planner.robot().home);
+        assert!(!solutions.is_empty(), "{config:?}");
+        for solution in solutions {
+            assert!(planner.tcp_pose(&solution).position.distance(wanted.position) < 1e-6);
+        }
+    }
+    plan(robot, &[0.0; 6], &[1.5, 0.5, 0.5, 1.0, -0.5, 1.0]).unwrap();
+}
+
+#[test]
+fn every_flaw_has_its_own_message() {
+    let cases = [
+        ("<robot name", "<rowboat name", "not XML: expected 'rowboat' tag"),
+        ("<parent link=\"base\"/>", "<parent link=\"bass\"/>", "a joint refers to the unknown link `bass`"),
+        ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"roll\"/>", "duplicate link name"),
+        ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"loose\"/>", "exactly one root link, got 2"),
+        ("<parent link=\"world\"/>", "<parent link=\"flange\"/>", "some links form a loop"),
+        ("<child link=\"roll\"/>", "<child link=\"upper\"/>", "link `upper` has two parent joints"),
+        ("xyz=\"0 0 0.4\"", "xyz=\"0 0 nan\"", "xyz=\"0 0 nan\": expected numbers"),
+        ("lower=\"-2.5\"", "lower=\"inf\"", "lower=\"inf\": expected numbers"),
+        ("lower=\"-2.5\"", "lower=\"2.6\"", "<joint \"j3\">: expected an increasing range, got 2.6 to 2.5"),
+        ("xyz=\"0 2 0\"", "xyz=\"0 0 0\"", "<joint \"j3\">: its axis has no length"),
+        ("fore.obj", "gone.obj", "`gone.obj`: no such file (paths are relative"),
+        ("fore.obj", "package://gone/fore.obj", "no such file (name the package's folder: --package gone=DIR"),
+        ("radius=\"0.07\"", "radius=\"-0.07\"", "radius: expected a positive length"),
+        (
+            "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>",
+            "<mimic joint=\"j9\"/>",
+            "follows joint `j9`, which does not",
+        ),
+        ("<link name=\"roll\"/>", "<xacro:roll/>", "must be expanded first (expand it: `xacro"),
+        // In millimetres.
+        (
+            "xyz=\"0 0 0.4\"",
+            "xyz=\"0 0 400\"",
+            "link fore: origin should be -10.0 to 10.0 m, got 400.0 (is this in millim",
+        ),
+        ("radius=\"0.08\"", "radius=\"80\"", "link base: size of the collision geometry should be"),
+        ("radius=\"0.08\"", "radius=\"1e-300\"", "(remove pieces without extent)"),
+        ("scale=\"1 1 1\"", "scale=\"1000 1000 1000\"", "link fore: size of the collision geometry"),
+        ("xyz=\"0 0 0.2\"/>\n    <axis", "xyz=\"0 0 9.9\"/>\n    <axis", "reach should be at most 10 m"),
+        // Joints.
+        (
+            "lower=\"-2.5\" upper=\"2.5\"",
+            "lower=\"-143\" upper=\"143\"",
+            "joint j3: limit should be -100.0 to 100.0 rad, got -143.0 (is this in degrees",
+        ),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e-6\"", "within 1000 s"),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" effort=\"-1\" velocity=\"2\"", "joint j3: effort"),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><inertial><mass value=\"-1\"/></inertial></link>",
+            "<mass>: value should be 0.0 to",
+        ),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><inertial><mass value=\"1\"/><inertia ixx=\"1e8\"/></inertial></link>",
+            "<inertia>: ixx should be",
+        ),
+    ];
+    for (old, new, message) in cases {
+        let error = with(old, new).unwrap_err();
+        assert!(error.contains(message), "{old} -> {new}: {error}");
+    }
+    let refused = |files: &[(&str, &[u8])], tip: Option<&str>| {
+        read_files(files, Choices { tip: tip.map(str::to_owned), ..Choices::default() }).unwrap_err()
+    };
+    let brick = ("fore.obj", BRICK.as_bytes());
+    let arm = ("arm.urdf", ARM.as_bytes());
+    assert!(refused(&[arm, brick], Some("claw")).contains("refers to link claw, which does not exist"));
+    assert!(refused(&[arm, ("fore.obj", b"v 1 2\n")], None).contains("line 1"));
+    assert!(refused(&[arm, ("fore.obj", b"v nan 2 3\n")], None).contains("line 1"));
+    let one = |text: &str| read(text).unwrap_err();
+    assert!(one(&format!("<robot>{}</robot>", "<link name='x'/>".repeat(MAX_LINKS + 1))).contains("513 links"));
+    assert!(one("<robot><link name='a'/></robot>").contains("no joint moves"));
+    assert!(one("<robot name='a'><link").contains("not XML"));
+    let joint = |index: usize| {
+        let next = index + 1;
+        format!(
+            "<link name='l{next}'/><joint name='j{index}' type='revolute'><parent link='l{index}'/>\
+             <child link='l{next}'/><limit lower='-1' upper='1'/></joint>"
+        )
+    };
+    let chain: String = (0..510).map(joint).collect();
+    let piece = "<collision><geometry><sphere radius='0.01'/></geometry></collision>".repeat(MAX_PIECES + 1);
+    let error = one(&format!("<robot><link name='l0'/>{chain}</robot>"));
+    assert!(error.contains("510 moving joints, at most 128"), "{error}");
+    let error = one(&format!("<robot><link name='l0'>{piece}</link>{}</robot>", joint(0)));
+    assert!(error.contains("513 collision pieces"), "{error}");
+}
+
+/// Flaws of other people's files that are repaired, each with a note.
+#[test]
+fn common_flaws_are_read_and_noted() {
+    let cases: [(&str, &str, &str); 10] = [
+        ("velocity=\"2\"", "velocity=\"0\"", "joint j1 states the velocity 0: 1 is assumed"),
+        ("velocity=\"2\"", "velocity=\"1e5\"", "joint j1 states the velocity 100000: 1000 is assumed"),
+        ("radius=\"0.07\"", "radius=\"0\"", "geometry without extent is left out"),
+        ("velocity=\"2\"", "velocity=\"2\" effort=\"0\"", "joint j1 states the effort 0: 1 is assumed"),
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"0\" upper=\"0\"", "joint j3 has the empty range 0..0"),
+        ("<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>", "", "joint j3 states no limits"),
+        ("type=\"continuous\"", "type=\"floating\"", "joint of type `floating` to roll treated as fixed"),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><visual><geometry><sphere radius=\"0.01\"/></geometry></visual></link>",
+            "without collision geometry, so nothing stops: roll",
+        ),
+        ("<link name=\"roll\"/>", "<link name=\"roll\"/><gz:plugin/>", "tool frame: link flange"),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><collision><geometry><heightmap/></geometry></collision></link>",
+            "unknown kind is left out",
+        ),
+    ];
+    for (old, new, note) in cases {
+        let notes = with(old, new).unwrap_or_else(|error| panic!("{new}: {error}")).notes;
+        assert!(notes.iter().any(|found| found.contains(note)), "{new}: {notes:?}");
+    }
+    let visible = ARM.replacen("<link name=\"roll\"/>", cases[7].1, 1);
+    let files: [(&str, &[u8]); 2] = [("arm.urdf", visible.as_bytes()), ("fore.obj", BRICK.as_bytes())];
+    let robot = read_files(&files, Choices { visuals_collide: true, ..Choices::default() }).unwrap();
+    assert!(robot.model.links.iter().any(|link| link.name == "roll" && link.pieces.len() == 1), "{:?}", robot.notes);
+}
+
+#[test]
+fn meshes_are_found_where_ros_keeps_them() {
+    let mesh = "fore.obj";
+    for (named, urdf, at) in [
+        (
+            "package://arm_description/meshes/fore.obj",
+            "arm_description/urdf/arm.urdf",
+            "arm_description/meshes/fore.obj",
+        ),
+        ("package://arm_description/meshes/fore.obj", "robots/arm.urdf", "arm_description/meshes/fore.obj"),
+        ("package://arm_description/meshes/fore.obj", "src/urdf/arm.urdf", "src/meshes/fore.obj"),
+        ("model://arm_description/fore.obj", "a/b/c/arm.urdf", "a/arm_description/fore.obj"),
+        ("../meshes/fore.obj", "urdf/arm.urdf", "meshes/fore.obj"),
+        ("meshes/fore.obj", "urdf/arm.urdf", "meshes/fore.obj"),
+    ] {
+        let text = ARM.replace(mesh, named);
+        let robot = read_files(&[(urdf, text.as_bytes()), (at, BRICK.as_bytes())], Choices::default());
+        assert!(robot.is_ok(), "{named} in {urdf}: {}", robot.unwrap_err());
+    }
+    // Of two packages with the same path inside, the named one is taken.
+    let text = ARM.replace(mesh, "package://other/meshes/fore.obj");
+    let files: [(&str, &[u8]); 3] = [
+        ("own/urdf/arm.urdf", text.as_bytes()),
+        ("own/meshes/fore.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"),
+        ("other/meshes/fore.obj", BRICK.as_bytes()),
+    ];
+    assert_eq!(corners(&read_files(&files, Choices::default()).unwrap().model, "fore"), 8);
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("fore.obj"), BRICK).unwrap();
+    let place = tempfile::tempdir().unwrap();
+    let urdf = place.path().join("arm.urdf");
+    fs::write(&urdf, ARM.replace(mesh, "package://far/fore.obj")).unwrap();
+    let named = Settings::new(&[("far".to_owned(), folder.path().to_owned())], Choices::default());
+    assert!(robots::read(&urdf, &named).is_ok() && robots::read(&urdf, &Settings::default()).is_err());
+}
+
+fn corners(robot: &RobotModel, link: &str) -> usize {
+    let link = robot.links.iter().find(|found| found.name == link).unwrap();
+    let count = |shape: &Shape| if let Shape::Hull { points } = shape { points.len() } else { 0 };
+    link.pieces.iter().map(|piece| count(&piece.shape)).sum()
+}
+
+#[test]
+fn meshes_are_read_in_every_spelling() {
+    let tetrahedron = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|corner| corner * 0.2);
+    let faces = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
+    let (mut text, mut binary) = (String::from("solid t\n"), vec![0; 80]);
+    binary.extend(4_u32.to_le_bytes());
+    for face in faces {
+        binary.extend([0; 12]);
+        for corner in face.map(|index: usize| tetrahedron[index]) {
+            text += &format!("vertex {} {} {}\n", corner.x, corner.y, corner.z);
+            binary.extend(corner.as_vec3().to_array().into_iter().flat_map(f32::to_le_bytes));
+        }
+        binary.extend([0; 2]);
+    }
+    let with_tail = [binary.as_slice(), b"made by a program"].concat();
+    let dae = r##"<COLLADA version="1.4.1"><asset><unit meter="0.1"/></asset><library_geometries><geometry id="g"><mesh>
+        <source id="p"><float_array id="a" count="12">0 0 0 2 0 0 0 2 0 0 0 2</float_array></source>
+        <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+        <triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 1 3</p></triangles>
+        </mesh></geometry></library_geometries></COLLADA>"##;
+    let empty = [vec![0; 84], vec![]].concat();
+    for (name, bytes, expected) in [
+        ("t.STL", text.as_bytes(), 4),
+        ("t.stl", binary.as_slice(), 4),
+        ("t.stl", with_tail.as_slice(), 4),
+        ("t.dae", dae.as_bytes(), 4),
+        ("t.stl", empty.as_slice(), 0),
+    ] {
+        let urdf = ARM.replace("fore.obj", name);
+        let robot = read_files(&[("arm.urdf", urdf.as_bytes()), (name, bytes)], Choices::default()).unwrap();
+        assert_eq!(corners(&robot.model, "fore"), expected, "{name}: {:?}", robot.notes);
+        assert!(expected > 0 || robot.notes.iter().any(|note| note.contains("no triangles")), "{:?}", robot.notes);
+    }
+}
+
+/// All vertices of a mesh of 30,000 are hull vertices: the hull is simplified outwards, with a note.
+#[test]
+fn a_dense_hull_is_simplified_with_a_note() {
+    let point = |index: usize| {
+        let z = 1.0 - (2.0 * index as f64 + 1.0) / 30_000.0;
+        let (sin, cos) = (2.4 * index as f64).sin_cos();
+        [(1.0 - z * z).sqrt() * cos * 0.1, (1.0 - z * z).sqrt() * sin * 0.1, z * 0.1]
+    };
+    let obj: String = (0..30_000).map(point).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let robot = read_files(&[("arm.urdf", ARM.as_bytes()), ("fore.obj", obj.as_bytes())], Choices::default()).unwrap();
+    assert!((32..=robots::hulls::MAX_CORNERS).contains(&corners(&robot.model, "fore")));
+    assert!(robot.notes.iter().any(|note| note.contains("simplified outwards")), "{:?}", robot.notes);
+}
+
+const SMALL: &str = r#"<robot name="small"><link name="base"/><link name="a"/><link name="b"/><link name="hand"/><link name="finger"/>
+  <joint name="one" type="continuous"><parent link="base"/><child link="a"/><origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
+  <joint name="two" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="2" effort="9"/></joint>
+  <joint name="three" type="revolute"><parent link="b"/><child link="hand"/><origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>
+    MIMIC</joint>
+  <joint name="slide" type="prismatic"><parent link="hand"/><child link="finger"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.012" velocity="0.1" effort="20"/></joint></robot>"#;
+
+#[test]
+fn a_coupled_joint_follows_and_a_continuous_one_takes_the_short_way() {
+    let limits = "<limit lower=\"-2\" upper=\"2\" velocity=\"2\" effort=\"9\"/>";
+    let coupled = format!("<mimic joint=\"two\" multiplier=\"-0.5\" offset=\"0.1\"/>{limits}");
+    let robot = read(&SMALL.replace("MIMIC", &coupled)).unwrap().model;
+    assert_eq!((robot.arm_dof(), robot.links[robot.hand].name.as_str()), (3, "hand (tool)"));
+    let chain = Chain::new(&robot).unwrap();
+    let config = [0.3, 0.8, 0.004];
+    let pose = chain.tcp_pose(&config);
+    assert!(pose.position.distance(robot.tcp_pose(&config).position) < 1e-12);
+    assert!(
+        (pose.rotation.to_scaled_axis().length() - 0.5).abs() > 1e-3,
+        "the turn is 0.8 - 0.3 about y, after 0.3 about z"
+    );
+    let column = chain.jacobian(&config)[1];
+    let moved = |step: f64| chain.tcp_pose(&[0.3, 0.8 + step, 0.004]);
+    let turn = (moved(1e-6).rotation * moved(-1e-6).rotation.inverse()).to_scaled_axis() / 2e-6;
+    assert!(DVec3::new(column[3], column[4], column[5]).distance(turn) < 1e-6 && (turn.length() - 0.5).abs() < 1e-6);
+
+    let robot = read(&SMALL.replace("MIMIC", limits)).unwrap().model;
+    let length = plan(robot.clone(), &[3.0, 0.3, 0.3, 0.0], &[-3.0, 0.3, 0.3, 0.0]).unwrap();
+    assert!((length - 0.2832).abs() < 1e-3, "{length}");
+    let length = plan(robot, &[3.5, 0.3, 0.3, 0.0], &[3.4 - 4.0 * std::f64::consts::PI, 0.3, 0.3, 0.01]).unwrap();
+    assert!((length - 0.1).abs() < 2e-3, "{length}");
+}
+
+/// Poses of a short slide are found, and its fingers are behind the tool frame.
+#[test]
+fn a_short_slide_keeps_most_of_its_range() {
+    let limits = "<limit lower=\"-2\" upper=\"2\" velocity=\"2\" effort=\"9\"/>";
+    let robot = read(&SMALL.replace("MIMIC", limits)).unwrap();
+    assert!(robot.notes.iter().any(|note| note.contains("tool frame: link hand; another one by --tip")));
+    let planner = Planner::new(Arc::new(robot.model), PlannerSettings::default()).unwrap();
+    let range = &planner.ranges()[3];
+    assert!(*range.start() < 0.001 && *range.end() > 0.011, "{range:?}");
+    let wanted = planner.tcp_pose(&[0.5, 0.7, -0.4, 0.006]);
+    assert!(!planner.ik(&wanted, &planner.robot().home).is_empty());
+}
+
+/// The upper arm always passes 2 mm beside the base: without an SRDF, no motion would keep 3 mm.
+#[test]
+fn links_that_are_always_near_are_not_checked() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/robots/close_links");
+    // The base of the second arm as exporters of meshes make it: a prism of 24 sides.
+    let corner = |side: u32, z: f64| {
+        let (sin, cos) = (f64::from(side) * std::f64::consts::TAU / 24.0).sin_cos();
+        format!("v {} {} {z}\n", 0.07 * cos, 0.07 * sin)
+    };
+    let base: String = (0..24).map(|side| corner(side, 0.0) + &corner(side, 0.3)).collect();
+    for name in ["arm.urdf", "arm_prism.urdf"] {
+        let urdf = fs::read(folder.join(name)).unwrap();
+        let robot = read_files(&[(name, &urdf), ("base.obj", base.as_bytes())], Choices::default()).unwrap();
+        let note = robot.notes.iter().find(|note| note.contains("SRDF")).unwrap();
+        assert!(note.contains("base and upper"), "{note}");
+        for (start, goal) in
+            [([0.0, 0.4, 0.5, 0.0], [1.2, 1.0, 0.9, 0.5]), ([0.0, 0.2, 0.5, 0.0], [-1.2, -0.7, 0.9, 0.5])]
+        {
+            plan(robot.model.clone(), &start, &goal).unwrap();
+        }
+    }
+}
+
+/// Five joints meet every pose that points down, and small tilts nearly; large ones are out of reach.
+#[test]
+fn an_arm_with_five_joints_meets_what_it_can() {
+    let turn = |name: &str, parent: &str, child: &str, up: f64, axis: &str| {
+        format!(
+            "<link name='{child}'/><joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/>\
+             <origin xyz='0 0 {up}'/><axis xyz='{axis}'/><limit lower='-2.8' upper='2.8' velocity='2' effort='9'/></joint>"
+        )
+    };
+    let joints = [
+        turn("pan", "base", "a", 0.1, "0 0 1"),
+        turn("lift", "a", "b", 0.05, "0 1 0"),
+        turn("elbow", "b", "c", 0.2, "0 1 0"),
+        turn("flex", "c", "d", 0.2, "0 1 0"),
+        turn("roll", "d", "e", 0.05, "0 0 1"),
+    ];
+    let robot = read(&format!("<robot name='five'><link name='base'/>{}</robot>", joints.concat())).unwrap().model;
+    let planner = Planner::new(Arc::new(robot), PlannerSettings::default()).unwrap();
+    let down = DQuat::from_rotation_x(std::f64::consts::PI);
+    for (yaw, sideways, reached) in [(0.0, 0.0, true), (1.0, 0.0, true), (0.4, 0.03, true), (0.4, 0.4, false)] {
+        let tilt = DQuat::from_axis_angle(DVec3::new(0.25, 0.15, 0.0).normalize(), sideways);
+        let pose = Pose::new(DVec3::new(0.25, 0.15, 0.12), tilt * DQuat::from_rotation_z(yaw) * down);
+        let found = planner.ik(&pose, &planner.robot().home);
+        assert_eq!(!found.is_empty(), reached, "yaw {yaw}, tilt {sideways}");
+        for config in found {
+            let at = planner.tcp_pose(&config);
+            let turn = (at.rotation * pose.rotation.inverse()).to_scaled_axis().length();
+            assert!(at.position.distance(pose.position) < 3e-4 && turn < 0.061, "{at:?} for {pose:?}");
+        }
+    }
+}

@@ -1,0 +1,396 @@
+//! A folder of other people's robots, objects and datasets: what is read, refused, dropped, and how long it takes.
+
+mod arms;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use genmanip_core::{Seed, limits};
+use genmanip_data::files;
+use genmanip_dataset_tools::check;
+use genmanip_import::robots::{self, PlannedRobot};
+use genmanip_import::{Given, import, packs};
+use genmanip_workspace::Progress;
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+pub use arms::Planned;
+
+/// CPU time beyond which a file is slow, s.
+const SLOW_S: f64 = 5.0;
+/// Maximum nesting depth of folders.
+const MAX_DEPTH: usize = 24;
+/// Degrees of freedom of robots that are planned for.
+const PLANNED_DOF: std::ops::RangeInclusive<usize> = 3..=20;
+
+/// Settings of the measurement.
+#[derive(Clone, Debug)]
+pub struct StrangersArguments {
+    /// Folder with files of other people.
+    pub folder: PathBuf,
+    /// Places of meshes and choices of the reader of robots.
+    pub urdf: robots::Settings,
+    /// Kinds to try, of [`KINDS`]; all if empty.
+    pub kinds: Vec<String>,
+    /// Random pairs of configurations planned for each arm.
+    pub pairs: usize,
+}
+
+/// Kinds of files.
+pub const KINDS: [&str; 3] = ["robot", "object", "dataset"];
+
+/// Outcome of one file, or one flaw of what was read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// Read as it is.
+    Ok,
+    /// Refused with a message.
+    Said,
+    /// Read, with parts dropped that no note mentions.
+    Silent,
+    /// Read, with a result that contradicts the file.
+    Wrong,
+    /// A panic.
+    Crashed,
+}
+
+/// Counts of outcomes.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Counts {
+    /// Files.
+    pub tried: usize,
+    /// Files read.
+    pub ok: usize,
+    /// Files refused with a message.
+    pub said: usize,
+    /// Files with parts dropped that no note mentions.
+    pub silent: usize,
+    /// Files with a result that contradicts them.
+    pub wrong: usize,
+    /// Panics.
+    pub crashed: usize,
+    /// Files that took more than 5 s of CPU time.
+    pub slow: usize,
+}
+
+/// A file that was not simply read.
+#[derive(Clone, Debug, Serialize)]
+pub struct Problem {
+    /// The file, relative to the folder.
+    pub file: String,
+    /// Its kind.
+    pub kind: &'static str,
+    /// Outcome.
+    pub outcome: Outcome,
+    /// Description of what happened.
+    pub message: String,
+}
+
+/// A robot that was read.
+#[derive(Clone, Debug, Serialize)]
+pub struct RobotRow {
+    /// The file, relative to the folder.
+    pub file: String,
+    /// Degrees of freedom.
+    pub joints: usize,
+    /// Name of the tool frame's link.
+    pub tool_frame: String,
+    /// CPU time of reading, s.
+    pub load_s: f64,
+    /// Assumptions, repairs and omissions.
+    pub notes: Vec<String>,
+    /// Random motions; `None` for robots that are no arms.
+    pub planned: Option<Planned>,
+}
+
+/// Results.
+#[derive(Debug, Default, Serialize)]
+pub struct Measured {
+    /// Counts over all kinds.
+    #[serde(flatten)]
+    pub all: Counts,
+    /// Counts by kind.
+    pub by_kind: BTreeMap<&'static str, Counts>,
+    /// Files that were not simply read.
+    pub problems: Vec<Problem>,
+    /// Robots that were refused because a mesh does not exist.
+    pub without_meshes: usize,
+    /// Median and largest CPU time of reading a robot, s.
+    pub load_s: [f64; 2],
+    /// The robots that were read.
+    pub robots: Vec<RobotRow>,
+}
+
+/// Reads everything in a folder.
+///
+/// # Errors
+/// If the folder cannot be listed, or holds nothing of the kinds.
+pub fn measure(arguments: &StrangersArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+    let mut found = Vec::new();
+    list(&arguments.folder, 0, &mut found)?;
+    let mut measured = Measured::default();
+    let wants = |kind: &str| arguments.kinds.is_empty() || arguments.kinds.iter().any(|wanted| wanted == kind);
+    let has_ending =
+        |path: &Path, ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+    let described = found.iter().filter(|path| has_ending(path, "urdf") || has_ending(path, "xacro"));
+    for path in described.filter(|path| wants("robot") && !is_object(path)) {
+        robot(arguments, path, seed, &mut measured, progress);
+    }
+    if wants("object") {
+        for candidate in packs::candidates(std::slice::from_ref(&arguments.folder), None).unwrap_or_default() {
+            let path = candidate.root.join(&candidate.path);
+            if !has_ending(&path, "urdf") || is_object(&path) {
+                measured.object(&arguments.folder, &path, progress);
+            }
+        }
+    }
+    for path in found.iter().filter(|path| wants("dataset") && path.ends_with("meta/info.json")) {
+        if let Some(folder) = path.ancestors().nth(2) {
+            measured.dataset(&arguments.folder, folder, progress);
+        }
+    }
+    if measured.all.tried == 0 {
+        return Err(LabError::input(format!("{} holds nothing to try", arguments.folder.display()))
+            .with_hint("expected URDF files, objects (GLB, OBJ, MJCF, …) or LeRobot datasets, at any depth"));
+    }
+    let mut times: Vec<f64> = measured.robots.iter().map(|robot| robot.load_s).collect();
+    times.sort_by(f64::total_cmp);
+    let at = |index: usize| times.get(index).copied().unwrap_or(0.0);
+    measured.load_s = [at(times.len() / 2), at(times.len().saturating_sub(1))];
+    Ok(measured)
+}
+
+/// True for URDFs of objects: those of PartNet-Mobility, and those of which no joint has an effort or velocity and no
+/// name speaks of a robot.
+fn is_object(path: &Path) -> bool {
+    let named = |names: &[&str]| path.file_name().is_some_and(|name| names.iter().any(|known| name == *known));
+    named(&["mobility.urdf", "model.urdf"])
+}
+
+fn list(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), LabError> {
+    let entries = fs::read_dir(folder).map_err(|error| LabError::file("list", folder, error))?;
+    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    for path in paths {
+        let is_link = fs::symlink_metadata(&path).is_ok_and(|about| about.is_symlink());
+        if path.is_dir() && !is_link && depth < MAX_DEPTH {
+            list(&path, depth + 1, found)?;
+        } else if path.is_file() {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Result of work, its CPU time (s); a panic is a result too.
+fn timed<T>(work: impl FnOnce() -> T) -> (Option<T>, f64) {
+    let mut clock = cpu_clock();
+    let done = catch_unwind(AssertUnwindSafe(work)).ok();
+    (done, clock())
+}
+
+fn robot(arguments: &StrangersArguments, path: &Path, seed: Seed, measured: &mut Measured, progress: &dyn Progress) {
+    let file = relative(&arguments.folder, path);
+    let (read, load_s) = timed(|| robots::read(path, &arguments.urdf));
+    let PlannedRobot { model, notes } = match read {
+        None => return measured.count("robot", &file, &[(Outcome::Crashed, "panic".into())], load_s, progress),
+        Some(Err(error)) => {
+            let message = explained(&error);
+            measured.without_meshes += usize::from(message.contains("no such file"));
+            return measured.count("robot", &file, &[(Outcome::Said, message)], load_s, progress);
+        }
+        Some(Ok(read)) => read,
+    };
+    let mut flaws: Vec<(Outcome, String)> = Vec::new();
+    if let Some(dropped) = dropped(path, &model, &notes) {
+        flaws.push((Outcome::Silent, dropped));
+    }
+    let mut row = RobotRow {
+        file: file.clone(),
+        joints: model.arm_dof(),
+        tool_frame: model.links[model.hand].name.clone(),
+        load_s,
+        notes,
+        planned: None,
+    };
+    if arguments.pairs > 0 && PLANNED_DOF.contains(&model.arm_dof()) {
+        match timed(|| arms::plan(model, arguments.pairs, seed)).0 {
+            None => flaws.push((Outcome::Crashed, "panic while planning".into())),
+            Some(Err(error)) => flaws.push((Outcome::Wrong, error)),
+            Some(Ok(planned)) => {
+                if planned.touching > 0 {
+                    flaws.push((Outcome::Wrong, format!("{} paths touch something", planned.touching)));
+                }
+                row.planned = Some(planned);
+            }
+        }
+    }
+    measured.robots.push(row);
+    measured.count("robot", &file, &flaws, load_s, progress);
+}
+
+/// Parts of a URDF that neither the model nor a note has; counted in the text, independently of the reader.
+fn dropped(path: &Path, model: &genmanip_core::RobotModel, notes: &[String]) -> Option<String> {
+    let text = String::from_utf8_lossy(&files::read(path, limits::ROBOT).ok()?).into_owned();
+    let text = without(&without(&text, "<!--", "-->"), "<gazebo", "</gazebo>");
+    let said = |words: &[&str]| notes.iter().any(|note| words.iter().any(|word| note.contains(word)));
+    let tags = |tag: &str| -> Vec<&str> {
+        let starts = text.match_indices(tag).map(|(at, _)| &text[at + tag.len()..]);
+        let of_tag = starts.filter(|rest| rest.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'));
+        of_tag.filter_map(|rest| rest.split('>').next()).collect()
+    };
+    let collisions = tags("<collision").len();
+    let pieces: usize = model.links.iter().map(|link| link.pieces.len()).sum();
+    if pieces < collisions && !said(&["left out", "no triangles"]) {
+        return Some(format!("{} of {collisions} collision geometries are missing", collisions - pieces));
+    }
+    let moving = |tag: &&str| {
+        ["revolute", "continuous", "prismatic", "floating", "planar"]
+            .iter()
+            .any(|kind| [format!("\"{kind}\""), format!("'{kind}'")].iter().any(|quoted| tag.contains(quoted.as_str())))
+    };
+    let (joints, moved) = (
+        tags("<joint").into_iter().filter(moving).count(),
+        model.links.iter().filter(|link| link.joint.is_some()).count(),
+    );
+    if moved < joints && !said(&["fixed", "follows"]) {
+        return Some(format!("{} of {joints} moving joints are missing", joints - moved));
+    }
+    let follows = |block: &&str| {
+        moving(&block.split('>').next().unwrap_or_default())
+            && block.split("</joint>").next().is_some_and(|joint| joint.contains("<mimic"))
+    };
+    let mimics = text.split("<joint").skip(1).filter(follows).count();
+    let coupled =
+        model.links.iter().filter(|link| link.joint.as_ref().is_some_and(|joint| joint.mimic.is_some())).count();
+    if coupled < mimics && !said(&["fixed"]) {
+        return Some(format!("{} of {mimics} coupled joints do not follow", mimics - coupled));
+    }
+    (collisions == 0 && !tags("<visual").is_empty() && !said(&["collision geometry", "hulls of visual"]))
+        .then(|| "nothing collides".into())
+}
+
+/// A text without what stands between two marks.
+fn without(text: &str, from: &str, to: &str) -> String {
+    let mut kept = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once(from) {
+        kept.push_str(before);
+        rest = after.split_once(to).map_or("", |(_, after)| after);
+    }
+    kept + rest
+}
+
+fn relative(folder: &Path, path: &Path) -> String {
+    path.strip_prefix(folder).unwrap_or(path).display().to_string()
+}
+
+/// An error with its causes in one line.
+fn explained(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(error.source(), |cause| cause.source());
+    let parts: Vec<String> = std::iter::once(error.to_string()).chain(causes.map(ToString::to_string)).collect();
+    parts.join(": ")
+}
+
+impl Measured {
+    /// Counts a file by its worst flaw.
+    fn count(
+        &mut self,
+        kind: &'static str,
+        file: &str,
+        flaws: &[(Outcome, String)],
+        cpu_s: f64,
+        progress: &dyn Progress,
+    ) {
+        let outcome = flaws.iter().map(|(outcome, _)| *outcome).max().unwrap_or(Outcome::Ok);
+        for counts in [&mut self.all, self.by_kind.entry(kind).or_default()] {
+            counts.tried += 1;
+            counts.slow += usize::from(cpu_s > SLOW_S);
+            match outcome {
+                Outcome::Ok => counts.ok += 1,
+                Outcome::Said => counts.said += 1,
+                Outcome::Silent => counts.silent += 1,
+                Outcome::Wrong => counts.wrong += 1,
+                Outcome::Crashed => counts.crashed += 1,
+            }
+        }
+        let messages = flaws.iter().map(|(_, message)| message.as_str()).collect::<Vec<_>>().join("; ");
+        progress.note(&format!("{kind} {file}: {}{messages} ({cpu_s:.2} s)", outcome.word()));
+        for (outcome, message) in flaws {
+            self.problems.push(Problem { file: file.to_owned(), kind, outcome: *outcome, message: message.clone() });
+        }
+    }
+
+    fn object(&mut self, folder: &Path, path: &Path, progress: &dyn Progress) {
+        let root = path.parent().unwrap_or(folder);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mut from_disk = |named: &str, limit| match root.join(named) {
+            found if found.is_file() => files::read(&found, limit).map_err(|error| error.to_string()),
+            _ => Err("no such file".to_owned()),
+        };
+        let (read, cpu_s) = timed(|| import(&name, &mut from_disk, &Given::default(), None).map(drop));
+        let flaws = match read {
+            None => vec![(Outcome::Crashed, "panic".into())],
+            Some(Err(error)) => vec![(Outcome::Said, error.to_string())],
+            Some(Ok(())) => vec![],
+        };
+        self.count("object", &relative(folder, path), &flaws, cpu_s, progress);
+    }
+
+    fn dataset(&mut self, folder: &Path, dataset: &Path, progress: &dyn Progress) {
+        let (checked, cpu_s) = timed(|| check::check(dataset, &[]));
+        let flaws = match checked {
+            None => vec![(Outcome::Crashed, "panic".into())],
+            Some(Err(error)) => vec![(Outcome::Said, explained(&error))],
+            Some(Ok(checked)) => {
+                let said = |finding: &check::Finding| {
+                    (Outcome::Said, format!("{}: {}: expected {}", finding.check, finding.file, finding.expected))
+                };
+                checked.findings.iter().map(said).collect()
+            }
+        };
+        self.count("dataset", &relative(folder, dataset), &flaws, cpu_s, progress);
+    }
+}
+
+impl Outcome {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Said => "refused: ",
+            Self::Silent => "dropped without a note: ",
+            Self::Wrong => "wrong: ",
+            Self::Crashed => "crashed: ",
+        }
+    }
+}
+
+/// Text summary: a row per kind, then a Markdown table of the robots.
+pub fn describe(measured: &Measured) -> String {
+    let mut text = String::new();
+    for (kind, counts) in &measured.by_kind {
+        let Counts { tried, ok, said, silent, wrong, crashed, slow } = counts;
+        text += &format!(
+            "{kind:8} {tried} tried: {ok} ok, {said} refused, {silent} dropped something silently, {wrong} wrong, {crashed} \
+             crashed; {slow} slow\n"
+        );
+    }
+    let [median_s, worst_s] = measured.load_s;
+    text += &format!(
+        "{} robots lack a mesh; those read took {median_s:.2} s at the median, {worst_s:.2} s at most\n\n\
+         | robot | joints | tool frame | load, CPU s | solved of solvable pairs |\n|---|---|---|---|---|\n",
+        measured.without_meshes
+    );
+    for RobotRow { file, joints, tool_frame, load_s, planned, .. } in &measured.robots {
+        let planned = planned.as_ref().map_or("–".into(), |planned| match &planned.refused {
+            Some(reason) => format!("– ({reason})"),
+            None => format!("{} of {}", planned.solved, planned.solvable),
+        });
+        text += &format!("| {file} | {joints} | {tool_frame} | {load_s:.2} | {planned} |\n");
+    }
+    text
+}
