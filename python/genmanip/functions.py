@@ -55,16 +55,20 @@ def evaluate(
     episodes_per_scenario: int = 1,
     keep_episodes: bool | None = None,
     workers: int | None = None,
+    horizon_s: float | None = None,
+    stop_on_success: bool | None = None,
 ) -> list[dict[str, Any]]:
     """Evaluates policies on a frozen suite, a run or scenarios: one report each, as `genmanip evaluate` makes them.
 
     A policy is a text as on the command line, or a class of one's own, which is made once per episode; its name is that
     of the class, or its attribute `name`. With `out`, results are kept in that folder and an evaluation that was
-    interrupted goes on there.
+    interrupted goes on there. `horizon_s` is the longest simulated time instead of the scenarios' own;
+    `stop_on_success` ends an episode once its goal has held for a second, for policies that never say they are finished.
     """
     several = policy if isinstance(policy, (list, tuple)) else [policy]
     named = [one if isinstance(one, str) else (_name(one), _maker(one)) for one in several]
-    return json.loads(_genmanip.evaluate(suite, named, out, episodes_per_scenario, keep_episodes, workers))
+    given = (out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success)
+    return json.loads(_genmanip.evaluate(suite, named, *given))
 
 
 def _name(policy: Any) -> str:

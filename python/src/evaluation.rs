@@ -9,7 +9,7 @@ use genmanip_core::{
     ActionChunk, Document, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
 };
 use genmanip_pipeline::PolicyFactory;
-use genmanip_pipeline::evaluate::{self as run, EvaluateOptions, Suite};
+use genmanip_pipeline::evaluate::{self as run, EndingRules, EvaluateOptions, Suite};
 use genmanip_pipeline::policies::{POLICIES, PolicyContext, read_spec};
 use genmanip_workspace::NoProgress;
 use genmanip_workspace::WorkspaceError;
@@ -24,7 +24,8 @@ use crate::observation::dictionary;
 /// A policy is a text as on the command line, or `(name, make)`: `make()` gives an object with `spec()`, JSON of what it
 /// needs, `reset(start)` and `act(observation)`, which returns `(actions, finished)`.
 #[pyfunction]
-#[pyo3(signature = (suite, policies, out, episodes_per_scenario, keep_episodes, workers))]
+#[pyo3(signature = (suite, policies, out, episodes_per_scenario, keep_episodes, workers, horizon_s=None, stop_on_success=None))]
+#[allow(clippy::too_many_arguments, reason = "the package names them all")]
 pub fn evaluate(
     py: Python,
     suite: PathBuf,
@@ -33,6 +34,8 @@ pub fn evaluate(
     episodes_per_scenario: usize,
     keep_episodes: Option<bool>,
     workers: Option<usize>,
+    horizon_s: Option<f64>,
+    stop_on_success: Option<bool>,
 ) -> PyResult<String> {
     let factories: Vec<PolicyFactory> = policies.iter().map(factory).collect::<PyResult<_>>()?;
     let reports = interruptible(py, |stop| {
@@ -43,6 +46,7 @@ pub fn evaluate(
             keep_episodes: keep_episodes.unwrap_or(!is_run && out.is_some()),
             out,
             workers: workers::workers(workers),
+            ending: EndingRules { horizon_s, stop_on_success },
             ..EvaluateOptions::default()
         };
         run::evaluate(&suite_of, &factories, &options, &NoProgress, stop)

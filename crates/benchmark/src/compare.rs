@@ -1,5 +1,6 @@
 //! Paired comparison of two evaluations of one suite.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::statistics::{PairedComparison, detectable_difference};
@@ -24,6 +25,9 @@ pub struct Comparison {
     pub suite_hash: String,
     /// For each of the two, true if it read simulator truth.
     pub oracle: [bool; 2],
+    /// Differences in the time limits and stop rules of the two, which make the comparison unequal.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Over all common episodes.
     pub overall: PairedComparison,
     /// By kind of task; p-values are not corrected for multiple comparisons.
@@ -121,10 +125,33 @@ fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option
         suite: first.suite.clone(),
         suite_hash: first.suite_hash.clone(),
         oracle: [first.oracle, second.oracle],
+        warnings: warnings(reports),
         power: SIZES.iter().map(row).collect(),
         overall,
         kinds,
     })
+}
+
+/// Differences in the endings of the episodes that both ran.
+fn warnings([first, second]: &[EvaluationReport; 2]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let horizons_s = |report: &EvaluationReport| -> BTreeMap<_, _> {
+        report.results.iter().map(|it| ((it.scenario_id.clone(), it.seed), it.horizon_s)).collect()
+    };
+    let theirs = horizons_s(second);
+    let differ = |(episode, &ours): (_, &f64)| Some((ours, *theirs.get(episode)?)).filter(|(a, b)| a != b);
+    let unequal: Vec<(f64, f64)> = horizons_s(first).iter().filter_map(differ).collect();
+    if let Some((a, b)) = unequal.first() {
+        let count = unequal.len();
+        warnings.push(format!("the horizons of {count} episodes differ (A {a} s, B {b} s): not the same task"));
+    }
+    if first.stop_on_success != second.stop_on_success {
+        let (with, without) = if first.stop_on_success { ("A", "B") } else { ("B", "A") };
+        warnings.push(format!(
+            "episodes of {with} ended once the goal held, those of {without} when the policy was finished"
+        ));
+    }
+    warnings
 }
 
 /// Label of an evaluation, with the perturbation of its suite.
@@ -154,6 +181,7 @@ pub fn describe(comparison: &Comparison) -> String {
     rows.extend(comparison.kinds.iter().map(|kind| row(kind.kind.name(), &kind.pair)));
     text += &text_table(&rows);
     text += &format!("\n{}\n", verdict(comparison));
+    text.extend(comparison.warnings.iter().map(|warning| format!("warning: {warning}\n")));
     if all.unpaired > 0 {
         text += &format!("{} episodes of only one of them are left out\n", all.unpaired);
     }

@@ -30,6 +30,12 @@ pub struct EvaluationReport {
     pub label: String,
     /// Name of the cameras that replaced the scenarios' own; `None` for their own.
     pub cameras: Option<String>,
+    /// Time limit of every episode, s, if it replaced those of the scenarios.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon_s: Option<f64>,
+    /// True if an episode ended once its goal had held for the settling time; the verdict is the one after settling.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub stop_on_success: bool,
     /// True if the policy read simulator truth.
     pub oracle: bool,
     /// Program version.
@@ -176,6 +182,8 @@ impl EvaluationReport {
             label: policy.clone(),
             policy,
             cameras: None,
+            horizon_s: None,
+            stop_on_success: false,
             oracle: summary.oracle,
             genmanip_version,
             statistics: statistics.clone(),

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::{AgentFailure, Failure};
-use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, upgrade};
+use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, named_enum, upgrade};
 
 /// Simulation state at one control step, and the command applied during the following interval.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,10 +119,34 @@ pub struct EpisodeResult {
     /// Takeover from another policy that failed, and the failure that was corrected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
+    /// Style of the expert that acted in a collected episode; absent for the default one.
+    #[serde(default, skip_serializing_if = "ExpertStyle::is_default")]
+    pub expert: ExpertStyle,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.
     pub genmanip_version: String,
+}
+
+named_enum! {
+    /// Choices of the expert where several solve the task.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum ExpertStyle {
+        /// The best grasp, and a random goal pose: varied demonstrations.
+        #[default]
+        Default = "default",
+        /// The grasp nearest to the gripper's orientation, and the goal pose nearest to the middle of the goal region:
+        /// demonstrations that a policy can predict from what it sees.
+        Consistent = "consistent",
+    }
+}
+
+impl ExpertStyle {
+    /// True for the default, which files leave out.
+    pub fn is_default(&self) -> bool {
+        *self == Self::Default
+    }
 }
 
 /// Takeover of an episode from a failing policy, as in DAgger-style training.

@@ -125,7 +125,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 named => task_files::read_tasks(named)?,
             };
             let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
-            let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
+            let seed = Seed::new(arguments.seed);
+            let measured = expert::measure(&tasks, &world, arguments.expert, arguments.tries, seed, printer)?;
             printer.data(&measured, &expert::describe(&measured));
         }
         LabCommand::Assets(arguments) => {

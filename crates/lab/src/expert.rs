@@ -3,8 +3,9 @@
 use genmanip_workspace::worlds;
 use std::collections::BTreeMap;
 
-use genmanip_core::{EpisodeResult, Seed, StrayContact, Task, World};
+use genmanip_core::{EpisodeResult, ExpertStyle, Seed, StrayContact, Task, World};
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, trial};
+use genmanip_rollout::expert::ExpertSettings;
 use serde::Serialize;
 
 use crate::LabError;
@@ -22,6 +23,8 @@ const STRAY_BAR_N: f64 = 5.0;
 pub struct Measured {
     /// Seed of layouts and attempts.
     pub seed: u64,
+    /// Choices of the expert.
+    pub expert: ExpertStyle,
     /// Attempts at a task before it counts as unsolved.
     pub tries_per_task: u64,
     /// All tasks.
@@ -80,11 +83,13 @@ pub struct Stray {
 pub fn measure(
     tasks: &[Task],
     world: &World,
+    style: ExpertStyle,
     tries: u64,
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let settings = PipelineSettings::in_world(world.clone());
+    let expert = ExpertSettings { style, ..ExpertSettings::default() };
+    let settings = PipelineSettings { expert, ..PipelineSettings::in_world(world.clone()) };
     let planner = worlds::planner(world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
@@ -100,7 +105,14 @@ pub fn measure(
         progress.advance();
     }
     progress.end();
-    Ok(Measured { seed: seed.value(), tries_per_task: tries, total, kinds, peak_memory_mb: peak_memory_mb() })
+    Ok(Measured {
+        seed: seed.value(),
+        expert: style,
+        tries_per_task: tries,
+        total,
+        kinds,
+        peak_memory_mb: peak_memory_mb(),
+    })
 }
 
 /// All attempts at a task up to the first verified one.

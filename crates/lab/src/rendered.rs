@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World};
-use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves, posed};
+use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves, posed};
 use genmanip_motion::PlannerSettings;
 use genmanip_relations::observed::clouds_of_views;
 use genmanip_relations::{CloudScene, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal};
@@ -232,7 +232,8 @@ fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Op
     let settings = &GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
     for (index, step) in steps.iter().enumerate() {
         let object = after.objects().nth(step.object)?.clone();
-        let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings };
+        let order = GoalOrder::Margin;
+        let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings, order };
         let seed = seed.fork("goal").fork_index(index as u64);
         let places = search.goal_poses(step, &steps[index + 1..], &|_| true, seed);
         after.set_pose(step.object, places.first()?.world_from_object, &object.joint_positions);

@@ -1,6 +1,6 @@
 //! Goal poses of moved objects: sampled and accepted if every atom of the move would hold.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, Relation, Seed, Unit, Workspace};
@@ -55,10 +55,36 @@ pub struct GoalSearch<'a> {
     pub relations: &'a RelationSettings,
     /// Search settings.
     pub settings: &'a GoalPoseSettings,
+    /// Order of the samples and of the goal poses found.
+    pub order: GoalOrder,
 }
 
+/// Order in which goal poses are sampled and returned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GoalOrder {
+    /// Random samples; largest margins first.
+    Margin,
+    /// From the middle of the goal region outwards and from the object's heading on, the same for equal regions; then
+    /// random samples. Nearest to the middle first.
+    Middle,
+}
+
+/// Sample of a goal pose in its region.
+#[derive(Clone, Copy)]
+enum Place {
+    /// Random; on a carrier within this share of the distance from its centre.
+    Random { spread: f64 },
+    /// Offset from the middle, as a share of the half region along each axis.
+    At(DVec2),
+}
+
+/// Turns of a sample around the middle of the region (rad): the golden angle, for which samples cover it evenly.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+/// Headings that are tried beside the object's own when sampling from the middle outwards.
+const HEADINGS: usize = 8;
+
 impl GoalSearch<'_> {
-    /// Samples up to `settings.count` goal poses for a move, largest margins first.
+    /// Samples up to `settings.count` goal poses for a move, in the order that is set.
     ///
     /// Every atom of the move holds, directional ones with `settings.margin_m`. Only `usable` poses count, with
     /// `settings.clearance_m` to everything but the support. Objects of `later` moves on the same support still find
@@ -73,12 +99,9 @@ impl GoalSearch<'_> {
         let (mut found, mut blocking): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
         let settings = self.settings;
         for draw in 0..settings.draws {
-            // The current heading first: most objects need not be rotated.
-            let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
+            let (place, turn) = self.sample(draw, rng);
             let rotation = DQuat::from_rotation_z(turn) * self.upright[step.object];
-            let spread = draw as f64 / settings.draws as f64;
-            if !self.propose(&mut after, step, base, rotation, spread, rng) || !self.is_free(&after, step.object, base)
-            {
+            if !self.propose(&mut after, step, base, rotation, place, rng) || !self.is_free(&after, step.object, base) {
                 continue;
             }
             let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, self.relations)).collect();
@@ -87,8 +110,14 @@ impl GoalSearch<'_> {
                 .all(|verdict| verdict.holds && verdict.normalised_margin() >= margin(&verdict.atom, settings));
             let posed = after.objects().nth(step.object).filter(|posed| holds && usable(&posed.pose));
             if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
-                let worst = verdicts.iter().map(AtomVerdict::normalised_margin).fold(f64::INFINITY, f64::min);
-                let goal = (worst, GoalPose { world_from_object: posed.pose, support, bounds });
+                let merit = match (self.order, place) {
+                    (GoalOrder::Margin, _) => {
+                        verdicts.iter().map(AtomVerdict::normalised_margin).fold(f64::INFINITY, f64::min)
+                    }
+                    (GoalOrder::Middle, Place::At(offset)) => -offset.length() - turn.abs() / PI,
+                    (GoalOrder::Middle, Place::Random { .. }) => f64::NEG_INFINITY,
+                };
+                let goal = (merit, GoalPose { world_from_object: posed.pose, support, bounds });
                 if !self.have_space(&after, &beside, seed.fork("later").fork_index(draw as u64)) {
                     blocking.push(goal);
                     continue;
@@ -105,6 +134,22 @@ impl GoalSearch<'_> {
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         found.into_iter().map(|(_, goal)| goal).collect()
+    }
+
+    /// Place and heading (rad, relative to the object's own) of a sample.
+    fn sample(&self, draw: usize, rng: &mut impl Rng) -> (Place, f64) {
+        let (draws, is_turned) = (self.settings.draws, draw % 2 != 0);
+        let half = draws / 2;
+        if self.order == GoalOrder::Middle && draw < half {
+            let index = draw / 2;
+            let radius = (2.0 * index as f64 / half as f64).sqrt();
+            let turn = (0.5 + (index % HEADINGS) as f64) * TAU / HEADINGS as f64 - PI;
+            let offset = radius * DVec2::from_angle(GOLDEN_ANGLE * index as f64);
+            return (Place::At(offset), if is_turned { turn } else { 0.0 });
+        }
+        // The current heading first: most objects need not be rotated.
+        let turn = if is_turned { rng.random_range(0.0..TAU) } else { 0.0 };
+        (Place::Random { spread: draw as f64 / draws as f64 }, turn)
     }
 
     /// True if all moves find goal poses in sequence.
@@ -129,14 +174,14 @@ impl GoalSearch<'_> {
         })
     }
 
-    /// Samples a candidate pose; false if there is none. `spread` in [0, 1] scales the distance from the centre.
+    /// Samples a candidate pose; false if there is none.
     fn propose(
         &self,
         after: &mut PosedScene,
         step: &Move,
         base: Option<usize>,
         rotation: DQuat,
-        spread: f64,
+        place: Place,
         rng: &mut impl Rng,
     ) -> bool {
         let Some(object) = self.scene.objects().nth(step.object) else { return false };
@@ -149,7 +194,7 @@ impl GoalSearch<'_> {
             let Some((posed, outer)) = self.scene.objects().nth(carrier).zip(self.scene.bounds(carrier)) else {
                 return false;
             };
-            let center = point_over(posed, object, rotation, spread, rng);
+            let center = point_over(posed, object, rotation, place, rng);
             after.set_pose(step.object, at(center, outer.max.z + LOWERING_HEIGHT_M), &object.joint_positions);
             return lower_onto(after, step.object, carrier, RELEASE_GAP_M, self.relations);
         }
@@ -180,7 +225,10 @@ impl GoalSearch<'_> {
         if low.cmpgt(high).any() {
             return false;
         }
-        let share = DVec2::new(rng.random(), rng.random());
+        let share = match place {
+            Place::Random { .. } => DVec2::new(rng.random(), rng.random()),
+            Place::At(offset) => (offset + 1.0) * 0.5,
+        };
         let height = surface.map_or(0.0, |surface| surface.top_center_m.z);
         after.set_pose(step.object, at(low + (high - low) * share, height), &object.joint_positions);
         let outline = after.outline(step.object).unwrap_or_default();
@@ -217,9 +265,8 @@ fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     }
 }
 
-/// Samples a point above the carrier for the object's centre: in its cavity, or over its top at a distance that grows
-/// with `spread`.
-fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spread: f64, rng: &mut impl Rng) -> DVec2 {
+/// Samples a point above the carrier for the object's centre: in its cavity, or over its top.
+fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, place: Place, rng: &mut impl Rng) -> DVec2 {
     // Bounds are tightest in a frame aligned with the carrier.
     let ahead = carrier.pose.transform_vector(DVec3::X);
     let heading = DQuat::from_rotation_z(ahead.y.atan2(ahead.x));
@@ -233,10 +280,16 @@ fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spre
         false => carrier.model.world_bounds(&top, &carrier.joint_positions),
     };
     let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(MIN_SLACK_M));
-    let share = match is_hollow {
-        true => USABLE_CAVITY_SHARE * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
+    let share = match (place, is_hollow) {
+        (Place::At(offset), true) => USABLE_CAVITY_SHARE * offset,
+        (Place::At(offset), false) => offset,
+        (Place::Random { .. }, true) => {
+            USABLE_CAVITY_SHARE * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
+        }
         // Uniform over a disc, since round objects have no corners to stand on.
-        false => spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt(),
+        (Place::Random { spread }, false) => {
+            spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt()
+        }
     };
     let center = area.center() + (slack * share).extend(0.0);
     carrier.pose.position.truncate() + (heading * center).truncate()

@@ -6,7 +6,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Atom, Pose, Relation, Seed};
 use genmanip_relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair};
 
-use crate::{GoalPoseSettings, GoalSearch, Move};
+use crate::{GoalOrder, GoalPoseSettings, GoalSearch, Move};
 
 /// A rotated carrier in the middle and objects far from it.
 fn scene(carrier: &str, turn: f64, objects: &[&str]) -> PosedScene {
@@ -27,6 +27,12 @@ fn scene(carrier: &str, turn: f64, objects: &[&str]) -> PosedScene {
 
 /// Places the objects one after the other, each search knowing the later ones.
 fn check(carrier: &str, relation: Relation, objects: &[&str]) {
+    for order in [GoalOrder::Margin, GoalOrder::Middle] {
+        check_in(order, carrier, relation, objects);
+    }
+}
+
+fn check_in(order: GoalOrder, carrier: &str, relation: Relation, objects: &[&str]) {
     let (relations, settings) = (RelationSettings::default(), GoalPoseSettings::default());
     let steps: Vec<Move> = (1..=objects.len())
         .map(|object| Move {
@@ -49,6 +55,7 @@ fn check(carrier: &str, relation: Relation, objects: &[&str]) {
                 workspace: &default_world().workspace,
                 relations: &relations,
                 settings: &settings,
+                order,
             };
             let poses = search.goal_poses(step, &steps[index + 1..], &|_| true, Seed::new(seed));
             let name = objects[index];
@@ -73,4 +80,35 @@ fn what_comes_first_leaves_room_for_what_comes_next() {
     check(board, Relation::On, &["027", "028", "029"]);
     check(tray, Relation::Top, &["022", "024"]);
     check(basket, Relation::Top, &["030", "034"]);
+}
+
+#[test]
+fn from_the_middle_the_first_goal_pose_is_the_same_for_every_seed() {
+    for (carrier, relation, object) in [("014", Relation::On, "032"), ("051", Relation::Top, "030")] {
+        let scene = scene(carrier, 0.4, &[object]);
+        let atoms = vec![Atom::Relation {
+            subject: object.into(),
+            relation,
+            reference: carrier.into(),
+            second_reference: None,
+        }];
+        let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
+        let first = |order: GoalOrder, seed: u64| {
+            let search = GoalSearch {
+                scene: &scene,
+                upright: &upright,
+                workspace: &default_world().workspace,
+                relations: &RelationSettings::default(),
+                settings: &GoalPoseSettings::default(),
+                order,
+            };
+            let step = Move { object: 1, atoms: atoms.clone() };
+            let poses = search.goal_poses(&step, &[], &|_| true, Seed::new(seed));
+            poses[0].world_from_object
+        };
+        let middle = first(GoalOrder::Middle, 1);
+        assert_eq!(middle, first(GoalOrder::Middle, 2), "{object} on {carrier}");
+        assert_ne!(first(GoalOrder::Margin, 1), first(GoalOrder::Margin, 2), "{object} on {carrier}");
+        assert!(middle.rotation.angle_between(upright[1]) < 1e-9, "the object keeps its heading");
+    }
 }

@@ -35,7 +35,7 @@ mod visibility;
 pub use add_distractors::add_distractors;
 pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Unfinished};
-pub use goal_pose::{GoalPose, GoalSearch};
+pub use goal_pose::{GoalOrder, GoalPose, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::{GoalPoseSettings, LayoutSettings};

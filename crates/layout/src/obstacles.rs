@@ -1,6 +1,6 @@
 //! Collision world of the support surfaces and the objects at their current poses.
 
-use genmanip_core::glam::DVec3;
+use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, ObjectModel, Seed, VerifiedGrasp};
 use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_relations::PosedScene;
@@ -72,6 +72,24 @@ pub fn generated_grasps(
     seed: Seed,
 ) -> Result<Vec<Grasp>, GeometryError> {
     with_target(planner, scene, object, |target| planner.grasps(target, seed.fork("grasps")))
+}
+
+/// Grasps (object frame) turned about the vertical as near to a tool orientation (world frame) as that gets, where the
+/// object is round, and that still fit; the others unchanged.
+///
+/// # Errors
+/// Fails if a collision piece is not finite or has no volume.
+pub fn grasps_towards(
+    planner: &Planner,
+    scene: &PosedScene,
+    object: usize,
+    grasps: Vec<Grasp>,
+    world_from_tcp: DQuat,
+) -> Result<Vec<Grasp>, GeometryError> {
+    with_target(planner, scene, object, |target| {
+        let turned = planner.grasps_towards(target, grasps, world_from_tcp)?;
+        planner.fitting_grasps(target, turned.iter())
+    })
 }
 
 fn with_target(

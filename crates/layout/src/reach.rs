@@ -8,7 +8,7 @@ use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Pl
 use genmanip_relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
-use crate::goal_pose::GoalSearch;
+use crate::goal_pose::{GoalOrder, GoalSearch};
 use crate::moves::{Move, moves};
 use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
@@ -91,6 +91,7 @@ impl ReachCheck<'_> {
                 workspace: &world.workspace,
                 relations: &world.relations,
                 settings: &settings.goal_pose,
+                order: GoalOrder::Margin,
             };
             let goal_poses = search.goal_poses(step, &steps[index + 1..], &usable, seed.fork("room"));
             let Some(goal_pose) = goal_poses.first() else { return Some(Rejection::NoSpaceAtGoal(named())) };

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Grasp, Pose, RgbdImage, RobotModel, Seed};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{
@@ -266,6 +266,20 @@ impl Planner {
         known: impl Iterator<Item = &'a Grasp>,
     ) -> Result<Vec<Grasp>, GeometryError> {
         grasp::fitting(target, &self.gripper, &self.settings.grasp, known)
+    }
+
+    /// Grasps (object frame) turned about the vertical as near to a tool orientation (world frame) as that gets, where
+    /// the object is round; the others unchanged.
+    ///
+    /// # Errors
+    /// Fails if a collision piece has no volume.
+    pub fn grasps_towards(
+        &self,
+        target: &GraspTarget,
+        grasps: Vec<Grasp>,
+        world_from_tcp: DQuat,
+    ) -> Result<Vec<Grasp>, GeometryError> {
+        grasp::align::turned_towards(target, grasps, world_from_tcp)
     }
 
     /// Samples grasps from a point cloud, world frame, best first.

@@ -106,6 +106,7 @@ pub fn export(
         depth: options.rows.depth && !options.rows.cameras.is_empty(),
         is_varied: run.settings.is_varied(),
         has_corrections: run.settings.corrects.is_some(),
+        expert: run.settings.expert.style,
         ..options.rows.clone()
     };
     let hash = run.hash()?;

@@ -309,11 +309,13 @@ struct Prepared {
     make: Make,
     /// Of the service that it asks and that may cost money.
     account: Option<Arc<UsageAccount>>,
+    /// True if it never says that it is finished.
+    never_finishes: bool,
 }
 
 impl Prepared {
     fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static) -> Self {
-        Self { make: Box::new(make), account: None }
+        Self { make: Box::new(make), account: None, never_finishes: false }
     }
 }
 
@@ -404,6 +406,19 @@ impl PolicyFactory {
             WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
             error => RolloutError::Spec { policy: self.label().into(), source: error.into() },
         }
+    }
+
+    /// The same policy as one that never says that it is finished.
+    #[must_use]
+    pub fn never_finishing(mut self) -> Self {
+        self.prepared.never_finishes = true;
+        self
+    }
+
+    /// True if it never says that it is finished: unless told otherwise, its episodes end once the goal has held for
+    /// the settling time.
+    pub fn never_finishes(&self) -> bool {
+        self.prepared.never_finishes
     }
 
     /// Requests and cost of its service so far, if it calls one that may cost money.

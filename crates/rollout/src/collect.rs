@@ -272,10 +272,11 @@ fn play(attempt: &Attempt, resources: Resources, settings: &PipelineSettings) ->
         expert = expert.with_grasp_proposer(Arc::clone(source));
     }
     let (id, seed, rollout) = (attempt.id(), attempt.seed, &settings.rollout);
-    let episode = match resources.corrected {
+    let mut episode = match resources.corrected {
         None => run_episode(&stage, &mut expert, &id, seed, rollout)?,
         Some(make) => run_corrected(&stage, &mut *make(&stage)?, &mut expert, &id, seed, rollout)?,
     };
+    episode.result.expert = settings.expert.style;
     Ok(Ok((stage, episode)))
 }
 
@@ -303,6 +304,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         cloud: None,
         other_request_success: None,
         correction: None,
+        expert: settings.expert.style,
         agent_failure: None,
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),

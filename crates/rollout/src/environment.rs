@@ -11,8 +11,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, GripperPhase,
-    ObjectState, Observation, PrivilegedState, Seed, StrayContact,
+    CameraRequest, Ending, Episode, EpisodeResult, ExpertStyle, Failure, FailureCause, Frame, GoalVerdict,
+    GripperPhase, ObjectState, Observation, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
@@ -521,6 +521,7 @@ impl Session {
             cloud: None,
             other_request_success,
             correction: None,
+            expert: ExpertStyle::Default,
             agent_failure: None,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),

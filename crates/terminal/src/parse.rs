@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use genmanip_core::Seed;
+use genmanip_core::{ExpertStyle, Seed};
 
 /// A package and its folder, NAME=DIR.
 ///
@@ -57,4 +57,13 @@ pub fn number(text: &str) -> Result<f64, String> {
         Ok(value) if (-1e3..=1e3).contains(&value) => Ok(value),
         _ => Err("expected a number from -1000 to 1000".into()),
     }
+}
+
+/// Style of the expert.
+///
+/// # Errors
+/// The known names.
+pub fn expert(text: &str) -> Result<ExpertStyle, String> {
+    let known = || format!("expected {}", ExpertStyle::ALL.map(ExpertStyle::name).join(" or "));
+    ExpertStyle::named(text).ok_or_else(known)
 }

@@ -13,7 +13,7 @@ use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Atom, AtomVerdict, FailureClass, VerifiedGrasp};
-use genmanip_layout::{GoalPoseSettings, GoalSearch, Move};
+use genmanip_layout::{GoalOrder, GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
 use genmanip_relations::{PosedScene, judge_atom, planar_gap};
 use rand::RngExt;
@@ -404,6 +404,7 @@ impl Placed<'_> {
             workspace: &stage.scenario.world.workspace,
             relations: &stage.relations,
             settings: &GoalPoseSettings { count: 30, ..GoalPoseSettings::default() },
+            order: GoalOrder::Margin,
         };
         let step = Move { object: self.object, ..self.step.clone() };
         let seed = self.oracle.truth.now().seed.unwrap_or(genmanip_core::Seed::new(0));

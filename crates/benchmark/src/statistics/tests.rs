@@ -35,6 +35,7 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         cloud: None,
         other_request_success: None,
         correction: None,
+        expert: genmanip_core::ExpertStyle::Default,
         agent_failure: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),

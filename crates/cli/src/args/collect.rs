@@ -7,6 +7,8 @@ use clap::Args;
 use genmanip_viz::render::AppearanceFactor;
 use genmanip_workspace::shard::ShardChoice;
 
+use genmanip_core::ExpertStyle;
+
 use super::parse_values::parse_rate;
 
 /// Property that may be randomised per episode.
@@ -88,6 +90,10 @@ pub struct CollectArguments {
     /// receives the point cloud
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
     pub grasps: String,
+    /// Choices of the expert where several solve the task: `consistent` takes the grasp nearest to the gripper's
+    /// orientation and the goal pose nearest to the middle, so that a policy can predict them
+    #[arg(long, value_name = "default|consistent", default_value = "default", value_parser = parse::expert)]
+    pub expert: ExpertStyle,
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,

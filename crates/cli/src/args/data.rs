@@ -19,7 +19,8 @@ pub enum DataCommand {
     Check(DataCheckArguments),
     /// Show what is in a dataset: tasks with lengths and success, ranges of states and actions; pictures in a page
     #[command(after_help = "Examples:\n  genmanip data show out/run/dataset\n  \
-                      genmanip data show out/run/dataset --html dataset.html")]
+                      genmanip data show out/run/dataset --html dataset.html\n  \
+                      genmanip data show --learnability out/run")]
     Show(DataShowArguments),
     /// Put the episodes of several datasets into one
     #[command(after_help = "Example:\n  genmanip data merge out/a/dataset out/b/dataset --out out/both\n\n\
@@ -145,12 +146,16 @@ pub struct DataRerenderArguments {
 /// Arguments of `data show`.
 #[derive(Debug, Args)]
 pub struct DataShowArguments {
-    /// Folder of a dataset
+    /// Folder of a dataset; with --learnability also of a run
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
     /// Write a page instead of printing
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Show how well a policy could predict the demonstrations: spread of the first grasps, what the object's pose explains
+    /// of them, and how well similar states predict the next second. Needs the recorded episodes
+    #[arg(long, conflicts_with = "html")]
+    pub learnability: bool,
 }
 
 /// Arguments of `data merge`.

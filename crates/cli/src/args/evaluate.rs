@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use genmanip_workspace::shard::ShardChoice;
 
-use super::parse_values::parse_sum;
+use super::parse_values::{parse_sum, parse_yes};
 
 /// Settings of episodes whose policy may query a model.
 #[derive(Clone, Debug, Args)]
@@ -47,6 +47,14 @@ pub struct EvaluateArguments {
     /// Episodes of each scenario, with streams of their own: for policies that draw
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = parse::count)]
     pub episodes_per_scenario: usize,
+    /// Time limit of every episode, simulated seconds, instead of the scenarios'; the results and their label say so
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub horizon: Option<f64>,
+    /// End an episode once its goal has held for a second, with nothing held or moving; it is judged after settling as
+    /// usual [default: yes for policies that never say that they are finished, else no]
+    #[arg(long, value_name = "yes|no", num_args = 0..=1, require_equals = true, default_missing_value = "yes",
+          value_parser = parse_yes)]
+    pub stop_on_success: Option<bool>,
     /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
     /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
     #[arg(long, value_name = "I/N")]

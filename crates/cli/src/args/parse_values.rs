@@ -20,3 +20,11 @@ pub(super) fn parse_rate(text: &str) -> Result<u32, String> {
         _ => Err("expected 10, 15, 20, 30 or 60 (divisors of the 60 Hz control rate)".into()),
     }
 }
+
+pub(super) fn parse_yes(text: &str) -> Result<bool, String> {
+    match text {
+        "yes" => Ok(true),
+        "no" => Ok(false),
+        _ => Err("expected yes or no".into()),
+    }
+}

@@ -8,6 +8,7 @@ use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
 use genmanip_pipeline::merge::merge;
 use genmanip_rollout::collect::PipelineSettings;
+use genmanip_rollout::expert::ExpertSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_viz::render::AppearanceFactor;
 use genmanip_workspace::{task_files, workers, worlds};
@@ -29,8 +30,16 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     });
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
     let corrects = arguments.corrections.clone();
-    let settings =
-        PipelineSettings { images, keep_failed, grasps, vary_physics, corrects, ..PipelineSettings::in_world(world) };
+    let expert = ExpertSettings { style: arguments.expert, ..ExpertSettings::default() };
+    let settings = PipelineSettings {
+        images,
+        keep_failed,
+        grasps,
+        vary_physics,
+        corrects,
+        expert,
+        ..PipelineSettings::in_world(world)
+    };
     let run = Run::new(
         tasks,
         if arguments.verified.is_some() { 0 } else { arguments.episodes },

@@ -247,6 +247,10 @@ fn describe(finding: &Finding) -> String {
 }
 
 fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    if arguments.learnability {
+        let mut progress = counted("reading episodes", printer);
+        return super::learnability::show(&arguments.dataset, &mut progress, printer);
+    }
     let checked = read(&arguments.dataset)?;
     let overview = &checked.overview;
     let groups = groups(overview);

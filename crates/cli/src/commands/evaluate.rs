@@ -4,7 +4,9 @@ use std::sync::atomic::Ordering;
 
 use genmanip_core::Document;
 use genmanip_pipeline::PolicyFactory;
-use genmanip_pipeline::evaluate::{EvaluateOptions, Suite, evaluate, results_file, table, table_of_traits};
+use genmanip_pipeline::evaluate::{
+    EndingRules, EvaluateOptions, Suite, evaluate, results_file, table, table_of_traits,
+};
 use genmanip_workspace::{workers, worlds};
 
 use crate::args::EvaluateArguments;
@@ -53,6 +55,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
+        ending: EndingRules { horizon_s: arguments.horizon, stop_on_success: arguments.stop_on_success },
     };
     let stop = genmanip_terminal::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;

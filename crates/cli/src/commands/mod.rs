@@ -14,6 +14,7 @@ pub mod grasps;
 pub mod launch;
 pub mod layout;
 pub mod leaderboard;
+mod learnability;
 pub mod plan;
 pub mod render;
 pub mod replay;

@@ -28,6 +28,24 @@ fn policies_are_compared_by_scenario_and_listed() {
         assert!(words.contains(said), "{said}: {words}");
     }
 
+    // Another horizon is in the label, and a comparison warns of it.
+    let short = ["evaluate", "run", "--policy", "expert", "--horizon", "0.5", "--stop-on-success", "--json"];
+    let report = &genmanip(folder.path(), &short).json(0)[0];
+    assert_eq!(report["label"], "expert+horizon=0.5+stop_on_success", "{report}");
+    assert_eq!((&report["horizon_s"], &report["stop_on_success"]), (&0.5.into(), &true.into()));
+    assert!(reports[0].get("horizon_s").is_none() && reports[0].get("stop_on_success").is_none());
+    let shorter = "run/evaluation/expert+horizon=0.5+stop_on_success.json";
+    let words = genmanip(folder.path(), &["compare", files[0], shorter]).stdout;
+    for said in ["warning: the horizons of 2 episodes differ", "B 0.5 s", "episodes of B ended once the goal held"] {
+        assert!(words.contains(said), "{said}: {words}");
+    }
+    assert!(comparison.get("warnings").is_none(), "{comparison}");
+    fs::remove_file(folder.path().join(shorter)).unwrap();
+    for impossible in ["0", "-3", "inf", "4000"] {
+        genmanip(folder.path(), &["evaluate", "run", "--policy", "expert", "--horizon", impossible])
+            .assert_refused(&["s is not possible", "at most 3600"]);
+    }
+
     let board = genmanip(folder.path(), &["leaderboard", ".", "--html", "board.html"]);
     assert_eq!(board.code, Some(0), "{board:?}");
     let (policies, oracle) = board.stdout.split_once("### With simulator truth (oracle)").unwrap();

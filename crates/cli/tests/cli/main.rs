@@ -12,6 +12,7 @@ mod hostile;
 mod importing;
 mod interrupted;
 mod labels;
+mod learnability;
 mod messages;
 mod planning;
 mod reading;

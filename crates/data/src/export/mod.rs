@@ -12,7 +12,7 @@ pub mod steps;
 
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Episode, Interpolation, RobotModel};
+use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Episode, ExpertStyle, Interpolation, RobotModel};
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_write::{self, AtomicFolder};
@@ -41,6 +41,9 @@ pub struct ExportSettings {
     /// Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub has_corrections: bool,
+    /// Style of the expert that made the demonstrations. Default `default`.
+    #[serde(skip_serializing_if = "ExpertStyle::is_default")]
+    pub expert: ExpertStyle,
     /// Index of the appearance randomisation. Default 0, that of `collect`.
     #[serde(skip_serializing_if = "is_usual_look")]
     pub look: u64,
@@ -60,6 +63,7 @@ impl Default for ExportSettings {
             columns: Vec::new(),
             is_varied: false,
             has_corrections: false,
+            expert: ExpertStyle::Default,
             look: 0,
         }
     }

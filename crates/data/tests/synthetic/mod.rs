@@ -157,6 +157,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         cloud: None,
         other_request_success: None,
         // The second episode was taken over in the middle of its third row.
+        expert: genmanip_core::ExpertStyle::Default,
         correction: (number == 1).then(|| Correction {
             policy: "clumsy".into(),
             from_step: CORRECTED_FROM,

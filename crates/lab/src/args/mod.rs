@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use genmanip_assets::CATALOGUES;
+use genmanip_core::ExpertStyle;
 use genmanip_terminal::{GlobalArguments, parse};
 
 pub use motion::*;
@@ -433,6 +434,9 @@ pub struct ExpertArguments {
     /// Attempts at a task before it counts as unsolved
     #[arg(long, default_value_t = 5)]
     pub tries: u64,
+    /// Choices of the expert, as `genmanip collect --expert`
+    #[arg(long, value_name = "default|consistent", default_value = "default", value_parser = parse::expert)]
+    pub expert: ExpertStyle,
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,

@@ -190,6 +190,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         cloud: None,
         other_request_success: None,
         correction: None,
+        expert: genmanip_core::ExpertStyle::Default,
         agent_failure: None,
         engine: "none".into(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),

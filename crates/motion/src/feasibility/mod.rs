@@ -295,6 +295,11 @@ impl<I: Iterator<Item = Grasp>> Iterator for FeasibleGrasps<'_, I> {
                     let feasible = self.feasible(&grasp);
                     self.pending.extend(feasible);
                 }
+                HalfTurn::Neither => {
+                    let candidate = self.candidates.next()?;
+                    let feasible = self.feasible(&candidate);
+                    self.pending.extend(feasible);
+                }
                 HalfTurn::Nearer => {
                     let candidate = self.candidates.next()?;
                     let [one, other] = [self.feasible(&candidate), self.feasible(&candidate.flipped())];

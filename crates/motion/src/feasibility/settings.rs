@@ -45,6 +45,8 @@ pub struct FeasibilitySettings {
 pub enum HalfTurn {
     /// Try it after the grasp as a separate grasp.
     Both,
+    /// Leave it out.
+    Neither,
     /// Use the one of the two with the configuration nearer to the current one.
     Nearer,
 }

@@ -5,6 +5,7 @@
 //! are also sampled with lines along the table. Each pair is tried from several approach directions: gripper clearance
 //! is checked exactly, the fingers are closed until contact, and the result is scored.
 
+pub(crate) mod align;
 mod assess;
 pub mod cloud;
 mod gripper;

@@ -158,3 +158,44 @@ fn what_has_no_width_is_refused_with_the_reason() {
         assert_eq!(error, "collision piece 1 of object: its corners span no volume", "{points:?}");
     }
 }
+
+#[test]
+fn grasps_turn_towards_the_tool_where_the_object_is_round() {
+    let planner = planner();
+    let down = DQuat::from_rotation_x(std::f64::consts::PI);
+    let check = |name: &str, pieces: &[Piece], is_round: bool| {
+        let surface = surface(pieces, 3000);
+        let target = GraspTarget {
+            surface: &surface,
+            pieces,
+            center_of_mass: surface.iter().map(|(point, _)| *point).sum::<DVec3>() / surface.len() as f64,
+            world_from_object: Pose::from_position_yaw(DVec3::new(0.5, 0.1, 0.0), 0.7),
+            table_height: 0.0,
+        };
+        let grasps = planner.grasps(&target, Seed::new(1)).unwrap();
+        for yaw in [0.0, 1.0, -2.5] {
+            let tool = DQuat::from_rotation_z(yaw) * down;
+            let turned = planner.grasps_towards(&target, grasps.clone(), tool).unwrap();
+            let moved = grasps.iter().zip(&turned).filter(|(before, after)| before != after).count();
+            if !is_round {
+                assert_eq!(moved, 0, "{name}");
+                continue;
+            }
+            assert!(moved > grasps.len() / 2, "{name}: {moved} of {} turned", grasps.len());
+            for (before, after) in grasps.iter().zip(&turned).filter(|(before, after)| before != after) {
+                // The tilt stays, and no turn about the vertical would bring the tool nearer.
+                assert!((before.approach().z - after.approach().z).abs() < 1e-9, "{name}");
+                let angle = |turn: f64| {
+                    let world_from_tcp = target.world_from_object.rotation * after.pose.rotation;
+                    (DQuat::from_rotation_z(turn) * world_from_tcp).angle_between(tool)
+                };
+                assert!(angle(0.0) <= angle(0.05) + 1e-6 && angle(0.0) <= angle(-0.05) + 1e-6, "{name}");
+            }
+            let fitting = planner.fitting_grasps(&target, turned.iter()).unwrap();
+            assert!(2 * fitting.len() > turned.len(), "{name}: {} of {} fit", fitting.len(), turned.len());
+        }
+    };
+    check("cylinder", &tube(0.03, 0.1), true);
+    check("cup", &wall(16, 0.04, 0.004, 0.09), true);
+    check("box", &box_of(DVec3::new(0.04, 0.06, 0.05)), false);
+}

@@ -268,6 +268,7 @@ fn export(
         cameras: images.cameras.clone(),
         is_varied: settings.is_varied(),
         has_corrections: settings.corrects.is_some(),
+        expert: settings.expert.style,
         ..ExportSettings::default()
     };
     let dataset = LerobotSettings { export: rows, run: Some(hash), ..LerobotSettings::default() };

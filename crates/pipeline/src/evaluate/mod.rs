@@ -7,6 +7,7 @@
 //! evaluation/LABEL/results.shard-I-of-N.jsonl   what shards of it finished; a call that is no shard gathers them
 //! ```
 
+mod ending;
 mod stream;
 mod suite;
 
@@ -18,7 +19,7 @@ use std::time::Instant;
 
 use genmanip_benchmark::statistics::{FailureCount, MIN_SCENARIOS, Rate};
 use genmanip_benchmark::{EvaluationReport, StatisticsSettings};
-use genmanip_core::{Document, EpisodeResult, NotRun};
+use genmanip_core::{Document, Ending, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
@@ -33,6 +34,7 @@ use genmanip_workspace::shard::Shard;
 use genmanip_workspace::worlds;
 use genmanip_workspace::{Stopped, WorkspaceError};
 
+pub use ending::EndingRules;
 use stream::{Identity, Stream};
 pub use suite::Suite;
 
@@ -53,6 +55,8 @@ pub struct EvaluateOptions {
     pub shard: Option<Shard>,
     /// Most that the service of a policy may cost, in the currency of its settings.
     pub max_cost: Option<f64>,
+    /// Ending of the episodes.
+    pub ending: EndingRules,
 }
 
 /// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
@@ -73,6 +77,7 @@ pub fn evaluate(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Vec<EvaluationReport>, WorkspaceError> {
+    options.ending.check()?;
     let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
     folder.as_ref().map_or(Ok(()), RunFolder::sweep)?;
     suite.left_out.iter().for_each(|note| progress.note(note));
@@ -111,10 +116,12 @@ fn one(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<(EvaluationReport, Option<Stream>)>, WorkspaceError> {
-    let label = suite.label(policy.label());
-    let planner = worlds::planner(&suite.settings.world, &suite.settings.planner)?;
+    let ending = options.ending;
+    let label = suite.label(&ending.label(policy));
+    let settings = ending.settings(&suite.settings, policy);
+    let planner = worlds::planner(&settings.world, &settings.planner)?;
     let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
-    let identity = Identity::of(suite, policy, options.keep_episodes);
+    let identity = Identity::of(suite, policy, &settings, options.keep_episodes);
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
     let stream = stream.transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
@@ -125,7 +132,7 @@ fn one(
     let is_left = |(number, case): &(usize, &Case)| {
         options.shard.is_none_or(|shard| shard.has(*number)) && !known.contains(case.id.as_str())
     };
-    let cases: Vec<Case> = suite.cases.iter().enumerate().filter(is_left).map(|(_, case)| case.clone()).collect();
+    let cases: Vec<Case> = suite.cases.iter().enumerate().filter(is_left).map(|(_, case)| ending.case(case)).collect();
     let keep = match &stream {
         Some(stream) if options.keep_episodes => {
             let store = EpisodeStore::create(stream.folder().join("episodes"));
@@ -162,7 +169,7 @@ fn one(
             recorded: recorded.as_ref(),
             planner: &planner,
             grasps: resources.grasps,
-            settings: &suite.settings,
+            settings: &settings,
             cores: Some(&cores),
         };
         policy.make(&context).map_err(|error| policy.refusal(error))
@@ -175,7 +182,7 @@ fn one(
         policy.account().into_iter().for_each(|account| progress.tell(&account.describe()));
         Ok(())
     };
-    let shared = (resources, &suite.settings);
+    let shared = (resources, &settings);
     let evaluated = genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
         .map_err(|error| match error {
         Stopped::Run(error) => error,
@@ -225,7 +232,14 @@ fn one(
     let stream = stream.filter(|_| evaluated.not_run.is_empty() && options.shard.is_none());
     let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
     let (cameras, perturbation) = (suite.cameras.clone(), suite.perturbation.clone());
-    let report = EvaluationReport { label, cameras, perturbation, ..report.by_traits(&suite.traits) };
+    let report = EvaluationReport {
+        label,
+        cameras,
+        perturbation,
+        horizon_s: ending.horizon_s,
+        stop_on_success: settings.rollout.stop_on_success,
+        ..report.by_traits(&suite.traits)
+    };
     Ok(Some((report.leaving(evaluated.not_run), stream)))
 }
 
@@ -241,6 +255,8 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     };
     let any_other = reports.iter().any(|report| !others(report).is_empty());
     head.extend(any_other.then(|| "did what was not asked".to_owned()));
+    let any_stops = reports.iter().any(|report| report.stop_on_success);
+    head.extend(any_stops.then(|| "ended on success".to_owned()));
     head.extend(any_left.then(|| "not run".to_owned()));
     let mut lines = vec![head];
     for report in reports {
@@ -261,6 +277,10 @@ pub fn table(reports: &[EvaluationReport]) -> String {
         if any_other {
             let done = others(report);
             line.push(format!("{} of {}", done.iter().filter(|&&it| it).count(), done.len()));
+        }
+        if any_stops {
+            let ended = report.results.iter().filter(|it| it.ending == Some(Ending::Success)).count();
+            line.push(if report.stop_on_success { ended.to_string() } else { String::new() });
         }
         if any_left {
             line.push(report.not_run.len().to_string());

@@ -9,6 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use genmanip_benchmark::suite_hash;
 use genmanip_core::{Document, EpisodeResult, limits};
 use genmanip_data::files;
+use genmanip_rollout::collect::PipelineSettings;
 use serde::{Deserialize, Serialize};
 
 use super::Suite;
@@ -40,13 +41,13 @@ impl Document for Identity {
 }
 
 impl Identity {
-    pub(super) fn of(suite: &Suite, policy: &PolicyFactory, keep_episodes: bool) -> Self {
+    pub(super) fn of(suite: &Suite, policy: &PolicyFactory, settings: &PipelineSettings, keep_episodes: bool) -> Self {
         Self {
             suite_hash: suite_hash(&suite.scenarios),
             policy: policy.label().into(),
             folders: policy.named_folders().to_vec(),
             cameras: suite.cameras.clone(),
-            settings: serde_json::to_value(&suite.settings).unwrap_or_default(),
+            settings: serde_json::to_value(settings).unwrap_or_default(),
             keep_episodes,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),

@@ -5,6 +5,7 @@
 mod act;
 mod documented;
 mod driving;
+mod ending;
 mod remote;
 
 use genmanip_workspace::task_files;
@@ -127,6 +128,8 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
 
     driving::a_session_ends_as_the_loop_does(&suite, &reports[0].results);
+
+    ending::episodes_end_as_told(&suite);
 
     // Nobody fails at a task because a model's server is down: nothing is counted.
     let model = folder.with_file_name("model.toml");

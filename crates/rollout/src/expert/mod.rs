@@ -19,10 +19,10 @@ use std::sync::Arc;
 use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
-    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Goal, Grasp, Observation, Policy, PolicyError, PolicySpec,
-    Pose, PrivilegedState, Seed, VerifiedGrasp,
+    Aabb, ActionChunk, EpisodeStart, ExpertStyle, Failure, FailureCause, Goal, Grasp, Observation, Policy, PolicyError,
+    PolicySpec, Pose, PrivilegedState, Seed, VerifiedGrasp,
 };
-use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
+use genmanip_layout::{GoalOrder, GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{AllowedCollisions, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
 use genmanip_relations::{PosedScene, judge_atom};
@@ -180,6 +180,10 @@ impl Expert {
             workspace: &self.stage.scenario.world.workspace,
             relations: &self.stage.relations,
             settings: &self.settings.goal_pose,
+            order: match self.settings.style {
+                ExpertStyle::Default => GoalOrder::Margin,
+                ExpertStyle::Consistent => GoalOrder::Middle,
+            },
         };
         let after = self.plans.last().into_iter().flatten().skip_while(|other| *other != step).skip(1);
         let later: Vec<Move> = after.filter(|other| !self.is_done(scene, other)).cloned().collect();
@@ -377,9 +381,13 @@ impl Policy for Expert {
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
         self.seed = start.seed;
-        // Shuffled by the seed, so that demonstrations of a disjunction cover all its alternatives.
         self.plans = moves(&self.stage.goal, self.stage.start());
-        self.plans.shuffle(&mut start.seed.fork("alternative").rng());
+        match self.settings.style {
+            // So that demonstrations of a disjunction cover all its alternatives.
+            ExpertStyle::Default => self.plans.shuffle(&mut start.seed.fork("alternative").rng()),
+            // The first alternative is the last of the list.
+            ExpertStyle::Consistent => self.plans.reverse(),
+        }
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Beginning, None);
         if self.plans.is_empty() {

@@ -1,15 +1,19 @@
 //! Picking: selects a reachable grasp that is also feasible at the goal, and plans the motions.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
+use genmanip_core::{ExpertStyle, Failure, FailureCause, Grasp, Pose, Seed};
 use genmanip_layout::{Move, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{
-    FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, PickMotions, PickQuery, PickedObject, PlaceGoal,
+    FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, HalfTurn, PickMotions, PickQuery, PickedObject,
+    PlaceGoal,
 };
 use genmanip_relations::PosedScene;
 
 use super::Expert;
+
+/// Directions that count as equally near (rad): less than what a policy resolves.
+const SAME_DIRECTION_RAD: f64 = 0.02;
 
 /// A planned pick.
 pub(super) struct Pick {
@@ -53,7 +57,14 @@ pub(super) fn plan(
         arm,
         settings: &settings.feasibility,
     };
-    let at = |settings| feasible(expert, scene, step.object, &PickQuery { settings, ..query }, seen.as_deref(), seed);
+    let at = |settings: &FeasibilitySettings| {
+        let query = PickQuery { settings, ..query };
+        match expert.settings.style {
+            ExpertStyle::Consistent => nearest(expert, scene, step.object, &query, seen.as_deref()),
+            ExpertStyle::Default => None,
+        }
+        .map_or_else(|| feasible(expert, scene, step.object, &query, seen.as_deref(), seed), Ok)
+    };
     // Flat objects can only be picked with the fingers close to the table.
     let grasps = at(&settings.feasibility).or_else(|_| at(&tight))?;
     let mut problem = None;
@@ -104,13 +115,53 @@ fn feasible(
         return Err(Failure { cause: FailureCause::NoGrasp, evidence });
     }
     let mut search = query.grasps(candidates.take(settings.grasps));
-    let mut grasps: Vec<FeasibleGrasp> = search.by_ref().collect();
+    let grasps: Vec<FeasibleGrasp> = search.by_ref().collect();
     if grasps.is_empty() {
         return Err(no_grasp(name, &search.rejections()));
     }
-    // Prefer a worse grasp over a long drop.
-    grasps.sort_by_key(|grasp| grasp.release_height_m.is_some_and(|height_m| height_m > settings.max_open_release_m));
-    Ok(grasps)
+    Ok(lowest_release_first(expert, grasps))
+}
+
+/// Grasps in their order, but a worse one before one with a long drop.
+fn lowest_release_first(expert: &Expert, mut grasps: Vec<FeasibleGrasp>) -> Vec<FeasibleGrasp> {
+    let highest_m = expert.settings.max_open_release_m;
+    grasps.sort_by_key(|grasp| grasp.release_height_m.is_some_and(|height_m| height_m > highest_m));
+    grasps
+}
+
+/// Feasible grasps in the order of their distance from the gripper's orientation, independent of the seed; `None` if
+/// there are none.
+fn nearest(
+    expert: &Expert,
+    scene: &PosedScene,
+    object: usize,
+    query: &PickQuery,
+    seen: Option<&[Grasp]>,
+) -> Option<Vec<FeasibleGrasp>> {
+    let planner = query.planner;
+    let towards = planner.tcp_pose(query.arm).rotation;
+    let known = match seen {
+        Some(seen) => seen.to_vec(),
+        None => {
+            let known = obstacles::verified_grasps(planner, scene, object, expert.precomputed_grasps(object)).ok()?;
+            let generated = obstacles::generated_grasps(planner, scene, object, Seed::new(0)).ok()?;
+            obstacles::grasps_towards(planner, scene, object, known.into_iter().chain(generated).collect(), towards)
+                .ok()?
+        }
+    };
+    let world_from_object = query.object.world_from_object.rotation;
+    let distance = |grasp: &Grasp| {
+        let angle = (world_from_object * grasp.pose.rotation).angle_between(towards);
+        (angle / SAME_DIRECTION_RAD).round() as u32
+    };
+    let mut candidates: Vec<(u32, Grasp)> =
+        known.into_iter().flat_map(|grasp| [grasp.flipped(), grasp]).map(|grasp| (distance(&grasp), grasp)).collect();
+    candidates.sort_by_key(|(distance, _)| *distance);
+    let settings = FeasibilitySettings { half_turn: HalfTurn::Neither, ..query.settings.clone() };
+    let query = PickQuery { settings: &settings, ..*query };
+    let grasps: Vec<FeasibleGrasp> =
+        query.grasps(candidates.into_iter().map(|(_, grasp)| grasp).take(expert.settings.grasps)).collect();
+    (!grasps.is_empty()).then(|| lowest_release_first(expert, grasps))
 }
 
 /// Failure with the rejection counts of an object's grasps.

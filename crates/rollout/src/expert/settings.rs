@@ -3,6 +3,7 @@
 //! "Chosen" values were set by hand, tried on demonstrations of the example tasks and kept if failures decreased; they
 //! are not fitted.
 
+use genmanip_core::ExpertStyle;
 use genmanip_layout::GoalPoseSettings;
 use genmanip_layout::articulation::JointSettings;
 use genmanip_motion::FeasibilitySettings;
@@ -12,6 +13,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExpertSettings {
+    /// Choices where several solve the task.
+    #[serde(skip_serializing_if = "ExpertStyle::is_default")]
+    pub style: ExpertStyle,
     /// Search for goal poses.
     pub goal_pose: GoalPoseSettings,
     /// Selection of grasps, and motions to pick and place an object.
@@ -61,6 +65,7 @@ pub struct ExpertSettings {
 impl Default for ExpertSettings {
     fn default() -> Self {
         Self {
+            style: ExpertStyle::Default,
             goal_pose: GoalPoseSettings::default(),
             feasibility: FeasibilitySettings::default(),
             joint: JointSettings::default(),

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{
-    Atom, Failure, FailureCause, Frame, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph, Seed, Task,
-    TaskKind,
+    Atom, ExpertStyle, Failure, FailureCause, Frame, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph,
+    Seed, Task, TaskKind,
 };
+use genmanip_rollout::expert::{Expert, ExpertSettings};
 use genmanip_rollout::{RolloutSettings, replay, run_episode};
 
-use crate::{expert, scenario, stage, task};
+use crate::{expert, planner, scenario, stage, task};
 
 fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
@@ -62,6 +63,31 @@ fn an_episode_is_a_function_of_its_seed() {
         |seed| run_episode(stage, &mut expert(stage), "024_appearance", seed, &RolloutSettings::default()).unwrap();
     assert!(run(Seed::new(11).fork("024_appearance")) == *known);
     assert!(run(Seed::new(12)).final_state != known.final_state);
+}
+
+/// The consistent expert grasps in the same way whatever the seed, with the fingers closing as near to their direction
+/// at home as the cube allows; the default one does not.
+#[test]
+fn the_consistent_expert_does_not_draw() {
+    let (stage, _) = &crate::episodes()[1];
+    let grasp = |style: ExpertStyle, seed: u64| {
+        let settings = ExpertSettings { style, ..ExpertSettings::default() };
+        let mut expert = Expert::new(stage, planner(), GraspLibrary::builtin(), settings).unwrap();
+        let episode =
+            run_episode(stage, &mut expert, "consistent", Seed::new(seed), &RolloutSettings::default()).unwrap();
+        assert!(episode.result.success, "{style:?}, seed {seed}: {:?}", episode.result.failures);
+        let end = episode.frames.last().unwrap().objects.iter().map(|object| object.pose.position).collect::<Vec<_>>();
+        (episode.frames.iter().find(|frame| frame.grasped.is_some()).unwrap().clone(), end)
+    };
+    let [(one, one_end), (other, other_end)] = [1, 2].map(|seed| grasp(ExpertStyle::Consistent, seed));
+    assert_eq!(one.joint_position, other.joint_position);
+    let far = one_end.iter().zip(&other_end).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(far < 0.002, "ends {far:.4} m apart");
+    let home = planner().tcp_pose(&stage.scenario.world.robot.start());
+    let turned = one.tcp.rotation.angle_between(home.rotation);
+    assert!(turned < std::f64::consts::FRAC_PI_2, "the hand turned by {turned:.2} rad");
+    let [a, b] = [1, 2].map(|seed| grasp(ExpertStyle::Default, seed).1);
+    assert!(a.iter().zip(&b).any(|(a, b)| a.distance(*b) > 0.005), "the default expert varies its goal poses");
 }
 
 /// A task about the state of a single object on the table.
