@@ -9,15 +9,12 @@ Gymnasium's environments are in genmanip.gym, and gymnasium.make("GenManip-v0", 
 Units are metres, radians and seconds; the world is the robot's base frame: x away from the robot, y to its left, z up.
 """
 
-from ._library import load as _load
-
-_load()
-
-from ._genmanip import Error, Saved, Scenes, __version__, engine, policies  # noqa: E402
-from ._registration import register as _register  # noqa: E402
-from .environment import ACTIONS, Env, Step  # noqa: E402
-from .functions import Dataset, Policy, collect, design, evaluate, layout, tasks  # noqa: E402
-from .projection import Projection  # noqa: E402
+from ._genmanip import Error, Saved, Scenes, __version__, engine, policies
+from ._registration import register as _register
+from .check import PolicyCheck, check_policy
+from .environment import ACTIONS, Env, Step
+from .functions import Dataset, Policy, collect, design, evaluate, export, layout, plan, render, tasks
+from .projection import Projection
 
 _register()
 
@@ -27,16 +24,21 @@ __all__ = [
     "Env",
     "Error",
     "Policy",
+    "PolicyCheck",
     "Projection",
     "Saved",
     "Scenes",
     "Step",
     "__version__",
+    "check_policy",
     "collect",
     "design",
     "engine",
     "evaluate",
+    "export",
     "layout",
+    "plan",
     "policies",
+    "render",
     "tasks",
 ]

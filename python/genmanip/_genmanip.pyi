@@ -1,7 +1,7 @@
 """The native module; programs use the package around it."""
 
 import os
-from typing import Any, Optional, Sequence, Union
+from typing import Any, Callable, Optional, Sequence, Union
 
 _Path = Union[str, os.PathLike[str]]
 # Reward, score, success, terminated, truncated, and why the action was refused.
@@ -18,16 +18,18 @@ class Scenes:
     """Where episodes start; environments share one."""
 
     @staticmethod
-    def suite(path: _Path) -> Scenes:
+    def suite(path: _Path, keep: int = 16) -> Scenes:
         """Of a frozen suite, a run, or scenario files."""
     @staticmethod
-    def tasks(paths: Sequence[_Path], world: _Path | None = None) -> Scenes:
-        """Of task files, which are laid out anew for each seed."""
+    def tasks(paths: Sequence[_Path], world: _Path | None = None, keep: int = 16) -> Scenes:
+        """Of task files, which are laid out anew for each seed; "reach", "lift" and "place" are built-in tasks."""
     def __len__(self) -> int: ...
     def ids(self) -> list[str]:
         """Ids by index."""
     def most_objects(self) -> int:
         """Most objects that any of them has."""
+    def most_joints(self) -> int:
+        """Most joints that any object has."""
     def robot(self) -> list[tuple[str, float, float, float]]:
         """Name, lower and upper limit (rad) and speed (rad/s) of the arm's joints, then of the fingers' opening (m)."""
 
@@ -55,6 +57,7 @@ class Pool:
         self, actions: Sequence[Sequence[float]], resets: Sequence[tuple[int, int | None] | None]
     ) -> tuple[list[_Told | None], list[dict[str, Any]]]: ...
     def about(self) -> list[_About | None]: ...
+    def scenarios(self) -> list[str | None]: ...
 
 class Projection:
     """A camera at its place in the world; rows in, rows out."""
@@ -81,6 +84,8 @@ def engine() -> str:
 def policies() -> list[tuple[str, str]]:
     """Names of the built-in policies, with what they are."""
 
+_Progress = Optional[Callable[[str, int, int], Any]]
+
 def evaluate(
     suite: _Path,
     policies: Sequence[Any],
@@ -88,9 +93,13 @@ def evaluate(
     episodes_per_scenario: int,
     keep_episodes: bool | None,
     workers: int | None,
+    stop_on_unreachable: bool,
+    progress: _Progress,
 ) -> str: ...
+def spec_mistakes(spec: str) -> str | None:
+    """Mistakes of a policy's specification (JSON), one per line."""
 def tasks(paths: Sequence[_Path]) -> str: ...
-def design(out: _Path, kinds: Sequence[str], count: int, seed: int) -> str: ...
+def design(out: _Path, kinds: Sequence[str], count: int, seed: int, progress: _Progress) -> str: ...
 def layout(
     tasks: Sequence[_Path],
     out: _Path,
@@ -99,6 +108,7 @@ def layout(
     world: _Path | None,
     robot: str | None,
     workers: int | None,
+    progress: _Progress,
 ) -> str: ...
 def collect(
     tasks: Sequence[_Path],
@@ -111,6 +121,41 @@ def collect(
     world: _Path | None,
     robot: str | None,
     workers: int | None,
+    progress: _Progress,
+) -> str: ...
+def export(
+    run: _Path,
+    format: str,
+    action: str,
+    rotation: str,
+    rate: int,
+    cameras: Sequence[str],
+    depth: bool,
+    keep_failed: bool,
+    out: _Path | None,
+    workers: int | None,
+    progress: _Progress,
+) -> str: ...
+def render(
+    source: _Path,
+    out: _Path,
+    cameras: Sequence[str],
+    size: Sequence[int] | None,
+    depth: bool,
+    fps: int,
+    workers: int | None,
+    progress: _Progress,
+) -> str: ...
+def plan(
+    scenario: _Path | None,
+    object: str | None,
+    position: Sequence[float] | None,
+    yaw_rad: float,
+    joints: Sequence[float] | None,
+    start: Sequence[float] | None,
+    width_m: float,
+    robot: str | None,
+    seed: int,
 ) -> str: ...
 def dataset(folder: _Path) -> tuple[str, list[tuple[int, str, bool, int, int]]]: ...
 def dataset_actions(folder: _Path, episode: int) -> Any: ...

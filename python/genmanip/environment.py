@@ -9,6 +9,7 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 
 from . import _genmanip
+from ._arguments import choice, count, seconds
 from ._genmanip import Saved, Scenes
 
 _WIDTH = {"encoding": "width_m"}
@@ -51,7 +52,8 @@ class Env:
     scenes: a suite, run or scenario file by its path, or Scenes.
     action: one of ACTIONS, or a contract of its own as in the specification of policies.
     rate_hz: actions per second; must divide 60.
-    cameras: {"name": …, "size": [width, height], "channels": {"rgb": true, "depth": false, "points": false}} each.
+    cameras: a name, or {"name": …, "size": [width, height], "channels": {"rgb": True, "depth": True}}, each; channels
+    are rgb, depth, points and normals.
     privileged: whether observations hold the true poses of objects; results then say oracle.
     horizon_s: longest simulated time, by default that of the suite.
     stop_on_success: whether an episode ends once the goal has held for a second, by default as the suite says.
@@ -74,7 +76,8 @@ class Env:
 
     def reset(self, index: int = 0, seed: int | None = None) -> dict[str, Any]:
         """Begins the episode of a scenario or task; the seed names its stream of chance, or the layout of a task."""
-        self._native.reset(index, seed)
+        most = len(self.scenes) - 1
+        self._native.reset(count("index", index, 0, most), None if seed is None else count("seed", seed))
         return self._native.observe()
 
     def step(self, action: Any) -> Step:
@@ -123,19 +126,20 @@ class Env:
         self._native.restore(saved)
 
 
-def settings(action, rate_hz, cameras, privileged, horizon_s, stop_on_success) -> str:
+def settings(action, rate_hz, cameras, privileged, horizon_s, stop_on_success, shaping_discount=None) -> str:
     """Settings of a session as the native module reads them."""
     if isinstance(action, str):
-        if action not in ACTIONS:
-            raise _genmanip.Error(f"unknown action space `{action}`\nhint: action spaces are {', '.join(ACTIONS)}")
-        action = ACTIONS[action]
-    return json.dumps(
-        {
-            "action": dict(action),
-            "rate_hz": float(rate_hz),
-            "cameras": [dict(camera) for camera in cameras],
-            "privileged": bool(privileged),
-            "horizon_s": None if horizon_s is None else float(horizon_s),
-            "stop_on_success": stop_on_success,
-        }
-    )
+        action = ACTIONS[choice("action", action, ACTIONS)]
+    spec = {"action": action, "rate_hz": rate_hz, "cameras": cameras, "privileged": privileged}
+    given = {"horizon_s": seconds("horizon_s", horizon_s), "stop_on_success": stop_on_success}
+    given["shaping_discount"] = shaping_discount
+    return json.dumps({"spec": spec, **given}, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    """Mappings, sequences and NumPy's numbers as JSON has them."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return list(value) if isinstance(value, Sequence) else repr(value)

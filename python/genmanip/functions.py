@@ -8,8 +8,23 @@ from typing import Any, Callable, Iterable, Protocol, Union
 
 import numpy as np
 
-from . import _genmanip
+from . import _genmanip, _policy
+from ._arguments import names, paths
+from .results import (
+    Collected,
+    DesignedTask,
+    Evaluation,
+    Evaluations,
+    Exported,
+    LaidOut,
+    Plan,
+    Rendered,
+    Row,
+    Rows,
+)
 
+#: Called with what is done, how many of it are finished, and how many there are; from any thread.
+Progress = Callable[[str, int, int], Any]
 Path = Union[str, "os.PathLike[str]"]
 
 
@@ -19,11 +34,12 @@ class Policy(Protocol):
     def spec(self) -> dict[str, Any]:
         """What it needs and what its actions mean; what is left out is as of joint targets at 15 Hz.
 
-        Keys: cameras, action, rate_hz, execute_steps (0 for the whole chunk), privileged.
+        Keys: rate_hz, action (a name of ACTIONS or a contract), cameras ({"name", "size", "channels"} each),
+        execute_steps (0 for the whole chunk), privileged; docs/guides/evaluate.md has all.
         """
 
     def reset(self, start: dict[str, Any]) -> None:
-        """Before each episode: instruction and seed."""
+        """Before each episode: instruction (a text) and seed (an integer)."""
 
     def act(self, observation: dict[str, Any]) -> Any:
         """The next actions, one per row; or (actions, True) when the task is done once these are carried out."""
@@ -32,19 +48,18 @@ class Policy(Protocol):
 class _Adapted:
     """A policy as the native module calls it."""
 
-    def __init__(self, policy: Policy) -> None:
-        self.policy = policy
+    def __init__(self, policy: Callable[[], Policy]) -> None:
+        self.policy = _policy.made(policy)
 
     def spec(self) -> str:
-        return json.dumps(self.policy.spec())
+        return _policy.spec_of(self.policy)
 
     def reset(self, start: dict[str, Any]) -> None:
-        self.policy.reset(start)
+        _policy.reset(self.policy, start)
 
     def act(self, observation: dict[str, Any]) -> tuple[list[list[float]], bool]:
-        answer = self.policy.act(observation)
-        actions, finished = answer if isinstance(answer, tuple) else (answer, False)
-        return np.atleast_2d(np.asarray(actions, dtype=np.float32)).tolist(), bool(finished)
+        rows, finished = _policy.actions_of(self.policy, observation)
+        return rows.tolist(), finished
 
 
 def evaluate(
@@ -57,18 +72,22 @@ def evaluate(
     workers: int | None = None,
     horizon_s: float | None = None,
     stop_on_success: bool | None = None,
-) -> list[dict[str, Any]]:
+    stop_on_unreachable: bool = False,
+    progress: Progress | None = None,
+) -> Evaluations:
     """Evaluates policies on a frozen suite, a run or scenarios: one report each, as `genmanip evaluate` makes them.
 
     A policy is a text as on the command line, or a class of one's own, which is made once per episode; its name is that
     of the class, or its attribute `name`. With `out`, results are kept in that folder and an evaluation that was
     interrupted goes on there. `horizon_s` is the longest simulated time instead of the scenarios' own;
     `stop_on_success` ends an episode once its goal has held for a second, for policies that never say they are finished.
+    An episode in which the policy makes a mistake is not run, see check_policy(); Error if that holds for all. With
+    `stop_on_unreachable`, an action that the arm cannot reach ends its episode.
     """
     several = policy if isinstance(policy, (list, tuple)) else [policy]
     named = [one if isinstance(one, str) else (_name(one), _maker(one)) for one in several]
-    given = (out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success)
-    return json.loads(_genmanip.evaluate(suite, named, *given))
+    given = (out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success, stop_on_unreachable, progress)
+    return Evaluations(map(Evaluation.of, json.loads(_genmanip.evaluate(suite, named, *given))))
 
 
 def _name(policy: Any) -> str:
@@ -76,21 +95,23 @@ def _name(policy: Any) -> str:
 
 
 def _maker(policy: Callable[[], Policy]) -> Callable[[], _Adapted]:
-    return lambda: _Adapted(policy())
+    return lambda: _Adapted(policy)
 
 
-def tasks(*paths: Path) -> list[dict[str, Any]]:
+def tasks(*several: Path) -> list[dict[str, Any]]:
     """The tasks of files and folders, checked."""
-    return json.loads(_genmanip.tasks(list(paths)))
+    return json.loads(_genmanip.tasks([os.fspath(path) for path in several]))
 
 
-def design(out: Path, *, count: int, kinds: Iterable[str] = (), seed: int = 0) -> list[dict[str, Any]]:
-    """Designs tasks by rules into a folder, by default the six kinds in turn; a row each."""
-    return json.loads(_genmanip.design(out, list(kinds), count, seed))
+def design(
+    out: Path, *, count: int, kinds: Iterable[str] = (), seed: int = 0, progress: Progress | None = None
+) -> Rows[DesignedTask]:
+    """Designs tasks by rules into a folder, by default the six kinds in turn."""
+    return _rows(DesignedTask, _genmanip.design(out, names("kinds", kinds), count, seed, progress))
 
 
 def layout(
-    tasks: Iterable[Path],
+    tasks: Path | Iterable[Path],
     out: Path,
     *,
     count: int = 1,
@@ -98,13 +119,15 @@ def layout(
     world: Path | None = None,
     robot: str | None = None,
     workers: int | None = None,
-) -> list[dict[str, Any]]:
+    progress: Progress | None = None,
+) -> Rows[LaidOut]:
     """Lays tasks out into scenario files; a row each, with the file or why there is none."""
-    return json.loads(_genmanip.layout(list(tasks), out, count, seed, world, robot, workers))
+    given = (count, seed, world, robot, workers, progress)
+    return _rows(LaidOut, _genmanip.layout(paths("tasks", tasks), out, *given))
 
 
 def collect(
-    tasks: Iterable[Path],
+    tasks: Path | Iterable[Path],
     out: Path,
     *,
     episodes: int = 2,
@@ -115,13 +138,76 @@ def collect(
     world: Path | None = None,
     robot: str | None = None,
     workers: int | None = None,
-) -> list[dict[str, Any]]:
+    progress: Progress | None = None,
+) -> Rows[Collected]:
     """Collects verified demonstrations, and their LeRobot dataset; a row per task. Continues what was interrupted.
 
     With corrections, that policy acts first in each attempt, and the expert takes over where it fails.
     """
-    given = (episodes, seed, dataset, keep_failed, corrections, world, robot, workers)
-    return json.loads(_genmanip.collect(list(tasks), out, *given))
+    given = (episodes, seed, dataset, keep_failed, corrections, world, robot, workers, progress)
+    return _rows(Collected, _genmanip.collect(paths("tasks", tasks), out, *given))
+
+
+def export(
+    run: Path,
+    *,
+    format: str = "lerobot",
+    action: str = "joint",
+    rotation: str = "6d",
+    rate: int = 15,
+    cameras: Iterable[str] = ("static", "wrist"),
+    depth: bool = True,
+    keep_failed: bool = False,
+    out: Path | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Exported | None:
+    """Writes a dataset of a run of collect(), by default into its exports/; None if it was stopped."""
+    given = (format, action, rotation, rate, names("cameras", cameras), depth, keep_failed, out, workers, progress)
+    exported = json.loads(_genmanip.export(run, *given))
+    return None if exported is None else Exported.of(exported)
+
+
+def render(
+    source: Path,
+    out: Path,
+    *,
+    cameras: Iterable[str] = (),
+    size: tuple[int, int] | None = None,
+    depth: bool = False,
+    fps: int = 15,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Rows[Rendered]:
+    """Renders episodes of a run, or scenarios, into a folder; by default with all their cameras."""
+    given = (names("cameras", cameras), size, depth, fps, workers, progress)
+    return _rows(Rendered, _genmanip.render(source, out, *given))
+
+
+def plan(
+    scenario: Path | None = None,
+    *,
+    object: str | None = None,
+    position: Iterable[float] | None = None,
+    yaw_rad: float = 0.0,
+    joints: Iterable[float] | None = None,
+    start: Iterable[float] | None = None,
+    width_m: float = 0.08,
+    robot: str | None = None,
+    seed: int = 0,
+) -> Plan:
+    """Plans a motion of the arm in a scenario, or in an empty world: to a grasp of an object, to a position [m] with
+    the tool pointing down, or to joint positions [rad]."""
+
+    def numbers(given: Iterable[float] | None) -> list[float] | None:
+        return None if given is None else [float(number) for number in given]
+
+    given = (object, numbers(position), yaw_rad, numbers(joints), numbers(start), width_m, robot, seed)
+    return Plan.of(json.loads(_genmanip.plan(scenario, *given)))
+
+
+def _rows(kind: type[Row], text: str) -> Rows[Row]:
+    return Rows(kind.of(row) for row in json.loads(text))
 
 
 class Dataset:

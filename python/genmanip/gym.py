@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from typing import Any, Sequence
 
@@ -11,9 +12,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from . import _genmanip
+from ._arguments import choice, count, paths, refuse
+from ._arguments import options as known_options
 from ._genmanip import Error, Scenes
 from ._spaces import Spaces
 from .environment import settings
+
 
 class _Setup:
     """What single and vector environments share: scenes, spaces, settings, and where the next episode starts."""
@@ -33,33 +37,49 @@ class _Setup:
         layouts: int = 1,
         horizon_s: float | None = None,
         stop_on_success: bool = True,
+        discount: float = 1.0,
+        scenes_kept: int = 16,
     ) -> None:
         if (suite is None) == (tasks is None):
             raise Error("expected suite=… or tasks=…, one of them\nhint: a suite is a frozen suite, a run or scenarios")
-        if reward not in ("score", "sparse"):
-            raise Error(f"unknown reward `{reward}`\nhint: rewards are score, sparse")
-        several = [tasks] if isinstance(tasks, (str, os.PathLike)) else list(tasks or [])
-        self.scenes = Scenes.suite(suite) if suite is not None else Scenes.tasks(several)
-        self.has_layouts, self.layouts = suite is None, layouts
+        choice("reward", reward, ("score", "sparse", "dense"))
+        if not 0 < discount <= 1:
+            raise refuse(f"discount={discount!r} is not possible", "expected that of the learner, above 0 and at most 1")
+        keep = count("scenes_kept", scenes_kept, 1)
+        if suite is not None:
+            self.scenes = Scenes.suite(suite, keep=keep)
+        else:
+            self.scenes = Scenes.tasks(paths("tasks", tasks), keep=keep)
+        self.has_layouts, self.layouts = suite is None, count("layouts", layouts, 1)
         self.ids = self.scenes.ids()
-        if index is not None and not 0 <= index < len(self.ids):
-            raise Error(f"there is no scene {index}\nhint: there are {len(self.ids)}, counted from 0")
+        if index is not None:
+            count("index", index, 0, len(self.ids) - 1)
         self.index, self.sparse, self.rate_hz = index, reward == "sparse", rate_hz
-        self.settings = settings(action, rate_hz, [], False, horizon_s, stop_on_success)  # refuses an unknown action
+        shaping = discount if reward == "dense" else None
+        times = (horizon_s, stop_on_success, shaping)
+        self.settings = settings(action, rate_hz, [], False, *times)  # refuses an unknown action
         self.spaces = Spaces(self.scenes, observation, cameras, size, action, rate_hz, normalized)
         seen = (self.spaces.requests(), self.spaces.privileged)
-        self.settings = settings(action, rate_hz, *seen, horizon_s, stop_on_success)
+        self.settings = settings(action, rate_hz, *seen, *times)
         self.longest = None if horizon_s is None else int(round(horizon_s * rate_hz))
 
     def start(self, chance: np.random.Generator, seed: int | None, options: dict[str, Any] | None) -> tuple[int, int | None]:
         """Index and seed of the next episode."""
-        options = options or {}
+        options = known_options(options, ("index", "layout") if self.has_layouts else ("index",))
         index = options.get("index", self.index)
         if index is None:
             index = int(chance.integers(len(self.ids)))
         if self.has_layouts:
-            seed = int(options.get("layout", chance.integers(self.layouts)))
-        return int(index), seed
+            seed = count("layout", options.get("layout", int(chance.integers(self.layouts))))
+        return count("index", index, 0, len(self.ids) - 1), seed
+
+    def started(self, about: tuple[str, str, str], scenario: str) -> tuple[np.ndarray, dict[str, Any]]:
+        """The goal as numbers, and the info of a reset."""
+        known = json.loads(scenario)
+        name, kind, instruction = about
+        goal = [[_words(atom) for atom in atoms] for atoms in known["task"]["goal"]]
+        info = {"is_success": False, "score": 0.0, "task": name, "kind": kind, "instruction": instruction}
+        return self.spaces.goal(known), info | {"objects": [item["id"] for item in known["objects"]], "goal": goal}
 
     def told(self, told: tuple[float, float, bool, bool, bool, str | None]) -> tuple[float, bool, bool, dict[str, Any]]:
         """Reward, terminated, truncated and info of a step."""
@@ -72,13 +92,22 @@ class _Setup:
         return reward, terminated, truncated, info
 
 
+def _words(atom: dict[str, str]) -> str:
+    """A condition of a goal, such as `046 on 008` or `057 open`."""
+    return " ".join(part for key, part in atom.items() if key != "test")
+
+
 class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
     """A scene of a suite, or a task that is laid out, as an environment of Gymnasium.
 
-    observation: "state" (agent_pos and the true poses of objects), "rgb", "rgbd" or "points" (in the world).
+    suite or tasks: a suite, run or scenarios; or task files, of which "reach", "lift" and "place" are built in.
+    observation: "state" (the robot and the true state of objects), "flat" (the same as one vector), "rgb", "flat_rgb"
+    (images beside the state instead of below pixels), "rgbd" or "points" (in the world).
     action: "joint", "joint_delta", "joint_velocity", "ee" or "ee_delta", see genmanip.ACTIONS; at rate_hz.
     normalized: whether actions run from -1 to 1, between limits that the arm can reach; else they are in m, rad and s.
-    reward: "score", the change of the goal's score, or "sparse", 1 when the episode ends with the goal reached.
+    reward: "score", the change of the goal's score, "sparse", 1 when the episode ends with the goal reached, or "dense",
+    the score's change and that of a potential, with the discount of the learner.
+    scenes_kept: how many scenes are kept ready in memory, the ones used last.
     index: which scene; None draws one at each reset. layouts: of tasks, how many layouts are drawn from.
     An action that the arm cannot reach is not carried out: info["refused"] says why, and the last command is held.
     """
@@ -93,17 +122,34 @@ class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
         self.native = _genmanip.Env(self.setup.scenes, self.setup.settings)
         self._max_episode_steps = self.setup.longest
         self.task = self.task_description = ""
+        self._goal = np.zeros(0, np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         super().reset(seed=seed)
         self.native.reset(*self.setup.start(self.np_random, seed, options))
-        self.task, _, self.task_description = self.native.about()
-        info = {"is_success": False, "score": 0.0, "task": self.task, "instruction": self.task_description}
-        return self.setup.spaces.seen(self.native.glance()), info
+        self._goal, info = self.setup.started(self.native.about(), self.native.scenario())
+        self.task, self.task_description = info["task"], info["instruction"]
+        return self._seen(info), info
 
     def step(self, action: np.ndarray):
         reward, terminated, truncated, info = self.setup.told(self.native.step(self.setup.spaces.commanded(action)))
-        return self.setup.spaces.seen(self.native.glance()), reward, terminated, truncated, info
+        return self._seen(info), reward, terminated, truncated, info
+
+    def _seen(self, info: dict[str, Any]) -> Any:
+        """The observation; info gets the commanded target."""
+        seen = self.native.glance()
+        info |= {"command": seen["command"], "tool_target": seen["tool_target"]}
+        return self.setup.spaces.seen(seen, self._goal)
+
+    def scenario(self) -> dict[str, Any] | None:
+        """The scenario of the episode, as its file has it."""
+        text = self.native.scenario()
+        return None if text is None else json.loads(text)
+
+    def state_names(self) -> list[str]:
+        """Names of the numbers of `flat`, in order; the parts of `state` one after the other have the same."""
+        scenario = self.scenario()
+        return self.setup.spaces.names([item["id"] for item in scenario["objects"]] if scenario else [])
 
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
@@ -136,6 +182,7 @@ class GenManipVectorEnv(VectorEnv[dict[str, Any], np.ndarray, np.ndarray]):
         self.native = _genmanip.Pool(self.setup.scenes, self.setup.settings, num_envs, threads or os.cpu_count() or 1)
         self._max_episode_steps = self.setup.longest
         self._over = np.zeros(num_envs, bool)
+        self._goals: list[np.ndarray] = [np.zeros(0, np.float32)] * num_envs
         self._chances = [np.random.default_rng() for _ in range(num_envs)]
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
@@ -152,21 +199,37 @@ class GenManipVectorEnv(VectorEnv[dict[str, Any], np.ndarray, np.ndarray]):
         return self._turn(actions, resets)
 
     def _turn(self, actions: np.ndarray, resets: list[tuple[int, int | None] | None]):
-        told, seen = self.native.step(self.setup.spaces.commanded(actions), resets)
+        told, seen = self.native.step(self.setup.spaces.commanded(actions, (self.num_envs,)), resets)
         rewards = np.zeros(self.num_envs)
         ended = np.zeros((2, self.num_envs), bool)
         infos: dict[str, Any] = {}
+        scenarios = self.native.scenarios() if any(reset is not None for reset in resets) else []
         for at, one in enumerate(told):
-            info: dict[str, Any] = {"is_success": False, "score": 0.0}
             if one is not None:
                 rewards[at], ended[0, at], ended[1, at], info = self.setup.told(one)
+            else:
+                self._goals[at], info = self.setup.started(self.native.about()[at], scenarios[at])
+            info |= {"command": seen[at]["command"], "tool_target": seen[at]["tool_target"]}
             infos = self._add_info(infos, info, at)
         self._over = ended[0] | ended[1]
         empty = create_empty_array(self.single_observation_space, self.num_envs)
-        batch = concatenate(self.single_observation_space, [self.setup.spaces.seen(one) for one in seen], empty)
+        batch = concatenate(self.single_observation_space, [*map(self.setup.spaces.seen, seen, self._goals)], empty)
         return batch, rewards, ended[0], ended[1], infos
 
     @property
     def instructions(self) -> list[str]:
         """What each robot is told to do."""
         return [about[2] if about else "" for about in self.native.about()]
+
+    @property
+    def task_description(self) -> list[str]:
+        return self.instructions
+
+    def call(self, name: str, *given: Any, **named: Any) -> tuple[Any, ...]:
+        """An attribute of all environments, or what the method of that name returns, once for each."""
+        found = getattr(self, name)
+        found = found(*given, **named) if callable(found) else found
+        return tuple(found) if isinstance(found, list) else (found,) * self.num_envs
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        return self.call(name)

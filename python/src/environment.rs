@@ -3,13 +3,16 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use genmanip_core::PolicySpec;
 use genmanip_pipeline::evaluate::Suite;
-use genmanip_pipeline::sessions::{self, Session, SessionSettings, StepOutcome};
+use genmanip_pipeline::policies::read_spec;
+use genmanip_pipeline::sessions::{self, DEFAULT_KEPT, Session, SessionSettings, StepOutcome};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::Deserialize;
 
-use crate::errors::{error, json, read_json};
-use crate::observation::{dictionary, observe_privileged, picture};
+use crate::errors::{Error, error, json, read_json};
+use crate::observation::{dictionary, picture};
 
 /// Scenes in which episodes start; environments share one.
 #[pyclass(frozen, name = "Scenes", module = "genmanip")]
@@ -19,17 +22,18 @@ pub struct SceneSource(pub Arc<sessions::SceneSource>);
 impl SceneSource {
     /// Of a frozen suite, a run, or scenario files.
     #[staticmethod]
-    fn suite(py: Python, path: PathBuf) -> PyResult<Self> {
+    #[pyo3(signature = (path, keep=DEFAULT_KEPT))]
+    fn suite(py: Python, path: PathBuf, keep: usize) -> PyResult<Self> {
         let scenes = py.detach(|| sessions::SceneSource::of_suite(&Suite::at(&path)?));
-        Ok(Self(Arc::new(scenes.map_err(error)?)))
+        Ok(Self(Arc::new(scenes.map_err(error)?.keeping(keep))))
     }
 
-    /// Of task files, which are laid out anew for each seed.
+    /// Of task files, which are laid out anew for each seed; "reach", "lift" and "place" are built-in tasks.
     #[staticmethod]
-    #[pyo3(signature = (paths, world=None))]
-    fn tasks(py: Python, paths: Vec<PathBuf>, world: Option<PathBuf>) -> PyResult<Self> {
+    #[pyo3(signature = (paths, world=None, keep=DEFAULT_KEPT))]
+    fn tasks(py: Python, paths: Vec<PathBuf>, world: Option<PathBuf>, keep: usize) -> PyResult<Self> {
         let scenes = py.detach(|| sessions::SceneSource::of_tasks(&paths, world.as_deref()));
-        Ok(Self(Arc::new(scenes.map_err(error)?)))
+        Ok(Self(Arc::new(scenes.map_err(error)?.keeping(keep))))
     }
 
     fn __len__(&self) -> usize {
@@ -45,6 +49,12 @@ impl SceneSource {
     #[pyo3(name = "most_objects")]
     fn max_objects(&self) -> usize {
         self.0.max_objects()
+    }
+
+    /// Most joints that any object has.
+    #[pyo3(name = "most_joints")]
+    fn max_joints(&self) -> usize {
+        self.0.max_joints()
     }
 
     /// `(name, lower, upper, fastest)` of the arm's joints, rad and rad/s, then of the opening between the fingers, m.
@@ -71,12 +81,31 @@ impl Env {
     }
 }
 
+/// Settings of a session: the specification of its actions and observations, as that of a policy, and its times.
+#[derive(Deserialize)]
+struct GivenSettings {
+    spec: serde_json::Value,
+    horizon_s: Option<f64>,
+    stop_on_success: Option<bool>,
+    shaping_discount: Option<f64>,
+}
+
+/// Settings that were given as JSON, checked.
+pub fn session_settings(scenes: &SceneSource, text: &str) -> PyResult<SessionSettings> {
+    let given: GivenSettings = read_json("settings of the environment", text)?;
+    let spec = read_spec("session", &given.spec).map_err(Error::new_err)?;
+    scenes.0.check_cameras(&spec.cameras).map_err(error)?;
+    let PolicySpec { action, rate_hz, cameras, privileged, .. } = spec;
+    let GivenSettings { horizon_s, stop_on_success, shaping_discount, .. } = given;
+    Ok(SessionSettings { action, rate_hz, cameras, privileged, horizon_s, stop_on_success, shaping_discount })
+}
+
 /// Reward, score, success, terminated, truncated, and why the action was refused.
 pub type StepTuple = (f64, f64, bool, bool, bool, Option<String>);
 
 pub fn step_tuple(outcome: StepOutcome) -> StepTuple {
-    let StepOutcome { reward, verdict, terminated, truncated, refused, .. } = outcome;
-    (reward, verdict.score, verdict.success, terminated, truncated, refused)
+    let StepOutcome { reward, score, success, terminated, truncated, refused, .. } = outcome;
+    (reward, score, success, terminated, truncated, refused)
 }
 
 #[pymethods]
@@ -84,7 +113,7 @@ impl Env {
     /// Settings are those of a session, as JSON.
     #[new]
     fn new(scenes: &SceneSource, settings: &str) -> PyResult<Self> {
-        let settings: SessionSettings = read_json("settings of the environment", settings)?;
+        let settings = session_settings(scenes, settings)?;
         Ok(Self { session: Mutex::new(Session::new(Arc::clone(&scenes.0), settings)) })
     }
 
@@ -101,10 +130,11 @@ impl Env {
         dictionary(py, &py.detach(|| self.session().observe()).map_err(error)?)
     }
 
-    /// As `observe`, less which object is grasped: for loops that count microseconds.
+    /// As `observe`, but with the object that was grasped during the last control step: for loops that count
+    /// microseconds.
     #[pyo3(name = "glance")]
-    fn observe_privileged<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        observe_privileged(py, &py.detach(|| self.session().observe_privileged()).map_err(error)?)
+    fn observe_quickly<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        dictionary(py, &py.detach(|| self.session().observe_quickly()).map_err(error)?)
     }
 
     #[pyo3(signature = (camera, size=None))]

@@ -5,26 +5,26 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use genmanip_core::{
-    ActionChunk, Document, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
-};
+use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 use genmanip_pipeline::PolicyFactory;
 use genmanip_pipeline::evaluate::{self as run, EndingRules, EvaluateOptions, Suite};
-use genmanip_pipeline::policies::{POLICIES, PolicyContext, read_spec};
-use genmanip_workspace::NoProgress;
+use genmanip_pipeline::policies::{POLICIES, PolicyContext, mistaken, read_spec};
 use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::{error, json, read_json};
 use crate::observation::dictionary;
+use crate::progress::Reporter;
 
 /// Evaluates policies on a suite, a run or scenarios; reports as JSON.
 ///
 /// A policy is a text as on the command line, or `(name, make)`: `make()` gives an object with `spec()`, JSON of what it
 /// needs, `reset(start)` and `act(observation)`, which returns `(actions, finished)`.
 #[pyfunction]
-#[pyo3(signature = (suite, policies, out, episodes_per_scenario, keep_episodes, workers, horizon_s=None, stop_on_success=None))]
+#[pyo3(signature = (
+    suite, policies, out, episodes_per_scenario, keep_episodes, workers, horizon_s, stop_on_success, stop_on_unreachable, progress
+))]
 #[allow(clippy::too_many_arguments, reason = "the package names them all")]
 pub fn evaluate(
     py: Python,
@@ -36,10 +36,14 @@ pub fn evaluate(
     workers: Option<usize>,
     horizon_s: Option<f64>,
     stop_on_success: Option<bool>,
+    stop_on_unreachable: bool,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let factories: Vec<PolicyFactory> = policies.iter().map(factory).collect::<PyResult<_>>()?;
+    let progress = Reporter::new(progress);
     let reports = interruptible(py, |stop| {
-        let suite_of = Suite::at(&suite)?.with_episodes(episodes_per_scenario);
+        let mut suite_of = Suite::at(&suite)?.with_episodes(episodes_per_scenario);
+        suite_of.settings.rollout.stop_on_unreachable = stop_on_unreachable;
         let is_run = suite.join("run.json").is_file();
         let out = if is_run { Some(suite.clone()) } else { out.clone() };
         let options = EvaluateOptions {
@@ -49,7 +53,7 @@ pub fn evaluate(
             ending: EndingRules { horizon_s, stop_on_success },
             ..EvaluateOptions::default()
         };
-        run::evaluate(&suite_of, &factories, &options, &NoProgress, stop)
+        run::evaluate(&suite_of, &factories, &options, &progress, stop)
     })?;
     json(&reports.iter().map(Document::to_value).collect::<Vec<_>>())
 }
@@ -68,7 +72,7 @@ fn factory(given: &Bound<'_, PyAny>) -> PyResult<PolicyFactory> {
     let label = name.clone();
     let make = move |_: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let made = Python::attach(|py| PythonPolicy::new(&label, make.bind(py)));
-        let made = made.map_err(|error| WorkspaceError::input(format!("policy {label} cannot be made: {error}")))?;
+        let made = made.map_err(|error| mistaken(&format!("policy {label}"), &text(&error)))?;
         Ok(Box::new(made))
     };
     PolicyFactory::of(&name, make).map_err(error)
@@ -85,7 +89,7 @@ impl PythonPolicy {
         let object = make.call0()?;
         let spec: String = object.call_method0("spec")?.extract()?;
         let given = read_json::<serde_json::Value>("the policy's spec", &spec)?;
-        let spec = read_spec(name, given).map_err(crate::errors::Error::new_err)?;
+        let spec = read_spec(name, &given).map_err(crate::errors::Error::new_err)?;
         Ok(Self { object: object.unbind(), spec })
     }
 }
@@ -99,10 +103,10 @@ impl Policy for PythonPolicy {
         Python::attach(|py| {
             let episode = PyDict::new(py);
             episode.set_item("instruction", &start.instruction)?;
-            episode.set_item("seed", start.seed.to_string())?;
+            episode.set_item("seed", start.seed.value())?;
             self.object.bind(py).call_method1("reset", (episode,)).map(|_| ())
         })
-        .map_err(failed)
+        .map_err(mistake)
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
@@ -112,20 +116,25 @@ impl Policy for PythonPolicy {
             let (actions, finished) = answer.extract()?;
             Ok(ActionChunk { actions, finished })
         })
-        .map_err(failed)
+        .map_err(mistake)
     }
 }
 
-/// An exception is the policy's failure, with the place of its code.
-fn failed(error: PyErr) -> PolicyError {
-    let place = Python::attach(|py| error.traceback(py).and_then(|traceback| traceback.format().ok()));
-    let place = place.map_or_else(String::new, |text| {
-        text.lines()
-            .rev()
-            .find(|line| line.contains("File"))
-            .map_or_else(String::new, |line| format!(", {}", line.trim()))
-    });
-    PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence: format!("{error}{place}") })
+/// The package raises mistakes of a policy with their place and remedy.
+fn mistake(error: PyErr) -> PolicyError {
+    PolicyError::Mistake(text(&error))
+}
+
+/// Text of an exception, without its type.
+fn text(error: &PyErr) -> String {
+    Python::attach(|py| error.value(py).to_string())
+}
+
+/// Mistakes of a specification (JSON), one per line; nothing if there are none.
+#[pyfunction]
+pub fn spec_mistakes(spec: &str) -> PyResult<Option<String>> {
+    let given = read_json::<serde_json::Value>("the policy's spec", spec)?;
+    Ok(read_spec("policy", &given).err())
 }
 
 /// Interval of checks for an interrupt by the user.

@@ -1,8 +1,8 @@
 //! The Python module `genmanip._genmanip`: what `genmanip_pipeline` and `genmanip_rollout` do, for Python programs.
 //!
-//! The package around it, in `genmanip/`, loads the simulator's library before this one and holds what is easier said in
-//! Python: Gymnasium's environments and how functions are called. Nothing is decided here: a function turns its
-//! arguments into those of a Rust function, lets go of Python's lock while that runs, and turns the result into
+//! The simulator's library lies beside it, see `build.rs`. The package around it, in `genmanip/`, holds what is easier
+//! said in Python: Gymnasium's environments and how functions are called. Nothing is decided here: a function turns its
+//! arguments into those of a Rust function, releases the GIL while that runs, and turns the result into
 //! dictionaries and NumPy arrays.
 
 mod environment;
@@ -10,6 +10,7 @@ mod errors;
 mod evaluation;
 mod observation;
 mod pool;
+mod progress;
 mod projection;
 mod stages;
 
@@ -28,10 +29,14 @@ fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(engine, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::policies, module)?)?;
+    module.add_function(wrap_pyfunction!(evaluation::spec_mistakes, module)?)?;
     module.add_function(wrap_pyfunction!(stages::tasks, module)?)?;
     module.add_function(wrap_pyfunction!(stages::design, module)?)?;
     module.add_function(wrap_pyfunction!(stages::layout, module)?)?;
     module.add_function(wrap_pyfunction!(stages::collect, module)?)?;
+    module.add_function(wrap_pyfunction!(stages::export, module)?)?;
+    module.add_function(wrap_pyfunction!(stages::render, module)?)?;
+    module.add_function(wrap_pyfunction!(stages::plan, module)?)?;
     module.add_function(wrap_pyfunction!(stages::dataset, module)?)?;
     module.add_function(wrap_pyfunction!(stages::dataset_actions, module)?)?;
     Ok(())

@@ -3,18 +3,19 @@
 //! Numbers are copied once, into memory that Python owns: a picture of 256 x 256 pixels takes some 10 us of the
 //! milliseconds that it is drawn in.
 
-use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectState, Observation, Pose, PrivilegedState, RgbdImage};
+use genmanip_core::{ObjectState, Observation, PrivilegedState, RgbdImage};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyByteArray, PyDict};
 
-/// `{"time_s", "state", "images": {camera: {"rgb", …}}}`, and `"objects"`, `"grasped"` where there is truth.
+/// `{"time_s", "state", "command", "tool", "tool_target", "images": {camera: {"rgb", …}}}`, and `"objects"`, `"grasped"` where there is truth.
 pub fn dictionary<'py>(py: Python<'py>, seen: &Observation) -> PyResult<Bound<'py, PyDict>> {
     let dictionary = PyDict::new(py);
     dictionary.set_item("time_s", seen.time_s)?;
-    let own = seen.state.get(Observation::STATE).map_or(&[][..], Vec::as_slice);
-    dictionary.set_item("state", array(py, own, &[own.len()])?)?;
+    for (name, key) in Observation::NAMES {
+        let values = seen.state.get(key).map_or(&[][..], Vec::as_slice);
+        dictionary.set_item(name, array(py, values, &[values.len()])?)?;
+    }
     let pictures = PyDict::new(py);
     for (name, image) in &seen.images {
         pictures.set_item(name, picture(py, image)?)?;
@@ -31,18 +32,8 @@ pub fn dictionary<'py>(py: Python<'py>, seen: &Observation) -> PyResult<Bound<'p
 
 /// The poses of objects, a row each: position, then the unit quaternion with w first.
 pub fn poses<'py>(py: Python<'py>, objects: &[ObjectState]) -> PyResult<Bound<'py, PyAny>> {
-    let rows: Vec<f64> = objects.iter().flat_map(|object| pose(&object.pose)).collect();
+    let rows: Vec<f64> = objects.iter().flat_map(|object| object.pose.to_row()).collect();
     array(py, &rows, &[objects.len(), 7])
-}
-
-/// Entries without simulator ground truth, then the poses of objects.
-pub fn observe_privileged<'py>(
-    py: Python<'py>,
-    (seen, objects): &(Observation, Vec<ObjectState>),
-) -> PyResult<Bound<'py, PyDict>> {
-    let dictionary = dictionary(py, seen)?;
-    dictionary.set_item("objects", poses(py, objects)?)?;
-    Ok(dictionary)
 }
 
 /// The channels that were asked for, `"K"`, `"size"` (width, height), `"world_from_camera"`, and `"distortion"` of a lens.
@@ -53,7 +44,7 @@ pub fn picture<'py>(py: Python<'py>, image: &RgbdImage) -> PyResult<Bound<'py, P
     let k = [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0];
     dictionary.set_item("K", array(py, &k, &[3, 3])?)?;
     dictionary.set_item("size", (image.width(), image.height()))?;
-    dictionary.set_item("world_from_camera", array(py, &matrix(&image.world_from_camera), &[4, 4])?)?;
+    dictionary.set_item("world_from_camera", array(py, &image.world_from_camera.to_matrix(), &[4, 4])?)?;
     if let Some(lens) = &image.distortion {
         dictionary.set_item("distortion", array(py, &[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], &[5])?)?;
     }
@@ -73,17 +64,6 @@ pub fn picture<'py>(py: Python<'py>, image: &RgbdImage) -> PyResult<Bound<'py, P
         dictionary.set_item("points_m", array(py, image.points_m.as_flattened(), &[rows, columns, 3])?)?;
     }
     Ok(dictionary)
-}
-
-fn pose(pose: &Pose) -> [f64; 7] {
-    let (p, q) = (pose.position, pose.rotation);
-    [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
-}
-
-/// Row by row.
-pub fn matrix(pose: &Pose) -> [f64; 16] {
-    let (p, [x, y, z]) = (pose.position, [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis));
-    [x.x, y.x, z.x, p.x, x.y, y.y, z.y, p.y, x.z, y.z, z.z, p.z, 0.0, 0.0, 0.0, 1.0]
 }
 
 /// A number that NumPy has a type for.

@@ -3,15 +3,15 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_core::{ObjectState, Observation};
-use genmanip_pipeline::sessions::{Session, SessionSettings};
+use genmanip_core::Observation;
+use genmanip_pipeline::sessions::Session;
 use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::environment::{SceneSource, StepTuple, step_tuple};
-use crate::errors::{error, read_json};
-use crate::observation::observe_privileged;
+use crate::environment::{SceneSource, StepTuple, session_settings, step_tuple};
+use crate::errors::{error, json};
+use crate::observation::dictionary;
 
 /// Environments of the same scenes and settings.
 #[pyclass(frozen, module = "genmanip._genmanip")]
@@ -27,14 +27,13 @@ enum Order {
     Reset(usize, Option<u64>),
 }
 
-type Seen = (Observation, Vec<ObjectState>);
-type Done = Result<(Option<StepTuple>, Seen), WorkspaceError>;
+type Done = Result<(Option<StepTuple>, Observation), WorkspaceError>;
 
 #[pymethods]
 impl Pool {
     #[new]
     fn new(scenes: &SceneSource, settings: &str, count: usize, threads: usize) -> PyResult<Self> {
-        let settings: SessionSettings = read_json("settings of the environments", settings)?;
+        let settings = session_settings(scenes, settings)?;
         let session = |_| Mutex::new(Session::new(Arc::clone(&scenes.0), settings.clone()));
         Ok(Self { sessions: (0..count).map(session).collect(), threads: threads.max(1) })
     }
@@ -61,9 +60,18 @@ impl Pool {
         for done in done {
             let (outcome, observation) = done.map_err(error)?;
             outcomes.push(outcome);
-            seen.push(observe_privileged(py, &observation)?);
+            seen.push(dictionary(py, &observation)?);
         }
         Ok((outcomes, PyList::new(py, seen)?))
+    }
+
+    /// Scenario of each episode as JSON, or nothing without an episode.
+    fn scenarios(&self) -> PyResult<Vec<Option<String>>> {
+        let scenario = |session: &Mutex<Session>| {
+            let session = session.lock().unwrap_or_else(PoisonError::into_inner);
+            session.case().map(|case| json(&*case.scenario)).transpose()
+        };
+        self.sessions.iter().map(scenario).collect()
     }
 
     /// Name, kind of the task and instruction of each episode.
@@ -114,6 +122,6 @@ impl Pool {
                 None
             }
         };
-        Ok((outcome, session.observe_privileged()?))
+        Ok((outcome, session.observe_quickly()?))
     }
 }

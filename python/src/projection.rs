@@ -6,7 +6,7 @@ use genmanip_workspace::WorkspaceError;
 use pyo3::prelude::*;
 
 use crate::errors::error;
-use crate::observation::{array, matrix};
+use crate::observation::array;
 
 /// Largest deviation of a matrix from a rotation; chosen: the rounding of 32-bit numbers.
 const NO_ROTATION: f64 = 1e-4;
@@ -88,7 +88,7 @@ impl Projection {
 
     /// The pose as a 4x4 matrix.
     fn world_from_camera<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, &matrix(&self.0.world_from_camera), &[4, 4])
+        array(py, &self.0.world_from_camera.to_matrix(), &[4, 4])
     }
 }
 

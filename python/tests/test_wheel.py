@@ -15,7 +15,6 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 import genmanip
-from genmanip import _library
 from swaying import Swaying
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -85,13 +84,35 @@ class Environments(unittest.TestCase):
     def test_what_is_wrong_is_said(self):
         env = genmanip.Env(SCENARIOS)
         env.reset()
+
+        def make(**given):
+            return gymnasium.make("GenManip-v0", suite=SCENARIOS, **given).unwrapped
+
+        reset_env = make(index=0)
+        reset_env.reset()
         cases = [
             (lambda: env.step([0.0] * 7), "expected 8 numbers"),
             (lambda: env.step([float("nan")] * 8), "expected a finite one"),
-            (lambda: env.reset(9), "there is no scene 9"),
+            (lambda: env.reset(9), "index=9 is not possible"),
+            (lambda: env.reset(seed=1.5), "seed=1.5 is not possible"),
             (lambda: env.picture("none"), "no camera `none`"),
-            (lambda: genmanip.Env(SCENARIOS, action="wheels"), "action spaces are joint, joint_delta"),
-            (lambda: genmanip.Env(SCENARIOS, rate_hz=7).reset(), "does not divide the control rate"),
+            (lambda: genmanip.Env(SCENARIOS, action="wheels"), "expected joint, joint_delta"),
+            (lambda: genmanip.Env(SCENARIOS, rate_hz=7), "divide the control rate of 60 Hz, .*got 7"),
+            (lambda: genmanip.Env(SCENARIOS, cameras="wrist"), "`cameras`: expected a list"),
+            (lambda: genmanip.Env(SCENARIOS, cameras=["ceiling"]), "unknown camera `ceiling`"),
+            (lambda: genmanip.Env(SCENARIOS, horizon_s=-1), "horizon_s=-1 is not possible"),
+            (lambda: make(horizon_s=0), "expected seconds above 0"),
+            (lambda: make(size=128), "expected .width, height."),
+            (lambda: make(cameras="wrist", observation="rgb"), "expected a list of texts"),
+            (lambda: make(cameras=["ceiling"], observation="rgb"), "unknown camera `ceiling`"),
+            (lambda: make(observation="rbg"), "did you mean 'rgb'"),
+            (lambda: make(rate_hz=50), "got 50"),
+            (lambda: make(index=7), "index=7 is not possible"),
+            (lambda: make().reset(options={"layot": 5}), "unknown option of reset 'layot'"),
+            (lambda: reset_env.step(np.zeros(7)), "expected an action of shape 8, got 7"),
+            (lambda: reset_env.step(0.0), "got a single number"),
+            (lambda: genmanip.design(FOLDER.name, count=1, kinds="spatial"), "expected a list of texts"),
+            (lambda: genmanip.layout(3, FOLDER.name), "expected a path, or a list of paths"),
             (lambda: genmanip.Env(pathlib.Path(FOLDER.name) / "none"), "no run at"),
             (lambda: genmanip.evaluate(SCENARIOS, "expret"), "did you mean `expert`"),
             (lambda: gymnasium.make("GenManip-v0"), "expected suite=… or tasks=…"),
@@ -100,17 +121,23 @@ class Environments(unittest.TestCase):
             with self.subTest(words), self.assertRaisesRegex(genmanip.Error, words):
                 call()
 
-    def test_another_simulator_is_refused(self):
-        self.assertIn(_library.MUJOCO, genmanip.engine())
-        with tempfile.TemporaryDirectory() as folder:
-            package = pathlib.Path(folder) / "mujoco"
-            package.mkdir()
-            (package / "__init__.py").touch()
-            (package / "libmujoco.so.4.0.0").touch()
-            run = [sys.executable, "-c", f"import sys; sys.path.insert(0, {folder!r}); import genmanip"]
-            said = subprocess.run(run, capture_output=True, text=True).stderr
-        self.assertIn("needs MuJoCo 3.17.0, found libmujoco.so.4.0.0", said)
-        self.assertIn("pip install mujoco==3.17.0", said)
+    def test_another_mujoco_works_in_the_same_process(self):
+        self.assertIn("3.17.0", genmanip.engine())
+        first, then = "import genmanip", "import mujoco"
+        model = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+        step = f"""
+model = mujoco.MjModel.from_xml_string({model!r})
+data = mujoco.MjData(model)
+env = genmanip.Env({str(SCENARIOS)!r}, action="joint_delta")
+env.reset()
+for _ in range(3):
+    mujoco.mj_step(model, data)
+    env.step([0.0] * 7 + [0.08])
+print("both stepped", data.time > 0, env.observe()["time_s"])"""
+        for order in ((first, then), (then, first)):
+            run = [sys.executable, "-c", "\n".join([*order, step])]
+            said = subprocess.run(run, capture_output=True, text=True)
+            self.assertIn("both stepped True 0.2", said.stdout, said.stderr)
 
 
 class Gymnasium(unittest.TestCase):
@@ -121,6 +148,8 @@ class Gymnasium(unittest.TestCase):
             {"observation": "rgbd", "action": "joint_velocity", "cameras": ["wrist"]},
             {"observation": "points", "action": "ee", "cameras": ["static"]},
             {"observation": "state", "action": "ee_delta", "index": 1, "rate_hz": 20},
+            {"observation": "flat", "action": "ee_delta", "reward": "dense", "discount": 0.98},
+            {"observation": "flat_rgb", "action": "joint"},
         ]
         for choice in choices:
             with self.subTest(choice), warnings.catch_warnings():
@@ -129,6 +158,18 @@ class Gymnasium(unittest.TestCase):
                 env = gymnasium.make("GenManip-v0", suite=SCENARIOS, **given)
                 check_env(env.unwrapped, skip_render_check=False)
                 env.close()
+
+    def test_deltas_into_the_table_do_not_wind_up(self):
+        env = gymnasium.make("GenManip-v0", suite=SCENARIOS, index=0, action="ee_delta", normalized=False)
+        seen, _ = env.reset(seed=1)
+        heights = []
+        for turn in range(18):
+            # From 0.40 m, eight steps to the table and eight into it, then up.
+            seen, *_ = env.step(np.array([0, 0, -0.05 if turn < 16 else 0.05, 0, 0, 0, 0.08], np.float32))
+            heights.append(seen["tool"][2])
+            self.assertLess(abs(seen["tool"][2] - seen["tool_target"][2]), 0.08)
+        self.assertLess(heights[15], 0.03)
+        self.assertGreater(heights[17], heights[15] + 0.02, heights)
 
     def test_an_episode_ends_with_its_verdict(self):
         env = gymnasium.make("GenManip-v0", suite=SCENARIOS, index=0, action="ee", normalized=False, horizon_s=1.0)
@@ -143,6 +184,33 @@ class Gymnasium(unittest.TestCase):
         with self.assertRaisesRegex(genmanip.Error, "the episode is over"):
             env.step(far)
         self.assertEqual(json.loads(env.unwrapped.finish("still"))["ending"], "horizon")
+
+    def test_a_small_task_has_a_dense_reward_and_named_numbers(self):
+        given = {"observation": "flat", "action": "ee_delta", "reward": "dense", "normalized": False, "horizon_s": 8.0}
+        env = gymnasium.make("GenManip-v0", tasks="reach", layouts=3, **given)
+        seen, info = env.reset(options={"layout": 2})
+        names = env.unwrapped.state_names()
+        self.assertEqual((len(names), info["objects"]), (seen.size, ["046", "008"]))
+        self.assertEqual(info["goal"], [["046 top 008"]])
+        self.assertEqual(seen[names.index("goal_0.top")], 1.0)
+        self.assertEqual(seen[names.index("goal_0.subject.046")], 1.0)
+        tool, cube = ([names.index(f"{name}.{axis}") for axis in "xyz"] for name in ("tool", "046"))
+        total, over = 0.0, False
+        while not over:
+            # The origin of an object is at its base; half a cube is 2 cm.
+            way = np.clip(seen[cube] + [0, 0, 0.02] - seen[tool], -0.03, 0.03)
+            seen, reward, terminated, truncated, info = env.step(np.array([*way, 0, 0, 0, 0.08], np.float32))
+            total, over = total + reward, terminated or truncated
+        self.assertTrue(terminated and info["is_success"])
+        # The score rises to 1, the potential from near 0 to near 1.
+        self.assertTrue(1.5 < total < 2.0, total)
+
+    def test_the_goal_and_the_joints_of_objects_are_seen(self):
+        env = gymnasium.make("GenManip-v0", suite=SCENARIOS, index=0)
+        seen, info = env.reset(seed=1)
+        self.assertEqual(seen["goal"].reshape(4, -1)[0].sum(), 3.0, info["goal"])
+        self.assertEqual(seen["grasped"].sum(), 0.0)
+        self.assertEqual(seen["environment_state"].size, 7 * seen["grasped"].size)
 
     def test_the_vector_environment_does_what_single_ones_do(self):
         given = {"suite": SCENARIOS, "observation": "rgb", "size": (32, 24), "action": "joint_delta", "horizon_s": 0.5}
@@ -164,6 +232,8 @@ class Gymnasium(unittest.TestCase):
                     self.assertEqual((rewards[at], truncated[at]), (one[1], one[3]))
             self.assertEqual(truncated.all(), turn == 7)
         self.assertEqual(infos["is_success"].shape, (3,))
+        self.assertEqual(infos["command"].shape, (3, 8))
+        self.assertEqual(many.unwrapped.call("instructions"), tuple(many.unwrapped.instructions))
 
 
 class Evaluation(unittest.TestCase):
@@ -186,7 +256,7 @@ class Evaluation(unittest.TestCase):
         env = genmanip.Env(SCENARIOS, action="joint_delta")
         for index, row in enumerate(reports[1]["results"]):
             policy, seen, finished = Swaying(), env.reset(index), False
-            policy.reset({"instruction": env.instruction, "seed": "0"})
+            policy.reset({"instruction": env.instruction, "seed": 1})
             while not finished:
                 actions, finished = policy.act(seen)
                 for action in actions:
@@ -194,14 +264,33 @@ class Evaluation(unittest.TestCase):
                 seen = env.observe()
             self.assertEqual(env.finish("Swaying"), row)
 
-    def test_an_exception_is_the_failure_of_its_policy(self):
-        class Broken(Swaying):
-            def act(self, observation):
-                raise RuntimeError("no weights")
 
-        (report,) = genmanip.evaluate(SCENARIOS, Broken)
-        causes = [failure["evidence"] for row in report["results"] for failure in row["failures"]]
-        self.assertTrue(any("no weights" in cause and "test_wheel.py" in cause for cause in causes), causes)
+class Stages(unittest.TestCase):
+    def test_results_print_as_tables_and_turn_into_pandas(self):
+        seen = []
+        folder = pathlib.Path(FOLDER.name)
+        designed = genmanip.design(folder / "designed", count=2, kinds=["spatial"], seed=3)
+        self.assertTrue(all(pathlib.Path(row.file).is_file() for row in designed), designed)
+        rows = genmanip.layout(TASKS[0], folder / "rows", progress=lambda *told: seen.append(told))
+        self.assertIn("scenario", str(rows).splitlines()[0])
+        self.assertEqual(list(rows.pandas()["task"]), [rows[0].task])
+        self.assertEqual(seen[-1][1:], (1, 1))
+        results = genmanip.evaluate(rows[0].scenario, ["do_nothing:seconds=0.1"])
+        self.assertEqual((results[0].success, results[0].episodes), (0.0, 1))
+        self.assertEqual(list(results.pandas()["episodes"]), [1])
+        self.assertEqual(list(results[0].pandas()["success"]), [False])
+        self.assertIn("0.0 %", str(results))
+        motion = genmanip.plan(rows[0].scenario, position=[0.5, 0.0, 0.3])
+        self.assertTrue(motion.solved and len(motion.trajectory) > 10, motion)
+        rendered = genmanip.render(rows[0].scenario, folder / "images", cameras=["static"], size=(64, 48))
+        self.assertEqual(rendered[0].frames, 1)
+        for call, words in [
+            (lambda: genmanip.export(folder, format="lerobto"), "did you mean `lerobot`"),
+            (lambda: genmanip.export(folder, rate=7), "rates are 10, 15"),
+            (lambda: genmanip.plan(position=[0, 0, 0], joints=[0] * 7), "a motion has one target"),
+        ]:
+            with self.subTest(words), self.assertRaisesRegex(genmanip.Error, words):
+                call()
 
 
 class Examples(unittest.TestCase):

@@ -1,7 +1,7 @@
 //! Names on the command line of xtask, for `main` and for the check of pages that quote them.
 
 /// Names of the subcommands.
-pub const SUBCOMMANDS: [&str; 8] = ["setup", "demo", "install", "test", "fuzz", "tidy", "docs", "help"];
+pub const SUBCOMMANDS: [&str; 9] = ["setup", "demo", "install", "wheel", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
 pub const PHASES: [&str; 13] = [
@@ -34,6 +34,7 @@ Usage: cargo xtask SUBCOMMAND
   setup            download and verify the simulator library, make the Python environment of the tests
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   install [--root DIR]   build, and put `genmanip`, `genmanip-lab` and the suites where cargo installs programs
+  wheel [--out DIR]   build the Python wheel, with the simulator's library inside, and check that it runs elsewhere
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)

@@ -20,7 +20,7 @@ const RECORDER: &str = "crates/remote-policies/testdata/record_conversation.py";
 const CONVERSATION: &str = "crates/remote-policies/testdata/openpi_conversation.zlib";
 const VLA_EVAL: &str = "python/tests/interop_vla_eval.py";
 /// The harness, and what our wheel depends on; apart from openpi's client, whose pins are others.
-const VLA_EVAL_PACKAGES: [&str; 3] = ["vla-eval==0.8.0", "mujoco==3.17.0", "numpy==2.3.5"];
+const VLA_EVAL_PACKAGES: [&str; 2] = ["vla-eval==0.8.0", "numpy==2.3.5"];
 /// Until the server listens.
 const PATIENCE: Duration = Duration::from_secs(60);
 

@@ -6,6 +6,7 @@
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
 //! | `install` | puts the programs and the suites where cargo installs programs |
+//! | `wheel` | builds the Python wheel, with the simulator's library inside |
 //! | `docs` | runs the code blocks of README.md and the guides |
 //! | `fuzz` | feeds mutated inputs to one of the readers |
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
@@ -62,6 +63,7 @@ fn run(args: &[String]) -> Result {
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root, rest),
         Some("install") => install::run(&workspace, rest),
+        Some("wheel") => wheel::run(&workspace, rest),
         Some("fuzz") => fuzz::run(&workspace, rest),
         Some("docs") => {
             let (options, pages): (Vec<String>, Vec<String>) = rest.iter().cloned().partition(|arg| arg == "--interop");

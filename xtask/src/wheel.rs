@@ -8,11 +8,65 @@ use std::path::{Path, PathBuf};
 const REQUIREMENTS: &str = "xtask/wheel-requirements.txt";
 const TESTS: &str = "python/tests";
 
+/// `cargo xtask wheel [--out DIR]`: a wheel that needs neither Rust nor another package's simulator.
+pub fn run(workspace: &Workspace, arguments: &[String]) -> Result {
+    let out = match arguments {
+        [] => workspace.root.join("out/wheel"),
+        [option, folder] if option == "--out" => PathBuf::from(folder),
+        _ => {
+            return Err(Problem {
+                what: format!("cannot read `{}`", arguments.join(" ")),
+                expected: "nothing, or --out DIR".into(),
+                hint: "`cargo xtask help` says what each subcommand takes".into(),
+            });
+        }
+    };
+    environment(workspace)?;
+    let built = build(workspace)?;
+    check(workspace, &built)?;
+    fs::create_dir_all(&out).on("make the folder", &out)?;
+    let wheel = out.join(built.file_name().unwrap_or_default());
+    fs::copy(&built, &wheel).on("write", &wheel)?;
+    println!("{}", wheel.display());
+    Ok(())
+}
+
+/// Fails if the wheel needs a library that its platform tag does not promise.
+fn check(workspace: &Workspace, wheel: &Path) -> Result {
+    if !cfg!(target_os = "linux") {
+        return Ok(());
+    }
+    let python = workspace.target_dir()?.join("wheel/python/bin/python");
+    let shown = process::output(workspace.command(python).args(["-m", "auditwheel", "show"]).arg(wheel))?;
+    let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ");
+    let tag = wheel.file_stem().and_then(|name| name.to_str()).and_then(|name| name.rsplit('-').next());
+    let tag = tag.unwrap_or_default();
+    if shown.contains(&format!("is consistent with the following platform tag: \"{tag}\"")) {
+        return Ok(());
+    }
+    Err(Problem {
+        what: format!("the wheel does not keep what its platform tag {tag} promises"),
+        expected: "the libraries of that platform and those inside the wheel alone".into(),
+        hint: shown,
+    })
+}
+
+/// Platform tag of wheels that are built here: manylinux with the version of the C library.
+fn platform(workspace: &Workspace, python: &Path) -> Result<Option<String>> {
+    if !cfg!(target_os = "linux") {
+        return Ok(None);
+    }
+    let version =
+        process::output(workspace.command(python).args(["-c", "import os; print(os.confstr('CS_GNU_LIBC_VERSION'))"]))?;
+    Ok(version.trim().strip_prefix("glibc ").map(|version| format!("manylinux_{}", version.replace('.', "_"))))
+}
+
 /// Builds the wheel and runs its tests.
 pub fn test(workspace: &Workspace) -> Result {
     let place = workspace.target_dir()?.join("wheel");
     let python = place.join("python/bin/python");
     let wheel = build(workspace)?;
+    check(workspace, &wheel)?;
     install(workspace, &python, &wheel)?;
     let mut tests = workspace.command(&python);
     tests.args(["-W", "error::DeprecationWarning", "-m", "unittest", "discover", "--start-directory", TESTS]);
@@ -31,6 +85,9 @@ pub fn build(workspace: &Workspace) -> Result<PathBuf> {
     }
     let mut build = workspace.command(&python);
     build.args(["-m", "maturin", "build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
+    if let Some(platform) = platform(workspace, &python)? {
+        build.args(["--compatibility", &platform]);
+    }
     build.arg("--interpreter").arg(&python).arg("--target-dir").arg(&target).arg("--out").arg(&wheels);
     process::visible(&mut build)?;
     only_file(&wheels)

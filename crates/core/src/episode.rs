@@ -99,6 +99,9 @@ pub struct EpisodeResult {
     pub control_rate_hz: f64,
     /// Number of control steps.
     pub frames: usize,
+    /// Number of actions that were held because their pose is unreachable; absent if there were none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unreachable_actions: usize,
     /// Path length of the TCP, m.
     pub tcp_path_m: f64,
     /// Peak stray contact force of the robot, N.
@@ -147,6 +150,10 @@ impl ExpertStyle {
     pub fn is_default(&self) -> bool {
         *self == Self::Default
     }
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Takeover of an episode from a failing policy, as in DAgger-style training.
@@ -211,7 +218,8 @@ impl Ending {
     }
 }
 
-/// An episode that was requested but not run because its policy was unreachable; not a result, retried next time.
+/// An episode that was requested but not run because its policy was unreachable or made a mistake; not a result, retried
+/// next time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NotRun {
@@ -219,8 +227,11 @@ pub struct NotRun {
     pub id: String,
     /// Scenario id.
     pub scenario_id: String,
-    /// Error reported by the policy's endpoint.
+    /// Error reported by the policy's endpoint, or its mistake.
     pub reason: String,
+    /// True for a mistake of the policy's program; absent otherwise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mistake: bool,
 }
 
 /// Strongest stray contact of an episode.

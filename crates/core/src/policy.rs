@@ -95,6 +95,15 @@ pub struct Observation {
 impl Observation {
     /// Key of the proprioceptive state: arm joint positions (rad), then opening width (m).
     pub const STATE: &'static str = "observation.state";
+    /// Key of the command in force: arm joint targets (rad), then opening width (m).
+    pub const COMMAND: &'static str = "observation.command";
+    /// Key of the measured tool pose: position (m, world), then the unit quaternion, w first.
+    pub const TOOL: &'static str = "observation.tool";
+    /// Key of the tool pose that the last action requested, in the same form.
+    pub const TOOL_TARGET: &'static str = "observation.tool_target";
+    /// Keys by their names in Python.
+    pub const NAMES: [(&'static str, &'static str); 4] =
+        [("state", Self::STATE), ("command", Self::COMMAND), ("tool", Self::TOOL), ("tool_target", Self::TOOL_TARGET)];
 }
 
 /// Simulator ground truth.
@@ -124,6 +133,10 @@ pub enum PolicyError {
     /// The policy cannot work on this episode at all.
     #[error("policy cannot serve this episode: {0}")]
     Unsuited(String),
+    /// A mistake of the policy's program, with its place and, on a line that starts with `hint:`, its remedy: the episode
+    /// is not run, does not count as a failure and is retried.
+    #[error("{0}")]
+    Mistake(String),
     /// The policy's endpoint is unreachable: the episode is not run, does not count as a failure and is retried.
     #[error("policy cannot be reached: {0}")]
     Unreachable(String),

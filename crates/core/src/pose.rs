@@ -54,6 +54,18 @@ impl Pose {
         [w, x, y, z]
     }
 
+    /// Position (m), then the rotation in `[w, x, y, z]` order.
+    pub fn to_row(&self) -> [f64; 7] {
+        let ([x, y, z], [qw, qx, qy, qz]) = (self.position.to_array(), self.to_wxyz_array());
+        [x, y, z, qw, qx, qy, qz]
+    }
+
+    /// Homogeneous 4x4 matrix, row by row.
+    pub fn to_matrix(&self) -> [f64; 16] {
+        let (p, [x, y, z]) = (self.position, [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.rotation * axis));
+        [x.x, y.x, z.x, p.x, x.y, y.y, z.y, p.y, x.z, y.z, z.z, p.z, 0.0, 0.0, 0.0, 1.0]
+    }
+
     /// The inverse transform.
     #[must_use]
     pub fn inverse(&self) -> Self {

@@ -24,6 +24,7 @@ pub mod layouts;
 pub mod merge;
 pub mod plan;
 pub mod policies;
+mod policy_spec;
 mod remote;
 pub mod report;
 pub mod rerender;

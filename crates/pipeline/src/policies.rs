@@ -32,7 +32,7 @@ pub use label::InLabel;
 pub(crate) use label::label;
 use label::{MAX_LABEL, fits};
 
-pub use crate::remote::read_spec;
+pub use crate::policy_spec::{mistaken, read_spec};
 
 /// All policies there are, in the order in which they are listed.
 pub const POLICIES: [PolicyEntry; 11] = [
@@ -403,7 +403,7 @@ impl PolicyFactory {
     /// The error as the episode loop reports it: not run if the policy cannot be reached, else an unsupported contract.
     pub(crate) fn refusal(&self, error: WorkspaceError) -> RolloutError {
         match error {
-            WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason, mistake: false },
             error => RolloutError::Spec { policy: self.label().into(), source: error.into() },
         }
     }

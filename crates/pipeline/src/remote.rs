@@ -10,8 +10,7 @@ use genmanip_remote_policies::process::{ProcessSettings, Processes};
 use genmanip_remote_policies::vla_eval::{self, VlaEvalPolicy, VlaEvalSettings};
 use genmanip_rollout::Cores;
 
-use serde_json::Value;
-
+use crate::policy_spec::{mistaken, read_spec};
 use genmanip_workspace::WorkspaceError;
 
 /// Environment variable that holds the server's API key, if it wants one.
@@ -122,37 +121,11 @@ pub(crate) fn python(
 ) -> Result<Box<dyn Policy>, WorkspaceError> {
     let class = &processes.settings().class;
     let name = class.rsplit(':').next().unwrap_or(class);
-    let policy = processes.policy(|given| read_spec(name, given)).map_err(|error| match error {
+    let policy = processes.policy(|given| read_spec(name, &given)).map_err(|error| match error {
         PolicyError::Unreachable(reason) => WorkspaceError::Unreachable { policy: class.clone(), reason },
-        error => WorkspaceError::input(format!("policy {class}: {error}"))
-            .with_hint("the class needs spec(), reset(start) and act(observation)"),
+        error => mistaken(&format!("policy {class}"), &error.to_string()),
     })?;
     Ok(lending(policy, cores))
-}
-
-/// Policy contract given by a program in another language; absent keys are those of native actions at 15 Hz.
-///
-/// # Errors
-/// Says which part is wrong.
-pub fn read_spec(name: &str, given: Value) -> Result<PolicySpec, String> {
-    let known = serde_json::to_value(PolicySpec::native(name, 15.0)).map_err(|error| error.to_string())?;
-    let (Value::Object(mut whole), Value::Object(given)) = (known, given) else {
-        return Err("the spec of a policy is an object, e.g. {\"rate_hz\": 15}".into());
-    };
-    for (key, value) in given {
-        if !whole.contains_key(&key) {
-            let known: Vec<&str> = whole.keys().map(String::as_str).collect();
-            return Err(format!("the spec of a policy has no `{key}`; it has {}", known.join(", ")));
-        }
-        // Before all parts are put together, so that the message names the one that is wrong.
-        let mut alone = whole.clone();
-        alone.insert(key.clone(), value.clone());
-        serde_json::from_value::<PolicySpec>(Value::Object(alone))
-            .map_err(|error| format!("`{key}` in the spec of the policy: {error}"))?;
-        whole.insert(key, value);
-    }
-    let spec: PolicySpec = serde_json::from_value(Value::Object(whole)).map_err(|error| error.to_string())?;
-    Ok(PolicySpec { name: name.into(), ..spec })
 }
 
 struct Lending<P> {

@@ -1,21 +1,17 @@
-"""Runs a policy of a Python module for GenManip over pipes: `python policy_process.py module:Class`.
+"""Runs a policy of a Python module for GenManip over pipes: the program is this text after that of _policy.py.
 
 The class has spec(), reset(start) and act(observation), see docs/guides/evaluate.md. A message is the length of its
 header (4 bytes, little-endian), the header as JSON, and the bytes of the arrays listed in the header. The policy's
-standard output is redirected to standard error.
+standard output is redirected to standard error, and its standard input is empty.
 """
 
 import importlib
-import json
-import os
 import struct
 import sys
-import traceback
 
-import numpy as np
-
-INPUT, OUTPUT = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+INPUT, OUTPUT = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
 os.dup2(2, 1)
+os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
 
 
 def receive():
@@ -32,7 +28,7 @@ def receive():
 
 
 def send(head, array=None):
-    given = [] if array is None else [np.ascontiguousarray(array, dtype="<f4")]
+    given = [] if array is None else [array.astype("<f4")]
     head["arrays"] = [{"dtype": "<f4", "shape": list(one.shape)} for one in given]
     text = json.dumps(head).encode()
     OUTPUT.write(struct.pack("<I", len(text)) + text + b"".join(one.tobytes() for one in given))
@@ -48,31 +44,44 @@ def with_arrays(value, arrays):
     return value
 
 
-def answer(made, policy, head, arrays):
+def found(module, name):
+    """The class."""
+    try:
+        loaded = importlib.import_module(module)
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]:
+            hint = f"modules are found in the current folder, {os.getcwd()}, and on PYTHONPATH"
+            raise Mistake(f"there is no module {module} for {sys.executable}\nhint: {hint}") from error
+        raise Mistake(described(f"import {module}", error)) from error
+    if not hasattr(loaded, name):
+        classes = ", ".join(key for key, value in vars(loaded).items() if isinstance(value, type)) or "none"
+        raise Mistake(f"{module} has no class {name}\nhint: classes of {loaded.__file__}: {classes}")
+    return getattr(loaded, name)
+
+
+def answered(policy, head, arrays):
     if head["ask"] == "make":
-        policy = made()
-        send({"spec": policy.spec()})
+        policy = made(found(*sys.argv[1].split(":", 1)))
+        send({"spec": json.loads(spec_of(policy))})
     elif head["ask"] == "reset":
-        policy.reset(head["start"])
+        reset(policy, head["start"])
         send({})
     else:
-        given = policy.act(with_arrays(head["observation"], arrays))
-        actions, finished = given if isinstance(given, tuple) else (given, False)
-        send({"finished": bool(finished)}, np.atleast_2d(np.asarray(actions, dtype=np.float32)))
+        rows, finished = actions_of(policy, with_arrays(head["observation"], arrays))
+        send({"finished": finished}, rows)
     return policy
 
 
 def main():
-    module, _, name = sys.argv[1].partition(":")
-    made, policy = None, None
+    policy = None
     while True:
         head, arrays = receive()
         try:
-            if made is None:
-                made = getattr(importlib.import_module(module), name)
-            policy = answer(made, policy, head, arrays)
-        except Exception:
-            send({"error": traceback.format_exc()})
+            policy = answered(policy, head, arrays)
+        except Mistake as mistake:
+            send({"error": str(mistake)})
 
 
 main()

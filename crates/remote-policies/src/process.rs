@@ -9,17 +9,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use genmanip_core::{
-    ActionChunk, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, RgbdImage,
-};
+use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RgbdImage};
 use serde_json::{Map, Value, json};
 
-/// Program of the process.
-const PROGRAM: &str = include_str!("policy_process.py");
+/// Program of the process: the interface of a policy, which the Python package shares, and the loop that serves it.
+const PROGRAM: [&str; 2] = [include_str!("../../../python/genmanip/_policy.py"), include_str!("policy_process.py")];
 /// Maximum size of a message header and of an array (bytes).
 const MAX_BYTES: usize = 4 << 20;
-/// Maximum reported length of a traceback (characters); its end contains the error.
-const MAX_TRACEBACK_CHARS: usize = 400;
+/// Maximum reported length of a mistake (characters).
+const MAX_MISTAKE_CHARS: usize = 2000;
 
 /// Class and interpreter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,7 +52,7 @@ impl Processes {
     /// spec.
     ///
     /// # Errors
-    /// [`PolicyError::Unreachable`] if no process can be started, [`PolicyError::Unsuited`] if the class cannot be
+    /// [`PolicyError::Unreachable`] if no process can be started, [`PolicyError::Mistake`] if the class cannot be
     /// instantiated or its spec is invalid.
     pub fn policy(
         self: &Arc<Self>,
@@ -65,12 +63,9 @@ impl Processes {
             Some(process) => process,
             None => Process::start(&self.settings)?,
         };
-        let (head, _) = process.ask(json!({"ask": "make"}), &[]).map_err(|error| match error {
-            PolicyError::GaveUp(failure) => PolicyError::Unsuited(failure.evidence),
-            error => error,
-        })?;
+        let (head, _) = process.ask("make", Value::Null, &[])?;
         let spec = head.get("spec").cloned().unwrap_or_default();
-        let spec = read_spec(spec).map_err(PolicyError::Unsuited)?;
+        let spec = read_spec(spec).map_err(PolicyError::Mistake)?;
         Ok(ProcessPolicy { process: Some(process), spec, owner: Arc::clone(self) })
     }
 }
@@ -85,10 +80,11 @@ pub struct ProcessPolicy {
 }
 
 impl ProcessPolicy {
-    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
-        let ended = || PolicyError::Unreachable("its Python process has ended".into());
-        let answer = self.process.as_mut().ok_or_else(ended)?.ask(head, arrays);
-        if matches!(answer, Err(PolicyError::Unreachable(_))) {
+    fn ask(&mut self, what: &str, given: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
+        let ended = || PolicyError::Mistake("its Python process has ended".into());
+        let process = self.process.as_mut().ok_or_else(ended)?;
+        let answer = process.ask(what, given, arrays);
+        if process.is_lost {
             self.process = None;
         }
         answer
@@ -107,15 +103,15 @@ impl Policy for ProcessPolicy {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        let start = json!({"instruction": start.instruction, "seed": start.seed.to_string()});
-        self.ask(json!({"ask": "reset", "start": start}), &[]).map(|_| ())
+        let start = json!({"instruction": start.instruction, "seed": start.seed.value()});
+        self.ask("reset", json!({"start": start}), &[]).map(|_| ())
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let mut arrays = Vec::new();
         let seen = encoded_observation(observation, &mut arrays);
-        let (head, answered) = self.ask(json!({"ask": "act", "observation": seen}), &arrays)?;
-        let wrong = |what: &str| PolicyError::Unsuited(format!("{}: {what}", self.owner.settings.class));
+        let (head, answered) = self.ask("act", json!({"observation": seen}), &arrays)?;
+        let wrong = |what: &str| PolicyError::Mistake(format!("{}: {what}", self.owner.settings.class));
         let [Array { dtype: F32, shape, bytes }] = &answered[..] else { return Err(wrong("act returned no array")) };
         let &[_, width] = &shape[..] else { return Err(wrong("act returned no rows of actions")) };
         let numbers = bytes.chunks_exact(4).filter_map(|word| Some(f32::from_le_bytes(word.try_into().ok()?)));
@@ -157,16 +153,15 @@ fn encoded_observation(observation: &Observation, arrays: &mut Vec<Array>) -> Va
         arrays.push(array);
         json!({"array": arrays.len() - 1})
     };
-    let state = observation.state.get(Observation::STATE).map_or(&[][..], Vec::as_slice);
-    let mut seen = json!({"time_s": observation.time_s, "state": put(Array::of_reals(state, &[state.len()]))});
+    let mut seen = json!({"time_s": observation.time_s});
+    for (name, key) in Observation::NAMES {
+        let values = observation.state.get(key).map_or(&[][..], Vec::as_slice);
+        seen[name] = put(Array::of_reals(values, &[values.len()]));
+    }
     let images = observation.images.iter().map(|(name, image)| (name.clone(), encoded_image(image, &mut put)));
     seen["images"] = Value::Object(images.collect());
     if let Some(truth) = &observation.privileged {
-        let row = |pose: &genmanip_core::Pose| {
-            let (p, q) = (pose.position, pose.rotation);
-            [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
-        };
-        let rows: Vec<f64> = truth.objects.iter().flat_map(|object| row(&object.pose)).collect();
+        let rows: Vec<f64> = truth.objects.iter().flat_map(|object| object.pose.to_row()).collect();
         seen["objects"] = put(Array::of_reals(&rows, &[truth.objects.len(), 7]));
         seen["object_joints"] = truth.objects.iter().map(|object| json!(object.joint_positions)).collect();
         seen["grasped"] = json!(truth.grasped);
@@ -178,12 +173,27 @@ fn encoded_image(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Val
     let size = [image.height() as usize, image.width() as usize];
     let with_three = [size[0], size[1], 3];
     let k = &image.intrinsics;
-    let mut seen = json!({"K": put(Array::of_reals(&[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0], &[3, 3]))});
+    let mut seen = json!({
+        "K": put(Array::of_reals(&[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0], &[3, 3])),
+        "size": [image.width(), image.height()],
+        "world_from_camera": put(Array::of_reals(&image.world_from_camera.to_matrix(), &[4, 4])),
+    });
+    if let Some(lens) = &image.distortion {
+        seen["distortion"] = put(Array::of_reals(&[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], &[5]));
+    }
     if !image.rgb.is_empty() {
         seen["rgb"] = put(Array { dtype: "|u1", shape: with_three.to_vec(), bytes: image.rgb.clone() });
     }
     if !image.depth_m.is_empty() {
         seen["depth_m"] = put(Array::of_floats(&image.depth_m, &size));
+    }
+    if !image.ids.is_empty() {
+        let bytes = image.ids.iter().flat_map(|id| id.to_le_bytes()).collect();
+        seen["ids"] = put(Array { dtype: "<u2", shape: size.to_vec(), bytes });
+    }
+    if !image.normals.is_empty() {
+        let bytes = image.normals.iter().flatten().flat_map(|part| part.to_le_bytes()).collect();
+        seen["normals"] = put(Array { dtype: "|i1", shape: with_three.to_vec(), bytes });
     }
     if !image.points_m.is_empty() {
         seen["points_m"] = put(Array::of_floats(image.points_m.iter().flatten(), &with_three));
@@ -198,6 +208,8 @@ struct Process {
     input: ChildStdin,
     messages: Receiver<std::io::Result<Answer>>,
     answer: Duration,
+    /// True after a failed response: the next message would belong to another request.
+    is_lost: bool,
 }
 
 impl Process {
@@ -205,7 +217,7 @@ impl Process {
         let ProcessSettings { class, python, answer } = settings;
         let unreachable = |what: String| PolicyError::Unreachable(what);
         let mut command = Command::new(python);
-        command.args(["-c", PROGRAM, class]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        command.args(["-c", &PROGRAM.concat(), class]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().map_err(|error| unreachable(format!("cannot start `{python}`: {error}")))?;
         let pipes = (child.stdin.take(), child.stdout.take());
         let (Some(input), Some(mut output)) = pipes else { return Err(unreachable("the process has no pipes".into())) };
@@ -219,31 +231,41 @@ impl Process {
                 }
             }
         });
-        Ok(Self { child, input, messages, answer: *answer })
+        Ok(Self { child, input, messages, answer: *answer, is_lost: false })
     }
 
-    /// Sends a request and waits for the response. An exception is a failure of the policy; a dead or silent process is
-    /// not.
-    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
-        let ended = |error: &dyn std::fmt::Display| {
-            PolicyError::Unreachable(format!("its Python process has ended, see its output above: {error}"))
+    /// Sends a request and waits for the response; an exception, a dead and a silent process are mistakes of the policy.
+    fn ask(&mut self, what: &str, given: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
+        let mut head = json!({"ask": what});
+        if let (Value::Object(head), Value::Object(given)) = (&mut head, given) {
+            head.extend(given);
+        }
+        let method = if what == "make" { "the class or spec()".to_owned() } else { format!("{what}()") };
+        self.is_lost = true;
+        let sent = send(&mut self.input, head, arrays);
+        let answer = sent.map(|()| self.messages.recv_timeout(self.answer));
+        let (head, arrays) = match answer {
+            Ok(Ok(Ok(answer))) => answer,
+            Ok(Err(RecvTimeoutError::Timeout)) => {
+                let waited = format!("{method} gave no answer within {} s", self.answer.as_secs_f64());
+                let hint = "timeout_s=… waits longer; the first answer includes the import of the module";
+                return Err(PolicyError::Mistake(format!("{waited}\nhint: {hint}")));
+            }
+            Ok(Ok(Err(_)) | Err(RecvTimeoutError::Disconnected)) | Err(_) => return Err(self.ended(&method)),
         };
-        send(&mut self.input, head, arrays).map_err(|error| ended(&error))?;
-        let answer = self.messages.recv_timeout(self.answer).map_err(|error| match error {
-            RecvTimeoutError::Timeout => {
-                PolicyError::Unreachable(format!("no answer within {} s", self.answer.as_secs_f64()))
-            }
-            RecvTimeoutError::Disconnected => ended(&error),
-        })?;
-        let (head, arrays) = answer.map_err(|error| ended(&error))?;
+        self.is_lost = false;
         match head.get("error").and_then(Value::as_str) {
-            Some(traceback) => {
-                let skipped = traceback.chars().count().saturating_sub(MAX_TRACEBACK_CHARS);
-                let evidence = traceback.trim().chars().skip(skipped).collect();
-                Err(PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence }))
-            }
+            Some(mistake) => Err(PolicyError::Mistake(mistake.trim().chars().take(MAX_MISTAKE_CHARS).collect())),
             None => Ok((head, arrays)),
         }
+    }
+
+    /// Mistake of a process that ended while it was asked.
+    fn ended(&mut self, method: &str) -> PolicyError {
+        let _ = self.child.kill();
+        let status = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        let hint = "a policy returns or raises; a process that is killed may lack memory; its own output is above";
+        PolicyError::Mistake(format!("its Python process ended during {method} ({status})\nhint: {hint}"))
     }
 }
 

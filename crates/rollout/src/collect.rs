@@ -297,6 +297,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         horizon_s: settings.rollout.horizon_s,
         control_rate_hz: f64::from(settings.world.physics.control_rate_hz),
         frames: 0,
+        unreachable_actions: 0,
         tcp_path_m: 0.0,
         max_stray_contact_n: 0.0,
         stray_contact: None,

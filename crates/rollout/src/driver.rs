@@ -2,7 +2,7 @@
 
 use genmanip_core::{GoalVerdict, Observation, PolicySpec};
 
-use crate::adapter::{Adapter, ArmReference, NativeAction, Pending};
+use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction, Pending};
 use crate::environment::{Environment, Event};
 use crate::{RolloutError, RolloutSettings, Stage};
 
@@ -14,6 +14,8 @@ pub struct Driver {
     chunk_start: Vec<f64>,
     /// Part of the path that earlier actions left unexecuted.
     pending: Pending,
+    /// An unreachable pose is an error instead of being held.
+    stop_on_unreachable: bool,
 }
 
 /// Outcome of one action.
@@ -31,6 +33,8 @@ pub struct ActionOutcome {
     pub truncated: bool,
     /// The episode ended before the action was completed.
     pub cut_off: bool,
+    /// Reason that the action was not executed and the command in force was held: the pose is unreachable.
+    pub refused: Option<String>,
 }
 
 impl Driver {
@@ -42,7 +46,9 @@ impl Driver {
         let repeat = check_spec(spec, stage)?;
         let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
             .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), source: error.into() })?;
-        Ok(Self { adapter, chunk_start: stage.scenario.world.robot.home.clone(), pending: Pending::default() })
+        let chunk_start = stage.scenario.world.robot.home.clone();
+        let stop_on_unreachable = settings.stop_on_unreachable;
+        Ok(Self { adapter, chunk_start, pending: Pending::default(), stop_on_unreachable })
     }
 
     /// Records the reference of a new chunk of actions.
@@ -54,32 +60,46 @@ impl Driver {
         Ok(())
     }
 
-    /// Executes an action, within the time limit.
+    /// Executes an action, within the time limit. An action whose pose is unreachable is counted, and the command in
+    /// force is held for its duration, unless the settings say to stop.
     ///
     /// # Errors
-    /// [`RolloutError::Action`] for an invalid or unreachable action, with the environment unchanged; errors of
-    /// [`Environment::step`].
+    /// [`RolloutError::Action`] for an invalid action, or an unreachable one if the settings say to stop, with the
+    /// environment unchanged; errors of [`Environment::step`].
     pub fn act(&mut self, environment: &mut Environment, action: &[f32]) -> Result<ActionOutcome, RolloutError> {
         if environment.steps_left() == 0 {
             return Ok(ActionOutcome { truncated: true, cut_off: true, ..ActionOutcome::default() });
         }
         let (command, measured) = (environment.command()?, environment.joint_positions()?);
         let width_m = command.last().copied().unwrap_or_default();
-        let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
+        let arm: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
         let (chunk_start, pending) = (&self.chunk_start, &self.pending);
-        let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start, pending };
-        let NativeAction { commands, pending } = self.adapter.to_native(action, from)?;
-        self.pending = pending;
-        execute(environment, &commands)
+        let from = ArmReference { command: &arm, width_m, measured: &measured, chunk_start, pending };
+        match self.adapter.to_native(action, from) {
+            Ok(NativeAction { commands, pending }) => {
+                self.pending = pending;
+                execute(environment, &commands)
+            }
+            Err(error @ AdapterError::OutOfReach { .. }) if !self.stop_on_unreachable => {
+                let reason = error.to_string();
+                environment.count_unreachable(&reason)?;
+                let held = execute(environment, &vec![command; self.adapter.repeat()])?;
+                Ok(ActionOutcome { refused: Some(reason), ..held })
+            }
+            Err(error) => Err(error.into()),
+        }
     }
 
-    /// Holds the command in force for the duration of an action.
+    /// Adds the tool pose that the last action requested to an observation.
     ///
     /// # Errors
-    /// Errors of [`Environment::step`].
-    pub fn hold(&mut self, environment: &mut Environment) -> Result<ActionOutcome, RolloutError> {
-        let commands = vec![environment.command()?; self.adapter.repeat()];
-        execute(environment, &commands)
+    /// If the environment was not reset.
+    pub fn add_target(&self, environment: &Environment, observation: &mut Observation) -> Result<(), RolloutError> {
+        let command: Vec<f64> = environment.command()?.iter().copied().map(f64::from).collect();
+        let arm = &command[..self.chunk_start.len()];
+        let pose = self.adapter.requested_pose(arm, &self.pending);
+        observation.state.insert(Observation::TOOL_TARGET.into(), pose.to_row().to_vec());
+        Ok(())
     }
 }
 

@@ -17,6 +17,7 @@ use genmanip_core::{
 use genmanip_relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
+use crate::evidence::{Evidence, Unreachable};
 use crate::images::{Exposure, StageRenderer, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
@@ -133,8 +134,16 @@ struct Record {
     last_gripped: Option<(usize, f64)>,
     /// State of each object at the last verdict, for hysteresis: a state lasts until it is clearly left.
     joint_states: Vec<Option<String>>,
+    /// Actions whose pose was unreachable.
+    unreachable: Option<Unreachable>,
     /// Number of control steps before settling, and the verdict after it.
     settled: Option<(usize, GoalVerdict)>,
+}
+
+impl Record {
+    fn seen(&self) -> Evidence<'_> {
+        Evidence { frames: &self.frames, unreachable: self.unreachable.as_ref() }
+    }
 }
 
 impl Environment {
@@ -162,6 +171,7 @@ impl Environment {
             stray_bodies: None,
             last_gripped: None,
             joint_states: joint_states(stage.start(), &stage.relations),
+            unreachable: None,
             settled: None,
         };
         let scene = stage.start().clone();
@@ -268,6 +278,18 @@ impl Environment {
         Ok(session.judge(&self.settings).0)
     }
 
+    /// Counts an action that was not executed because its pose is unreachable.
+    ///
+    /// # Errors
+    /// If the environment was not reset.
+    pub fn count_unreachable(&mut self, reason: &str) -> Result<(), RolloutError> {
+        let record = &mut self.session.as_mut().ok_or(RolloutError::NotReset)?.record;
+        let step = record.frames.len();
+        let first = || Unreachable { actions: 0, step, reason: reason.to_owned() };
+        record.unreachable.get_or_insert_with(first).actions += 1;
+        Ok(())
+    }
+
     /// Failures of the episode if it ended now, judged without further settling; includes the policy's reason `gave_up`
     /// for giving up. Empty if the goal holds.
     ///
@@ -279,7 +301,7 @@ impl Environment {
         if verdict.success {
             return Ok(Vec::new());
         }
-        Ok(evidence::explain(stage, &record.frames, &verdict, gave_up, &self.settings))
+        Ok(evidence::explain(stage, record.seen(), &verdict, gave_up, &self.settings))
     }
 
     /// Control steps left before the time limit; 0 without an episode.
@@ -351,10 +373,13 @@ impl Environment {
 impl Session {
     fn observation(&self) -> Observation {
         let mut state = self.sim.joint_positions();
+        let tool = self.stage.robot.tcp_pose(&state).to_row().to_vec();
         state.push(self.sim.gripper_width());
+        let command = self.last_command().into_iter().map(f64::from).collect();
+        let named = [(Observation::STATE, state), (Observation::COMMAND, command), (Observation::TOOL, tool)];
         Observation {
             time_s: self.record.frames.len() as f64 / self.stage.control_rate_hz(),
-            state: [(Observation::STATE.to_owned(), state)].into(),
+            state: named.map(|(key, values)| (key.to_owned(), values)).into(),
             ..Observation::default()
         }
     }
@@ -496,7 +521,7 @@ impl Session {
         let gave_up = gave_up.or_else(|| timeout(ending, settings.horizon_s));
         let success = verdict.success;
         let failures =
-            if success { Vec::new() } else { evidence::explain(&stage, &record.frames, &verdict, gave_up, settings) };
+            if success { Vec::new() } else { evidence::explain(&stage, record.seen(), &verdict, gave_up, settings) };
         let path = record.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),
@@ -514,6 +539,7 @@ impl Session {
             horizon_s: settings.horizon_s,
             control_rate_hz: stage.control_rate_hz(),
             frames: record.frames.len(),
+            unreachable_actions: record.unreachable.as_ref().map_or(0, |seen| seen.actions),
             tcp_path_m: path,
             max_stray_contact_n: record.worst_stray_n,
             stray_contact: record.stray_contact,

@@ -17,7 +17,8 @@ use genmanip_core::{
 ///
 /// # Errors
 /// On internal errors: an unsupported policy specification, or an unstable simulation. [`RolloutError::NotRun`] if the
-/// policy is unreachable: the episode may be retried. A policy that fails gives a failed result, not an error.
+/// policy is unreachable or makes a mistake, such as an action of the wrong length: the episode may be retried. A policy
+/// that fails gives a failed result, not an error.
 pub fn run_episode(
     stage: &Stage,
     policy: &mut dyn Policy,
@@ -179,12 +180,13 @@ fn drive(
         if spec.privileged {
             observation.privileged = Some(environment.truth()?);
         }
+        driver.add_target(environment, &mut observation)?;
         let chunk = match policy.act(&observation) {
             Ok(chunk) => chunk,
             Err(error) => return gave_up(error, spec),
         };
         if chunk.actions.is_empty() && !chunk.finished {
-            return Ok(failed_policy("returned no action".into()));
+            return Err(mistake(spec, format!("it returned no action\n{NO_ACTION}")));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
         driver.begin_chunk(environment)?;
@@ -196,7 +198,13 @@ fn drive(
             match driver.act(environment, action) {
                 Ok(turn) if turn.terminated => return Ok((Ending::Success, None)),
                 Ok(turn) => cut_off |= turn.cut_off,
-                Err(RolloutError::Action(error)) => return Ok(invalid_action(error, environment)),
+                Err(RolloutError::Action(error @ AdapterError::OutOfReach { .. })) => {
+                    return Ok(unreachable_action(&error, environment));
+                }
+                Err(RolloutError::Action(error)) => {
+                    let reason = format!("action for control step {}: {error}", environment.frames().len());
+                    return Err(mistake(spec, reason));
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -211,19 +219,25 @@ fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Fail
     match error {
         PolicyError::GaveUp(failure) => Ok((Ending::GaveUp, Some(failure))),
         PolicyError::Unsuited(reason) => Ok(failed_policy(reason)),
-        PolicyError::Unreachable(reason) => Err(RolloutError::NotRun { policy: spec.name.clone(), reason }),
+        PolicyError::Mistake(reason) => Err(mistake(spec, reason)),
+        PolicyError::Unreachable(reason) => {
+            Err(RolloutError::NotRun { policy: spec.name.clone(), reason, mistake: false })
+        }
         PolicyError::Broken(error) => Err(RolloutError::Policy { policy: spec.name.clone(), source: error.into() }),
     }
 }
 
-/// Failure of a policy that returned an invalid or unreachable action.
-fn invalid_action(error: AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
-    let cause = match error {
-        AdapterError::OutOfReach { .. } => FailureCause::NoIk,
-        _ => FailureCause::Policy,
-    };
+/// Remedy of an empty action chunk.
+const NO_ACTION: &str = "hint: a chunk has at least one action, or says that the task is finished";
+
+fn mistake(spec: &PolicySpec, reason: String) -> RolloutError {
+    RolloutError::NotRun { policy: spec.name.clone(), reason, mistake: true }
+}
+
+/// End of an episode whose settings do not tolerate an unreachable action.
+fn unreachable_action(error: &AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
     let evidence = format!("action for control step {}: {error}", environment.frames().len());
-    (Ending::GaveUp, Some(Failure { cause, evidence }))
+    (Ending::GaveUp, Some(Failure { cause: FailureCause::NoIk, evidence }))
 }
 
 fn failed_policy(evidence: String) -> (Ending, Option<Failure>) {

@@ -25,7 +25,7 @@ pub struct Case {
 
 /// Creates the policy for one case and its stage.
 ///
-/// [`RolloutError::NotRun`] means that the policy is unreachable.
+/// [`RolloutError::NotRun`] means that the policy is unreachable or made a mistake.
 pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
 /// Result of an evaluation.
@@ -33,11 +33,11 @@ pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, Rollo
 pub struct Evaluated {
     /// Results of the judged episodes, in the order of the cases.
     pub results: Vec<EpisodeResult>,
-    /// Episodes whose policy was unreachable, in the order of the cases.
+    /// Episodes whose policy was unreachable or made a mistake, in the order of the cases.
     pub not_run: Vec<NotRun>,
 }
 
-/// Outcome of a case: its result, or the reason why its policy was unreachable.
+/// Outcome of a case: its result, or the reason why it was not run.
 pub type Outcome = Result<EpisodeResult, NotRun>;
 
 /// Runs a policy on every case; stores the episodes if a store is given.
@@ -107,8 +107,8 @@ fn run(
             }
             Ok(Ok(episode.result))
         }
-        Err(RolloutError::NotRun { reason, .. }) => {
-            Ok(Err(NotRun { id: case.id.clone(), scenario_id: case.scenario.id.clone(), reason }))
+        Err(RolloutError::NotRun { reason, mistake, .. }) => {
+            Ok(Err(NotRun { id: case.id.clone(), scenario_id: case.scenario.id.clone(), reason, mistake }))
         }
         Err(error) => Err(error),
     }

@@ -22,16 +22,36 @@ pub struct Slip {
     pub for_good: bool,
 }
 
+/// Actions of an episode whose pose was unreachable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unreachable {
+    /// Number of them.
+    pub actions: usize,
+    /// Control step of the first.
+    pub step: usize,
+    /// Pose of the first.
+    pub reason: String,
+}
+
+/// Recording from which the failures of an episode are derived.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// One frame per control step.
+    pub frames: &'a [Frame],
+    /// Actions that were held because their pose was unreachable.
+    pub unreachable: Option<&'a Unreachable>,
+}
+
 /// Minimum duration of a grip, and of its interruption, in frames.
 const STEADY_FRAMES: usize = 6;
 
 /// Failure causes of an unsuccessful episode, the most decisive first.
 ///
 /// The policy's own reason comes first, then a final slip of an object missing from the goal, then disturbed objects,
-/// then the conditions that do not hold.
+/// then unreachable actions, then the conditions that do not hold.
 pub fn explain(
     stage: &Stage,
-    frames: &[Frame],
+    Evidence { frames, unreachable }: Evidence,
     verdict: &GoalVerdict,
     gave_up: Option<Failure>,
     settings: &RolloutSettings,
@@ -52,10 +72,17 @@ pub fn explain(
     let disturbed = frames.last().and_then(|last| disturbed(stage, last, settings));
     let worst = missing.iter().min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
     let missed = worst.map_or_else(|| "the goal does not hold".into(), |atom| missed(atom));
+    let held = |Unreachable { actions, step, reason }: &Unreachable| {
+        let evidence = format!(
+            "actions held because they were out of reach: {actions}, the first at control step {step}: {reason}"
+        );
+        Failure { cause: FailureCause::NoIk, evidence }
+    };
     let seen = [
         gave_up,
         decisive.map(slipped),
         disturbed.map(|evidence| Failure { cause: FailureCause::Disturbed, evidence }),
+        unreachable.map(held),
         Some(Failure { cause: FailureCause::GoalMissed, evidence: missed }),
         slips.last().filter(|_| decisive.is_none()).map(slipped),
     ];

@@ -20,6 +20,7 @@ pub mod physics_variation;
 pub mod policies;
 pub mod replay;
 mod settings;
+pub mod shaping;
 mod stage;
 
 pub use cpu_cores::{Cores, HeldCore};

@@ -15,6 +15,9 @@ pub struct RolloutSettings {
     pub judge_every: usize,
     /// Stop once the goal has held for `settle_s` at every verdict, instead of when the policy is finished.
     pub stop_on_success: bool,
+    /// Stop at the first action whose pose is unreachable, instead of holding the command in force.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub stop_on_unreachable: bool,
     /// Inverse kinematics of end-effector actions.
     pub ik: IkSettings,
     /// Maximum speed of an object at rest, m/s.
@@ -34,6 +37,7 @@ impl Default for RolloutSettings {
             settle_s: 1.0,
             judge_every: 12,
             stop_on_success: false,
+            stop_on_unreachable: false,
             ik: IkSettings::default(),
             rest_speed: 0.02,
             rest_angular_speed: 0.4,

@@ -84,13 +84,15 @@ pub enum RolloutError {
         /// The fault.
         source: Cause,
     },
-    /// The policy is unreachable, so the episode was not run; it may be retried.
-    #[error("policy `{policy}` is unreachable: {reason}")]
+    /// The policy is unreachable or made a mistake, so the episode was not run; it may be retried.
+    #[error("policy `{policy}` did not run: {reason}")]
     NotRun {
         /// Name of the policy.
         policy: String,
-        /// Error of the connection.
+        /// Error of the connection, or the mistake.
         reason: String,
+        /// True for a mistake of the policy's program.
+        mistake: bool,
     },
     /// An invalid or unreachable action; the environment is unchanged.
     #[error(transparent)]
@@ -133,6 +135,17 @@ pub enum RolloutError {
         /// The cause.
         source: Box<RolloutError>,
     },
+}
+
+impl RolloutError {
+    /// The reason why a policy's specification is not supported, if that is the error.
+    pub fn unsupported(&self) -> Option<&(dyn std::error::Error + Send + Sync + 'static)> {
+        match self {
+            Self::Spec { source, .. } => Some(source.as_ref()),
+            Self::Episode { source, .. } => source.unsupported(),
+            _ => None,
+        }
+    }
 }
 
 impl Stage {

@@ -114,11 +114,12 @@ impl EnvEndpoint {
                 Ok(answer)
             }),
             EnvRequest::Step { session, action } => self.with(session, |slot| {
-                let StepOutcome { reward, verdict, terminated, truncated, refused, .. } = slot.session.step(&action)?;
+                let outcome = slot.session.step(&action)?;
+                let StepOutcome { reward, score, success, terminated, truncated, refused, .. } = outcome;
                 Ok(vec![
                     ("reward", reward.into()),
-                    ("score", verdict.score.into()),
-                    ("success", verdict.success.into()),
+                    ("score", score.into()),
+                    ("success", success.into()),
                     ("terminated", terminated.into()),
                     ("truncated", truncated.into()),
                     ("refused", refused.map_or(Value::Nil, Value::from)),

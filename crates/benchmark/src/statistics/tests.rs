@@ -28,6 +28,7 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         horizon_s: 30.0,
         control_rate_hz: 60.0,
         frames: 300,
+        unreachable_actions: 0,
         tcp_path_m: 2.0,
         max_stray_contact_n: if success { 0.0 } else { 25.0 },
         stray_contact: None,

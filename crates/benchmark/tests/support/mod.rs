@@ -164,6 +164,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         horizon_s: 30.0,
         control_rate_hz: 60.0,
         frames: 560 + 42 * number as usize,
+        unreachable_actions: 0,
         tcp_path_m: if policy == "do_nothing" { 0.0 } else { 1.9 + 0.11 * number as f64 },
         max_stray_contact_n: if success { 1.2 } else { 31.0 },
         stray_contact: None,

@@ -59,6 +59,9 @@ pub struct EvaluateArguments {
     /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
     #[arg(long, value_name = "I/N")]
     pub shard: Option<ShardChoice>,
+    /// End an episode at the first action that the arm cannot reach, instead of holding the last command and counting it
+    #[arg(long)]
+    pub stop_on_unreachable: bool,
     #[command(flatten)]
     pub asking: AskingArguments,
     /// Refuse scenarios that were laid out for another robot than this

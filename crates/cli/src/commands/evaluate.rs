@@ -33,6 +33,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         suite = suite.with_cameras(file)?;
     }
     suite = suite.with_episodes(arguments.episodes_per_scenario);
+    suite.settings.rollout.stop_on_unreachable = arguments.stop_on_unreachable;
     let policies = if named.is_empty() { PolicyFactory::all(suite.is_recorded())? } else { named };
     let out = match (run, &arguments.out) {
         (Some(run), Some(_)) => {

@@ -150,6 +150,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         horizon_s: 60.0,
         control_rate_hz: 60.0,
         frames,
+        unreachable_actions: 0,
         tcp_path_m: wiggle(number, 1).abs(),
         max_stray_contact_n: 0.1,
         stray_contact: None,

@@ -183,6 +183,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         horizon_s: 60.0,
         control_rate_hz: f64::from(RATE_HZ),
         frames: ROWS,
+        unreachable_actions: 0,
         tcp_path_m: 1.0,
         max_stray_contact_n: 0.0,
         stray_contact: None,

@@ -28,6 +28,7 @@ use genmanip_workspace::text_table;
 
 use crate::folder::RunFolder;
 use crate::policies::{PolicyContext, PolicyFactory};
+use crate::policy_spec::mistaken;
 use genmanip_workspace::Progress;
 use genmanip_workspace::documents;
 use genmanip_workspace::shard::Shard;
@@ -159,7 +160,7 @@ fn one(
             // A damaged recording says nothing about a policy that needs it, and is nothing to the others.
             Err(error) if error.is_damage() && policy.needs_record() => {
                 let reason = format!("what was recorded is damaged: {error}");
-                return Err(RolloutError::NotRun { policy: policy.label().into(), reason });
+                return Err(RolloutError::NotRun { policy: policy.label().into(), reason, mistake: false });
             }
             Err(error) if error.is_damage() => None,
             recorded => recorded?,
@@ -186,6 +187,10 @@ fn one(
     let evaluated = genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
         .map_err(|error| match error {
         Stopped::Run(error) => error,
+        Stopped::Episode(error) if error.unsupported().is_some() => {
+            let wrong = error.unsupported().map(described).unwrap_or_default();
+            mistaken(&format!("policy {label}"), &wrong)
+        }
         Stopped::Episode(error) => {
             let help = keep.as_ref().map_or_else(
                 || "what was finished is kept; start again to continue".into(),
@@ -204,6 +209,10 @@ fn one(
     results.extend(evaluated.results);
     let is_stopped = stop.load(Ordering::Relaxed);
     if let Some(first) = evaluated.not_run.first() {
+        if results.is_empty() && !is_stopped && first.mistake {
+            let at = format!("policy {} ran no episode, {} was not run", policy.label(), first.id);
+            return Err(mistaken(&at, &first.reason));
+        }
         if results.is_empty() && !is_stopped {
             let what = format!("policy {} could not be reached for any episode: {}", policy.label(), first.reason);
             return Err(
@@ -243,6 +252,12 @@ fn one(
     Ok(Some((report.leaving(evaluated.not_run), stream)))
 }
 
+/// An error with its causes and its hint, as a mistake of a policy says it.
+fn described(error: &(dyn std::error::Error + Send + Sync + 'static)) -> String {
+    let hint = error.downcast_ref::<WorkspaceError>().and_then(WorkspaceError::hint);
+    hint.map_or_else(|| error.to_string(), |hint| format!("{error}\nhint: {hint}"))
+}
+
 /// A table of success rates with their intervals.
 pub fn table(reports: &[EvaluationReport]) -> String {
     let heads = ["policy", "episodes", "success at end", "95 % interval", "score", "failures"];
@@ -261,12 +276,15 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     let mut lines = vec![head];
     for report in reports {
         let success = &report.summary.success;
+        // The episodes that a mistake left out are no random sample.
+        let is_mistaken = report.not_run.iter().any(|left| left.mistake);
+        let rate = |text: String| if is_mistaken { "–".to_owned() } else { text };
         let mut line = vec![
             format!("{}{}", report.label, if report.oracle { " (oracle)" } else { "" }),
             success.trials.to_string(),
-            format!("{:.1} %", 100.0 * success.value),
-            format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
-            format!("{:.3}", report.summary.score.value),
+            rate(format!("{:.1} %", 100.0 * success.value)),
+            rate(format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high)),
+            rate(format!("{:.3}", report.summary.score.value)),
             most_frequent(&report.summary.failures),
         ];
         if any_clouds {

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::{Seed, Task};
+use genmanip_core::{CameraRequest, Document, Seed, Task, World};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
 use genmanip_rollout::evaluate::Case;
+use genmanip_rollout::shaping::Milestone;
 
 use crate::evaluate::Suite;
 use genmanip_benchmark::suites::SuiteAssets;
@@ -16,14 +17,19 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::task_files;
 use genmanip_workspace::worlds;
 
-/// Stages that are kept ready, the ones used last; a stage has a few megabytes.
-const KEPT: usize = 16;
+/// Stages that are kept ready by default, the ones used last; a stage has a few megabytes.
+pub const DEFAULT_KEPT: usize = 16;
+/// Task of the curricula `reach`, `lift` and `place`: a cube and a plate.
+const PLACE: &str = include_str!("../../data/place.json");
 
 /// Scenarios, or tasks that are laid out anew for each seed; sessions share one.
 pub struct SceneSource {
     origin: Origin,
     settings: PipelineSettings,
     planner: Arc<Planner>,
+    milestone: Milestone,
+    /// Maximum number of stages that are kept ready.
+    kept: usize,
     /// The one used last at the end.
     ready: Mutex<Vec<Ready>>,
 }
@@ -54,9 +60,18 @@ impl SceneSource {
 
     /// Task files, or folders of them, laid out in a world: that of the file, or the one that comes with the program.
     ///
+    /// Alone, `reach`, `lift` and `place` name the built-in task of that name, unless there is such a file: put a cube on
+    /// a plate, or the part of it at which an episode succeeds.
+    ///
     /// # Errors
     /// When a file cannot be read.
     pub fn of_tasks(paths: &[PathBuf], world: Option<&Path>) -> Result<Self, WorkspaceError> {
+        if let Some(milestone) = curriculum(paths) {
+            let unreadable = |error| WorkspaceError::broken("the built-in task cannot be read", error);
+            let task = Task::from_json(PLACE).map_err(unreadable)?;
+            let settings = PipelineSettings::in_world(worlds::read_world(world)?);
+            return Ok(Self { milestone, ..Self::new(Origin::Tasks(vec![task]), settings)? });
+        }
         let tasks = task_files::read_tasks(paths)?;
         if tasks.is_empty() {
             return Err(WorkspaceError::input("there is no task").with_hint("name task files or their folder"));
@@ -66,7 +81,19 @@ impl SceneSource {
 
     fn new(origin: Origin, settings: PipelineSettings) -> Result<Self, WorkspaceError> {
         let planner = worlds::planner(&settings.world, &settings.planner)?;
-        Ok(Self { origin, settings, planner, ready: Mutex::default() })
+        let (milestone, kept) = (Milestone::Goal, DEFAULT_KEPT);
+        Ok(Self { origin, settings, planner, milestone, kept, ready: Mutex::default() })
+    }
+
+    /// Keeps at most so many stages ready; at least one.
+    #[must_use]
+    pub fn keeping(self, kept: usize) -> Self {
+        Self { kept: kept.max(1), ..self }
+    }
+
+    /// Part of the task at which an episode succeeds.
+    pub fn milestone(&self) -> Milestone {
+        self.milestone
     }
 
     /// Number of scenes.
@@ -97,6 +124,40 @@ impl SceneSource {
             Origin::Tasks(tasks) => tasks.iter().map(|task| task.objects.len()).max(),
         }
         .unwrap_or_default()
+    }
+
+    /// Maximum number of joints of an object.
+    pub fn max_joints(&self) -> usize {
+        let of_task = |task: &Task| {
+            let nodes = task.scene_graph.nodes.iter().filter_map(|node| Catalogue::builtin().model(&node.asset).ok());
+            nodes.map(|model| model.links.iter().filter(|link| link.joint.is_some()).count()).max()
+        };
+        let of_case = |case: &Case| case.scenario.objects.iter().map(|object| object.joint_positions.len()).max();
+        match &self.origin {
+            Origin::Cases(cases, _) => cases.iter().filter_map(of_case).max(),
+            Origin::Tasks(tasks) => tasks.iter().filter_map(of_task).max(),
+        }
+        .unwrap_or_default()
+    }
+
+    /// Refuses cameras that a scene does not have.
+    ///
+    /// # Errors
+    /// The first such camera, with those that there are.
+    pub fn check_cameras(&self, requests: &[CameraRequest]) -> Result<(), WorkspaceError> {
+        let worlds: Vec<&World> = match &self.origin {
+            Origin::Cases(cases, _) => cases.iter().map(|case| &case.scenario.world).collect(),
+            Origin::Tasks(_) => vec![&self.settings.world],
+        };
+        for request in requests {
+            for world in &worlds {
+                if world.camera(&request.name).is_none() {
+                    let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+                    return Err(WorkspaceError::unknown("camera", "cameras", &request.name, &known));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Settings of the loop.
@@ -156,9 +217,8 @@ impl SceneSource {
         })?;
         let made = Ready { index, number, case, stage };
         let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-        if ready.len() >= KEPT {
-            ready.remove(0);
-        }
+        let excess = (ready.len() + 1).saturating_sub(self.kept);
+        ready.drain(..excess);
         ready.push(made.clone());
         Ok(made)
     }
@@ -173,6 +233,18 @@ impl SceneSource {
         })?;
         let scenario = Arc::new(scenario);
         Ok(Case { id: attempt.id(), seed: scenario.seed, scenario, horizon_s: None })
+    }
+}
+
+/// Milestone of a built-in curriculum.
+fn curriculum(paths: &[PathBuf]) -> Option<Milestone> {
+    let [path] = paths else { return None };
+    match path.to_str() {
+        _ if path.exists() => None,
+        Some("reach") => Some(Milestone::Reach),
+        Some("lift") => Some(Milestone::Lift),
+        Some("place") => Some(Milestone::Goal),
+        _ => None,
     }
 }
 

@@ -2,10 +2,11 @@
 //!
 //! Actions of other spaces than the native one are executed only through this module; the inverse, from recorded
 //! commands to actions, is [`ActionSpec::encode`]. End-effector actions become joint targets by inverse kinematics,
-//! seeded with the reference configuration; unreachable poses are an error.
+//! seeded with the reference configuration; unreachable poses are an error, on which [`crate::Driver`] holds the command.
 //!
-//! Tool deltas are relative to the last requested pose, not to the pose reached within the joint velocity limits, so
-//! tracking errors do not accumulate.
+//! Deltas from the command are relative to the last request, not to the state reached by then, so that tracking errors
+//! do not accumulate. That reference stays within [`MAX_LEAD_M`], [`MAX_LEAD_RAD`] or [`MAX_LEAD_JOINT_RAD`] of the
+//! measured state, so that an arm that is blocked or too slow does not wind up.
 
 mod path_follower;
 #[cfg(test)]
@@ -19,6 +20,14 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Interpolation, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
 use path_follower::Follower;
+
+/// Maximum distance between the reference of tool deltas and the measured tool, m; chosen: several times the tracking
+/// error of free motion, less than half of the usual largest delta.
+pub const MAX_LEAD_M: f64 = 0.02;
+/// The same of the rotation, rad.
+pub const MAX_LEAD_RAD: f64 = 0.2;
+/// Maximum difference between the reference of joint deltas and velocities and the measured joint, rad; chosen as above.
+pub const MAX_LEAD_JOINT_RAD: f64 = 0.1;
 
 /// Converts actions of one specification for one robot.
 #[derive(Clone, Debug)]
@@ -133,6 +142,11 @@ impl Adapter {
         self.repeat
     }
 
+    /// Tool pose that the last action requested; for other spaces than `ee_pose` and `ee_delta`, that of the command.
+    pub fn requested_pose(&self, command: &[f64], pending: &Pending) -> Pose {
+        pending.requested.unwrap_or_else(|| self.robot.tcp_pose(command))
+    }
+
     /// Converts an action to native commands.
     ///
     /// # Errors
@@ -152,12 +166,15 @@ impl Adapter {
         let reference = self.reference(from);
         let command = |arm: &[f64]| arm.iter().map(|&q| q as f32).chain([width]).collect::<Vec<f32>>();
         let moved = |factor: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * factor).collect::<Vec<f64>>();
-        let world_from_tcp = match self.spec.space {
-            ActionSpace::EePose => Some(self.decode_pose(&motion)?),
+        let (world_from_tcp, kept) = match self.spec.space {
+            ActionSpace::EePose => (Some(self.decode_pose(&motion)?), from.pending.clone()),
             ActionSpace::EeDelta => {
-                Some(self.spec.frame.apply(&self.decode_pose(&motion)?, &self.reference_pose(from)))
+                let (reference, kept) = self.reference_pose(from);
+                (Some(self.spec.frame.apply(&self.decode_pose(&motion)?, &reference)), kept)
             }
-            _ => None,
+            ActionSpace::JointPosition | ActionSpace::JointDelta | ActionSpace::JointVelocity => {
+                (None, Pending::default())
+            }
         };
         let mut pending = Pending::default();
         let arm = match (self.spec.space, &world_from_tcp) {
@@ -169,7 +186,7 @@ impl Adapter {
             (ActionSpace::JointDelta, _) => moved(1.0),
             (_, Some(world_from_tcp)) => {
                 let followed;
-                (followed, pending) = self.follow_pose(*world_from_tcp, from)?;
+                (followed, pending) = self.follow_pose(*world_from_tcp, &reference, kept)?;
                 followed
             }
             (_, None) => motion,
@@ -187,35 +204,52 @@ impl Adapter {
         Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })
     }
 
-    fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
+    /// Arm configuration (rad) to which joint deltas and velocities are added, and from which poses are solved.
+    fn reference(&self, from: ArmReference) -> Vec<f64> {
         match (self.spec.space, self.spec.delta_from) {
-            // Absolute poses are solved from the command, so that the arm keeps its posture.
-            (ActionSpace::JointPosition | ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.command,
-            (_, DeltaFrom::Measured) => from.measured,
-            (_, DeltaFrom::ChunkStart) => from.chunk_start,
+            // Poses are solved from the command, so that the arm keeps its posture.
+            (ActionSpace::JointPosition | ActionSpace::EePose, _) | (ActionSpace::EeDelta, DeltaFrom::Command) => {
+                from.command.to_vec()
+            }
+            (ActionSpace::JointDelta | ActionSpace::JointVelocity, DeltaFrom::Command) => {
+                let lead = |(q, at): (&f64, &f64)| q.clamp(at - MAX_LEAD_JOINT_RAD, at + MAX_LEAD_JOINT_RAD);
+                from.command.iter().zip(from.measured).map(lead).collect()
+            }
+            (_, DeltaFrom::Measured) => from.measured.to_vec(),
+            (_, DeltaFrom::ChunkStart) => from.chunk_start.to_vec(),
         }
     }
 
-    /// Reference pose of a tool delta.
-    fn reference_pose(&self, from: ArmReference) -> Pose {
-        match (self.spec.delta_from, from.pending.requested) {
-            (DeltaFrom::Command, Some(asked)) => asked,
-            _ => self.robot.tcp_pose(self.reference(from)),
+    /// Reference pose of a tool delta, and the part of the path that is still followed.
+    fn reference_pose(&self, from: ArmReference) -> (Pose, Pending) {
+        let joints = match self.spec.delta_from {
+            DeltaFrom::Command => from.command,
+            // Deltas from a measured pose start anew with each action.
+            DeltaFrom::Measured => return (self.robot.tcp_pose(from.measured), Pending::default()),
+            DeltaFrom::ChunkStart => return (self.robot.tcp_pose(from.chunk_start), Pending::default()),
+        };
+        let requested = from.pending.requested.unwrap_or_else(|| self.robot.tcp_pose(joints));
+        let measured = self.robot.tcp_pose(from.measured);
+        let distance_m = measured.position.distance(requested.position);
+        let share = (MAX_LEAD_M / distance_m).min(MAX_LEAD_RAD / measured.angle_to(&requested));
+        match share < 1.0 {
+            true => (measured.interpolate(&requested, share), Pending::default()),
+            false => (requested, from.pending.clone()),
         }
     }
 
-    fn follow_pose(&self, world_from_tcp: Pose, from: ArmReference) -> Result<(Vec<f64>, Pending), AdapterError> {
+    fn follow_pose(
+        &self,
+        world_from_tcp: Pose,
+        reference: &[f64],
+        pending: Pending,
+    ) -> Result<(Vec<f64>, Pending), AdapterError> {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
         let out_of_reach = || AdapterError::OutOfReach { x_m, y_m, z_m };
         let kinematics = self.kinematics.as_ref().ok_or_else(out_of_reach)?;
         let duration_s = self.control_period_s * self.repeat as f64;
         let follower = Follower { robot: &self.robot, kinematics, reach: &self.reach, duration_s };
-        // Deltas from the measured pose start anew with each action.
-        let pending = match (self.spec.space, self.spec.delta_from) {
-            (ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.pending.clone(),
-            _ => Pending::default(),
-        };
-        follower.follow(world_from_tcp, self.reference(from), pending).ok_or_else(out_of_reach)
+        follower.follow(world_from_tcp, reference, pending).ok_or_else(out_of_reach)
     }
 
     fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {

@@ -178,7 +178,11 @@ fn infeasible_layouts_are_counted_and_unreachable_policies_are_not() {
     let make = |_: &Stage, case: &Case| -> Result<Box<dyn Policy>, RolloutError> {
         match case.id.as_str() {
             "again" => Ok(Box::new(DoNothing { duration_s: 0.1 })),
-            _ => Err(RolloutError::NotRun { policy: "far away".into(), reason: "connection refused".into() }),
+            _ => Err(RolloutError::NotRun {
+                policy: "far away".into(),
+                reason: "connection refused".into(),
+                mistake: false,
+            }),
         }
     };
     let evaluated =

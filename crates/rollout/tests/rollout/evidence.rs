@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed, Unit};
-use genmanip_rollout::evidence::{Slip, explain, slips};
+use genmanip_rollout::evidence::{Evidence, Slip, Unreachable, explain, slips};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 
 use crate::{any_stage, episodes, expert, planner, scenario, task};
@@ -60,8 +60,14 @@ fn causes_are_derived_from_frames_and_verdict() {
         atom.measurements.sort_by_key(|measured| measured.met);
     }
     let explained = |frames: &[Frame], gave_up| {
-        explain(stage, frames, &verdict, gave_up, &RolloutSettings::default()).swap_remove(0)
+        let seen = Evidence { frames, unreachable: None };
+        explain(stage, seen, &verdict, gave_up, &RolloutSettings::default()).swap_remove(0)
     };
+    let held = Unreachable { actions: 3, step: 8, reason: "no configuration".into() };
+    let seen = Evidence { frames: &episode.frames, unreachable: Some(&held) };
+    let [first, ..] = &explain(stage, seen, &verdict, None, &RolloutSettings::default())[..] else { panic!() };
+    assert_eq!(first.cause, FailureCause::NoIk);
+    assert!(first.evidence.contains("3, the first at control step 8: no configuration"), "{first}");
 
     let missed = explained(&episode.frames, None);
     assert_eq!(missed.cause, FailureCause::GoalMissed);
@@ -129,7 +135,8 @@ fn the_strongest_stray_contact_agrees_with_the_frames() {
 fn an_empty_goal_is_still_explained() {
     let stage = any_stage();
     let verdict = genmanip_core::GoalVerdict::from_alternatives(Vec::new());
-    let failures = explain(stage, &[], &verdict, None, &RolloutSettings::default());
+    let seen = Evidence { frames: &[], unreachable: None };
+    let failures = explain(stage, seen, &verdict, None, &RolloutSettings::default());
     let [failure] = &failures[..] else { panic!("{failures:?}") };
     assert_eq!((failure.cause, failure.evidence.as_str()), (FailureCause::GoalMissed, "the goal does not hold"));
 }

@@ -16,6 +16,7 @@ mod red_pixel;
 mod replaying;
 mod robots;
 mod seeing;
+mod shaping;
 mod stepping;
 mod surfaces;
 

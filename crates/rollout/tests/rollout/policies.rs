@@ -1,8 +1,10 @@
 //! The episode loop with policies that stand still, fail, exceed limits or never end.
 
+use std::sync::{Arc, Mutex};
+
 use genmanip_core::{
-    ActionChunk, ActionFrame, ActionSpace, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
-    Observation, Policy, PolicyError, PolicySpec, Seed,
+    ActionChunk, ActionFrame, ActionSpace, ActionSpec, CameraRequest, Ending, Episode, EpisodeResult, EpisodeStart,
+    FailureCause, GripperEncoding, ImageChannels, Observation, Policy, PolicyError, PolicySpec, RotationEncoding, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutError, RolloutSettings, run_episode};
@@ -117,34 +119,93 @@ fn unsupported_specifications_are_rejected() {
     }
 }
 
-/// A failing policy gives a result with a cause, and the episode up to the failure is kept.
+/// A policy that cannot serve an episode gives a result with a cause, and the episode up to there is kept.
 #[test]
 fn a_failing_policy_gives_a_result() {
+    let mut policy = Scripted::new(|_| Err(PolicyError::Unsuited("no such robot".into())));
+    let episode = run(&mut policy, 1.0).unwrap();
+    let [failure, rest @ ..] = &episode.result.failures[..] else { panic!("{:?}", episode.result) };
+    assert_eq!((failure.cause, episode.result.ending), (FailureCause::Policy, Some(Ending::GaveUp)));
+    assert!(rest.iter().any(|seen| seen.cause == FailureCause::GoalMissed), "all causes are reported");
+    assert!(failure.evidence.contains("no such robot"), "{}", failure.evidence);
+    assert_eq!(episode.frames.len(), 6, "the last command is held while settling");
+}
+
+/// A mistake of a policy's program is no failure of the policy: the episode is not run, and the mistake is named.
+#[test]
+fn a_mistake_leaves_the_episode_not_run() {
     let nan = || [home(), vec![f32::NAN; 8]].to_vec();
     let infinite = || vec![[&home()[..7], &[f32::INFINITY]].concat()];
-    let cases: [(&str, Scripted, usize, &str); 7] = [
-        ("no action", Scripted::always(Vec::new(), false), 0, "returned no action"),
-        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: number 0 of the action is NaN"),
-        ("infinite", Scripted::always(infinite(), true), 0, "number 7 of the action is inf"),
+    let cases: [(&str, Scripted, &str); 7] = [
+        ("no action", Scripted::always(Vec::new(), false), "returned no action"),
+        ("NaN", Scripted::always(nan(), false), "action for control step 1: number 0 of the action is NaN"),
+        ("infinite", Scripted::always(infinite(), true), "number 7 of the action is inf"),
         (
             "too short",
             Scripted::always(vec![vec![0.0; 7]], false),
-            0,
             "expected 8 numbers (joint_position, gripper width_m), got 7",
         ),
-        ("too long", Scripted::always(vec![vec![0.0; 9]], false), 0, "got 9"),
-        ("empty action", Scripted::always(vec![Vec::new()], true), 0, "got 0"),
-        ("unsuited", Scripted::new(|_| Err(PolicyError::Unsuited("no such robot".into()))), 0, "no such robot"),
+        ("too long", Scripted::always(vec![vec![0.0; 9]], false), "got 9"),
+        ("empty action", Scripted::always(vec![Vec::new()], true), "got 0"),
+        ("raised", Scripted::new(|_| Err(PolicyError::Mistake("act() raised KeyError".into()))), "raised KeyError"),
     ];
-    for (name, mut policy, steps, wanted) in cases {
-        let episode = run(&mut policy, 1.0).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let [failure, rest @ ..] = &episode.result.failures[..] else { panic!("{name}: {:?}", episode.result) };
-        assert_eq!((failure.cause, episode.result.ending), (FailureCause::Policy, Some(Ending::GaveUp)), "{name}");
-        assert!(rest.iter().any(|seen| seen.cause == FailureCause::GoalMissed), "{name}: all causes are reported");
-        assert!(failure.evidence.contains(wanted), "{name}: {}", failure.evidence);
-        assert_eq!(episode.frames.len(), steps + 6, "{name}: the last command is held while settling");
-        assert!(episode.frames.iter().flat_map(|frame| &frame.command).all(|value| value.is_finite()), "{name}");
+    for (name, mut policy, wanted) in cases {
+        let error = run(&mut policy, 1.0).unwrap_err();
+        let RolloutError::NotRun { reason, mistake: true, .. } = &error else { panic!("{name}: {error}") };
+        assert!(reason.contains(wanted), "{name}: {reason}");
     }
+}
+
+/// A pose that the arm cannot reach is held and counted, and ends the episode only if the settings say so.
+#[test]
+fn an_unreachable_pose_is_held_and_counted() {
+    let far = [2.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.08].to_vec();
+    let policy = || {
+        let mut policy = Scripted::always(vec![far.clone(); 3], true);
+        policy.spec.action = ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM);
+        policy.spec.rate_hz = 15.0;
+        policy
+    };
+    let episode = run(&mut policy(), 1.0).unwrap();
+    let EpisodeResult { ending, failures, unreachable_actions, .. } = &episode.result;
+    assert_eq!((*ending, *unreachable_actions), (Some(Ending::Finished), 3));
+    assert_eq!(failures[0].cause, FailureCause::NoIk);
+    assert!(
+        failures[0].evidence.contains("3, the first at control step 0") && failures[0].evidence.contains("x 2.000")
+    );
+    assert_eq!(episode.frames.len(), 3 * 4 + 6);
+    assert!(episode.frames.iter().all(|frame| frame.command == home()), "the command in force is held");
+    let strict = RolloutSettings { stop_on_unreachable: true, ..settings(1.0) };
+    let ended = run_episode(any_stage(), &mut policy(), "test", Seed::new(1), &strict).unwrap();
+    assert_eq!((ended.result.ending, ended.frames.len()), (Some(Ending::GaveUp), 6));
+    assert_eq!((ended.result.failures[0].cause, ended.result.unreachable_actions), (FailureCause::NoIk, 0));
+}
+
+/// Eight steps of 5 cm into the table, then up: the tool rises within two steps. The observation has the requested pose.
+#[test]
+fn deltas_into_the_table_do_not_wind_up() {
+    let heights = Arc::new(Mutex::new(Vec::new()));
+    let seen = Arc::clone(&heights);
+    let mut policy = Scripted::new(move |observation| {
+        let mut seen = seen.lock().unwrap();
+        let (tool, target) = (&observation.state[Observation::TOOL], &observation.state[Observation::TOOL_TARGET]);
+        assert_eq!(observation.state[Observation::COMMAND].len(), 8);
+        assert!((tool[2] - target[2]).abs() < 0.08, "the target leads by {} m", tool[2] - target[2]);
+        let turn = seen.len();
+        seen.push(tool[2]);
+        // From 0.40 m, eight steps to the table and eight into it.
+        let step = if turn < 16 { -0.05 } else { 0.05 };
+        Ok(ActionChunk { actions: vec![vec![0.0, 0.0, step, 0.0, 0.0, 0.0, 0.08]], finished: turn == 18 })
+    });
+    policy.spec.action = ActionSpec {
+        rotation: RotationEncoding::AxisAngle,
+        ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::WidthM)
+    };
+    policy.spec.rate_hz = 15.0;
+    run(&mut policy, 5.0).unwrap();
+    let heights = heights.lock().unwrap();
+    let (pressed, raised) = (heights[16], heights[18]);
+    assert!(pressed < 0.03 && raised > pressed + 0.02, "{heights:?}");
 }
 
 /// Far outside all limits, the drives do what they can, and the recording stays within the limits.
@@ -213,6 +274,6 @@ fn an_unreachable_policy_gives_no_result() {
         _ => Err(PolicyError::Unreachable("connection refused".into())),
     });
     let error = run(&mut policy, 1.0).unwrap_err();
-    let RolloutError::NotRun { policy, reason } = error else { panic!("{error}") };
+    let RolloutError::NotRun { policy, reason, mistake: false } = error else { panic!("{error}") };
     assert_eq!((policy.as_str(), reason.as_str()), ("scripted", "connection refused"));
 }

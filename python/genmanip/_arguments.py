@@ -1,0 +1,70 @@
+"""Arguments, refused when they are given."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+import os
+from typing import Any, Iterable, Sequence
+
+from ._genmanip import Error
+
+
+def refuse(what: str, hint: str) -> Error:
+    return Error(f"{what}\nhint: {hint}")
+
+
+def paths(name: str, given: Any) -> list[str]:
+    """One path, or several."""
+    if isinstance(given, (str, os.PathLike)):
+        return [os.fspath(given)]
+    try:
+        return [os.fspath(path) for path in given]
+    except TypeError as error:
+        raise refuse(f"{name}={given!r} is not possible", "expected a path, or a list of paths") from error
+
+
+def names(name: str, given: Any) -> list[str]:
+    """A list of texts; a text alone is none, as it would be taken letter by letter."""
+    if isinstance(given, str) or not all(isinstance(one, str) for one in given):
+        raise refuse(f"{name}={given!r} is not possible", f'expected a list of texts, such as ["{given}"]')
+    return list(given)
+
+
+def choice(name: str, given: Any, known: Iterable[str]) -> str:
+    known = list(known)
+    if given not in known:
+        near = difflib.get_close_matches(str(given), known, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise refuse(f"unknown {name} {given!r}", f"{hint}expected {', '.join(known)}")
+    return given
+
+
+def options(given: dict[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """Options of a reset, none of them unknown."""
+    for key in given or {}:
+        choice("option of reset", key, known)
+    return given or {}
+
+
+def count(name: str, given: Any, least: int = 0, most: int | None = None) -> int:
+    whole = isinstance(given, numbers.Integral) and not isinstance(given, bool)
+    if not whole or given < least or (most is not None and given > most):
+        bound = f"from {least} to {most}" if most is not None else f"from {least}"
+        raise refuse(f"{name}={given!r} is not possible", f"expected a whole number {bound}")
+    return int(given)
+
+
+def seconds(name: str, given: Any) -> float | None:
+    if given is None:
+        return None
+    if not isinstance(given, numbers.Real) or not math.isfinite(given) or given <= 0:
+        raise refuse(f"{name}={given!r} is not possible", "expected seconds above 0, or None for those of the suite")
+    return float(given)
+
+
+def size(name: str, given: Any) -> list[int]:
+    if not isinstance(given, (tuple, list)) or len(given) != 2:
+        raise refuse(f"{name}={given!r} is not possible", "expected (width, height) in pixels")
+    return [count(name, side, 1) for side in given]
