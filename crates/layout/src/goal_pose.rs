@@ -138,7 +138,7 @@ impl GoalSearch<'_> {
 
     /// Place and heading (rad, relative to the object's own) of a sample.
     fn sample(&self, draw: usize, rng: &mut impl Rng) -> (Place, f64) {
-        let (draws, is_turned) = (self.settings.draws, draw % 2 != 0);
+        let (draws, is_turned) = (self.settings.draws, !draw.is_multiple_of(2));
         let half = draws / 2;
         if self.order == GoalOrder::Middle && draw < half {
             let index = draw / 2;

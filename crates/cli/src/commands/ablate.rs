@@ -1,7 +1,7 @@
 //! `genmanip ablate`.
 
 use genmanip_pipeline::ablate::{ablate, describe};
-use genmanip_pipeline::evaluate::{EvaluateOptions, Suite};
+use genmanip_pipeline::evaluate::{EndingRules, EvaluateOptions, Suite};
 use genmanip_workspace::workers;
 
 use crate::args::AblateArguments;
@@ -17,6 +17,7 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
         workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
+        ending: EndingRules::default(),
     };
     let stop = genmanip_terminal::on_interrupt();
     let ablation = ablate(&suite, &arguments.agent, &arguments.vary, &options, printer, &stop)?;

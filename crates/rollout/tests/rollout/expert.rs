@@ -83,7 +83,7 @@ fn the_consistent_expert_does_not_draw() {
     assert_eq!(one.joint_position, other.joint_position);
     let far = one_end.iter().zip(&other_end).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(far < 0.002, "ends {far:.4} m apart");
-    let home = planner().tcp_pose(&stage.scenario.world.robot.start());
+    let home = planner().tcp_pose(stage.scenario.world.robot.start());
     let turned = one.tcp.rotation.angle_between(home.rotation);
     assert!(turned < std::f64::consts::FRAC_PI_2, "the hand turned by {turned:.2} rad");
     let [a, b] = [1, 2].map(|seed| grasp(ExpertStyle::Default, seed).1);
