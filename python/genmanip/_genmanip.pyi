@@ -93,6 +93,8 @@ def evaluate(
     episodes_per_scenario: int,
     keep_episodes: bool | None,
     workers: int | None,
+    horizon_s: float | None,
+    stop_on_success: bool | None,
     stop_on_unreachable: bool,
     progress: _Progress,
 ) -> str: ...

@@ -224,9 +224,15 @@ pub fn beside(file: &str, named: &str) -> Result<String, ImportError> {
     Ok(parts.join("/"))
 }
 
+/// Longest path of a file in a package, bytes.
+const MAX_NAME: usize = 1024;
+
 /// Paths of `NAME/inside` of a package in the folders above a file, likeliest first: packages that are called NAME, then
 /// any folder that could be the package.
 fn in_folders_above(file: &str, rest: &str) -> Vec<String> {
+    if rest.len() > MAX_NAME {
+        return Vec::new();
+    }
     let (package, inside) = rest.split_once('/').unwrap_or(("", rest));
     let is_absolute = file.starts_with('/');
     let mut parts: Vec<&str> = file.split('/').filter(|part| !part.is_empty()).collect();

@@ -34,11 +34,12 @@ fn add_robot(arguments: &RobotAddArguments, printer: &Printer) -> Result<ExitSta
         printer.say(format!("wrote {}", path.display()));
         Ok(())
     };
+    let picture = robot.with_extension("jpg");
+    let drawn = image(proposal.model, &picture)?;
     write(&arm, format!("{}\n", proposal.arm))?;
     write(&robot, format!("{:#}\n", proposal.robot))?;
-    let picture = robot.with_extension("jpg");
-    documents::write_file(&picture, &image(proposal.model, &picture)?)?;
-    printer.say(format!("wrote {}: home and the lowest reach forward", picture.display()));
+    documents::write_file(&picture, &drawn)?;
+    printer.say(format!("wrote {}: the home posture", picture.display()));
     proposal.notes.iter().for_each(|note| printer.say(note));
     let rows: Vec<Vec<String>> = proposal.proposals.iter().map(|row| row.to_vec()).collect();
     let files = [&robot, &arm, &picture].map(|path| path.display().to_string());
@@ -59,7 +60,11 @@ fn plain(name: &str) -> String {
 /// The robot at its home, in an empty world.
 fn image(model: genmanip_core::RobotModel, path: &Path) -> Result<Vec<u8>, Failed> {
     let name = model.name.clone();
-    let refused = |error| genmanip_workspace::WorkspaceError::input("the robot's name is taken").because(error);
+    let refused = |error| {
+        genmanip_workspace::WorkspaceError::input("the robot's name is taken")
+            .because(error)
+            .with_hint("--name gives another name")
+    };
     genmanip_assets::robots::register(&path.display().to_string(), model).map_err(refused)?;
     let stage = scenarios::empty_stage(worlds::read_world_with(None, Some(&name))?)?;
     let planner = worlds::planner(&stage.scenario.world, &PlannerSettings::default())?;

@@ -156,7 +156,7 @@ impl<'i> Reader<'_, 'i, '_> {
     fn count(&mut self, node: Node) -> Result<(), ImportError> {
         self.placed += 1;
         if self.placed > MAX_PLACED {
-            return Err(self.wrong(node, format!("more than {MAX_PLACED} placed nodes and meshes")));
+            return Err(self.wrong(node, format!("more than {MAX_PLACED} placed nodes, meshes and lists of polygons")));
         }
         Ok(())
     }
@@ -190,6 +190,7 @@ impl<'i> Reader<'_, 'i, '_> {
             if !matches!(kind, "triangles" | "polylist" | "polygons" | "trifans" | "tristrips") {
                 continue;
             }
+            self.count(primitive)?;
             let triangles = self.triangles_of(primitive)?;
             if triangles.triangles.is_empty() {
                 continue;

@@ -170,7 +170,8 @@ fn around(points: &[DVec3]) -> (Vec<DVec3>, f64) {
     let bounds = Aabb::from_points(points.iter().copied());
     let mut polytope = Polytope::cuboid(bounds.min, bounds.max);
     let mut corners: Vec<Corner> = polytope.corners().into_iter().map(|at| corner(points, at)).collect();
-    loop {
+    // Every cut removes at least a corner and adds some; a hull of the largest size is long finished after these.
+    for _ in 0..4 * MAX_CORNERS {
         let worst = corners.iter().max_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         let Some(worst) = worst else { return (Vec::new(), 0.0) };
         let (away, error_m) = (worst.away, worst.distance_m);
@@ -197,6 +198,8 @@ fn around(points: &[DVec3]) -> (Vec<DVec3>, f64) {
             return finished(corners);
         }
     }
+    let error_m = corners.iter().map(|corner| corner.distance_m).fold(0.0, f64::max);
+    (corners.into_iter().map(|corner| corner.at).collect(), error_m)
 }
 
 /// A convex polytope as its faces, each a convex polygon.

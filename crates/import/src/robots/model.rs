@@ -289,11 +289,16 @@ impl Builder<'_, '_> {
                     return Err(ImportError::new(self.path, "joints follow each other in a circle"));
                 }
             }
-            let is_moving = links[at].joint.is_some();
-            match &mut links[link].joint {
-                Some(joint) if is_moving => joint.mimic = Some(Mimic { link: at, multiplier, offset }),
+            let driver = links[at].joint.as_ref().map(|joint| [joint.lower, joint.upper]);
+            match (&mut links[link].joint, driver) {
+                (Some(joint), Some(limits)) => {
+                    joint.mimic = Some(Mimic { link: at, multiplier, offset });
+                    // It moves as far as its driver takes it, whatever limits of its own it states.
+                    let [one, other] = limits.map(|limit| multiplier * limit + offset);
+                    (joint.lower, joint.upper) = (one.min(other), one.max(other));
+                }
                 // What follows a fixed joint is fixed too.
-                joint => *joint = None,
+                (joint, _) => *joint = None,
             }
         }
         Ok(())

@@ -121,8 +121,11 @@ fn check_frame(path: &str, place: &str, position: DVec3) -> Result<(), ImportErr
 }
 
 fn check_joint(path: &str, link: &RobotLink) -> Result<(), ImportError> {
-    // A coupled joint moves as far as the one that it follows.
-    let Some(joint) = link.joint.as_ref().filter(|joint| joint.mimic.is_none()) else { return Ok(()) };
+    let Some(joint) = &link.joint else { return Ok(()) };
+    // A coupled joint may turn several times for one turn of its driver.
+    if joint.mimic.is_some() && joint.kind == JointKind::Revolute && (joint.upper - joint.lower).is_finite() {
+        return Ok(());
+    }
     let place = || format!("joint {}", joint.name);
     let (farthest, unit, hint) = match joint.kind {
         JointKind::Revolute => (MAX_ANGLE, "rad", DEGREES),

@@ -1,6 +1,7 @@
 //! The tool frame of an arm: a flange, a hand or a frame on it, before the fingers.
 
-use genmanip_core::{JointKind, Pose, RobotLink, RobotModel};
+use genmanip_core::glam::{DMat3, DVec3};
+use genmanip_core::{JointKind, MassProperties, Pose, RobotLink, RobotModel};
 
 /// Parts of the names of finger joints and of links behind them.
 const FINGER_JOINTS: [&str; 7] = ["finger", "gripper", "knuckle", "jaw", "claw", "thumb", "grip_"];
@@ -94,7 +95,7 @@ pub fn add_tool_frame(robot: &mut RobotModel) {
         joint: None,
         visual: vec![],
         pieces: vec![],
-        mass: parent.mass,
+        mass: MassProperties { mass_kg: 0.0, center: DVec3::ZERO, inertia: DMat3::ZERO },
     });
     robot.hand = robot.links.len() - 1;
     robot.gripper.fingers = [robot.hand; 2];

@@ -196,7 +196,7 @@ pub fn form(path: &str, element: &Element, files: &mut Files<'_>) -> Result<Opti
     let Some(node) = geometry.children.first() else { return Ok(None) };
     let size = |name: &str| {
         let value = node.number(name, 0.0)?;
-        if value >= 0.0 { Ok(value) } else { Err(node.wrong(format!("{name}: expected a positive length"))) }
+        if value > 0.0 { Ok(value) } else { Err(node.wrong(format!("{name}: expected a positive length"))) }
     };
     let lengths = ["size", "radius", "length"].map(|name| node.numbers(name).ok().flatten().unwrap_or_default());
     let are_zero = |values: &Vec<f64>| !values.is_empty() && values.iter().all(|value| *value == 0.0);
