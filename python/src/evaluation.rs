@@ -42,15 +42,14 @@ pub fn evaluate(
     let factories: Vec<PolicyFactory> = policies.iter().map(factory).collect::<PyResult<_>>()?;
     let progress = Reporter::new(progress);
     let reports = interruptible(py, |stop| {
-        let mut suite_of = Suite::at(&suite)?.with_episodes(episodes_per_scenario);
-        suite_of.settings.rollout.stop_on_unreachable = stop_on_unreachable;
+        let suite_of = Suite::at(&suite)?.with_episodes(episodes_per_scenario);
         let is_run = suite.join("run.json").is_file();
         let out = if is_run { Some(suite.clone()) } else { out.clone() };
         let options = EvaluateOptions {
             keep_episodes: keep_episodes.unwrap_or(!is_run && out.is_some()),
             out,
             workers: workers::workers(workers),
-            ending: EndingRules { horizon_s, stop_on_success },
+            ending: EndingRules { horizon_s, stop_on_success, stop_on_unreachable },
             ..EvaluateOptions::default()
         };
         run::evaluate(&suite_of, &factories, &options, &progress, stop)

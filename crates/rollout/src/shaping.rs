@@ -1,7 +1,7 @@
 //! Dense reward: the potential of a state, from the progress of the goal's conditions.
 //!
-//! The difference of potentials between two states is a reward that leaves the best policy as it is (Ng, Harada and
-//! Russell, 1999). The potential of a goal is that of its best alternative: the mean progress of its conditions, of
+//! The difference of potentials between two states shapes the reward (Ng, Harada and Russell, 1999). An episode that ends
+//! keeps the potential of its last state, so a policy with a discount below 1 also learns to be quick. The potential of a goal is that of its best alternative: the mean progress of its conditions, of
 //! which those that hold count 1, the next one as below, and those after it 0.
 //!
 //! | condition | progress |

@@ -33,7 +33,6 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         suite = suite.with_cameras(file)?;
     }
     suite = suite.with_episodes(arguments.episodes_per_scenario);
-    suite.settings.rollout.stop_on_unreachable = arguments.stop_on_unreachable;
     let policies = if named.is_empty() { PolicyFactory::all(suite.is_recorded())? } else { named };
     let out = match (run, &arguments.out) {
         (Some(run), Some(_)) => {
@@ -56,7 +55,11 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         workers: workers::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
-        ending: EndingRules { horizon_s: arguments.horizon, stop_on_success: arguments.stop_on_success },
+        ending: EndingRules {
+            horizon_s: arguments.horizon,
+            stop_on_success: arguments.stop_on_success,
+            stop_on_unreachable: arguments.stop_on_unreachable,
+        },
     };
     let stop = genmanip_terminal::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;

@@ -17,6 +17,8 @@ pub struct EndingRules {
     /// True to end an episode as soon as its goal has held for the settling time, with nothing held or moving; the
     /// verdict is still the one after settling. `None` for exactly the policies that never finish.
     pub stop_on_success: Option<bool>,
+    /// True to end an episode at its first action out of reach, instead of holding the command in force.
+    pub stop_on_unreachable: bool,
 }
 
 impl EndingRules {
@@ -44,6 +46,7 @@ impl EndingRules {
         let mut settings = of_suite.clone();
         settings.rollout.horizon_s = self.horizon_s.unwrap_or(settings.rollout.horizon_s);
         settings.rollout.stop_on_success |= self.stops_on_success(policy);
+        settings.rollout.stop_on_unreachable |= self.stop_on_unreachable;
         settings
     }
 
@@ -61,6 +64,9 @@ impl EndingRules {
         }
         if let Some(stops) = self.stop_on_success.filter(|stops| *stops != policy.never_finishes()) {
             label += if stops { "+stop_on_success" } else { "+no_stop_on_success" };
+        }
+        if self.stop_on_unreachable {
+            label += "+stop_on_unreachable";
         }
         label
     }
@@ -84,14 +90,16 @@ mod tests {
             (&never, None, Some(false), "do_nothing+no_stop_on_success", false),
         ];
         for (policy, horizon_s, stop_on_success, label, stops) in cases {
-            let rules = EndingRules { horizon_s, stop_on_success };
+            let rules = EndingRules { horizon_s, stop_on_success, ..EndingRules::default() };
             assert_eq!((rules.label(policy).as_str(), rules.stops_on_success(policy)), (label, stops));
         }
+        let strict = EndingRules { stop_on_unreachable: true, ..EndingRules::default() };
+        assert_eq!(strict.label(&finishes), "do_nothing_seconds=2+stop_on_unreachable");
     }
 
     #[test]
     fn impossible_horizons_are_refused() {
-        let check = |horizon_s| EndingRules { horizon_s: Some(horizon_s), stop_on_success: None }.check();
+        let check = |horizon_s| EndingRules { horizon_s: Some(horizon_s), ..EndingRules::default() }.check();
         for horizon_s in [0.0, -1.0, f64::NAN, f64::INFINITY, 3601.0] {
             let error = check(horizon_s).unwrap_err();
             assert!(error.to_string().contains("is not possible") && error.hint().is_some(), "{error}");

@@ -229,7 +229,7 @@ impl Session {
             }
             Milestone::Goal => {}
             Milestone::Reach | Milestone::Lift => {
-                terminated = under_way.progress.is_reached && environment.settings().stop_on_success;
+                terminated |= under_way.progress.is_reached && environment.settings().stop_on_success;
             }
         }
         if terminated || truncated {

@@ -43,7 +43,7 @@ fn endless() -> PolicyFactory {
 /// An endless policy that solves its tasks ends on success unless told otherwise; a short horizon cuts every policy off.
 pub fn episodes_end_as_told(suite: &Suite) {
     let check = |horizon_s, stop_on_success, label: &str, ending: Ending, success: bool| {
-        let ending_rules = EndingRules { horizon_s, stop_on_success };
+        let ending_rules = EndingRules { horizon_s, stop_on_success, ..EndingRules::default() };
         let options = EvaluateOptions { workers: 1, ending: ending_rules, ..EvaluateOptions::default() };
         let reports = evaluate(suite, &[endless()], &options, &NoProgress, &AtomicBool::new(false)).unwrap();
         let report = &reports[0];
@@ -58,7 +58,7 @@ pub fn episodes_end_as_told(suite: &Suite) {
     check(None, None, "endless", Ending::Success, true);
     check(Some(2.0), None, "endless+horizon=2", Ending::Horizon, false);
     check(Some(40.0), Some(false), "endless+horizon=40+no_stop_on_success", Ending::Horizon, true);
-    let ending = EndingRules { horizon_s: Some(f64::NAN), stop_on_success: None };
+    let ending = EndingRules { horizon_s: Some(f64::NAN), ..EndingRules::default() };
     let options = EvaluateOptions { workers: 1, ending, ..EvaluateOptions::default() };
     let refused = evaluate(suite, &[endless()], &options, &NoProgress, &AtomicBool::new(false)).unwrap_err();
     assert!(refused.to_string().contains("a horizon of NaN s is not possible"), "{refused}");
