@@ -104,7 +104,7 @@ fn every_flaw_has_its_own_message() {
         ("lower=\"-2.5\"", "lower=\"2.6\"", "<joint \"j3\">: expected an increasing range, got 2.6 to 2.5"),
         ("xyz=\"0 2 0\"", "xyz=\"0 0 0\"", "<joint \"j3\">: its axis has no length"),
         ("fore.obj", "gone.obj", "`gone.obj`: no such file (paths are relative"),
-        ("fore.obj", "package://gone/fore.obj", "no such file (name the package's folder: --package gone=DIR"),
+        ("fore.obj", "package://gone/none.obj", "no such file (name the package's folder: --package gone=DIR"),
         ("radius=\"0.07\"", "radius=\"-0.07\"", "radius: expected a positive length"),
         (
             "<limit lower=\"-2.5\" upper=\"2.5\" velocity=\"2\"/>",

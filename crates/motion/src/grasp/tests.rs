@@ -181,7 +181,8 @@ fn grasps_turn_towards_the_tool_where_the_object_is_round() {
                 assert_eq!(moved, 0, "{name}");
                 continue;
             }
-            assert!(moved > grasps.len() / 2, "{name}: {moved} of {} turned", grasps.len());
+            // Of a cup, only grasps still fit that meet a wall piece as they did before.
+            assert!(moved > grasps.len() / 4, "{name}: {moved} of {} turned", grasps.len());
             for (before, after) in grasps.iter().zip(&turned).filter(|(before, after)| before != after) {
                 // The tilt stays, and no turn about the vertical would bring the tool nearer.
                 assert!((before.approach().z - after.approach().z).abs() < 1e-9, "{name}");

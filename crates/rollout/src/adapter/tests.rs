@@ -200,7 +200,7 @@ fn tracking_errors_do_not_accumulate() {
     };
     let adapter = adapter(spec);
     let (mut command, mut pending) = (robot.home.clone(), Pending::default());
-    let steps = [[0.0, 0.07, 0.0, 0.0, 0.0, 0.3, 0.08], [0.0, 0.05, 0.02, 0.0, 0.0, 0.2, 0.08]];
+    let steps = [[0.0, 0.085, 0.0, 0.0, 0.0, 0.3, 0.08], [0.0, 0.05, 0.02, 0.0, 0.0, 0.2, 0.08]];
     let mut expected = robot.tcp_pose(&command);
     let mut lag = 0.0_f64;
     for row in steps.iter().chain(&[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08]; 14]) {
