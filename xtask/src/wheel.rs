@@ -41,7 +41,10 @@ fn check(workspace: &Workspace, wheel: &Path) -> Result {
     let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ");
     let tag = wheel.file_stem().and_then(|name| name.to_str()).and_then(|name| name.rsplit('-').next());
     let tag = tag.unwrap_or_default();
-    if shown.contains(&format!("is consistent with the following platform tag: \"{tag}\"")) {
+    let needed =
+        shown.split("is consistent with the following platform tag: \"").nth(1).and_then(|rest| rest.split('"').next());
+    // A wheel that runs on an older C library than its tag asks for keeps the promise too.
+    if needed.and_then(c_library).zip(c_library(tag)).is_some_and(|(needed, promised)| needed <= promised) {
         return Ok(());
     }
     Err(Problem {
@@ -49,6 +52,12 @@ fn check(workspace: &Workspace, wheel: &Path) -> Result {
         expected: "the libraries of that platform and those inside the wheel alone".into(),
         hint: shown,
     })
+}
+
+/// Version of the C library in a tag such as `manylinux_2_35_x86_64`.
+fn c_library(tag: &str) -> Option<[u32; 2]> {
+    let mut parts = tag.strip_prefix("manylinux_")?.split('_').map(|part| part.parse().ok());
+    Some([parts.next()??, parts.next()??])
 }
 
 /// Platform tag of wheels that are built here: manylinux with the version of the C library.

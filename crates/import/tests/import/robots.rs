@@ -152,7 +152,8 @@ fn every_flaw_has_its_own_message() {
     let arm = ("arm.urdf", ARM.as_bytes());
     assert!(refused(&[arm, brick], Some("claw")).contains("refers to link claw, which does not exist"));
     assert!(refused(&[arm, ("fore.obj", b"v 1 2\n")], None).contains("line 1"));
-    assert!(refused(&[arm, ("fore.obj", b"v nan 2 3\n")], None).contains("line 1"));
+    let error = refused(&[arm, ("fore.obj", b"v nan 2 3\n")], None);
+    assert!(error.contains("fore.obj"), "{error}");
     let one = |text: &str| read(text).unwrap_err();
     assert!(one(&format!("<robot>{}</robot>", "<link name='x'/>".repeat(MAX_LINKS + 1))).contains("513 links"));
     assert!(one("<robot><link name='a'/></robot>").contains("no joint moves"));
