@@ -11,7 +11,7 @@ use genmanip_assets::metadata::Split;
 use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_tasks::designer::{DesignSettings, Series};
-use genmanip_tasks::references::{self, Clue, Mismatch, clues_at_places, is_needless};
+use genmanip_tasks::references::{self, Clue, clues_at_places, is_needless};
 
 use super::KINDS;
 use genmanip_workspace::Progress;
@@ -280,7 +280,8 @@ impl Chosen {
         }
         // The reader may fail to parse a recorded sentence, but must not understand something else.
         match references::check(task) {
-            Ok(()) | Err(Mismatch::Unreadable { .. }) => {}
+            Ok(()) => {}
+            Err(mismatch) if references::is_beyond_the_reader(task, &mismatch) => {}
             Err(mismatch) => return Some(format!("its sentence does not mean its goal: {mismatch}")),
         }
         // At least half of the spatial candidates identify two objects by their place.

@@ -11,8 +11,7 @@ use crate::suite_hash;
 use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
 use genmanip_core::{Scenario, limits};
 use genmanip_rollout::Stage;
-use genmanip_tasks::designer::RULES;
-use genmanip_tasks::references::{self, Clue, Mismatch, is_needless};
+use genmanip_tasks::references::{self, Clue, is_needless};
 use serde::Serialize;
 
 use super::pictures::draw;
@@ -90,8 +89,8 @@ pub fn check(
         }
         match references::check(&scenario.task) {
             Ok(()) => {}
-            // The reader may fail to parse sentences of people or language models.
-            Err(mismatch @ Mismatch::Unreadable { .. }) if scenario.task.source != RULES => {
+            // The reader may fail to follow sentences of people or language models.
+            Err(mismatch) if references::is_beyond_the_reader(&scenario.task, &mismatch) => {
                 notes.push(format!("{}: the reader does not follow: {mismatch}", entry.id));
             }
             Err(mismatch) => fault(format!("its sentence does not mean its goal: {mismatch}")),

@@ -9,7 +9,8 @@ use genmanip_core::{Atom, ObjectCard, Relation, Task};
 
 use super::lexicon::lexicon;
 use super::words;
-use super::{ReadAtom, open, read, resembles};
+use super::{Mismatch, ReadAtom, open, read, resembles};
+use crate::designer::RULES;
 
 /// Words that name no object: verbs, places, parts and courtesies beside the tables of the grammar.
 const OTHER_WORDS: [&str; 40] = [
@@ -39,6 +40,13 @@ pub fn disagreement(task: &Task) -> Option<String> {
         }
         Err(_) => unnamed(task).map(|name| format!("the sentence does not name {name}, which the goal is about")),
     }
+}
+
+/// True if a sentence of a person or a language model may mean the goal of its task although the reader does not follow
+/// it. An ambiguous phrase is a flaw of the sentence, and designed sentences are always followed.
+pub fn is_beyond_the_reader(task: &Task, mismatch: &Mismatch) -> bool {
+    let is_ambiguous = matches!(mismatch, Mismatch::Ambiguous { .. });
+    task.source != RULES && !is_ambiguous && disagreement(task).is_none()
 }
 
 /// True if a sentence with the relation `said` may describe a goal with the relation `meant`.

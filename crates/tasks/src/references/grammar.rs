@@ -480,7 +480,7 @@ impl Reader {
         }
         // An article inside a noun phrase belongs to one of its prepositions.
         let joins = |word: &String| ["of", "with", "without", "to", "from", "and", "in", "on"].contains(&word.as_str());
-        if words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
+        if self.is_free && words.windows(2).any(|pair| ARTICLES.contains(&pair[1].as_str()) && !joins(&pair[0])) {
             return None;
         }
         let after = ["with", "without", "of", "that", "lettered", "marked"];

@@ -32,7 +32,7 @@ use std::sync::Arc;
 
 use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
-pub use agreement::disagreement;
+pub use agreement::{disagreement, is_beyond_the_reader};
 use grammar::Parsed;
 use meaning::Interpreter;
 pub use mismatch::{Mismatch, ReadAtom};

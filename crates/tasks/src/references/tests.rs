@@ -67,10 +67,15 @@ fn sentences_mean_what_a_person_would_understand() {
     let bowls = ["005 left 006", "028 in 006", "027 right 006"];
     let doors = ["057=closed", "059=open", "057 left 059", "062=off", "062 right 059"];
     let middle = ["001 left 030", "030 left 002", "030 between 001 002", "027 right 002"];
-    let cases: [(&str, &[&str], &str); 37] = [
+    let cases: [(&str, &[&str], &str); 38] = [
         ("Put the red mug on the plate.", &mugs, "001 on/top 008"),
         ("Put the mug on the plate.", &mugs, r#"`mug` may be any of ["001", "002"]"#),
         ("Put the cup with the square handle on the plate.", &mugs, "002 on/top 008"),
+        (
+            "Put the red cup with a belt around the middle on the plate.",
+            &mugs,
+            "nothing is `red cup with a belt around the middle`",
+        ),
         ("Put the green mug on the plate.", &mugs, "nothing is `green mug`"),
         ("Put the mug that is to the robot's left of the plate on the apple.", &mugs, "001 on/top 027"),
         (
