@@ -85,7 +85,7 @@ impl SceneSource {
         Ok(Self { origin, settings, planner, milestone, kept, ready: Mutex::default() })
     }
 
-    /// Keeps at most so many stages ready; at least one.
+    /// Sets the capacity of the cache of compiled stages, at least one.
     #[must_use]
     pub fn keeping(self, kept: usize) -> Self {
         Self { kept: kept.max(1), ..self }

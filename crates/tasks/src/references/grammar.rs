@@ -52,14 +52,13 @@ pub(super) struct Parsed {
 
 /// Parses an instruction; `None` if it has no command or a command is outside the grammar.
 pub(super) fn read(instruction: &str) -> Option<Parsed> {
-    readings(instruction).into_iter().next()
+    readings(instruction).next()
 }
 
-/// The ways to parse an instruction: as a plain request, and as colloquial English.
-pub(super) fn readings(instruction: &str) -> Vec<Parsed> {
+/// The ways to parse an instruction: as a plain request, then as colloquial English, which is parsed only when asked for.
+pub(super) fn readings(instruction: &str) -> impl Iterator<Item = Parsed> {
     let text = instruction.to_lowercase();
-    let free = || read_freely(&colloquial::plain(&text));
-    read_plain(&text).into_iter().chain(free()).collect()
+    read_plain(&text).into_iter().chain(std::iter::once_with(move || read_freely(&colloquial::plain(&text))).flatten())
 }
 
 fn read_plain(text: &str) -> Option<Parsed> {

@@ -14,6 +14,9 @@ static LEXICON: LazyLock<Lexicon> = LazyLock::new(|| {
 /// An object is `small` if its volume is below this share of the largest of its kind.
 const SMALL: f64 = 0.6;
 
+/// Words that compare the size of an object with that of another one.
+pub(super) const COMPARATIVES: [&str; 6] = ["larger", "bigger", "largest", "biggest", "smaller", "smallest"];
+
 /// Words without a meaning of their own inside a description.
 const EMPTY: [&str; 15] =
     ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one", "in", "on"];
@@ -119,11 +122,10 @@ impl Lexicon {
 
     /// True if the word describes an object without naming it.
     pub fn is_adjective(&self, word: &str) -> bool {
-        let sizes = ["larger", "bigger", "largest", "biggest", "smaller", "smallest"];
         self.colors.contains(word)
             || self.synonyms.contains_key(word)
             || TRAITS.contains(&word)
-            || sizes.contains(&word)
+            || COMPARATIVES.contains(&word)
             || self.small.iter().chain(&self.large).any(|size| size == word)
     }
 

@@ -47,12 +47,7 @@ impl<'c> Interpreter<'c> {
         let mut goal = vec![Vec::new()];
         for command in commands {
             let options = self.options(command)?;
-            goal = goal
-                .into_iter()
-                .flat_map(|so_far: Vec<ReadAtom>| {
-                    options.iter().map(move |more| so_far.iter().chain(more).cloned().collect())
-                })
-                .collect();
+            goal = conjunctions(&goal, &options);
         }
         Ok(goal)
     }
@@ -249,6 +244,11 @@ impl<'c> Interpreter<'c> {
         };
         Some(among.iter().filter(wins).copied().collect())
     }
+}
+
+/// Every alternative of the one list together with every alternative of the other.
+pub(super) fn conjunctions<T: Clone>(before: &[Vec<T>], options: &[Vec<T>]) -> Vec<Vec<T>> {
+    before.iter().flat_map(|before| options.iter().map(move |more| [&before[..], more].concat())).collect()
 }
 
 /// The state after an action; `None` if the object has no such state or is already in it.

@@ -1,15 +1,13 @@
-//! Reads a sentence without a scene: the objects of a catalogue that its phrases may mean, and what is asked of them.
+//! Parser of a sentence without a scene: candidate objects of a catalogue for each noun phrase, and the requested goal.
 
 use genmanip_core::{ObjectCard, Relation};
 
 pub(crate) use super::change::{Action, Part};
 use super::grammar::{self, Group, Parsed, Place};
-use super::lexicon::{SceneObject, lexicon};
+use super::lexicon::{COMPARATIVES, SceneObject, lexicon};
 pub(crate) use super::meaning::changed as changed_state;
+use super::meaning::conjunctions;
 use super::words::EXTREMES;
-
-/// Words that compare sizes.
-const COMPARISONS: [&str; 8] = ["larger", "bigger", "largest", "biggest", "smaller", "smallest", "large", "small"];
 
 /// A sentence with its noun phrases resolved in a catalogue.
 #[derive(Debug)]
@@ -66,8 +64,7 @@ impl Sentence<'_> {
 
 /// Reads a sentence; `None` if it is outside the grammar or compares locations (`the mug farthest from the robot`).
 pub(crate) fn read_sentence<'c>(sentence: &str, cards: &'c [ObjectCard]) -> Option<Sentence<'c>> {
-    let readings = grammar::readings(sentence);
-    let mut readings = readings.iter().filter_map(|parsed| resolve(parsed, cards));
+    let mut readings = grammar::readings(sentence).filter_map(|parsed| resolve(&parsed, cards));
     let first = readings.next()?;
     let is_clear = |sentence: &Sentence| sentence.nouns.iter().all(|noun| !noun.meant.is_empty());
     if is_clear(&first) { Some(first) } else { Some(readings.find(is_clear).unwrap_or(first)) }
@@ -79,11 +76,7 @@ fn resolve<'c>(parsed: &Parsed, cards: &'c [ObjectCard]) -> Option<Sentence<'c>>
     let mut resolver = Resolver { things, context: &parsed.context, groups: Vec::new(), nouns: Vec::new() };
     let mut alternatives = vec![Vec::new()];
     for command in &parsed.commands {
-        let options = resolver.options(command)?;
-        alternatives = alternatives
-            .into_iter()
-            .flat_map(|before: Vec<Command>| options.iter().map(move |more| [&before[..], more].concat()))
-            .collect();
+        alternatives = conjunctions(&alternatives, &resolver.options(command)?);
     }
     Some(Sentence { nouns: resolver.nouns, alternatives })
 }
@@ -146,15 +139,19 @@ impl<'c> Resolver<'c, '_> {
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
         let is_extreme = words.iter().any(|word| EXTREMES.contains(word));
         let (said, compares) = match words.as_slice() {
-            [word, "of", "the", "two", rest @ ..] if COMPARISONS.contains(word) => (rest, true),
+            [word, "of", "the", "two", rest @ ..]
+                if COMPARATIVES.contains(word) || ["large", "small"].contains(word) =>
+            {
+                (rest, true)
+            }
             [.., "of", "the", "two" | "three", _] => return None,
             _ => (&words[..], false),
         };
         if is_extreme || said.is_empty() {
             return None;
         }
-        let compared = said.iter().any(|word| COMPARISONS[..6].contains(word));
-        let plain: Vec<&str> = said.iter().copied().filter(|word| !COMPARISONS[..6].contains(word)).collect();
+        let compared = said.iter().any(|word| COMPARATIVES.contains(word));
+        let plain: Vec<&str> = said.iter().copied().filter(|word| !COMPARATIVES.contains(word)).collect();
         let denote = |words: &[&str]| lexicon().denote(words, self.context, &self.things).unwrap_or_default();
         let cards = |things: Vec<SceneObject<'c>>| things.into_iter().map(|thing| thing.card).collect::<Vec<_>>();
         let meant = cards(denote(&plain));
