@@ -16,6 +16,12 @@ OBSERVATIONS = ("state", "flat", "rgb", "flat_rgb", "rgbd", "points")
 OWN = {"agent_pos": "state", "agent_target": "command", "tool": "tool", "tool_target": "tool_target"}
 #: Relations in the order of the goal's encoding.
 RELATIONS = ("front", "back", "left", "right", "near", "top", "on", "in", "between")
+#: Joint states of the built-in objects in that order; one of an imported object may have another name.
+STATES = (
+    "open", "closed", "top_open", "bottom_open", "both_open", "on", "off", "pressed", "released", "low", "high"
+)
+#: Objects of a condition.
+ROLES = ("subject", "reference", "second_reference")
 #: Conditions of a goal that are encoded, the first ones of its first alternative.
 CONDITIONS = 4
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -69,21 +75,28 @@ class Spaces:
         named += [f"{slot}.{axis}" for slot in slots for axis in POSE]
         named += [f"{slot}.joint_{number}" for slot in slots for number in range(self.most_joints)]
         named += [f"grasped.{slot}" for slot in slots]
-        row = [*RELATIONS, "state", *(f"subject.{slot}" for slot in slots), *(f"reference.{slot}" for slot in slots)]
+        row = [*RELATIONS, *STATES, "state", *(f"{role}.{slot}" for role in ROLES for slot in slots)]
         return named + [f"goal_{number}.{entry}" for number in range(CONDITIONS) for entry in row]
 
     def goal(self, scenario: Mapping[str, Any]) -> np.ndarray:
-        """The goal of a scenario as numbers: per condition the relation, whether it is a state, subject and reference."""
+        """The goal of a scenario as numbers: per condition the relation or state, and its objects by role."""
         ids = [item["id"] for item in scenario["objects"]]
-        rows = np.zeros((CONDITIONS, len(RELATIONS) + 1 + 2 * self.most_objects), np.float32)
+        kinds = (*RELATIONS, *STATES)
+        rows = np.zeros((CONDITIONS, self._condition_size), np.float32)
         alternatives = scenario["task"]["goal"]
         for row, atom in zip(rows, alternatives[0] if alternatives else []):
-            subject, reference = row[len(RELATIONS) + 1 :].reshape(2, -1)
-            row[RELATIONS.index(atom["relation"]) if "relation" in atom else len(RELATIONS)] = 1.0
-            for place, name in ((subject, atom.get("subject", atom.get("object"))), (reference, atom.get("reference"))):
-                if name in ids:
-                    place[ids.index(name)] = 1.0
+            kind, objects = atom.get("relation", atom.get("state")), {"subject": atom.get("object"), **atom}
+            if kind in kinds:
+                row[kinds.index(kind)] = 1.0
+            row[len(kinds)] = "state" in atom
+            for role, place in zip(ROLES, row[len(kinds) + 1 :].reshape(len(ROLES), -1)):
+                if objects.get(role) in ids:
+                    place[ids.index(objects[role])] = 1.0
         return rows.ravel()
+
+    @property
+    def _condition_size(self) -> int:
+        return len(RELATIONS) + len(STATES) + 1 + len(ROLES) * self.most_objects
 
     def commanded(self, actions: np.ndarray, count: tuple[int, ...] = ()) -> list[Any]:
         """Actions of the space in metres, radians and seconds; of several environments, a row each."""
@@ -116,7 +129,7 @@ class Spaces:
             if self.most_joints > 0:
                 parts["object_joints"] = box((most * self.most_joints,))
             parts["grasped"] = box((most,), 0, 1)
-            parts["goal"] = box((CONDITIONS * (len(RELATIONS) + 1 + 2 * most),), 0, 1)
+            parts["goal"] = box((CONDITIONS * self._condition_size,), 0, 1)
             return parts
         colour = {name: box((height, width, 3), 0, 255, np.uint8) for name in self.cameras}
         if self.kind == "flat_rgb":

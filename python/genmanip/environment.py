@@ -51,7 +51,7 @@ class Env:
 
     scenes: a suite, run or scenario file by its path, or Scenes.
     action: one of ACTIONS, or a contract of its own as in the specification of policies.
-    rate_hz: actions per second; must divide 60.
+    rate_hz: actions per second; must divide the world's control rate, by default 60 Hz.
     cameras: a name, or {"name": …, "size": [width, height], "channels": {"rgb": True, "depth": True}}, each; channels
     are rgb, depth, points and normals.
     privileged: whether observations hold the true poses of objects; results then say oracle.

@@ -90,11 +90,10 @@ struct GivenSettings {
     shaping_discount: Option<f64>,
 }
 
-/// Settings that were given as JSON, checked.
-pub fn session_settings(scenes: &SceneSource, text: &str) -> PyResult<SessionSettings> {
+/// Settings that were given as JSON.
+pub fn session_settings(text: &str) -> PyResult<SessionSettings> {
     let given: GivenSettings = read_json("settings of the environment", text)?;
     let spec = read_spec("session", &given.spec).map_err(Error::new_err)?;
-    scenes.0.check_cameras(&spec.cameras).map_err(error)?;
     let PolicySpec { action, rate_hz, cameras, privileged, .. } = spec;
     let GivenSettings { horizon_s, stop_on_success, shaping_discount, .. } = given;
     Ok(SessionSettings { action, rate_hz, cameras, privileged, horizon_s, stop_on_success, shaping_discount })
@@ -113,8 +112,8 @@ impl Env {
     /// Settings are those of a session, as JSON.
     #[new]
     fn new(scenes: &SceneSource, settings: &str) -> PyResult<Self> {
-        let settings = session_settings(scenes, settings)?;
-        Ok(Self { session: Mutex::new(Session::new(Arc::clone(&scenes.0), settings)) })
+        let session = Session::new(Arc::clone(&scenes.0), session_settings(settings)?).map_err(error)?;
+        Ok(Self { session: Mutex::new(session) })
     }
 
     #[pyo3(signature = (index=0, seed=None))]

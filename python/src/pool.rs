@@ -33,9 +33,10 @@ type Done = Result<(Option<StepTuple>, Observation), WorkspaceError>;
 impl Pool {
     #[new]
     fn new(scenes: &SceneSource, settings: &str, count: usize, threads: usize) -> PyResult<Self> {
-        let settings = session_settings(scenes, settings)?;
-        let session = |_| Mutex::new(Session::new(Arc::clone(&scenes.0), settings.clone()));
-        Ok(Self { sessions: (0..count).map(session).collect(), threads: threads.max(1) })
+        let settings = session_settings(settings)?;
+        let session = |_| Session::new(Arc::clone(&scenes.0), settings.clone()).map(Mutex::new);
+        let sessions = (0..count).map(session).collect::<Result<_, _>>().map_err(error)?;
+        Ok(Self { sessions, threads: threads.max(1) })
     }
 
     /// Steps every environment that `resets` does not name, and resets the others to `(index, seed)`: what each came to

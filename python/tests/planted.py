@@ -36,6 +36,15 @@ class RaisesInMaking(Sound):
         raise FileNotFoundError("weights.pt")
 
 
+class RaisesInMakingTheSecond(Sound):
+    made = 0
+
+    def __init__(self):
+        RaisesInMakingTheSecond.made += 1
+        if self.made == 2:
+            raise FileNotFoundError("weights.pt")
+
+
 class RaisesInReset(Sound):
     def reset(self, start):
         raise RuntimeError("no weights")

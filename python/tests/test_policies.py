@@ -49,8 +49,14 @@ class Mistakes(unittest.TestCase):
                     genmanip.evaluate(SCENARIO, policy)
                 self.named(str(raised.exception), name, place, remedy)
 
+    def test_a_mistake_in_making_the_policy_leaves_its_episode_out(self):
+        planted.RaisesInMakingTheSecond.made = 0
+        found = genmanip.evaluate(SCENARIO, planted.RaisesInMakingTheSecond, episodes_per_scenario=3, workers=1)[0]
+        self.assertEqual((len(found.results), len(found.not_run)), (2, 1))
+        self.assertIn("weights.pt", found.not_run[0]["reason"])
+
     def test_every_mistake_of_a_spec_is_named(self):
-        check = genmanip.check_policy(planted.specified({"rate_hz": 7, "camera": [], "action": "wheels"}), SCENARIO)
+        check = genmanip.check_policy(planted.specified({"rate_hz": -7, "camera": [], "action": "wheels"}), SCENARIO)
         self.assertEqual(len(check.mistakes), 3, check)
 
     def test_on_the_command_line(self):
@@ -74,6 +80,20 @@ class Mistakes(unittest.TestCase):
         sound = run("Sound")
         self.assertEqual(sound.returncode, 0, sound.stderr)
         self.assertIn("printing is no mistake", sound.stderr)
+
+    def test_corrections_go_on_after_a_mistake(self):
+        program = os.environ.get("GENMANIP_PROGRAM")
+        if program is None:
+            self.skipTest("GENMANIP_PROGRAM is not set")
+        policy = f"python:planted:RaisesInMakingTheSecond,python={sys.executable}"
+        told = [program, "collect", ROOT / "examples/tasks/012_pick_and_place.json", "--out", f"{FOLDER.name}/corrected"]
+        told += ["--episodes", "2", "--no-dataset", "--workers", "1", "--corrections", policy]
+        first, second = (subprocess.run(told, capture_output=True, text=True, cwd=ROOT / "python/tests") for _ in "ab")
+        self.assertEqual(first.returncode, 1, first.stderr)
+        self.assertIn("-001 was not run: ", first.stderr)
+        self.assertIn("weights.pt", first.stderr)
+        # Each call makes the policy anew, and only the attempt that is left.
+        self.assertEqual(second.returncode, 0, second.stderr)
 
 
 if __name__ == "__main__":

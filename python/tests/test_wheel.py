@@ -212,6 +212,26 @@ class Gymnasium(unittest.TestCase):
         self.assertEqual(seen["grasped"].sum(), 0.0)
         self.assertEqual(seen["environment_state"].size, 7 * seen["grasped"].size)
 
+    def test_different_goals_are_different_numbers(self):
+        spaces = gymnasium.make("GenManip-v0", suite=SCENARIOS, index=0).unwrapped.setup.spaces
+        known = [{"id": name} for name in "ABC"[: spaces.most_objects]]
+        atoms = [
+            {"object": "A", "state": "open"},
+            {"object": "A", "state": "closed"},
+            {"object": "A", "state": "of an imported object"},
+            {"object": "B", "state": "open"},
+            {"subject": "A", "relation": "on", "reference": "B"},
+            {"subject": "B", "relation": "on", "reference": "A"},
+            {"subject": "A", "relation": "between", "reference": "B", "second_reference": "C"},
+            {"subject": "A", "relation": "between", "reference": "B"},
+            {"subject": "A", "relation": "near", "reference": "table"},
+        ]
+        rows = {spaces.goal({"objects": known, "task": {"goal": [[atom]]}}).tobytes() for atom in atoms}
+        self.assertEqual(len(rows), len(atoms))
+        cards = json.loads((ROOT / "crates/assets/data/catalog.json").read_text())
+        states = {state for card in cards for state in card["states"]}
+        self.assertLessEqual(states, set(genmanip._spaces.STATES))
+
     def test_the_vector_environment_does_what_single_ones_do(self):
         given = {"suite": SCENARIOS, "observation": "rgb", "size": (32, 24), "action": "joint_delta", "horizon_s": 0.5}
         given["normalized"] = False

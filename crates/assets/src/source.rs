@@ -11,7 +11,7 @@ pub trait AssetSource: Send + Sync {
     /// Cards of the objects that may be placed unrequested (as distractors), in a fixed order.
     fn cards(&self) -> &[ObjectCard];
 
-    /// The model of an asset, the same `Arc` on every call. Its own `asset` field holds the actual version, which may
+    /// The model of an asset, the same `Arc` on every call as long as one is held. Its own `asset` field holds the actual version, which may
     /// be newer than the requested one.
     ///
     /// # Errors

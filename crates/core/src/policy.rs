@@ -43,7 +43,7 @@ pub struct PolicySpec {
     pub state_keys: Vec<String>,
     /// Layout of the action vector.
     pub action: ActionSpec,
-    /// Rate at which actions of a chunk are executed, Hz; divides the 60 Hz control rate.
+    /// Rate at which actions of a chunk are executed, Hz; divides the control rate of the world.
     pub rate_hz: f64,
     /// Number of actions of a chunk executed before the next observation; 0 for all.
     pub execute_steps: usize,
@@ -63,6 +63,22 @@ impl PolicySpec {
             execute_steps: 0,
             privileged: false,
         }
+    }
+
+    /// Number of control steps per action in a world of that control rate, Hz.
+    ///
+    /// # Errors
+    /// A rate that does not divide the control rate; the message names some that do.
+    pub fn control_steps(&self, control_rate_hz: f64) -> Result<usize, String> {
+        let steps = control_rate_hz / self.rate_hz;
+        if steps >= 1.0 && steps.fract() == 0.0 {
+            return Ok(steps as usize);
+        }
+        let divisors = [6.0, 4.0, 3.0, 2.0].map(|steps| control_rate_hz / steps);
+        let whole = divisors.iter().filter(|rate_hz| rate_hz.fract() == 0.0).map(f64::to_string);
+        let such = whole.collect::<Vec<_>>().join(", ");
+        let expected = format!("actions per second that divide the control rate of {control_rate_hz} Hz");
+        Err(format!("`rate_hz`: expected {expected}, such as {such} or {control_rate_hz}; got {}", self.rate_hz))
     }
 }
 

@@ -22,6 +22,7 @@ pub mod folder;
 mod index;
 pub mod layouts;
 pub mod merge;
+mod not_run;
 pub mod plan;
 pub mod policies;
 mod policy_spec;

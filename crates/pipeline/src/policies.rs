@@ -395,15 +395,22 @@ impl PolicyFactory {
     /// The policy for one episode.
     ///
     /// # Errors
-    /// When it cannot work on this episode; [`WorkspaceError::Unreachable`] when it runs elsewhere and cannot be reached.
+    /// When it cannot work on this episode; [`WorkspaceError::Unreachable`] when it runs elsewhere and cannot be reached,
+    /// [`WorkspaceError::Mistaken`] when its program made a mistake.
     pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> {
         (self.prepared.make)(episode)
     }
 
-    /// The error as the episode loop reports it: not run if the policy cannot be reached, else an unsupported contract.
+    /// The error as the episode loop reports it: not run if the policy cannot be reached or made a mistake, else an
+    /// unsupported contract.
     pub(crate) fn refusal(&self, error: WorkspaceError) -> RolloutError {
         match error {
             WorkspaceError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason, mistake: false },
+            WorkspaceError::Mistaken { what, hint, .. } => RolloutError::NotRun {
+                policy: self.label().into(),
+                reason: format!("{what}\nhint: {hint}"),
+                mistake: true,
+            },
             error => RolloutError::Spec { policy: self.label().into(), source: error.into() },
         }
     }

@@ -6,7 +6,7 @@
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RgbdImage};
@@ -48,6 +48,10 @@ impl Processes {
         &self.settings
     }
 
+    fn idle(&self) -> MutexGuard<'_, Vec<Process>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Creates the policy for one episode: an instance of the class in an idle or new process. `read_spec` parses its
     /// spec.
     ///
@@ -58,15 +62,23 @@ impl Processes {
         self: &Arc<Self>,
         read_spec: impl FnOnce(Value) -> Result<PolicySpec, String>,
     ) -> Result<ProcessPolicy, PolicyError> {
-        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let idle = self.idle().pop();
         let mut process = match idle {
             Some(process) => process,
             None => Process::start(&self.settings)?,
         };
-        let (head, _) = process.ask("make", Value::Null, &[])?;
-        let spec = head.get("spec").cloned().unwrap_or_default();
-        let spec = read_spec(spec).map_err(PolicyError::Mistake)?;
-        Ok(ProcessPolicy { process: Some(process), spec, owner: Arc::clone(self) })
+        let made = process.ask("make", Value::Null, &[]).and_then(|(head, _)| {
+            let spec = head.get("spec").cloned().unwrap_or_default();
+            read_spec(spec).map_err(PolicyError::Mistake)
+        });
+        match made {
+            Ok(spec) => Ok(ProcessPolicy { process: Some(process), spec, owner: Arc::clone(self) }),
+            Err(error) => {
+                // The next episode needs its imports again.
+                self.idle().extend((!process.is_lost).then_some(process));
+                Err(error)
+            }
+        }
     }
 }
 
@@ -93,7 +105,7 @@ impl ProcessPolicy {
 
 impl Drop for ProcessPolicy {
     fn drop(&mut self) {
-        self.owner.idle.lock().unwrap_or_else(PoisonError::into_inner).extend(self.process.take());
+        self.owner.idle().extend(self.process.take());
     }
 }
 

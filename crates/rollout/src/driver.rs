@@ -124,11 +124,10 @@ fn execute(environment: &mut Environment, commands: &[Vec<f32>]) -> Result<Actio
 /// Control steps per action; fails if the environment does not support the specification.
 fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     let refuse = |why: String| Err(RolloutError::Spec { policy: spec.name.clone(), source: why.into() });
-    let control_rate_hz = stage.control_rate_hz();
-    let repeat = control_rate_hz / spec.rate_hz;
-    if !(repeat >= 1.0 && repeat.fract() == 0.0) {
-        return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
-    }
+    let repeat = match spec.control_steps(stage.control_rate_hz()) {
+        Ok(repeat) => repeat,
+        Err(why) => return refuse(why),
+    };
     if let Some(key) = spec.state_keys.iter().find(|key| *key != Observation::STATE) {
         return refuse(format!("unknown state key `{key}`, expected `{}`", Observation::STATE));
     }
@@ -146,5 +145,5 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
             ));
         }
     }
-    Ok(repeat as usize)
+    Ok(repeat)
 }

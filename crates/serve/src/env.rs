@@ -154,6 +154,8 @@ impl EnvEndpoint {
 
     /// Opens a session; at the maximum, closes the longest idle one if it exceeds [`IDLE`].
     fn open(&self, settings: SessionSettings) -> Result<u64, RequestError> {
+        let session = Session::new(Arc::clone(&self.scenes), settings);
+        let session = session.map_err(|error| RequestError::Unsuited(full_message(&error)))?;
         let mut open = self.lock();
         if open.sessions.len() >= self.max_sessions {
             let oldest = open.sessions.iter().min_by_key(|(_, (_, asked))| *asked);
@@ -168,7 +170,7 @@ impl EnvEndpoint {
         }
         open.opened += 1;
         let number = open.opened;
-        let slot = Slot { session: Session::new(Arc::clone(&self.scenes), settings), saved: None };
+        let slot = Slot { session, saved: None };
         open.sessions.insert(number, (Arc::new(Mutex::new(slot)), Instant::now()));
         Ok(number)
     }
@@ -216,16 +218,16 @@ fn map(entries: Vec<(&str, Value)>) -> Value {
 
 /// Encodes an observation with the Python package's names.
 fn encoded_observation(observation: &Observation) -> Value {
-    let state = observation.state.get(Observation::STATE).cloned().unwrap_or_default();
+    let state = Observation::NAMES
+        .map(|(name, key)| (name, Array::vector(observation.state.get(key).cloned().unwrap_or_default()).value()));
     let images = observation.images.iter().map(|(name, image)| (Value::from(name.as_str()), encoded_image(image)));
-    let mut entries = vec![
-        ("time_s", observation.time_s.into()),
-        ("state", Array::vector(state).value()),
-        ("images", Value::Map(images.collect())),
-    ];
+    let mut entries = vec![("time_s", observation.time_s.into()), ("images", Value::Map(images.collect()))];
+    entries.extend(state);
     if let Some(truth) = &observation.privileged {
         let poses = truth.objects.iter().flat_map(|object| pose(&object.pose)).collect();
+        let joints: Vec<&[f64]> = truth.objects.iter().map(|object| &object.joint_positions[..]).collect();
         entries.push(("objects", array(&[truth.objects.len(), 7], Numbers::F64(poses))));
+        entries.push(("object_joints", wire::of(&joints)));
         entries.push(("grasped", truth.grasped.map_or(Value::Nil, Value::from)));
     }
     map(entries)

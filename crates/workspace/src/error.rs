@@ -99,6 +99,16 @@ pub enum WorkspaceError {
         /// Reason given by the client or the server.
         reason: String,
     },
+    /// A mistake of a policy's program: its episode is not run, and may be once the mistake is corrected.
+    #[error("{policy}: {what}")]
+    Mistaken {
+        /// Policy, and the episode that it did not run.
+        policy: String,
+        /// The mistake with its place.
+        what: String,
+        /// Remedy.
+        hint: String,
+    },
     /// Unexpected failure of a stage: a defect, or a fault of its environment.
     #[error("{what}")]
     Broken {
@@ -201,6 +211,7 @@ impl WorkspaceError {
                 path.display()
             )),
             Self::Unreachable { .. } => Some("see that it runs, then start again".into()),
+            Self::Mistaken { hint, .. } => Some(hint.clone()),
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use crate::suite_format::{FrozenFile, SuiteFile, sha256};
 use flate2::Compression;
@@ -18,12 +18,18 @@ use genmanip_workspace::documents;
 /// Maximum size of an unpacked object; chosen, a hundred times the usual one.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Objects that are read on first use. Only those of the suite are known.
+/// Objects that are read on first use, and again when nobody holds them any more. Only those of the suite are known.
 pub struct SuiteAssets {
     folder: PathBuf,
     files: HashMap<AssetRef, FrozenFile>,
     /// Objects read so far; only used for lookup.
-    known: Mutex<HashMap<AssetRef, (Arc<ObjectModel>, AssetHashes)>>,
+    known: Mutex<HashMap<AssetRef, Known>>,
+}
+
+/// An object read before. Its model has megabytes of meshes, so only scenes keep it in memory.
+struct Known {
+    model: Weak<ObjectModel>,
+    hashes: AssetHashes,
 }
 
 impl SuiteAssets {
@@ -64,17 +70,8 @@ impl SuiteAssets {
         }
     }
 
-    fn model_and_hashes(&self, asset: &AssetRef) -> Result<(Arc<ObjectModel>, AssetHashes), AssetError> {
-        if let Some(known) = self.known.lock().unwrap_or_else(PoisonError::into_inner).get(asset) {
-            return Ok(known.clone());
-        }
-        let wrong = |message: String| AssetError::NotFrozen { asset: asset.clone(), message };
-        let file = self.files.get(asset).ok_or_else(|| wrong("the suite has no such object".into()))?;
-        let model = Self::read(&self.folder, file).map_err(wrong)?.model()?;
-        let made = (Arc::new(model.clone()), model.hashes());
-        // Another thread may have read it meanwhile; all get the same.
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(known.entry(asset.clone()).or_insert(made).clone())
+    fn known(&self) -> MutexGuard<'_, HashMap<AssetRef, Known>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -84,11 +81,26 @@ impl AssetSource for SuiteAssets {
     }
 
     fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError> {
-        self.model_and_hashes(asset).map(|(model, _)| model)
+        if let Some(model) = self.known().get(asset).and_then(|known| known.model.upgrade()) {
+            return Ok(model);
+        }
+        let wrong = |message: String| AssetError::NotFrozen { asset: asset.clone(), message };
+        let file = self.files.get(asset).ok_or_else(|| wrong("the suite has no such object".into()))?;
+        let read = Arc::new(Self::read(&self.folder, file).map_err(wrong)?.model()?);
+        let mut known = self.known();
+        let entry = known.entry(asset.clone()).or_insert_with(|| Known { model: Weak::new(), hashes: read.hashes() });
+        // Another thread may have read it meanwhile; all get the same.
+        let model = entry.model.upgrade().unwrap_or(read);
+        entry.model = Arc::downgrade(&model);
+        Ok(model)
     }
 
     fn hashes(&self, asset: &AssetRef) -> Result<AssetHashes, AssetError> {
-        self.model_and_hashes(asset).map(|(_, hashes)| hashes)
+        let known = || self.known().get(asset).map(|known| known.hashes.clone());
+        match known() {
+            Some(hashes) => Ok(hashes),
+            None => self.model(asset).map(|model| known().unwrap_or_else(|| model.hashes())),
+        }
     }
 }
 

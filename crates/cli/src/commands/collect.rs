@@ -113,6 +113,9 @@ fn tell(collected: &Collected, printer: &Printer) {
         let Collected { finished, attempts, .. } = collected;
         printer.say(format!("interrupted after {finished} of {attempts} attempts; start again to continue"));
     }
+    if !collected.not_run.is_empty() {
+        printer.say(format!("{} attempts were not run; start again to make them", collected.not_run.len()));
+    }
     if !collected.damaged.is_empty() {
         let count = collected.damaged.len();
         printer.say(format!("{count} damaged episodes left out; start again with --repair to make them anew"));

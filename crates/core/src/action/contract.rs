@@ -13,7 +13,7 @@ use crate::{ActionSpec, Document};
 pub struct ActionContract {
     /// Layout of the action vector.
     pub action: ActionSpec,
-    /// Action rate, Hz; divides the 60 Hz control rate.
+    /// Action rate, Hz; divides the control rate.
     pub rate_hz: f64,
     /// Name of the robot.
     pub robot: String,

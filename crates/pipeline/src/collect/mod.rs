@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use genmanip_assets::GraspLibrary;
 use genmanip_benchmark::Outcome;
-use genmanip_core::{Policy, TaskKind};
+use genmanip_core::{NotRun, Policy, TaskKind};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_motion::Planner;
@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use crate::folder::{Run, RunFolder, Timings};
 
+use crate::not_run;
 use crate::policies::{PolicyContext, PolicyFactory};
 pub(crate) use attempts::share;
 use attempts::{Outcomes, Planned};
@@ -50,6 +51,8 @@ pub struct Collected {
     pub interrupted: bool,
     /// Ids of omitted damaged episodes, each with the reason.
     pub damaged: Vec<(String, String)>,
+    /// Attempts whose policy to correct was unreachable or made a mistake; the same call makes them.
+    pub not_run: Vec<NotRun>,
     /// Shard that was collected; `None` for the whole run.
     pub shard: Option<Shard>,
 }
@@ -120,17 +123,24 @@ pub fn collect(
         stop,
     };
     let started = Instant::now();
-    let Made { attempts, outcomes, mut damaged, has_made, has_changed } = match options.verified {
+    let Made { attempts, outcomes, not_run, mut damaged, has_made, has_changed } = match options.verified {
         None => runner.fixed(episodes_per_task)?,
         Some(count) => runner.until_verified(count)?,
     };
     let all = attempts.len() + damaged.len();
+    if let (Some(policy), Some(first)) = (&corrected, not_run.first()) {
+        if outcomes.is_empty() {
+            return Err(not_run::no_episode(policy.label(), first));
+        }
+        not_run::note(&not_run).iter().for_each(|note| progress.note(note));
+    }
     // A call that finds everything finished does not lengthen the time of collecting.
     if has_made {
         folder.add_phase_time("collect", started.elapsed().as_secs_f64());
     }
     let interrupted = stop.load(Ordering::Relaxed);
-    let is_wanted = wants_dataset && !interrupted && outcomes.values().any(|outcome| outcome.success);
+    let is_wanted =
+        wants_dataset && !interrupted && not_run.is_empty() && outcomes.values().any(|outcome| outcome.success);
     let dataset_since = Instant::now();
     let dataset = if is_wanted { export(&settings, hash, &folder, &store, &mut damaged, progress)? } else { None };
     if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
@@ -147,7 +157,7 @@ pub fn collect(
         // Brings the index up to date.
         folder.survey(&store)?;
     }
-    Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, shard: options.shard })
+    Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, not_run, shard: options.shard })
 }
 
 /// Resolves the policy whose actions the expert corrects.
@@ -179,10 +189,10 @@ fn maker<'a>(
 
 impl Collected {
     /// True if the run is finished, has no damaged episode and at least one verified attempt; a shard needs no verified
-    /// attempt.
+    /// attempt. An attempt that was not run is not finished.
     pub fn is_met(&self) -> bool {
         let is_any_verified = self.shard.is_some() || self.rows.iter().any(|row| row.verified > 0);
-        !self.interrupted && self.damaged.is_empty() && is_any_verified
+        !self.interrupted && self.damaged.is_empty() && self.not_run.is_empty() && is_any_verified
     }
 
     /// Table of the rows with totals. Above [`MAX_ROWS`] tasks, unless `each` is true, it has a row per kind and the
@@ -334,7 +344,16 @@ mod tests {
             seconds: 1.0,
         };
         let rows = (0..tasks).map(row).collect();
-        Collected { rows, dataset: None, attempts: 0, finished: 0, interrupted: false, damaged: vec![], shard: None }
+        Collected {
+            rows,
+            dataset: None,
+            attempts: 0,
+            finished: 0,
+            interrupted: false,
+            damaged: vec![],
+            not_run: vec![],
+            shard: None,
+        }
     }
 
     #[test]

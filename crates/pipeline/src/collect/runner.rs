@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_benchmark::Outcome;
-use genmanip_core::{Document, EpisodeResult, Seed};
+use genmanip_core::{Document, EpisodeResult, NotRun, Seed};
 use genmanip_data::EpisodeStore;
+use genmanip_rollout::RolloutError;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources, complete, in_parallel};
 use genmanip_workspace::disk_space::Estimate;
 use genmanip_workspace::{Progress, Stopped, Tasks, WorkspaceError, documents};
@@ -15,6 +16,8 @@ use super::attempts::{Outcomes, Planned, left};
 use super::options::CollectOptions;
 use crate::folder::RunFolder;
 use crate::index::{IndexedAttempt, Survey};
+use crate::not_run::no_episode;
+use crate::policies::mistaken;
 
 /// Attempts per demonstration and per task after which a run gives up: the expert verifies some 9 of 10.
 const MAX_ATTEMPTS: usize = 20;
@@ -41,6 +44,8 @@ pub(super) struct Made {
     pub outcomes: Outcomes,
     /// Ids of damaged episodes, with the reason.
     pub damaged: Vec<(String, String)>,
+    /// Attempts whose policy to correct was unreachable or made a mistake.
+    pub not_run: Vec<NotRun>,
     /// True if this call made an attempt.
     pub has_made: bool,
     /// True if this call made or completed an attempt that the index does not know.
@@ -62,9 +67,9 @@ impl Runner<'_> {
         // Outcomes of earlier calls are counted, not reported again.
         outcomes.iter().for_each(|_| self.progress.advance());
         let estimate = Estimate::new(self.folder.path(), left.len(), self.writes_dataset);
-        let has_made = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
+        let (has_made, not_run) = self.make(&left, &estimate, &mut outcomes, &|_| true)?;
         self.progress.end();
-        Ok(Made { attempts, outcomes, damaged, has_made, has_changed: !left.is_empty() })
+        Ok(Made { attempts, outcomes, damaged, not_run, has_made, has_changed: !left.is_empty() })
     }
 
     /// Makes attempts in rounds over all tasks until exactly `count` are verified.
@@ -73,8 +78,8 @@ impl Runner<'_> {
     /// depend on neither the number of threads nor interruptions. A larger `count` continues the same sequence.
     ///
     /// # Errors
-    /// As [`Runner::fixed`]; when the run has more verified demonstrations already, damaged episodes, or too many
-    /// attempts fail.
+    /// As [`Runner::fixed`]; when the run has more verified demonstrations already, damaged episodes, an attempt that was
+    /// not run, on which the later ones depend, or too many attempts that fail.
     pub fn until_verified(&self, count: usize) -> Result<Made, WorkspaceError> {
         let tasks = self.tasks.entries();
         let survey = self.folder.survey(self.store)?;
@@ -110,11 +115,16 @@ impl Runner<'_> {
             let left = left(&wave, &mut known, self.folder, self.store, self.settings, &mut outcomes);
             (before..successes(&outcomes)).for_each(|_| self.progress.advance());
             has_changed |= !left.is_empty();
-            has_made |= self.make(&left, &estimate, &mut outcomes, &|outcome| outcome.success)?;
+            let (made, not_run) = self.make(&left, &estimate, &mut outcomes, &|outcome| outcome.success)?;
+            if let Some(first) = not_run.first() {
+                self.progress.end();
+                return Err(no_episode(self.settings.corrects.as_deref().unwrap_or_default(), first));
+            }
+            has_made |= made;
             attempts.extend(wave);
         }
         self.progress.end();
-        Ok(Made { attempts, outcomes, damaged, has_made, has_changed })
+        Ok(Made { attempts, outcomes, damaged, not_run: Vec::new(), has_made, has_changed })
     }
 
     /// Sound episodes of the run by id, and damaged ones among `attempts`; with `repair` these are set aside first.
@@ -129,15 +139,15 @@ impl Runner<'_> {
         Ok((survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect(), damaged))
     }
 
-    /// Makes attempts in parallel; true if one was made rather than found. `advances` says which outcomes count as
-    /// progress.
+    /// Makes attempts in parallel; true if one was made rather than found, and those that were not run. `advances` says
+    /// which outcomes count as progress.
     fn make(
         &self,
         left: &[Planned],
         estimate: &Estimate,
         outcomes: &mut Outcomes,
         advances: &(dyn Fn(&Outcome) -> bool + Sync),
-    ) -> Result<bool, WorkspaceError> {
+    ) -> Result<(bool, Vec<NotRun>), WorkspaceError> {
         let Self { folder, store, progress, .. } = self;
         let has_made = AtomicBool::new(false);
         let finished = |result: EpisodeResult, seconds: f64| -> Result<(String, Outcome), Stopped> {
@@ -162,18 +172,31 @@ impl Runner<'_> {
             let since = Instant::now();
             let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
             let attempt = Attempt::of(&task, planned.number, self.seed);
-            let (result, was_there) = complete(&attempt, self.resources, store, self.settings)?;
+            let (result, was_there) = match complete(&attempt, self.resources, store, self.settings) {
+                Err(RolloutError::NotRun { reason, mistake, .. }) => {
+                    return Ok(Err(NotRun { id: attempt.id(), scenario_id: attempt.id(), reason, mistake }));
+                }
+                completed => completed?,
+            };
             estimate.add(&store.root().join(&result.id), *progress).map_err(Stopped::Run)?;
-            finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
+            finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() }).map(Ok)
         });
-        outcomes.extend(made.map_err(|stopped| {
-            match stopped {
-                Stopped::Run(error) => error,
-                Stopped::Episode(error) => WorkspaceError::broken("collecting stopped", error)
+        let made = made.map_err(|stopped| match stopped {
+            Stopped::Run(error) => error,
+            Stopped::Episode(error) => match error.unsupported() {
+                Some(why) => mistaken("the policy to correct", &why.to_string()),
+                None => WorkspaceError::broken("collecting stopped", error)
                     .with_hint("finished episodes are kept; start again to continue"),
+            },
+        })?;
+        let mut not_run = Vec::new();
+        for made in made {
+            match made {
+                Ok((id, outcome)) => drop(outcomes.insert(id, outcome)),
+                Err(left) => not_run.push(left),
             }
-        })?);
-        Ok(has_made.into_inner())
+        }
+        Ok((has_made.into_inner(), not_run))
     }
 }
 

@@ -27,6 +27,7 @@ use genmanip_rollout::{Cores, RolloutError};
 use genmanip_workspace::text_table;
 
 use crate::folder::RunFolder;
+use crate::not_run;
 use crate::policies::{PolicyContext, PolicyFactory};
 use crate::policy_spec::mistaken;
 use genmanip_workspace::Progress;
@@ -209,19 +210,10 @@ fn one(
     results.extend(evaluated.results);
     let is_stopped = stop.load(Ordering::Relaxed);
     if let Some(first) = evaluated.not_run.first() {
-        if results.is_empty() && !is_stopped && first.mistake {
-            let at = format!("policy {} ran no episode, {} was not run", policy.label(), first.id);
-            return Err(mistaken(&at, &first.reason));
-        }
         if results.is_empty() && !is_stopped {
-            let what = format!("policy {} could not be reached for any episode: {}", policy.label(), first.reason);
-            return Err(
-                WorkspaceError::input(what).with_hint("see that it runs, then start again; nothing was counted")
-            );
+            return Err(not_run::no_episode(policy.label(), first));
         }
-        let others = evaluated.not_run.len() - 1;
-        let more = if others > 0 { format!(" (and {others} more)") } else { String::new() };
-        progress.note(&format!("{} was not run{more}: {}", first.id, first.reason));
+        not_run::note(&evaluated.not_run).iter().for_each(|note| progress.note(note));
     }
     if results.is_empty() || is_stopped {
         return Ok(None);

@@ -33,7 +33,7 @@ pub use scenes::{DEFAULT_KEPT, SceneSource};
 pub struct SessionSettings {
     /// Meaning of the numbers of an action.
     pub action: ActionSpec,
-    /// Actions per second; the 60 Hz control rate is a whole multiple.
+    /// Actions per second; the control rate is a whole multiple.
     pub rate_hz: f64,
     /// Images of each observation.
     #[serde(default)]
@@ -64,6 +64,42 @@ impl SessionSettings {
             horizon_s: None,
             stop_on_success: None,
             shaping_discount: None,
+        }
+    }
+
+    /// Refuses settings that the scenes cannot serve.
+    ///
+    /// # Errors
+    /// The first such setting, with what is possible.
+    pub fn check(&self, scenes: &SceneSource) -> Result<(), WorkspaceError> {
+        let refuse = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
+        if let Some(horizon_s) = self.horizon_s.filter(|horizon_s| !(*horizon_s > 0.0 && horizon_s.is_finite())) {
+            return refuse(format!("`horizon_s`: {horizon_s} is not possible"), "expected seconds above 0");
+        }
+        if let Some(discount) = self.shaping_discount.filter(|discount| !(*discount > 0.0 && *discount <= 1.0)) {
+            let hint = "expected the discount of the learner, above 0 and at most 1";
+            return refuse(format!("`shaping_discount`: {discount} is not possible"), hint);
+        }
+        let spec = self.spec();
+        for world in scenes.worlds() {
+            if let Err(wrong) = spec.control_steps(f64::from(world.physics.control_rate_hz)) {
+                return refuse(wrong, "the control rate is that of the world, `[physics] control_rate_hz`");
+            }
+            if let Some(request) = self.cameras.iter().find(|request| world.camera(&request.name).is_none()) {
+                let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+                return Err(WorkspaceError::unknown("camera", "cameras", &request.name, &known));
+            }
+        }
+        Ok(())
+    }
+
+    /// The settings as the specification of a policy.
+    fn spec(&self) -> PolicySpec {
+        PolicySpec {
+            action: self.action,
+            cameras: self.cameras.clone(),
+            privileged: self.privileged,
+            ..PolicySpec::native("session", self.rate_hz)
         }
     }
 }
@@ -135,9 +171,13 @@ pub struct SessionState {
 
 impl Session {
     /// A session without an episode.
-    pub fn new(scenes: Arc<SceneSource>, settings: SessionSettings) -> Self {
+    ///
+    /// # Errors
+    /// As [`SessionSettings::check`].
+    pub fn new(scenes: Arc<SceneSource>, settings: SessionSettings) -> Result<Self, WorkspaceError> {
+        settings.check(&scenes)?;
         let environment = Environment::new(scenes.settings().rollout.clone());
-        Self { scenes, settings, environment, under_way: None }
+        Ok(Self { scenes, settings, environment, under_way: None })
     }
 
     /// Scenes in which episodes start.
@@ -162,20 +202,14 @@ impl Session {
         let mut rollout = self.scenes.settings().rollout.clone();
         rollout.horizon_s = self.settings.horizon_s.or(case.horizon_s).unwrap_or(rollout.horizon_s);
         rollout.stop_on_success = self.settings.stop_on_success.unwrap_or(rollout.stop_on_success);
-        let SessionSettings { action, rate_hz, cameras, privileged, .. } = &self.settings;
-        let spec = PolicySpec {
-            action: *action,
-            cameras: cameras.clone(),
-            privileged: *privileged,
-            ..PolicySpec::native("session", *rate_hz)
-        };
         let unserved = |error: RolloutError| match error {
             RolloutError::Spec { source, .. } => {
                 WorkspaceError::input(format!("the session cannot be served: {source}"))
+                    .with_hint("`action`, `rate_hz`, `cameras` and `privileged` are those of a policy's spec")
             }
             error => broken(error),
         };
-        let driver = Driver::new(&spec, &stage, &rollout).map_err(unserved)?;
+        let driver = Driver::new(&self.settings.spec(), &stage, &rollout).map_err(unserved)?;
         self.under_way = None;
         if *self.environment.settings() != rollout {
             self.environment = Environment::new(rollout);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::{CameraRequest, Document, Seed, Task, World};
+use genmanip_core::{Document, Seed, Task, World};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::{Attempt, PipelineSettings, Resources};
@@ -140,24 +140,12 @@ impl SceneSource {
         .unwrap_or_default()
     }
 
-    /// Refuses cameras that a scene does not have.
-    ///
-    /// # Errors
-    /// The first such camera, with those that there are.
-    pub fn check_cameras(&self, requests: &[CameraRequest]) -> Result<(), WorkspaceError> {
-        let worlds: Vec<&World> = match &self.origin {
+    /// Worlds of the scenes, without an order.
+    pub fn worlds(&self) -> Vec<&World> {
+        match &self.origin {
             Origin::Cases(cases, _) => cases.iter().map(|case| &case.scenario.world).collect(),
             Origin::Tasks(_) => vec![&self.settings.world],
-        };
-        for request in requests {
-            for world in &worlds {
-                if world.camera(&request.name).is_none() {
-                    let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
-                    return Err(WorkspaceError::unknown("camera", "cameras", &request.name, &known));
-                }
-            }
         }
-        Ok(())
     }
 
     /// Settings of the loop.

@@ -12,7 +12,7 @@ use genmanip_pipeline::sessions::{SceneSource, Session, SessionSettings};
 pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult]) {
     let scenes = Arc::new(SceneSource::of_suite(suite).unwrap());
     assert_eq!(scenes.len(), results.len());
-    let mut session = Session::new(Arc::clone(&scenes), SessionSettings::new(ActionSpec::native(), 60.0));
+    let mut session = Session::new(Arc::clone(&scenes), SessionSettings::new(ActionSpec::native(), 60.0)).unwrap();
     assert!(session.step(&[0.0; 8]).unwrap_err().to_string().contains("there is no episode"));
     for (index, expected) in results.iter().enumerate() {
         session.reset(index, None).unwrap();
@@ -33,11 +33,22 @@ pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult])
         assert_eq!(session.finish("do_nothing").unwrap(), *expected);
     }
     out_of_reach(&scenes);
-    let unserved =
-        |settings: SessionSettings| Session::new(Arc::clone(&scenes), settings).reset(0, None).unwrap_err().to_string();
+    let unserved = |settings: SessionSettings| {
+        let error =
+            Session::new(Arc::clone(&scenes), settings).and_then(|mut session| session.reset(0, None)).unwrap_err();
+        format!("{error}\nhint: {}", error.hint().unwrap())
+    };
     let native = SessionSettings::new(ActionSpec::native(), 60.0);
     let ids = ImageChannels { ids: true, ..ImageChannels::RGB };
-    assert!(unserved(SessionSettings { rate_hz: 7.0, ..native.clone() }).contains("does not divide"));
+    assert!(unserved(SessionSettings { rate_hz: 7.0, ..native.clone() }).contains("such as 10, 15"));
+    for horizon_s in [0.0, -1.0, f64::INFINITY] {
+        let settings = SessionSettings { horizon_s: Some(horizon_s), ..native.clone() };
+        assert!(unserved(settings).contains("`horizon_s`"));
+    }
+    for discount in [0.0, 1.5, -1.0, f64::NAN] {
+        let settings = SessionSettings { shaping_discount: Some(discount), ..native.clone() };
+        assert!(unserved(settings).contains("`shaping_discount`"));
+    }
     assert!(
         unserved(SessionSettings { cameras: vec![CameraRequest::new("none", ids)], ..native.clone() }).contains("none")
     );
@@ -49,7 +60,7 @@ pub fn a_session_ends_as_the_loop_does(suite: &Suite, results: &[EpisodeResult])
 fn out_of_reach(scenes: &Arc<SceneSource>) {
     let action = ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM);
     let settings = SessionSettings { horizon_s: Some(0.2), ..SessionSettings::new(action, 15.0) };
-    let mut session = Session::new(Arc::clone(scenes), settings);
+    let mut session = Session::new(Arc::clone(scenes), settings).unwrap();
     session.reset(0, Some(780_100)).unwrap();
     let far = [3.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.08];
     let outcomes: Vec<_> = (0..3).map(|_| session.step(&far).unwrap()).collect();

@@ -90,11 +90,11 @@ fn ids(camera: &str) -> CameraRequest {
 fn unsupported_specifications_are_rejected() {
     type Change = fn(&mut PolicySpec);
     let cases: [(Change, &str); 12] = [
-        (|spec| spec.rate_hz = 7.0, "rate 7 Hz does not divide the control rate of 60 Hz"),
-        (|spec| spec.rate_hz = 120.0, "rate 120 Hz"),
-        (|spec| spec.rate_hz = 0.0, "rate 0 Hz"),
-        (|spec| spec.rate_hz = f64::NAN, "rate NaN Hz"),
-        (|spec| spec.rate_hz = -60.0, "rate -60 Hz"),
+        (|spec| spec.rate_hz = 7.0, "divide the control rate of 60 Hz, such as 10, 15, 20, 30 or 60; got 7"),
+        (|spec| spec.rate_hz = 120.0, "got 120"),
+        (|spec| spec.rate_hz = 0.0, "got 0"),
+        (|spec| spec.rate_hz = f64::NAN, "got NaN"),
+        (|spec| spec.rate_hz = -60.0, "got -60"),
         (
             |spec| (spec.action.space, spec.action.frame) = (ActionSpace::EePose, ActionFrame::EndEffector),
             "frame of the action: expected world for ee_pose, got end_effector",

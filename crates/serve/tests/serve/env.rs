@@ -62,6 +62,12 @@ fn a_program_drives_an_environment() {
     let native = json!({"space": "joint_position", "gripper": {"encoding": "width_m"}});
     let cameras = json!([{"name": "static", "size": [32, 24], "channels": {"rgb": true, "depth": true}}]);
     let open = json!({"ask": "open", "settings": {"action": native, "rate_hz": 60, "cameras": cameras}});
+    for (setting, value) in [("rate_hz", json!(7)), ("shaping_discount", json!(2)), ("horizon_s", json!(-1))] {
+        let mut wrong = open.clone();
+        wrong["settings"][setting] = value;
+        let (status, said) = ask(&server, &wrong, None);
+        assert!(status == 422 && said.to_string().contains(&format!("`{setting}`")), "{said}");
+    }
     let (status, opened) = ask(&server, &open, None);
     assert_eq!(status, 200, "{opened}");
     assert_eq!(part(&opened, "scenes").as_array().unwrap().len(), 1);
@@ -91,6 +97,7 @@ fn a_program_drives_an_environment() {
     assert!(part(&begun, "instruction").as_str().is_some_and(|text| !text.is_empty()));
     let seen = part(&begun, "observation");
     let state = Array::read(part(seen, "state")).unwrap().reals();
+    assert_eq!(Array::read(part(seen, "tool_target")).unwrap().shape, [7]);
     let image = part(part(seen, "images"), "static");
     assert_eq!(Array::read(part(image, "rgb")).unwrap().shape, [24, 32, 3]);
     assert_eq!(Array::read(part(image, "depth_m")).unwrap().shape, [24, 32]);
