@@ -4,7 +4,7 @@
 pub const SUBCOMMANDS: [&str; 9] = ["setup", "demo", "install", "wheel", "test", "fuzz", "tidy", "docs", "help"];
 
 /// Phases of `cargo xtask test`, in their order: what fails in seconds comes before what takes minutes.
-pub const PHASES: [&str; 13] = [
+pub const PHASES: [&str; 14] = [
     "setup",
     "fmt",
     "tidy",
@@ -18,6 +18,7 @@ pub const PHASES: [&str; 13] = [
     "python",
     "docs",
     "test",
+    "learn",
 ];
 
 /// Options of `cargo xtask test`, each of which is a test of its own.
@@ -34,6 +35,7 @@ Usage: cargo xtask SUBCOMMAND
   setup            download and verify the simulator library, make the Python environment of the tests
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   install [--root DIR]   build, and put `genmanip`, `genmanip-lab` and the suites where cargo installs programs
+  install --learn  the same, with programs that train policies (minutes longer)
   wheel [--out DIR]   build the Python wheel, with the simulator's library inside, and check that it runs elsewhere
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)

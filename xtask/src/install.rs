@@ -2,7 +2,7 @@
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use crate::setup;
+use crate::{features, setup};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,11 +11,14 @@ const PROGRAMS: [&str; 2] = ["genmanip", "genmanip-lab"];
 /// Folder of the suites in the repository, and below the root of an installation.
 const SUITES: (&str, &str) = ("suites", "share/genmanip/suites");
 
-/// Builds the programs and copies them into `bin` of the root; nothing is compiled again for it.
+/// Builds the programs and copies them into `bin` of the root; nothing is compiled again for it, and with `--learn` only
+/// what learned policies need.
 pub fn run(workspace: &Workspace, args: &[String]) -> Result {
-    let root = root(args, |name| std::env::var_os(name).filter(|value| !value.is_empty()))?;
+    let (learn, args): (Vec<String>, Vec<String>) = args.iter().cloned().partition(|arg| arg == "--learn");
+    let root = root(&args, |name| std::env::var_os(name).filter(|value| !value.is_empty()))?;
     setup::simulator(workspace)?;
-    process::visible(&mut workspace.cargo(["build", "--release"]))?;
+    let features: &[&str] = if learn.is_empty() { &[] } else { &features::LEARN };
+    process::visible(&mut workspace.cargo(["build", "--release"].iter().chain(features).copied()))?;
     let (built, bin) = (workspace.target_dir()?.join("release"), root.join("bin"));
     fs::create_dir_all(&bin).on("make the folder", &bin)?;
     for name in PROGRAMS {
@@ -46,7 +49,7 @@ pub fn run(workspace: &Workspace, args: &[String]) -> Result {
 fn root(args: &[String], variable: impl Fn(&str) -> Option<OsString>) -> Result<PathBuf> {
     let wrong = |what: String| Problem {
         what,
-        expected: "`cargo xtask install [--root DIR]`".into(),
+        expected: "`cargo xtask install [--root DIR] [--learn]`".into(),
         hint: "without --root: CARGO_INSTALL_ROOT, CARGO_HOME or ~/.cargo".into(),
     };
     match args {

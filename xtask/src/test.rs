@@ -18,6 +18,21 @@ enum Outcome {
 /// The tests' own build, the program included, so that nothing is built twice with another choice of features.
 const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 
+/// Tests of learned policies, in a build with Burn that shares all other libraries with the tests' own; most programs do
+/// without. The language-model client is there for its features alone.
+const LEARNED: [&str; 10] = [
+    "-p",
+    "genmanip-policy",
+    "-p",
+    "genmanip-pipeline",
+    "-p",
+    "genmanip-llm",
+    "--features",
+    "genmanip-pipeline/learn",
+    "--",
+    "learn",
+];
+
 /// Runs one phase of [`PHASES`].
 fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
     match name {
@@ -36,7 +51,8 @@ fn phase(name: &str, workspace: &Workspace) -> Result<Outcome> {
         "bytes" => same_bytes(workspace),
         "python" => python_wheel(workspace),
         "docs" => documentation_blocks(workspace),
-        "test" => tests(workspace),
+        "test" => tests(workspace, &["--workspace"]),
+        "learn" => tests(workspace, &LEARNED),
         other => unreachable!("{other} is no phase"),
     }
 }
@@ -178,8 +194,9 @@ fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
 }
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.
-fn tests(workspace: &Workspace) -> Result<Outcome> {
-    let mut command = with_python(workspace, workspace.cargo(["test", "--release", "--workspace", "--no-fail-fast"]));
+fn tests(workspace: &Workspace, which: &[&str]) -> Result<Outcome> {
+    let test = ["test", "--release", "--no-fail-fast"];
+    let mut command = with_python(workspace, workspace.cargo(test.iter().chain(which).copied()));
     let line = process::shown(&command);
     eprintln!("$ {line}");
     let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| process::cannot_start(&line, &error))?;

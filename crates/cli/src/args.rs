@@ -19,6 +19,7 @@ pub use render::*;
 pub use robot::*;
 pub use serve::*;
 pub use suite::*;
+pub use train::*;
 pub use world::*;
 
 mod agent;
@@ -33,6 +34,7 @@ mod render;
 mod robot;
 mod serve;
 mod suite;
+mod train;
 mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
@@ -151,6 +153,13 @@ pub enum Command {
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),
+    /// Train a policy on the demonstrations of a run; needs a build with learned policies: cargo xtask install --learn
+    #[command(after_help = "Examples:\n  genmanip train out/run --preset state --check\n  \
+                      genmanip train out/run --preset state --budget 15m --out out/policy\n  \
+                      genmanip evaluate out/unseen --policy learned:out/policy\n\n\
+                      A training that was interrupted or killed continues where it stopped: start the same command\n\
+                      again. Same seed and number of steps: same weights, bit for bit. DIR/metrics.csv holds the losses.")]
+    Train(TrainArguments),
     /// Check datasets and show what is in them
     Data {
         /// Subcommand

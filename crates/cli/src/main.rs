@@ -54,6 +54,7 @@ fn run(arguments: &Arguments, printer: &Printer) -> Result<ExitStatus, Failed> {
         Command::Render(arguments) => commands::render::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
+        Command::Train(arguments) => commands::train::run(arguments, printer),
         Command::Data { command } => commands::data::run(command, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),

@@ -18,15 +18,17 @@ use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::blame::BlameArguments;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
+use genmanip_lab::learn::LearnArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::strangers::StrangersArguments;
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
-    readers, relations, render, rendered, scale, segment, statistics, strangers, suite, wording,
+    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, learn,
+    motion, readers, relations, render, rendered, scale, segment, statistics, strangers, suite, wording,
 };
 use genmanip_workspace::WorkspaceError;
 
 use crate::args::{self, LabCommand};
+use genmanip_pipeline::learn::Length;
 use genmanip_terminal::{ExitStatus, Failed};
 use genmanip_terminal::{Printer, UrdfArguments};
 
@@ -146,6 +148,17 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::describe(&measured));
         }
+        LabCommand::Learn(arguments) => {
+            let temporary = std::env::temp_dir().join(format!("genmanip-lab-learn-{}", std::process::id()));
+            let folder = arguments.out.as_ref().unwrap_or(&temporary);
+            let learned = learn::measure(&learn_arguments(arguments), Seed::new(arguments.seed), folder, printer);
+            if arguments.out.is_none() {
+                // Best effort: remains are in the system's temporary folder.
+                let _ = std::fs::remove_dir_all(&temporary);
+            }
+            let measured = learned?;
+            printer.data(&measured, &learn::describe(&measured));
+        }
         LabCommand::Scale(arguments) => {
             let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
             printer.data(&measured, &scale::describe(&measured));
@@ -178,6 +191,17 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
     }
     Ok(ExitStatus::Done)
+}
+
+fn learn_arguments(arguments: &args::LabLearnArguments) -> LearnArguments {
+    let steps = arguments.steps.unwrap_or(1) as u64;
+    LearnArguments {
+        preset: arguments.preset,
+        demos: arguments.demos,
+        length: arguments.budget.map_or(Length::Steps(steps), Length::BudgetS),
+        layouts: arguments.layouts,
+        workers: workers::workers(arguments.workers),
+    }
 }
 
 fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Result<(), Failed> {

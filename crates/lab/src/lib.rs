@@ -20,6 +20,7 @@ pub mod fit;
 pub mod grasp;
 pub mod hostile;
 pub mod layout;
+pub mod learn;
 pub mod motion;
 mod program;
 pub mod readers;

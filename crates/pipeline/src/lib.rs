@@ -9,6 +9,7 @@
 //! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
 //! - [`sessions`]: environments that other programs step, action by action.
 //! - [`report`]: input of the HTML page and the page itself.
+//! - [`learn`]: policies trained on the demonstrations of a run.
 //! - [`layouts`], [`plan`]: tasks laid out into scenario files, single motions of the arm.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`genmanip_workspace::WorkspaceError`];
@@ -21,6 +22,7 @@ pub mod export;
 pub mod folder;
 mod index;
 pub mod layouts;
+pub mod learn;
 pub mod merge;
 mod not_run;
 pub mod plan;

@@ -22,7 +22,7 @@ use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 
-use crate::remote;
+use crate::{learn, remote};
 use genmanip_agent_sim::{AgentChoice, ModelChoice, UsageAccount};
 use genmanip_workspace::WorkspaceError;
 
@@ -35,7 +35,7 @@ use label::{MAX_LABEL, fits};
 pub use crate::policy_spec::{mistaken, read_spec};
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 11] = [
+pub const POLICIES: [PolicyEntry; 12] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -91,6 +91,14 @@ pub const POLICIES: [PolicyEntry; 11] = [
         needs_record: false,
         is_usual: false,
         prepare: playback,
+    },
+    PolicyEntry {
+        name: "learned",
+        about: "acts by a network that `genmanip train` made: learned:FOLDER",
+        arguments: &[PolicyArgument::new("folder", "", "folder of the policy").in_label(InLabel::Content)],
+        needs_record: false,
+        is_usual: false,
+        prepare: learned,
     },
     PolicyEntry {
         name: "agent",
@@ -190,6 +198,17 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
         let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
         Ok(Box::new(OpenLoop::playback(contract, actions)))
     }))
+}
+
+fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
+    let Some(folder) = given.folder("folder") else {
+        return Err(WorkspaceError::input("policy learned needs the folder of a policy")
+            .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
+    };
+    let learned = learn::policy::load(&folder)?;
+    let prepared = Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage));
+    // Its end is an estimate: the episodes end where its goal holds.
+    Ok(Prepared { never_finishes: true, ..prepared })
 }
 
 fn do_nothing(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -465,8 +484,8 @@ impl Given {
         let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
         let mut given = Self { policy: entry.name, arguments: entry.arguments, values: defaults.collect() };
         for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
-            // `python:MODULE:CLASS` reads better than `python:class=MODULE:CLASS`.
-            if let (0, "python", false) = (place, entry.name, part.contains('=')) {
+            // `python:MODULE:CLASS` and `learned:FOLDER` read better than with the name of the argument.
+            if let (0, "python" | "learned", false) = (place, entry.name, part.contains('=')) {
                 given.values[0] = (given.values[0].0, part.to_owned(), true);
                 continue;
             }
@@ -568,10 +587,11 @@ mod tests {
             (
                 "",
                 "unknown policy ``",
-                "policies are expert, replay, do_nothing, random, blind, clumsy, playback, agent",
+                "policies are expert, replay, do_nothing, random, blind, clumsy, playback, learned, agent",
             ),
             ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
             ("playback:dataset=none", "cannot play none back", ""),
+            ("learned", "policy learned needs the folder of a policy", "learned:FOLDER"),
             ("python", "`` names no class", "python:MODULE:CLASS"),
             ("python:my_policy", "`my_policy` names no class", "MyPolicy in my_policy.py"),
             ("python:my_policy:My Policy", "names no class", ""),

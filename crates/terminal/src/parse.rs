@@ -37,6 +37,24 @@ pub fn seed(text: &str) -> Result<u64, String> {
     }
 }
 
+/// A time such as `90s`, `30m` or `2h`, in seconds.
+///
+/// # Errors
+/// The expected form.
+pub fn time(text: &str) -> Result<u64, String> {
+    let factor = match text.chars().last() {
+        Some('s') => 1,
+        Some('m') => 60,
+        Some('h') => 3600,
+        _ => 0,
+    };
+    let number = text.get(..text.len().saturating_sub(1)).and_then(|number| number.parse::<u64>().ok());
+    match number.and_then(|number| number.checked_mul(factor)) {
+        Some(seconds @ 1..=2_592_000) => Ok(seconds),
+        _ => Err("expected a time such as 90s, 30m or 2h, at most 720h".into()),
+    }
+}
+
 /// A positive number from 1e-6 to 1e6.
 ///
 /// # Errors

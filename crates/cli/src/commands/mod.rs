@@ -24,4 +24,5 @@ pub mod serve;
 pub mod suite;
 pub mod task;
 pub mod task_new;
+pub mod train;
 pub mod world;

@@ -26,6 +26,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["train"],
         &["data", "check"],
         &["data", "show"],
         &["data", "merge"],

@@ -7,9 +7,11 @@ use genmanip_assets::CATALOGUES;
 use genmanip_core::ExpertStyle;
 use genmanip_terminal::{GlobalArguments, parse};
 
+pub use learn::*;
 pub use motion::*;
 pub use suites::*;
 
+mod learn;
 mod motion;
 mod suites;
 
@@ -132,6 +134,14 @@ pub enum LabCommand {
                       genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
+    /// Learn one family of tasks from nothing: demonstrations, training, success on unseen layouts
+    #[command(
+        after_help = "Example:\n  genmanip-lab learn --seed 1 --preset state --demos 300 --budget 15m --json\n\n\
+                      Needs a build with learned policies: cargo xtask install --learn. One of eight objects goes into a\n\
+                      basket, among up to three others; the time limit is three times the expert's median. Evaluation\n\
+                      is not part of the CPU times."
+    )]
+    Learn(LabLearnArguments),
     /// Copy a run's episodes to any number, and measure the cost of report, opening and resuming
     #[command(after_help = "Example:\n  genmanip-lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, with their own ids; synthetic.json marks \

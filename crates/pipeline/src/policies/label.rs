@@ -63,6 +63,11 @@ fn content(path: &Path) -> Vec<u8> {
     if !path.is_dir() {
         return documents::read_bytes(path, HASHED).unwrap_or_default();
     }
+    // The description of a learned policy names the hash of its tensors.
+    let description = path.join("policy.json");
+    if description.is_file() {
+        return content(&description);
+    }
     let mut listed: Vec<String> = Vec::new();
     let mut open = vec![path.to_owned()];
     while let Some(folder) = open.pop() {

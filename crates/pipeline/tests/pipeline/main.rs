@@ -6,6 +6,7 @@ mod act;
 mod documented;
 mod driving;
 mod ending;
+mod learn;
 mod remote;
 
 use genmanip_workspace::task_files;

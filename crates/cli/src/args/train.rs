@@ -1,0 +1,47 @@
+//! Arguments of `train`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use genmanip_pipeline::learn::Preset;
+use genmanip_terminal::parse;
+
+/// Arguments of `train`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("length").required(true).args(["steps", "budget", "check"]))]
+pub struct TrainArguments {
+    /// Folder of a run made by `collect`; its verified episodes are learned from
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images
+    #[arg(long, value_name = "PRESET", value_parser = parse_preset())]
+    pub preset: Preset,
+    /// Number of steps
+    #[arg(long, value_name = "N", value_parser = parse::count)]
+    pub steps: Option<usize>,
+    /// Time instead of a number of steps, such as 90s, 30m or 2h; it becomes a number of steps once, after the first 50
+    #[arg(long, value_name = "TIME", value_parser = parse::time)]
+    pub budget: Option<u64>,
+    /// Train nothing: replay recorded rows on the way of a learned policy's output, which must solve 95 % of their
+    /// layouts
+    #[arg(long, conflicts_with_all = ["seed", "out"])]
+    pub check: bool,
+    /// Demonstrations that --check replays, at most
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = parse::count, requires = "check")]
+    pub count: usize,
+    /// Seed of initial weights and samples
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Folder of the policy
+    #[arg(long, value_name = "DIR", required_unless_present = "check")]
+    pub out: Option<PathBuf>,
+    /// Worker threads; results do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse::count)]
+    pub workers: Option<usize>,
+}
+
+fn parse_preset() -> impl TypedValueParser<Value = Preset> {
+    PossibleValuesParser::new(Preset::ALL.map(Preset::name))
+        .try_map(|name| Preset::named(&name).ok_or("expected the name of a preset"))
+}

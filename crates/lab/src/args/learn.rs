@@ -1,0 +1,43 @@
+//! Arguments of the measurement of learned policies.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use genmanip_pipeline::learn::Preset;
+use genmanip_terminal::parse;
+
+/// Arguments of `genmanip-lab learn`.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("length").required(true).args(["steps", "budget"])))]
+pub struct LabLearnArguments {
+    /// Seed of tasks, layouts, demonstrations and training
+    #[arg(long, default_value_t = 0, value_parser = parse::seed)]
+    pub seed: u64,
+    /// Inputs and sizes of the policy
+    #[arg(long, value_name = "PRESET", value_parser = parse_preset())]
+    pub preset: Preset,
+    /// Verified demonstrations
+    #[arg(long, value_name = "N", value_parser = parse::count)]
+    pub demos: usize,
+    /// Steps of the training
+    #[arg(long, value_name = "N", value_parser = parse::count)]
+    pub steps: Option<usize>,
+    /// Time of the training, such as 90s, 30m or 2h
+    #[arg(long, value_name = "TIME", value_parser = parse::time)]
+    pub budget: Option<u64>,
+    /// Unseen layouts
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
+    pub layouts: usize,
+    /// New folder for run, policy and layouts [default: a temporary one, which is removed]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse::count)]
+    pub workers: Option<usize>,
+}
+
+fn parse_preset() -> impl TypedValueParser<Value = Preset> {
+    PossibleValuesParser::new(Preset::ALL.map(Preset::name))
+        .try_map(|name| Preset::named(&name).ok_or("expected the name of a preset"))
+}

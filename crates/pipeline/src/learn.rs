@@ -1,0 +1,32 @@
+//! Learning policies from the demonstrations of a run.
+//!
+//! `crates/policy` sees arrays only; what turns episodes and observations into them is here, the same code for training
+//! and for acting. Without the feature `learn` every function refuses with the command that installs it.
+
+mod options;
+
+#[cfg(feature = "learn")]
+mod check;
+#[cfg(feature = "learn")]
+mod demonstrations;
+#[cfg(feature = "learn")]
+mod inputs;
+#[cfg(feature = "learn")]
+pub(crate) mod policy;
+#[cfg(feature = "learn")]
+mod presets;
+#[cfg(feature = "learn")]
+mod training;
+#[cfg(not(feature = "learn"))]
+mod uninstalled;
+
+#[cfg(feature = "learn")]
+pub use check::check;
+pub use genmanip_policy::Preset;
+pub use options::{CheckOptions, Checked, Length, TrainOptions, Trained};
+#[cfg(feature = "learn")]
+pub use training::train;
+#[cfg(not(feature = "learn"))]
+pub(crate) use uninstalled::policy;
+#[cfg(not(feature = "learn"))]
+pub use uninstalled::{check, train};

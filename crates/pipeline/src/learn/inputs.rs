@@ -1,0 +1,146 @@
+//! Inputs of the privileged-state policy: the robot and the objects as the simulator knows them.
+
+use std::sync::Arc;
+
+use genmanip_core::{Atom, ObjectModel, ObjectState, RobotModel, RotationEncoding, Scenario};
+use genmanip_policy::Inputs;
+
+/// Object slots: those of the goal, then others in the order of the scenario.
+const SLOTS: usize = 6;
+const ROBOT: [&str; 10] = [
+    "tcp_x",
+    "tcp_y",
+    "tcp_z",
+    "tcp_x_axis_x",
+    "tcp_x_axis_y",
+    "tcp_x_axis_z",
+    "tcp_y_axis_x",
+    "tcp_y_axis_y",
+    "tcp_y_axis_z",
+    "gripper_width",
+];
+/// The roles are those in the goal's first alternative; `order` is the place of the condition there.
+const OBJECT: [&str; 23] = [
+    "present",
+    "is_subject",
+    "is_reference",
+    "is_second_reference",
+    "order",
+    "x",
+    "y",
+    "z",
+    "x_axis_x",
+    "x_axis_y",
+    "x_axis_z",
+    "y_axis_x",
+    "y_axis_y",
+    "y_axis_z",
+    "from_tcp_x",
+    "from_tcp_y",
+    "from_tcp_z",
+    "size_x",
+    "size_y",
+    "size_z",
+    "joint_0",
+    "joint_1",
+    "is_held",
+];
+
+/// Layout of the inputs.
+pub(super) fn layout() -> Inputs {
+    let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
+    Inputs { robot: names(&ROBOT), object: names(&OBJECT), slots: SLOTS }
+}
+
+/// State of robot and objects at one moment.
+#[derive(Clone, Copy)]
+pub(super) struct Moment<'a> {
+    /// Arm joint positions, rad.
+    pub arm: &'a [f64],
+    /// Gripper opening, m.
+    pub width_m: f64,
+    /// Objects in the order of the scenario.
+    pub objects: &'a [ObjectState],
+    /// Index of the held object.
+    pub held: Option<usize>,
+}
+
+/// Turns moments of the episodes of one scenario into inputs.
+pub(super) struct Observer {
+    robot: Arc<RobotModel>,
+    slots: Vec<Slot>,
+}
+
+/// What stays the same of a slot's object during an episode.
+struct Slot {
+    object: usize,
+    roles: [f32; 3],
+    order: f32,
+    size_m: [f32; 3],
+}
+
+impl Observer {
+    /// For a scenario and the models of its objects.
+    ///
+    /// # Errors
+    /// If the goal involves more objects than there are slots.
+    pub fn new(scenario: &Scenario, models: &[Arc<ObjectModel>], robot: &Arc<RobotModel>) -> Result<Self, String> {
+        let mut slots: Vec<Slot> = Vec::new();
+        let slot = |object: usize, roles, order| Slot {
+            object,
+            roles,
+            order,
+            size_m: models.get(object).map_or([0.0; 3], |model| model.card.size_m.as_vec3().to_array()),
+        };
+        let first = scenario.task.goal.alternatives.first();
+        for (order, atom) in first.into_iter().flatten().enumerate() {
+            let named = match atom {
+                Atom::Relation { subject, reference, second_reference, .. } => {
+                    [Some(subject), Some(reference), second_reference.as_ref()]
+                }
+                Atom::State { object, .. } => [Some(object), None, None],
+            };
+            for (role, id) in named.into_iter().enumerate() {
+                // A reference may be a support surface, which is no object.
+                let Some(object) = id.and_then(|id| scenario.index_of(id)) else { continue };
+                let at = slots.iter().position(|slot| slot.object == object).unwrap_or_else(|| {
+                    slots.push(slot(object, [0.0; 3], order as f32));
+                    slots.len() - 1
+                });
+                slots[at].roles[role] = 1.0;
+            }
+        }
+        if slots.len() > SLOTS {
+            return Err(format!("the goal involves {} objects, expected at most {SLOTS}", slots.len()));
+        }
+        let others = (0..scenario.objects.len()).filter(|object| slots.iter().all(|slot| slot.object != *object));
+        let others: Vec<Slot> = others.map(|object| slot(object, [0.0; 3], 0.0)).collect();
+        slots.extend(others);
+        slots.truncate(SLOTS);
+        Ok(Self { robot: Arc::clone(robot), slots })
+    }
+
+    /// Inputs at a moment, as [`layout`] says.
+    pub fn inputs(&self, moment: Moment) -> Vec<f32> {
+        let layout = ROBOT.len() + SLOTS * OBJECT.len();
+        let tcp = self.robot.tcp_pose(moment.arm);
+        let mut row = Vec::with_capacity(layout);
+        row.extend(tcp.position.as_vec3().to_array());
+        row.extend(RotationEncoding::SixD.encode(tcp.rotation).into_iter().map(|value| value as f32));
+        row.push(moment.width_m as f32);
+        for Slot { object, roles, order, size_m } in &self.slots {
+            let Some(state) = moment.objects.get(*object) else { break };
+            row.push(1.0);
+            row.extend(roles);
+            row.push(*order);
+            row.extend(state.pose.position.as_vec3().to_array());
+            row.extend(RotationEncoding::SixD.encode(state.pose.rotation).into_iter().map(|value| value as f32));
+            row.extend((state.pose.position - tcp.position).as_vec3().to_array());
+            row.extend(size_m);
+            row.extend((0..2).map(|joint| state.joint_positions.get(joint).map_or(0.0, |angle| *angle as f32)));
+            row.push(f32::from(u8::from(moment.held == Some(*object))));
+        }
+        row.resize(layout, 0.0);
+        row
+    }
+}

@@ -1,0 +1,114 @@
+//! Learned policies in episodes: observation to inputs, prediction to actions.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_core::limits::Limit;
+use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_policy::{Network, PolicyDescription, Prediction};
+use genmanip_rollout::Stage;
+use genmanip_workspace::{WorkspaceError, documents};
+
+use super::inputs::{self, Moment, Observer};
+
+/// Description of a policy in its folder.
+pub(super) const DESCRIPTION: &str = "policy.json";
+/// Weights of a policy in its folder.
+pub(super) const WEIGHTS: &str = "weights.safetensors";
+/// Size limits of the two files.
+pub(super) const MAX_DESCRIPTION: Limit = Limit { what: "the description of a policy", bytes: 4 << 20 };
+pub(super) const MAX_WEIGHTS: Limit = Limit { what: "the weights of a policy", bytes: 4 << 30 };
+/// Probability above which the episode counts as over.
+const OVER: f32 = 0.5;
+
+/// A policy from a folder, shared by its episodes.
+pub(crate) struct Learned {
+    network: Network,
+}
+
+/// Loads a policy.
+///
+/// # Errors
+/// When its files cannot be read, contradict each other, or ask for other inputs than this program makes.
+pub(crate) fn load(folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
+    let description: PolicyDescription = documents::read_document(&folder.join(DESCRIPTION), MAX_DESCRIPTION)?;
+    if description.inputs != inputs::layout() {
+        return Err(WorkspaceError::input(format!("{} was trained on other inputs", folder.display()))
+            .with_hint("train it again, or use the version of the program that trained it"));
+    }
+    let weights = folder.join(WEIGHTS);
+    let bytes = documents::read_bytes(&weights, MAX_WEIGHTS)?;
+    let network = Network::new(description, &bytes).map_err(|error| {
+        WorkspaceError::file("read", &weights, error).or_hint("copy the whole folder of the policy, or train it again")
+    })?;
+    Ok(Arc::new(Learned { network }))
+}
+
+impl Learned {
+    /// The policy for one episode.
+    ///
+    /// # Errors
+    /// When robot or goal are not what it was trained for.
+    pub(crate) fn act_on(self: &Arc<Self>, stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
+        let network = Arc::clone(self);
+        let predict = move |inputs: &[f32]| network.network.predict(inputs);
+        Ok(Box::new(ChunkPolicy::new("learned", self.network.description(), predict, stage)?))
+    }
+}
+
+/// Executes predicted chunks: the way of every learned policy's output.
+pub(super) struct ChunkPolicy<F> {
+    spec: PolicySpec,
+    description: PolicyDescription,
+    predict: F,
+    observer: Observer,
+}
+
+impl<F: FnMut(&[f32]) -> Prediction + Send> ChunkPolicy<F> {
+    /// For an episode of a stage.
+    ///
+    /// # Errors
+    /// When robot or goal are not what the description says.
+    pub fn new(name: &str, description: &PolicyDescription, predict: F, stage: &Stage) -> Result<Self, WorkspaceError> {
+        let contract = &description.contract;
+        if contract.robot != stage.robot.name {
+            let what = format!("the policy has actions of robot `{}`", contract.robot);
+            let hint = format!("scenario {} has robot `{}`", stage.scenario.id, stage.robot.name);
+            return Err(WorkspaceError::input(what).with_hint(hint));
+        }
+        let observer = Observer::new(&stage.scenario, &stage.models, &stage.robot)
+            .map_err(|reason| WorkspaceError::input(format!("scenario {}: {reason}", stage.scenario.id)))?;
+        let spec = PolicySpec {
+            action: contract.action,
+            execute_steps: description.execute,
+            privileged: description.privileged,
+            ..PolicySpec::native(name, contract.rate_hz)
+        };
+        Ok(Self { spec, description: description.clone(), predict, observer })
+    }
+}
+
+impl<F: FnMut(&[f32]) -> Prediction + Send> Policy for ChunkPolicy<F> {
+    fn spec(&self) -> PolicySpec {
+        self.spec.clone()
+    }
+
+    fn reset(&mut self, _start: &EpisodeStart) -> Result<(), PolicyError> {
+        Ok(())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let missing = |what: &str| PolicyError::Unsuited(format!("`{what}` is missing"));
+        let state = observation.state.get(Observation::STATE).and_then(|state| state.split_last());
+        let (width_m, arm) = state.ok_or_else(|| missing(Observation::STATE))?;
+        let truth = observation.privileged.as_ref().ok_or_else(|| missing("simulator truth"))?;
+        let moment = Moment { arm, width_m: *width_m, objects: &truth.objects, held: truth.grasped };
+        let Prediction { actions, end } = (self.predict)(&self.observer.inputs(moment));
+        let scale = &self.description.normalisation.action;
+        let coming = actions.iter().zip(&end).take(self.description.execute).take_while(|(_, end)| **end <= OVER);
+        let actions: Vec<Vec<f32>> = coming.map(|(action, _)| scale.restore(action).collect()).collect();
+        // Only a policy that sees nothing left to do has finished; a short chunk is looked at again.
+        let finished = actions.is_empty();
+        Ok(ActionChunk { actions, finished })
+    }
+}

@@ -1,0 +1,92 @@
+//! A policy trained on the demonstrations of a run.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TrainOptions, check, train};
+
+use super::*;
+
+fn options(run: &Path, out: &str, steps: u64) -> TrainOptions {
+    let out = run.with_file_name(out);
+    TrainOptions {
+        run: run.into(),
+        preset: Preset::State,
+        length: Length::Steps(steps),
+        seed: Seed::new(1),
+        out,
+        threads: 1,
+    }
+}
+
+#[cfg(not(feature = "learn"))]
+#[test]
+fn without_the_feature_the_refusal_names_the_command_that_installs_it() {
+    let (never, run) = (AtomicBool::new(false), Path::new("run"));
+    let trained = train(&options(run, "policy", 1), &NoProgress, &never).unwrap_err();
+    let asked = CheckOptions { run: run.into(), preset: Preset::State, demonstrations: 1, workers: 1 };
+    let checked = check(&asked, &NoProgress, &never).unwrap_err();
+    let evaluated = PolicyFactory::resolve("learned:policy").unwrap_err();
+    for refused in [trained, checked, evaluated] {
+        assert!(refused.hint().unwrap().contains("cargo xtask install --learn"), "{refused}");
+    }
+}
+
+/// Steps after which one episode is known by heart.
+#[cfg(feature = "learn")]
+const STEPS: u64 = 500;
+
+/// Recorded rows solve their layouts as a learned policy's output; one episode is learned by heart, and solved in closed
+/// loop by the policy that was stopped and continued.
+#[cfg(feature = "learn")]
+#[test]
+fn one_episode_is_learned_by_heart() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, never) = (folder.path().join("run"), AtomicBool::new(false));
+    let collected = collected(&folder, &run(1), &NoProgress, &never);
+    assert!(collected.is_met(), "{collected:?}");
+
+    let asked = CheckOptions { run: folder.clone(), preset: Preset::State, demonstrations: 9, workers: 1 };
+    let checked = check(&asked, &NoProgress, &never).unwrap().unwrap();
+    assert_eq!((checked.demonstrations, checked.replay_success.successes), (1, 1));
+
+    // Stopped after 20 of 40 steps, and once by heart; reading counts one unit.
+    let short = train(&options(&folder, "short", 40), &NoProgress, &never).unwrap().unwrap();
+    let stop = AtomicBool::new(false);
+    let halves = options(&folder, "halves", 40);
+    assert_eq!(train(&halves, &Listener::new(21, &stop), &stop).unwrap(), None);
+    let other = TrainOptions { seed: Seed::new(2), ..halves.clone() };
+    let refused = train(&other, &NoProgress, &never).unwrap_err().to_string();
+    assert!(refused.contains("holds another training: seed is 1 there, 2 here"), "{refused}");
+    let continued = train(&halves, &NoProgress, &never).unwrap().unwrap();
+    assert_eq!((continued.resumed_from, &continued.tensors_sha256), (Some(20), &short.tensors_sha256));
+    // A finished training is not repeated.
+    let again = train(&halves, &NoProgress, &never).unwrap().unwrap();
+    assert_eq!((again.resumed_from, again.tensors_sha256), (Some(40), short.tensors_sha256));
+    let read = |name: &str| std::fs::read(folder.with_file_name(name)).unwrap();
+    assert_eq!(read("short/weights.safetensors"), read("halves/weights.safetensors"));
+    assert_eq!(read("short/policy.json"), read("halves/policy.json"));
+
+    let trained = train(&options(&folder, "policy", STEPS), &NoProgress, &never).unwrap().unwrap();
+    assert!(trained.final_l1 < 0.1, "{trained:?}");
+    let learned = PolicyFactory::resolve(&format!("learned:{}", trained.policy.display())).unwrap();
+    assert!(learned.label().starts_with("learned_folder=policy-"), "{}", learned.label());
+    let suite = Suite::of_run(&folder).unwrap();
+    let alone = EvaluateOptions { workers: 1, ..EvaluateOptions::default() };
+    let reports = evaluate(&suite, &[learned], &alone, &NoProgress, &never).unwrap();
+    let result = &reports[0].results[0];
+    assert!(result.success && result.oracle, "{result:?}");
+
+    // Other weights than those of the description are refused, and so are damaged ones.
+    let weights = trained.policy.join("weights.safetensors");
+    let refused = || {
+        let error = PolicyFactory::resolve(&format!("learned:{}", trained.policy.display())).unwrap_err();
+        std::iter::successors(Some(&error as &dyn std::error::Error), |error| error.source())
+            .map(|error| format!("{error}; "))
+            .collect::<String>()
+    };
+    std::fs::copy(short.policy.join("weights.safetensors"), &weights).unwrap();
+    assert!(refused().contains("the tensors have hash"), "{}", refused());
+    std::fs::write(&weights, b"no weights").unwrap();
+    assert!(refused().contains("not a safetensors file"), "{}", refused());
+}

@@ -1,0 +1,201 @@
+//! Description of a learned policy, the file `policy.json` beside its weights.
+
+use genmanip_core::{ActionContract, Document, DocumentError, Seed, named_enum};
+use serde::{Deserialize, Serialize};
+
+use crate::Scale;
+
+/// A learned policy: its network, inputs and outputs, and the facts of its training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyDescription {
+    /// Preset that it was trained with.
+    pub preset: Preset,
+    /// True if it reads simulator ground truth; its results are then marked `oracle`.
+    pub privileged: bool,
+    /// Sizes of the network.
+    pub model: ModelSettings,
+    /// Inputs of the network.
+    pub inputs: Inputs,
+    /// Contract of the predicted actions, that of the demonstrations.
+    pub contract: ActionContract,
+    /// Actions executed of a chunk before the next observation.
+    pub execute: usize,
+    /// Means and deviations of inputs and actions over the demonstrations.
+    pub normalisation: Normalisation,
+    /// Facts of the training.
+    pub training: TrainingFacts,
+    /// SHA-256 of all tensors in the order of their names, hexadecimal.
+    pub tensors_sha256: String,
+}
+
+impl Document for PolicyDescription {
+    const SCHEMA: &'static str = "genmanip.policy/1";
+
+    fn check(&self) -> Result<(), DocumentError> {
+        let actions = self.contract.names.len();
+        let widths = [
+            ("$.normalisation.robot", self.normalisation.robot.width(), self.inputs.robot.len()),
+            ("$.normalisation.object", self.normalisation.object.width(), self.inputs.object.len()),
+            ("$.normalisation.action", self.normalisation.action.width(), actions),
+        ];
+        let wrong = widths.into_iter().find(|(_, got, expected)| *got != Some(*expected));
+        let refuse = |path: &str, message: String| Err(DocumentError::Invalid { path: path.into(), message });
+        match wrong {
+            Some((path, _, expected)) => refuse(path, format!("expected {expected} means and positive deviations")),
+            None if actions == 0 || self.inputs.robot.is_empty() => {
+                refuse("$.contract.names", "expected a policy with inputs and actions".into())
+            }
+            None if !(1..=self.model.chunk).contains(&self.execute) => {
+                refuse("$.execute", format!("expected 1 to {}, got {}", self.model.chunk, self.execute))
+            }
+            None => self.model.check().or_else(|message| refuse("$.model", message)),
+        }
+    }
+}
+
+named_enum! {
+    /// Inputs and sizes of a policy under one name.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Preset {
+        /// Poses of the objects as the simulator knows them; a privileged policy without images.
+        State = "state",
+    }
+}
+
+/// Sizes of the transformer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSettings {
+    /// Width of tokens.
+    pub width: usize,
+    /// Attention heads.
+    pub heads: usize,
+    /// Width of the feed-forward layers.
+    pub feed_forward: usize,
+    /// Encoder layers.
+    pub encoder_layers: usize,
+    /// Decoder layers.
+    pub decoder_layers: usize,
+    /// Actions predicted at once.
+    pub chunk: usize,
+}
+
+/// Largest width, chunk and number of layers; several times those of published policies.
+const MAX_WIDTH: usize = 4096;
+const MAX_CHUNK: usize = 512;
+const MAX_LAYERS: usize = 64;
+
+impl ModelSettings {
+    fn check(&self) -> Result<(), String> {
+        let ranges = [
+            ("width", self.width, MAX_WIDTH),
+            ("heads", self.heads, self.width),
+            ("feed_forward", self.feed_forward, 4 * MAX_WIDTH),
+            ("encoder_layers", self.encoder_layers, MAX_LAYERS),
+            ("decoder_layers", self.decoder_layers, MAX_LAYERS),
+            ("chunk", self.chunk, MAX_CHUNK),
+        ];
+        match ranges.into_iter().find(|(_, value, most)| !(1..=*most).contains(value)) {
+            Some((name, value, most)) => Err(format!("{name}: expected 1 to {most}, got {value}")),
+            None if !self.width.is_multiple_of(self.heads) => {
+                Err(format!("width: expected a multiple of {} heads, got {}", self.heads, self.width))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Inputs of a network: one token of the robot, and one per object slot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Inputs {
+    /// Names of the numbers of the robot's token, in order.
+    pub robot: Vec<String>,
+    /// Names of the numbers of an object's token, in order; the first is 1 where the slot holds an object, and all of
+    /// an empty slot are 0.
+    pub object: Vec<String>,
+    /// Number of object slots.
+    pub slots: usize,
+}
+
+impl Inputs {
+    /// Numbers of one row: the robot's, then those of each slot.
+    pub fn width(&self) -> usize {
+        self.robot.len() + self.slots * self.object.len()
+    }
+}
+
+/// Normalisation of inputs and actions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Normalisation {
+    /// Of the robot's token.
+    pub robot: Scale,
+    /// Of the objects' tokens; over filled slots.
+    pub object: Scale,
+    /// Of actions.
+    pub action: Scale,
+}
+
+/// Settings of a training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingSettings {
+    /// Samples per step.
+    pub batch: usize,
+    /// Peak learning rate of AdamW.
+    pub learning_rate: f64,
+    /// Steps of linear warm-up; cosine decay to 0 follows.
+    pub warm_up: u64,
+    /// Decoupled weight decay of matrices.
+    pub weight_decay: f64,
+    /// Largest norm of all gradients together; larger ones are scaled down.
+    pub max_gradient_norm: f64,
+    /// Decay of the exponential moving average of the weights, which is what is evaluated.
+    pub average_decay: f64,
+    /// Weight of the loss of the end of the episode.
+    pub end_weight: f64,
+    /// Copies of a row within a chunk of a change of the gripper; other rows have one.
+    pub transition_copies: usize,
+}
+
+impl Default for TrainingSettings {
+    fn default() -> Self {
+        Self {
+            batch: 64,
+            learning_rate: 1e-3,
+            warm_up: 100,
+            weight_decay: 1e-4,
+            max_gradient_norm: 1.0,
+            average_decay: 0.999,
+            end_weight: 0.1,
+            transition_copies: 2,
+        }
+    }
+}
+
+/// Facts of a training: the same facts give the same weights, bit for bit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingFacts {
+    /// Hash of the run of the demonstrations.
+    pub run: String,
+    /// Number of demonstrations.
+    pub demonstrations: usize,
+    /// Number of rows.
+    pub rows: usize,
+    /// Seed of initial weights and samples.
+    pub seed: Seed,
+    /// Number of steps.
+    pub steps: u64,
+    /// Settings.
+    pub settings: TrainingSettings,
+    /// L1 error of normalised actions in the last hundredth of the steps.
+    pub final_l1: f64,
+    /// Number of parameters.
+    pub parameters: usize,
+    /// Version of the program.
+    pub genmanip_version: String,
+}

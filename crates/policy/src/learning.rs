@@ -1,0 +1,12 @@
+//! Networks and their training.
+
+mod adam;
+mod network;
+mod nn;
+mod parameters;
+mod tensor;
+mod train;
+
+pub use network::{Network, NetworkError, Prediction};
+pub use parameters::{Array, Parameters, ParametersError};
+pub use train::{Checkpoint, TrainError, Trainer, TrainingStep};

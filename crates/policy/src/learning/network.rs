@@ -1,0 +1,80 @@
+//! A trained network, which predicts actions on the processor.
+
+use genmanip_core::Document;
+
+use super::nn::{Transformer, Weights};
+use super::parameters::ParametersError;
+use super::tensor::Cpu;
+use crate::{Batch, Demonstrations, PolicyDescription};
+
+/// A trained network with its description.
+pub struct Network {
+    description: PolicyDescription,
+    transformer: Transformer,
+    weights: Weights<Cpu>,
+}
+
+/// Predicted chunk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// Normalised actions, in the order of their execution.
+    pub actions: Vec<Vec<f32>>,
+    /// Probability that the episode is over before each of them.
+    pub end: Vec<f32>,
+}
+
+/// Reason why a policy cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// The weights cannot be read.
+    #[error(transparent)]
+    Parameters(#[from] ParametersError),
+    /// The description contradicts itself.
+    #[error(transparent)]
+    Description(#[from] genmanip_core::DocumentError),
+    /// The weights are others than the description names.
+    #[error("the tensors have hash {got}, expected {expected}")]
+    OtherTensors {
+        /// Hash in the description.
+        expected: String,
+        /// Hash of the file's tensors.
+        got: String,
+    },
+}
+
+impl Network {
+    /// From a description and the bytes of its weights.
+    ///
+    /// # Errors
+    /// If the description contradicts itself, or the weights are damaged or others than those it names.
+    pub fn new(description: PolicyDescription, weights: &[u8]) -> Result<Self, NetworkError> {
+        description.check()?;
+        let PolicyDescription { model, inputs, contract, tensors_sha256, .. } = &description;
+        let transformer = Transformer::new(model.clone(), inputs.clone(), contract.names.len());
+        let parameters = transformer.empty().from_bytes(weights, "")?;
+        let got = parameters.sha256();
+        if got != *tensors_sha256 {
+            return Err(NetworkError::OtherTensors { expected: tensors_sha256.clone(), got });
+        }
+        Ok(Self { weights: Transformer::load(&parameters), description, transformer })
+    }
+
+    /// Its description.
+    pub fn description(&self) -> &PolicyDescription {
+        &self.description
+    }
+
+    /// Predicted chunk for one row of inputs.
+    pub fn predict(&self, inputs: &[f32]) -> Prediction {
+        let PolicyDescription { inputs: layout, normalisation, contract, .. } = &self.description;
+        let mut batch = Batch::default();
+        Demonstrations::push_inputs(layout, normalisation, inputs, &mut batch);
+        let output = self.transformer.forward(&self.weights, &batch);
+        let actions = output.actions.values();
+        let probability = |logit: f32| 1.0 / (1.0 + (-logit).exp());
+        Prediction {
+            actions: actions.chunks_exact(contract.names.len()).map(<[f32]>::to_vec).collect(),
+            end: output.end.values().into_iter().map(probability).collect(),
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Named arrays of a network, and their files in safetensors format.
+
+use std::collections::BTreeMap;
+
+use safetensors::{Dtype, SafeTensors};
+use serde_json::{Map, Value, json};
+use sha2::{Digest, Sha256};
+
+/// Named arrays of single precision in row-major order, in a fixed order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parameters {
+    /// Name, shape and values of each array.
+    pub arrays: Vec<Array>,
+}
+
+/// One array.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Name, e.g. `encoder.0.attention.query.weight`.
+    pub name: String,
+    /// Length along each dimension.
+    pub shape: Vec<usize>,
+    /// Values in row-major order.
+    pub values: Vec<f32>,
+}
+
+/// Reason why a file of arrays is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ParametersError {
+    /// Not a safetensors file.
+    #[error("not a safetensors file")]
+    Format(#[from] safetensors::SafeTensorError),
+    /// An array is missing or has another shape.
+    #[error("array `{name}`: expected shape {expected:?} of 32-bit floats, got {got}")]
+    Array {
+        /// Its name.
+        name: String,
+        /// Shape that the network has.
+        expected: Vec<usize>,
+        /// What the file has.
+        got: String,
+    },
+    /// A value is not finite.
+    #[error("array `{0}` holds a value that is not finite")]
+    NotFinite(String),
+}
+
+impl Parameters {
+    /// Number of values.
+    pub fn count(&self) -> usize {
+        self.arrays.iter().map(|array| array.values.len()).sum()
+    }
+
+    /// SHA-256 of names, shapes and values in the order of the names, hexadecimal.
+    pub fn sha256(&self) -> String {
+        let mut hasher = Sha256::new();
+        let sorted: BTreeMap<&str, &Array> = self.arrays.iter().map(|array| (array.name.as_str(), array)).collect();
+        for (name, Array { shape, values, .. }) in sorted {
+            hasher.update(format!("{name} {shape:?}\n"));
+            values.iter().for_each(|value| hasher.update(value.to_le_bytes()));
+        }
+        hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// A safetensors file: arrays in the order of their names, metadata sorted, so that equal arrays are equal bytes.
+    pub fn to_bytes(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+        let mut sorted: Vec<&Array> = self.arrays.iter().collect();
+        sorted.sort_by(|one, other| one.name.cmp(&other.name));
+        let (mut header, mut end) = (Map::new(), 0);
+        header.insert("__metadata__".into(), json!(metadata));
+        for Array { name, shape, values } in &sorted {
+            let begin = end;
+            end += values.len() * size_of::<f32>();
+            header.insert(name.clone(), json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, end] }));
+        }
+        let mut header = Value::Object(header).to_string().into_bytes();
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let mut bytes = Vec::with_capacity(8 + header.len() + end);
+        bytes.extend((header.len() as u64).to_le_bytes());
+        bytes.extend(header);
+        for array in sorted {
+            array.values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        }
+        bytes
+    }
+
+    /// Values of a file for the arrays of a network, under names with a prefix; other arrays of the file are ignored.
+    ///
+    /// # Errors
+    /// If the file is damaged, or an array is missing, has another shape or a value that is not finite.
+    pub fn from_bytes(&self, bytes: &[u8], prefix: &str) -> Result<Self, ParametersError> {
+        let file = SafeTensors::deserialize(bytes)?;
+        let read = |Array { name, shape, .. }: &Array| {
+            let (name, expected) = (format!("{prefix}{name}"), shape.clone());
+            let wrong = |got: String| ParametersError::Array { name: name.clone(), expected: expected.clone(), got };
+            let found = file.tensor(&name).map_err(|_| wrong("none".into()))?;
+            if found.shape() != shape || found.dtype() != Dtype::F32 {
+                return Err(wrong(format!("{:?} of {:?}", found.shape(), found.dtype())));
+            }
+            let (numbers, _) = found.data().as_chunks::<4>();
+            let values: Vec<f32> = numbers.iter().map(|number| f32::from_le_bytes(*number)).collect();
+            if values.iter().any(|value| !value.is_finite()) {
+                return Err(ParametersError::NotFinite(name));
+            }
+            Ok(Array { name: name[prefix.len()..].into(), shape: shape.clone(), values })
+        };
+        Ok(Self { arrays: self.arrays.iter().map(read).collect::<Result<_, _>>()? })
+    }
+
+    /// Metadata of a file.
+    ///
+    /// # Errors
+    /// If it is not a safetensors file.
+    pub fn metadata(bytes: &[u8]) -> Result<BTreeMap<String, String>, ParametersError> {
+        let (_, metadata) = SafeTensors::read_metadata(bytes)?;
+        Ok(metadata.metadata().clone().unwrap_or_default().into_iter().collect())
+    }
+
+    /// The same arrays under names with a prefix, with other values.
+    pub(crate) fn with(&self, prefix: &str, values: &[Vec<f32>]) -> impl Iterator<Item = Array> {
+        let arrays = self.arrays.iter().zip(values);
+        arrays.map(move |(Array { name, shape, .. }, values)| Array {
+            name: format!("{prefix}{name}"),
+            shape: shape.clone(),
+            values: values.clone(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_as_written_or_refused() {
+        let array = |name: &str, shape: &[usize], values: &[f32]| Array {
+            name: name.into(),
+            shape: shape.to_vec(),
+            values: values.to_vec(),
+        };
+        let written =
+            Parameters { arrays: vec![array("b", &[3], &[1.0, -2.5, 1e-30]), array("a", &[2, 1], &[0.1, 0.2])] };
+        let metadata = BTreeMap::from([("step".into(), "7".into()), ("a".into(), "b".into())]);
+        let bytes = written.to_bytes(&metadata);
+        assert_eq!(written.from_bytes(&bytes, "").unwrap(), written);
+        assert_eq!(Parameters::metadata(&bytes).unwrap(), metadata);
+        let refused = |wanted: Array, bytes: &[u8]| {
+            Parameters { arrays: vec![wanted] }.from_bytes(bytes, "").unwrap_err().to_string()
+        };
+        assert!(refused(array("c", &[1], &[]), &bytes).contains("got none"));
+        assert!(refused(array("b", &[1], &[]), &bytes).contains("expected shape [1] of 32-bit floats, got [3]"));
+        let endless = Parameters { arrays: vec![array("b", &[1], &[f32::NAN])] }.to_bytes(&metadata);
+        assert!(refused(array("b", &[1], &[]), &endless).contains("not finite"));
+        for cut in [0, 7, 20, bytes.len() - 1] {
+            assert!(written.from_bytes(&bytes[..cut], "").is_err(), "cut at {cut}");
+        }
+        let mut other = written.clone();
+        other.arrays.reverse();
+        assert_eq!(other.sha256(), written.sha256());
+        other.arrays[0].values[0] = 0.3;
+        assert_ne!(other.sha256(), written.sha256());
+    }
+}

@@ -1,0 +1,301 @@
+//! Training: the same demonstrations, settings, seed and number of steps give the same weights, bit for bit.
+//!
+//! A step is a function of weights, optimiser state and step number, so a training continues from a checkpoint exactly.
+//! The batch is divided into parts of a fixed size, whose gradients are added in a fixed order: the number of threads
+//! does not matter.
+
+use std::collections::BTreeMap;
+use std::thread;
+
+use genmanip_core::Seed;
+
+use super::adam::{Adam, learning_rate};
+use super::nn::{Transformer, Weights};
+use super::parameters::{Parameters, ParametersError};
+use super::tensor::{Cpu, CpuTraining, Tensor};
+use crate::{Batch, Demonstrations, Inputs, ModelSettings, Normalisation, Sampler, TrainingSettings};
+
+/// Samples whose gradients are computed together.
+const PART: usize = 32;
+
+/// A training in progress.
+pub struct Trainer<'a> {
+    demonstrations: &'a Demonstrations,
+    normalisation: Normalisation,
+    network: Transformer,
+    settings: TrainingSettings,
+    sampler: Sampler,
+    parameters: Parameters,
+    adam: Adam,
+    step: u64,
+    threads: usize,
+}
+
+/// Measures of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainingStep {
+    /// Its number, from 0.
+    pub step: u64,
+    /// L1 error of the normalised actions.
+    pub l1: f64,
+    /// Cross-entropy of the end of the episode.
+    pub end_loss: f64,
+    /// Norm of all gradients before clipping.
+    pub gradient_norm: f64,
+    /// Learning rate.
+    pub learning_rate: f64,
+}
+
+/// State of a training in bytes, with what it belongs to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// A safetensors file with weights, moments and average.
+    pub bytes: Vec<u8>,
+}
+
+/// Reason why a training cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// There is nothing to learn from.
+    #[error("there are no rows to learn from")]
+    NoRows,
+    /// The loss is not a number any more.
+    #[error("the loss of step {step} is not finite")]
+    NotFinite {
+        /// The step.
+        step: u64,
+    },
+    /// The checkpoint cannot be read.
+    #[error("the checkpoint cannot be read")]
+    Checkpoint(#[from] ParametersError),
+    /// The checkpoint lacks its step.
+    #[error("the checkpoint does not say after which step it was written")]
+    NoStep,
+}
+
+/// Names of the arrays of a checkpoint.
+const PREFIXES: [&str; 4] = ["weights.", "first.", "second.", "average."];
+/// Key of the number of finished steps in a checkpoint's metadata.
+const STEP: &str = "step";
+
+impl<'a> Trainer<'a> {
+    /// A training before its first step.
+    ///
+    /// # Errors
+    /// If there are no rows.
+    pub fn new(
+        demonstrations: &'a Demonstrations,
+        model: &ModelSettings,
+        settings: &TrainingSettings,
+        seed: Seed,
+        threads: usize,
+    ) -> Result<Self, TrainError> {
+        if demonstrations.total_rows() == 0 {
+            return Err(TrainError::NoRows);
+        }
+        let normalisation = demonstrations.normalisation();
+        let gripper = normalisation.action.deviation.last().copied().unwrap_or(1.0);
+        let sampler = Sampler::new(demonstrations, gripper, model.chunk, settings.transition_copies, seed);
+        let network = Transformer::new(model.clone(), demonstrations.inputs.clone(), demonstrations.action);
+        let parameters = network.initial(seed);
+        let adam = Adam::new(&parameters);
+        let settings = settings.clone();
+        Ok(Self { demonstrations, normalisation, network, settings, sampler, parameters, adam, step: 0, threads })
+    }
+
+    /// Number of finished steps.
+    pub fn finished(&self) -> u64 {
+        self.step
+    }
+
+    /// Means and deviations of the demonstrations.
+    pub fn normalisation(&self) -> &Normalisation {
+        &self.normalisation
+    }
+
+    /// Samples per step.
+    pub fn batch_size(&self) -> usize {
+        self.settings.batch
+    }
+
+    /// L1 error of the averaged weights on the samples of the first `batches` steps.
+    ///
+    /// # Errors
+    /// If it is not finite.
+    pub fn error_of_average(&mut self, batches: u64) -> Result<f64, TrainError> {
+        let weights = Transformer::load::<Cpu>(&self.average());
+        let (mut sum, mut count) = (0.0, 0.0);
+        for step in 0..batches {
+            let batch = self.sampler.batch(self.demonstrations, &self.normalisation, step, self.settings.batch);
+            let actions = self.network.forward(&weights, &batch).actions.values();
+            let pairs = actions.iter().zip(&batch.actions).enumerate();
+            let there = pairs.filter(|(place, _)| batch.mask[place / self.demonstrations.action] > 0.0);
+            for (_, (got, target)) in there {
+                sum += f64::from((got - target).abs());
+                count += 1.0;
+            }
+        }
+        let error: f64 = sum / f64::max(count, 1.0);
+        if error.is_finite() { Ok(error) } else { Err(TrainError::NotFinite { step: self.step }) }
+    }
+
+    /// Average of the weights: the policy.
+    pub fn average(&self) -> Parameters {
+        Parameters { arrays: self.parameters.with("", &self.adam.average).collect() }
+    }
+
+    /// The next step of `steps`.
+    ///
+    /// # Errors
+    /// If the loss is not finite; the weights stay as they were.
+    pub fn step(&mut self, steps: u64) -> Result<TrainingStep, TrainError> {
+        let (step, size) = (self.step, self.settings.batch);
+        let parts: Vec<Batch> = {
+            let batch = self.sampler.batch(self.demonstrations, &self.normalisation, step, size);
+            batch.parts(PART, &self.demonstrations.inputs)
+        };
+        let targets = f64::from(parts.iter().flat_map(|part| &part.mask).sum::<f32>()).max(1.0);
+        let loss = Loss {
+            network: &self.network,
+            parameters: &self.parameters,
+            action: self.demonstrations.action,
+            actions: targets * self.demonstrations.action as f64,
+            queries: parts.iter().map(|part| part.mask.len()).sum::<usize>() as f64,
+            end_weight: self.settings.end_weight,
+        };
+        let (mut l1, mut end_loss) = (0.0, 0.0);
+        let mut gradients: Vec<Vec<f32>> =
+            self.parameters.arrays.iter().map(|array| vec![0.0; array.values.len()]).collect();
+        for parts in parts.chunks(self.threads.max(1)) {
+            for part in loss.of_parts(parts) {
+                l1 += part.l1;
+                end_loss += part.end;
+                for (sum, gradient) in gradients.iter_mut().flatten().zip(part.gradients.iter().flatten()) {
+                    *sum += gradient;
+                }
+            }
+        }
+        if !(l1.is_finite() && end_loss.is_finite() && gradients.iter().flatten().all(|value| value.is_finite())) {
+            return Err(TrainError::NotFinite { step });
+        }
+        let learning_rate = learning_rate(step, steps, &self.settings);
+        let gradient_norm = self.adam.step(&mut self.parameters, &gradients, step, learning_rate, &self.settings);
+        self.step += 1;
+        Ok(TrainingStep { step, l1, end_loss, gradient_norm, learning_rate })
+    }
+
+    /// The whole state, with further metadata.
+    pub fn checkpoint(&self, metadata: &BTreeMap<String, String>) -> Checkpoint {
+        let weights: Vec<Vec<f32>> = self.parameters.arrays.iter().map(|array| array.values.clone()).collect();
+        let parts = [&weights, &self.adam.first, &self.adam.second, &self.adam.average];
+        let arrays = PREFIXES.iter().zip(parts).flat_map(|(prefix, values)| self.parameters.with(prefix, values));
+        let mut metadata = metadata.clone();
+        metadata.insert(STEP.into(), self.step.to_string());
+        Checkpoint { bytes: Parameters { arrays: arrays.collect() }.to_bytes(&metadata) }
+    }
+
+    /// Continues from a checkpoint of the same training; the caller compares what it belongs to.
+    ///
+    /// # Errors
+    /// If it is damaged or of another network.
+    pub fn resume(&mut self, checkpoint: &Checkpoint) -> Result<(), TrainError> {
+        let metadata = Parameters::metadata(&checkpoint.bytes)?;
+        let step = metadata.get(STEP).and_then(|step| step.parse().ok()).ok_or(TrainError::NoStep)?;
+        let [weights, first, second, average] =
+            PREFIXES.map(|prefix| self.parameters.from_bytes(&checkpoint.bytes, prefix));
+        let values = |part: Parameters| part.arrays.into_iter().map(|array| array.values).collect();
+        (self.parameters, self.step) = (weights?, step);
+        self.adam = Adam { first: values(first?), second: values(second?), average: values(average?) };
+        Ok(())
+    }
+}
+
+impl Checkpoint {
+    /// Metadata given when it was written.
+    ///
+    /// # Errors
+    /// If it is not a checkpoint.
+    pub fn metadata(&self) -> Result<BTreeMap<String, String>, ParametersError> {
+        Parameters::metadata(&self.bytes)
+    }
+}
+
+impl Batch {
+    /// The same samples in parts of at most `size`.
+    fn parts(self, size: usize, inputs: &Inputs) -> Vec<Self> {
+        let per = |values: &[f32]| values.len() / self.size.max(1);
+        let (actions, mask) = (per(&self.actions), per(&self.mask));
+        let (robot, objects) = (inputs.robot.len(), inputs.slots * inputs.object.len());
+        let part = |from: usize| {
+            let to = (from + size).min(self.size);
+            let cut = |values: &[f32], width: usize| values[from * width..to * width].to_vec();
+            Self {
+                size: to - from,
+                robot: cut(&self.robot, robot),
+                objects: cut(&self.objects, objects),
+                actions: cut(&self.actions, actions),
+                mask: cut(&self.mask, mask),
+            }
+        };
+        (0..self.size).step_by(size.max(1)).map(part).collect()
+    }
+}
+
+/// Loss of a batch, in parts.
+struct Loss<'a> {
+    network: &'a Transformer,
+    parameters: &'a Parameters,
+    /// Entries of an action.
+    action: usize,
+    /// Entries of all targets of the batch.
+    actions: f64,
+    /// Queries of the batch.
+    queries: f64,
+    end_weight: f64,
+}
+
+/// Share of a part in losses and gradients of its batch.
+struct PartLoss {
+    l1: f64,
+    end: f64,
+    gradients: Vec<Vec<f32>>,
+}
+
+impl Loss<'_> {
+    /// Losses of parts, each in a thread of its own; in their order.
+    fn of_parts(&self, parts: &[Batch]) -> Vec<PartLoss> {
+        match parts {
+            [one] => vec![self.of(one)],
+            parts => thread::scope(|scope| {
+                let running: Vec<_> = parts.iter().map(|part| scope.spawn(|| self.of(part))).collect();
+                let join = |thread: thread::ScopedJoinHandle<PartLoss>| {
+                    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                };
+                running.into_iter().map(join).collect()
+            }),
+        }
+    }
+
+    fn of(&self, part: &Batch) -> PartLoss {
+        let arrays = &self.parameters.arrays;
+        let leaves: Vec<Tensor<CpuTraining>> =
+            arrays.iter().map(|array| Tensor::leaf(&array.values, &array.shape)).collect();
+        let names = arrays.iter().map(|array| array.name.clone());
+        let weights: Weights<CpuTraining> = names.zip(leaves.iter().cloned()).collect();
+        let output = self.network.forward(&weights, part);
+        let chunk = part.mask.len() / part.size;
+        let mask = Tensor::new(&part.mask, &[part.size, chunk, 1]);
+        let targets = Tensor::new(&part.actions, &[part.size, chunk, self.action]);
+        let l1 = output.actions.sub(targets).abs().mul(mask.clone()).sum().scale(1.0 / self.actions);
+        // Cross-entropy of the logit x against the end 1 - mask: softplus(x) - x (1 - mask).
+        let over = Tensor::new(&part.mask.iter().map(|there| 1.0 - there).collect::<Vec<_>>(), &[part.size, chunk, 1]);
+        let end = output.end.clone().softplus().sub(output.end.mul(over)).sum().scale(1.0 / self.queries);
+        let value = |tensor: &Tensor<CpuTraining>| tensor.clone().values().first().map_or(f64::NAN, |x| f64::from(*x));
+        let (l1_value, end_value) = (value(&l1), value(&end));
+        let gradients = l1.add(end.scale(self.end_weight)).gradients(&leaves);
+        PartLoss { l1: l1_value, end: end_value, gradients }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,23 @@
+//! Learned policies: networks that predict chunks of actions, and their training from demonstrations.
+//!
+//! The crate sees arrays only: `pipeline` turns recorded episodes and observations into [`Demonstrations`] and inputs.
+//! Without the feature `learn` it holds the description of a policy and the arithmetic around a network, and none of
+//! Burn, which does not leave this crate.
+
+mod demonstrations;
+mod description;
+mod scale;
+
+pub use demonstrations::{Batch, Demonstration, Demonstrations, Sampler};
+pub use description::{
+    Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts, TrainingSettings,
+};
+pub use scale::Scale;
+
+#[cfg(feature = "learn")]
+mod learning;
+#[cfg(feature = "learn")]
+pub use learning::{
+    Array, Checkpoint, Network, NetworkError, Parameters, ParametersError, Prediction, TrainError, Trainer,
+    TrainingStep,
+};
