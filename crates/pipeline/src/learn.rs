@@ -1,7 +1,6 @@
 //! Learning policies from the demonstrations of a run.
 //!
-//! `crates/policy` sees arrays only; what turns episodes and observations into them is here, the same code for training
-//! and for acting. Without the feature `learn` every function refuses with the command that installs it.
+//! `crates/policy` sees arrays only; episodes become arrays here. Without the feature `learn` every function refuses with the command that installs it.
 
 mod options;
 
@@ -9,10 +8,6 @@ mod options;
 mod check;
 #[cfg(feature = "learn")]
 mod demonstrations;
-#[cfg(feature = "learn")]
-mod inputs;
-#[cfg(feature = "learn")]
-pub(crate) mod policy;
 #[cfg(feature = "learn")]
 mod presets;
 #[cfg(feature = "learn")]
@@ -26,7 +21,5 @@ pub use genmanip_policy::Preset;
 pub use options::{CheckOptions, Checked, Length, TrainOptions, Trained};
 #[cfg(feature = "learn")]
 pub use training::train;
-#[cfg(not(feature = "learn"))]
-pub(crate) use uninstalled::policy;
 #[cfg(not(feature = "learn"))]
 pub use uninstalled::{check, train};

@@ -23,6 +23,7 @@ pub mod folder;
 mod index;
 pub mod layouts;
 pub mod learn;
+mod learned;
 pub mod merge;
 mod not_run;
 pub mod plan;

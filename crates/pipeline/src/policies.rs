@@ -22,12 +22,12 @@ use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 
-use crate::{learn, remote};
+use crate::{learned, remote};
 use genmanip_agent_sim::{AgentChoice, ModelChoice, UsageAccount};
 use genmanip_workspace::WorkspaceError;
 
 pub use arguments::PolicyArgument;
-use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
+use arguments::{AGENT_ARGUMENTS, LEARNED_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
 pub use label::InLabel;
 pub(crate) use label::label;
 use label::{MAX_LABEL, fits};
@@ -95,7 +95,7 @@ pub const POLICIES: [PolicyEntry; 12] = [
     PolicyEntry {
         name: "learned",
         about: "acts by a network that `genmanip train` made: learned:FOLDER",
-        arguments: &[PolicyArgument::new("folder", "", "folder of the policy").in_label(InLabel::Content)],
+        arguments: &LEARNED_ARGUMENTS,
         needs_record: false,
         is_usual: false,
         prepare: learned,
@@ -205,7 +205,7 @@ fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
         return Err(WorkspaceError::input("policy learned needs the folder of a policy")
             .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
     };
-    let learned = learn::policy::load(&folder)?;
+    let learned = learned::load(&folder)?;
     let prepared = Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage));
     // Its end is an estimate: the episodes end where its goal holds.
     Ok(Prepared { never_finishes: true, ..prepared })
@@ -554,64 +554,4 @@ impl Given {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn policies_are_found_by_name_with_arguments() {
-        let labels = [
-            ("expert", "expert"),
-            ("replay", "replay"),
-            ("do_nothing", "do_nothing"),
-            ("do_nothing:seconds=5", "do_nothing"),
-            ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
-            ("python:mine.press:Press", "python_class=mine.press_Press"),
-            ("agent:path=grid,preset=paper", "agent_path=grid_preset=paper"),
-            ("agent:transcripts=out/asked,vlm=random", "agent_vlm=random"),
-            ("agent:vlm=random,answers=out/answers", "agent_vlm=random_answers=answers"),
-            ("openpi:url=ws://gpu:8000,preset=libero", "openpi_url=gpu_8000_preset=libero"),
-        ];
-        for (text, label) in labels {
-            let factory = PolicyFactory::resolve(text).unwrap();
-            assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
-        }
-        let known: Vec<&str> = POLICIES.iter().filter(|entry| entry.is_usual).map(|entry| entry.name).collect();
-        let all = PolicyFactory::all(true).unwrap();
-        assert_eq!(all.iter().map(PolicyFactory::name).collect::<Vec<_>>(), known);
-    }
-
-    #[test]
-    fn what_is_wrong_is_said() {
-        let cases = [
-            ("expret", "unknown policy `expret`", "did you mean `expert`?"),
-            (
-                "",
-                "unknown policy ``",
-                "policies are expert, replay, do_nothing, random, blind, clumsy, playback, learned, agent",
-            ),
-            ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
-            ("playback:dataset=none", "cannot play none back", ""),
-            ("learned", "policy learned needs the folder of a policy", "learned:FOLDER"),
-            ("python", "`` names no class", "python:MODULE:CLASS"),
-            ("python:my_policy", "`my_policy` names no class", "MyPolicy in my_policy.py"),
-            ("python:my_policy:My Policy", "names no class", ""),
-            ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
-            ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
-            ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
-            ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
-            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd, http:URL"),
-            ("agent:vlm=none.toml", "cannot read none.toml", ""),
-            ("agent:vlm=recorded", "recorded answers lie in a folder", "vlm=recorded,answers=FOLDER"),
-            ("agent:loop=half", "unknown loop `half`", "loops are closed, open"),
-            ("agent:ctof=1", "ctof=1 is not possible", "yes or no"),
-            ("agent:err_check=2", "err_check=2 is not possible", "from 0 to 1"),
-            ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),
-            ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
-        ];
-        for (text, what, hint) in cases {
-            let error = PolicyFactory::resolve(text).unwrap_err();
-            let (got, help) = (error.to_string(), error.hint().unwrap_or_default());
-            assert!(got.contains(what) && help.contains(hint), "{text}: {got}; {help}");
-        }
-    }
-}
+mod tests;

@@ -138,8 +138,7 @@ pub enum LabCommand {
     #[command(
         after_help = "Example:\n  genmanip-lab learn --seed 1 --preset state --demos 300 --budget 15m --json\n\n\
                       Needs a build with learned policies: cargo xtask install --learn. One of eight objects goes into a\n\
-                      basket, among up to three others; the time limit is three times the expert's median. Evaluation\n\
-                      is not part of the CPU times."
+                      basket; the time limit is three times the expert's median. Evaluation is no part of CPU times."
     )]
     Learn(LabLearnArguments),
     /// Copy a run's episodes to any number, and measure the cost of report, opening and resuming

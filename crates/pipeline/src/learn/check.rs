@@ -14,9 +14,9 @@ use genmanip_workspace::{Progress, WorkspaceError};
 
 use super::demonstrations::{self, RunDemonstrations};
 use super::options::{CheckOptions, Checked};
-use super::policy::ChunkPolicy;
 use super::presets::{PresetSettings, settings};
 use crate::evaluate::{EvaluateOptions, Suite, evaluate};
+use crate::learned::policy::ChunkPolicy;
 use crate::policies::{PolicyContext, PolicyFactory};
 
 /// Least share of the layouts that the recorded rows must solve: open loop, at the rate of the rows.

@@ -13,8 +13,8 @@ use genmanip_policy::{Demonstration, Demonstrations};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_workspace::{Progress, WorkspaceError, worlds};
 
-use super::inputs::{self, Moment, Observer};
 use crate::folder::RunFolder;
+use crate::learned::inputs::{self, Moment, Observer};
 
 /// Idle rows that are kept at the end of a demonstration, during which the scene settles: from more of them a policy
 /// learns to stand still.

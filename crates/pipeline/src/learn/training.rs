@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use super::demonstrations::{self, RunDemonstrations};
 use super::options::{Length, TrainOptions, Trained};
-use super::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS};
 use super::presets::{PresetSettings, settings};
+use crate::learned::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS};
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const METRICS: &str = "metrics.csv";

@@ -31,6 +31,10 @@ const EXTERIOR: PolicyArgument = PolicyArgument::new("exterior", "static", "the 
 const TIMEOUT: PolicyArgument =
     PolicyArgument::new("timeout_s", "120", "how long is waited for an answer, s").in_label(InLabel::Omitted);
 
+/// Arguments of a learned policy.
+pub(super) const LEARNED_ARGUMENTS: [PolicyArgument; 1] =
+    [PolicyArgument::new("folder", "", "folder of the policy").in_label(InLabel::Content)];
+
 /// Arguments of a vla-eval model server.
 pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
     URL,

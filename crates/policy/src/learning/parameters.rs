@@ -37,7 +37,7 @@ pub enum ParametersError {
         name: String,
         /// Shape that the network has.
         expected: Vec<usize>,
-        /// What the file has.
+        /// Shape and type in the file.
         got: String,
     },
     /// A value is not finite.

@@ -46,18 +46,18 @@ fn same_weights_with_any_number_of_threads_and_after_a_resume() {
     let demonstrations = demonstrations();
     let start = || Trainer::new(&demonstrations, &model(), &settings(), Seed::new(3), 2).unwrap();
     let mut trainer = start();
-    (0..17).for_each(|_| drop(trainer.step(40).unwrap()));
+    (0..17).for_each(|_| _ = trainer.step(40).unwrap());
     let metadata = BTreeMap::from([("steps".into(), "40".into())]);
     let checkpoint = trainer.checkpoint(&metadata);
     // What follows is lost, as after a kill.
-    (0..5).for_each(|_| drop(trainer.step(40).unwrap()));
+    (0..5).for_each(|_| _ = trainer.step(40).unwrap());
     let mut trainer = start();
     trainer.resume(&checkpoint).unwrap();
     assert_eq!((trainer.finished(), checkpoint.metadata().unwrap()["steps"].as_str()), (17, "40"));
-    (17..40).for_each(|_| drop(trainer.step(40).unwrap()));
+    (17..40).for_each(|_| _ = trainer.step(40).unwrap());
     assert_eq!(trainer.average().sha256(), expected);
     let mut other = Trainer::new(&demonstrations, &model(), &settings(), Seed::new(4), 1).unwrap();
-    (0..40).for_each(|_| drop(other.step(40).unwrap()));
+    (0..40).for_each(|_| _ = other.step(40).unwrap());
     assert_ne!(other.average().sha256(), expected);
     let cut = Checkpoint { bytes: checkpoint.bytes[..checkpoint.bytes.len() / 2].to_vec() };
     assert!(start().resume(&cut).is_err());

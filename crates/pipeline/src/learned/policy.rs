@@ -12,12 +12,12 @@ use genmanip_workspace::{WorkspaceError, documents};
 use super::inputs::{self, Moment, Observer};
 
 /// Description of a policy in its folder.
-pub(super) const DESCRIPTION: &str = "policy.json";
+pub(crate) const DESCRIPTION: &str = "policy.json";
 /// Weights of a policy in its folder.
-pub(super) const WEIGHTS: &str = "weights.safetensors";
+pub(crate) const WEIGHTS: &str = "weights.safetensors";
 /// Size limits of the two files.
-pub(super) const MAX_DESCRIPTION: Limit = Limit { what: "the description of a policy", bytes: 4 << 20 };
-pub(super) const MAX_WEIGHTS: Limit = Limit { what: "the weights of a policy", bytes: 4 << 30 };
+pub(crate) const MAX_DESCRIPTION: Limit = Limit { what: "the description of a policy", bytes: 4 << 20 };
+pub(crate) const MAX_WEIGHTS: Limit = Limit { what: "the weights of a policy", bytes: 4 << 30 };
 /// Probability above which the episode counts as over.
 const OVER: f32 = 0.5;
 
@@ -57,7 +57,7 @@ impl Learned {
 }
 
 /// Executes predicted chunks: the way of every learned policy's output.
-pub(super) struct ChunkPolicy<F> {
+pub(crate) struct ChunkPolicy<F> {
     spec: PolicySpec,
     description: PolicyDescription,
     predict: F,

@@ -47,14 +47,14 @@ const OBJECT: [&str; 23] = [
 ];
 
 /// Layout of the inputs.
-pub(super) fn layout() -> Inputs {
+pub(crate) fn layout() -> Inputs {
     let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
     Inputs { robot: names(&ROBOT), object: names(&OBJECT), slots: SLOTS }
 }
 
 /// State of robot and objects at one moment.
 #[derive(Clone, Copy)]
-pub(super) struct Moment<'a> {
+pub(crate) struct Moment<'a> {
     /// Arm joint positions, rad.
     pub arm: &'a [f64],
     /// Gripper opening, m.
@@ -66,12 +66,12 @@ pub(super) struct Moment<'a> {
 }
 
 /// Turns moments of the episodes of one scenario into inputs.
-pub(super) struct Observer {
+pub(crate) struct Observer {
     robot: Arc<RobotModel>,
     slots: Vec<Slot>,
 }
 
-/// What stays the same of a slot's object during an episode.
+/// Constants of a slot's object during an episode.
 struct Slot {
     object: usize,
     roles: [f32; 3],
