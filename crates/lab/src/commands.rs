@@ -199,6 +199,7 @@ fn learn_arguments(arguments: &args::LabLearnArguments) -> LearnArguments {
         preset: arguments.preset,
         demos: arguments.demos,
         length: arguments.budget.map_or(Length::Steps(steps), Length::BudgetS),
+        labels: !arguments.no_labels,
         layouts: arguments.layouts,
         workers: workers::workers(arguments.workers),
     }

@@ -40,6 +40,8 @@ pub struct LearnArguments {
     pub demos: usize,
     /// Number of steps or time of the training.
     pub length: Length,
+    /// Simulator labels in training, where the inputs hold no simulator truth.
+    pub labels: bool,
     /// Number of unseen layouts.
     pub layouts: usize,
     /// Cores that are used.
@@ -98,7 +100,7 @@ pub fn measure(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let LearnArguments { preset, demos, length, layouts, workers } = *arguments;
+    let LearnArguments { preset, demos, length, labels, layouts, workers } = *arguments;
     let (started, stop, run) = (Instant::now(), AtomicBool::new(false), folder.join("run"));
     fs::create_dir(folder).map_err(|error| LabError::file("create", folder, error))?;
     let tasks = family(seed.fork("family"))?;
@@ -118,6 +120,7 @@ pub fn measure(
         preset,
         length,
         seed: seed.fork("training"),
+        labels,
         out: folder.join(out),
         threads: workers,
     };

@@ -1,6 +1,7 @@
 //! Learning policies from the demonstrations of a run.
 //!
-//! `crates/policy` sees arrays only; episodes become arrays here. Without the feature `learn` every function refuses with the command that installs it.
+//! `crates/policy` sees arrays only; episodes become arrays here. Without the feature `learn` every function refuses with
+//! the command that installs it.
 
 mod options;
 
@@ -8,6 +9,8 @@ mod options;
 mod check;
 #[cfg(feature = "learn")]
 mod demonstrations;
+#[cfg(feature = "learn")]
+mod images;
 #[cfg(feature = "learn")]
 mod presets;
 #[cfg(feature = "learn")]

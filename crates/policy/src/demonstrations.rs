@@ -1,9 +1,12 @@
 //! Demonstrations as arrays, and batches of windows of them.
 
+use std::io;
+
 use genmanip_core::Seed;
 use rand::RngExt;
 
-use crate::{Inputs, Normalisation, Scale};
+use crate::augmentation::ImageChange;
+use crate::{Augmentation, Inputs, Normalisation, Scale};
 
 /// One demonstration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,6 +15,27 @@ pub struct Demonstration {
     pub inputs: Vec<f32>,
     /// Action of each row.
     pub actions: Vec<f32>,
+    /// Words of the instruction: [`Inputs::words`] numbers.
+    pub words: Vec<f32>,
+    /// Labels of each row, and once more at the end: [`Demonstrations::labels_width`] numbers each; empty without
+    /// labels.
+    pub labels: Vec<f32>,
+}
+
+/// Images of demonstrations.
+pub trait RowImages: Sync {
+    /// Images of a row, in the order of [`Inputs::images`], one after the other: row-major, three bytes per pixel.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    fn read(&self, episode: usize, row: usize) -> io::Result<Vec<u8>>;
+}
+
+/// No images.
+impl RowImages for () {
+    fn read(&self, _episode: usize, _row: usize) -> io::Result<Vec<u8>> {
+        Ok(Vec::new())
+    }
 }
 
 /// Demonstrations of one task distribution.
@@ -21,6 +45,8 @@ pub struct Demonstrations {
     pub inputs: Inputs,
     /// Entries of an action; the last is the gripper's.
     pub action: usize,
+    /// Number of labelled points per row; 0 without labels.
+    pub points: usize,
     /// The demonstrations, in a fixed order.
     pub episodes: Vec<Demonstration>,
 }
@@ -36,12 +62,18 @@ impl Demonstrations {
         self.episodes.iter().map(|episode| self.rows(episode)).sum()
     }
 
+    /// Labels of a row: per point its position (m, world), then per image and point its normalised pixel
+    /// ([`crate::normalised_pixel`]) and 1 if that lies in the image, else 0.
+    pub fn labels_width(inputs: &Inputs, points: usize) -> usize {
+        3 * points * (1 + inputs.images.len())
+    }
+
     /// Means and deviations of inputs and actions.
     pub fn normalisation(&self) -> Normalisation {
         let Inputs { robot, object, .. } = &self.inputs;
         let rows = self.episodes.iter().flat_map(|episode| episode.inputs.chunks_exact(self.inputs.width()));
         let actions = self.episodes.iter().flat_map(|episode| episode.actions.chunks_exact(self.action));
-        let objects = rows.clone().flat_map(|row| row[robot.len()..].chunks_exact(object.len()));
+        let objects = rows.clone().flat_map(|row| row[robot.len()..].chunks_exact(object.len().max(1)));
         Normalisation {
             robot: Scale::of(robot.len(), rows.map(|row| &row[..robot.len()])),
             object: Scale::of(object.len(), objects.filter(|object| object[0] > 0.0)),
@@ -49,11 +81,11 @@ impl Demonstrations {
         }
     }
 
-    /// Adds a row's normalised inputs to those of a batch.
+    /// Adds a row's normalised numbers to those of a batch.
     pub(crate) fn push_inputs(inputs: &Inputs, normalisation: &Normalisation, row: &[f32], batch: &mut Batch) {
         let (robot, objects) = row.split_at(inputs.robot.len());
         batch.robot.extend(normalisation.robot.normalise(robot));
-        for object in objects.chunks_exact(inputs.object.len()) {
+        for object in objects.chunks_exact(inputs.object.len().max(1)) {
             match object.first().is_some_and(|present| *present > 0.0) {
                 true => batch.objects.extend(normalisation.object.normalise(object)),
                 false => batch.objects.extend(object),
@@ -61,6 +93,41 @@ impl Demonstrations {
         }
         batch.size += 1;
     }
+
+    /// Adds the images of a row, changed, to those of a batch.
+    ///
+    /// # Errors
+    /// If there are more or fewer bytes than the inputs have.
+    pub(crate) fn push_images(
+        inputs: &Inputs,
+        rgb: &[u8],
+        change: &mut dyn FnMut() -> ImageChange,
+        batch: &mut Batch,
+    ) -> io::Result<()> {
+        let expected: usize = inputs.images.iter().map(crate::ImageInput::bytes).sum();
+        if rgb.len() != expected {
+            return Err(io::Error::other(format!("expected images of {expected} bytes, got {}", rgb.len())));
+        }
+        batch.images.resize(inputs.images.len(), ImageBatch::default());
+        let mut rest = rgb;
+        for (size, images) in inputs.images.iter().zip(&mut batch.images) {
+            let (image, behind) = rest.split_at(size.bytes());
+            let change = change();
+            change.push(image, size, &mut images.planes);
+            images.shift.extend(change.shift(size));
+            rest = behind;
+        }
+        Ok(())
+    }
+}
+
+/// Images of one camera for a batch.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImageBatch {
+    /// Planes: size × 3 × height × width, about −2 to 2.
+    pub planes: Vec<f32>,
+    /// Shift of the content by augmentation, in normalised pixels: size × 2.
+    pub shift: Vec<f32>,
 }
 
 /// Windows of demonstrations, normalised.
@@ -72,6 +139,12 @@ pub struct Batch {
     pub robot: Vec<f32>,
     /// Object tokens: size × slots × object.
     pub objects: Vec<f32>,
+    /// Words of the instructions: size × words.
+    pub words: Vec<f32>,
+    /// Images of each camera.
+    pub images: Vec<ImageBatch>,
+    /// Labels: size × [`Demonstrations::labels_width`].
+    pub labels: Vec<f32>,
     /// Action targets: size × chunk × action; 0 after the end of the demonstration.
     pub actions: Vec<f32>,
     /// 1 where there is a target, 0 after the end: size × chunk.
@@ -87,6 +160,7 @@ pub struct Sampler {
     /// Number of the epoch whose order is known, and the order.
     epoch: Option<(u64, Vec<u32>)>,
     chunk: usize,
+    augmentation: Augmentation,
 }
 
 /// Change of the gripper's value that counts as a transition, in deviations; chosen.
@@ -100,6 +174,7 @@ impl Sampler {
         gripper_deviation: f32,
         chunk: usize,
         copies: usize,
+        augmentation: Augmentation,
         seed: Seed,
     ) -> Self {
         let mut samples = Vec::new();
@@ -114,7 +189,7 @@ impl Sampler {
                 samples.extend(std::iter::repeat_n((number as u32, row as u32), copies));
             }
         }
-        Self { seed: seed.fork("samples"), samples, epoch: None, chunk }
+        Self { seed: seed.fork("samples"), samples, epoch: None, chunk, augmentation }
     }
 
     /// Number of samples of an epoch.
@@ -123,19 +198,29 @@ impl Sampler {
     }
 
     /// The batch of a step.
+    ///
+    /// # Errors
+    /// If an image cannot be read.
     pub fn batch(
         &mut self,
         demonstrations: &Demonstrations,
+        images: &dyn RowImages,
         normalisation: &Normalisation,
         step: u64,
         size: usize,
-    ) -> Batch {
+    ) -> io::Result<Batch> {
         let mut batch = Batch::default();
         for position in step * size as u64..(step + 1) * size as u64 {
             let (episode, row) = self.sample(position);
-            self.push(demonstrations, normalisation, episode as usize, row as usize, &mut batch);
+            let (episode, row) = (episode as usize, row as usize);
+            self.push(demonstrations, normalisation, episode, row, &mut batch);
+            let mut changes = self.augmentation.of_sample(self.seed, position);
+            let robot = batch.robot.len() - demonstrations.inputs.robot.len();
+            changes.noise(&mut batch.robot[robot..]);
+            let rgb = images.read(episode, row)?;
+            Demonstrations::push_images(&demonstrations.inputs, &rgb, &mut || changes.image(), &mut batch)?;
         }
-        batch
+        Ok(batch)
     }
 
     fn sample(&mut self, position: u64) -> (u32, u32) {
@@ -162,9 +247,12 @@ impl Sampler {
         row: usize,
         batch: &mut Batch,
     ) {
-        let Demonstrations { inputs, action, episodes } = demonstrations;
-        let Demonstration { inputs: rows, actions } = &episodes[episode];
+        let Demonstrations { inputs, action, points, episodes } = demonstrations;
+        let Demonstration { inputs: rows, actions, words, labels } = &episodes[episode];
         let width = inputs.width();
+        let labelled = Demonstrations::labels_width(inputs, *points);
+        batch.words.extend(words);
+        batch.labels.extend(&labels[row * labelled..(row + 1) * labelled]);
         Demonstrations::push_inputs(inputs, normalisation, &rows[row * width..(row + 1) * width], batch);
         for place in row..row + self.chunk {
             match actions.get(place * action..(place + 1) * action) {
@@ -182,12 +270,18 @@ mod tests {
 
     /// Demonstrations of 3 and 5 rows whose action is 100 · episode + row.
     fn counted() -> Demonstrations {
-        let inputs = Inputs { robot: vec!["row".into()], object: vec!["present".into(), "x".into()], slots: 2 };
+        let inputs = Inputs {
+            robot: vec!["row".into()],
+            object: vec!["present".into(), "x".into()],
+            slots: 2,
+            ..Inputs::default()
+        };
         let episode = |number: usize, rows: usize| Demonstration {
             inputs: (0..=rows).flat_map(|row| [row as f32, 1.0, 7.0, 0.0, 0.0]).collect(),
             actions: (0..rows).flat_map(|row| [(100 * number + row) as f32, 0.0]).collect(),
+            ..Demonstration::default()
         };
-        Demonstrations { inputs, action: 2, episodes: vec![episode(0, 3), episode(1, 5)] }
+        Demonstrations { inputs, action: 2, points: 0, episodes: vec![episode(0, 3), episode(1, 5)] }
     }
 
     fn as_it_is() -> Normalisation {
@@ -198,9 +292,9 @@ mod tests {
     #[test]
     fn windows_end_with_the_demonstration() {
         let demonstrations = counted();
-        let mut sampler = Sampler::new(&demonstrations, 1.0, 4, 2, Seed::new(1));
+        let mut sampler = Sampler::new(&demonstrations, 1.0, 4, 2, Augmentation::default(), Seed::new(1));
         assert_eq!(sampler.epoch_length(), 3 + 1 + 5 + 1);
-        let batch = sampler.batch(&demonstrations, &as_it_is(), 0, 10);
+        let batch = sampler.batch(&demonstrations, &(), &as_it_is(), 0, 10).unwrap();
         let mut seen = Vec::new();
         for sample in 0..10 {
             let row = batch.robot[sample] as usize;
@@ -229,21 +323,25 @@ mod tests {
     #[test]
     fn batches_depend_on_seed_and_step_alone() {
         let demonstrations = counted();
-        let sampler = |seed| Sampler::new(&demonstrations, 1.0, 4, 2, Seed::new(seed));
+        let noisy = Augmentation { state_noise: 0.1, ..Augmentation::default() };
+        let sampler = |seed| Sampler::new(&demonstrations, 1.0, 4, 2, noisy.clone(), Seed::new(seed));
+        let batch = |sampler: &mut Sampler, step| sampler.batch(&demonstrations, &(), &as_it_is(), step, 3).unwrap();
         let mut first = sampler(1);
-        let expected: Vec<Batch> = (0..9).map(|step| first.batch(&demonstrations, &as_it_is(), step, 3)).collect();
+        let expected: Vec<Batch> = (0..9).map(|step| batch(&mut first, step)).collect();
         let mut backwards = sampler(1);
         for step in (0..9).rev() {
-            assert_eq!(backwards.batch(&demonstrations, &as_it_is(), step, 3), expected[step as usize]);
+            assert_eq!(batch(&mut backwards, step), expected[step as usize]);
         }
-        assert_ne!(sampler(2).batch(&demonstrations, &as_it_is(), 0, 3), expected[0]);
+        assert_ne!(batch(&mut sampler(2), 0), expected[0]);
     }
 
     #[test]
     fn rows_before_a_change_of_the_gripper_come_oftener() {
         let mut demonstrations = counted();
         demonstrations.episodes[1].actions[9] = 1.0;
-        let sampler = |copies| Sampler::new(&demonstrations, 1.0, 2, copies, Seed::new(1)).epoch_length();
+        let sampler = |copies| {
+            Sampler::new(&demonstrations, 1.0, 2, copies, Augmentation::default(), Seed::new(1)).epoch_length()
+        };
         assert_eq!((sampler(1), sampler(3)), (10, 12));
     }
 }

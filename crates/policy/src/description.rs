@@ -3,7 +3,7 @@
 use genmanip_core::{ActionContract, Document, DocumentError, Seed, named_enum};
 use serde::{Deserialize, Serialize};
 
-use crate::Scale;
+use crate::{Augmentation, Scale};
 
 /// A learned policy: its network, inputs and outputs, and the facts of its training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +61,8 @@ named_enum! {
     pub enum Preset {
         /// Poses of the objects as the simulator knows them; a privileged policy without images.
         State = "state",
+        /// Images of two cameras and the instruction, small enough for a processor.
+        Tiny = "tiny",
     }
 }
 
@@ -80,6 +82,20 @@ pub struct ModelSettings {
     pub decoder_layers: usize,
     /// Actions predicted at once.
     pub chunk: usize,
+    /// Channels of the convolutions of each camera; 0 without cameras.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub channels: usize,
+    /// Keypoints per camera, each of which becomes a token; 0 without cameras.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub keypoints: usize,
+    /// Points whose position is learned along from simulator labels, at most [`ModelSettings::keypoints`]; 0 without
+    /// labels. Nothing reads the labels after training.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub labelled_points: usize,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Largest width, chunk and number of layers; several times those of published policies.
@@ -99,6 +115,9 @@ impl ModelSettings {
         ];
         match ranges.into_iter().find(|(_, value, most)| !(1..=*most).contains(value)) {
             Some((name, value, most)) => Err(format!("{name}: expected 1 to {most}, got {value}")),
+            None if self.channels.max(self.keypoints) > MAX_WIDTH || self.labelled_points > self.keypoints => {
+                Err(format!("labelled_points: expected at most {} keypoints of {MAX_WIDTH}", self.keypoints))
+            }
             None if !self.width.is_multiple_of(self.heads) => {
                 Err(format!("width: expected a multiple of {} heads, got {}", self.heads, self.width))
             }
@@ -107,8 +126,8 @@ impl ModelSettings {
     }
 }
 
-/// Inputs of a network: one token of the robot, and one per object slot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Inputs of a network: one token of the robot, one per object slot, one of the instruction, and images.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Inputs {
     /// Names of the numbers of the robot's token, in order.
@@ -118,6 +137,31 @@ pub struct Inputs {
     pub object: Vec<String>,
     /// Number of object slots.
     pub slots: usize,
+    /// Images, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub images: Vec<ImageInput>,
+    /// Buckets of the hashed words of the instruction, see [`crate::instruction_words`]; 0 without language.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub words: usize,
+}
+
+/// Image of a camera as a network's input: 8-bit sRGB.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageInput {
+    /// Name of the camera.
+    pub camera: String,
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+}
+
+impl ImageInput {
+    /// Number of bytes, three per pixel.
+    pub fn bytes(&self) -> usize {
+        3 * self.width * self.height
+    }
 }
 
 impl Inputs {
@@ -159,6 +203,10 @@ pub struct TrainingSettings {
     pub end_weight: f64,
     /// Copies of a row within a chunk of a change of the gripper; other rows have one.
     pub transition_copies: usize,
+    /// Weight of the loss of labelled points.
+    pub label_weight: f64,
+    /// Random changes of the samples.
+    pub augmentation: Augmentation,
 }
 
 impl Default for TrainingSettings {
@@ -172,6 +220,8 @@ impl Default for TrainingSettings {
             average_decay: 0.999,
             end_weight: 0.1,
             transition_copies: 2,
+            label_weight: 0.0,
+            augmentation: Augmentation::default(),
         }
     }
 }

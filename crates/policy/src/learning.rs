@@ -6,7 +6,8 @@ mod nn;
 mod parameters;
 mod tensor;
 mod train;
+mod vision;
 
-pub use network::{Network, NetworkError, Prediction};
+pub use network::{Network, NetworkError, Prediction, Seen};
 pub use parameters::{Array, Parameters, ParametersError};
 pub use train::{Checkpoint, TrainError, Trainer, TrainingStep};

@@ -4,20 +4,24 @@
 //! Without the feature `learn` it holds the description of a policy and the arithmetic around a network, and none of
 //! Burn, which does not leave this crate.
 
+mod augmentation;
 mod demonstrations;
 mod description;
 mod scale;
+mod words;
 
-pub use demonstrations::{Batch, Demonstration, Demonstrations, Sampler};
+pub use augmentation::{Augmentation, normalised_pixel};
+pub use demonstrations::{Batch, Demonstration, Demonstrations, ImageBatch, RowImages, Sampler};
 pub use description::{
-    Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts, TrainingSettings,
+    ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts, TrainingSettings,
 };
 pub use scale::Scale;
+pub use words::instruction_words;
 
 #[cfg(feature = "learn")]
 mod learning;
 #[cfg(feature = "learn")]
 pub use learning::{
-    Array, Checkpoint, Network, NetworkError, Parameters, ParametersError, Prediction, TrainError, Trainer,
+    Array, Checkpoint, Network, NetworkError, Parameters, ParametersError, Prediction, Seen, TrainError, Trainer,
     TrainingStep,
 };

@@ -14,7 +14,8 @@ pub struct TrainArguments {
     /// Folder of a run made by `collect`; its verified episodes are learned from
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images
+    /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images;
+    /// `tiny` sees two cameras and reads the instruction
     #[arg(long, value_name = "PRESET", value_parser = parse_preset())]
     pub preset: Preset,
     /// Number of steps
@@ -33,6 +34,9 @@ pub struct TrainArguments {
     /// Seed of initial weights and samples
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
+    /// Train without simulator labels: `tiny` otherwise also learns to predict where the goal's objects are
+    #[arg(long, conflicts_with = "check")]
+    pub no_labels: bool,
     /// Folder of the policy
     #[arg(long, value_name = "DIR", required_unless_present = "check")]
     pub out: Option<PathBuf>,

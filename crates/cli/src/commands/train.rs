@@ -32,6 +32,7 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
         preset,
         length,
         seed: Seed::new(arguments.seed),
+        labels: !arguments.no_labels,
         out: out.clone(),
         threads: workers,
     };
@@ -46,7 +47,11 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
 fn describe(trained: &Trained) -> String {
     let Trained { policy, demonstrations, rows, samples, steps, parameters, final_l1, .. } = trained;
     let folder = policy.display();
-    let privileged = if trained.privileged { ", privileged: it reads simulator truth" } else { "" };
+    let privileged = match (trained.privileged, trained.labels) {
+        (true, _) => ", privileged: it reads simulator truth",
+        (false, true) => ", trained with simulator labels",
+        (false, false) => "",
+    };
     format!(
         "{folder}: {parameters} parameters{privileged}\n\
          {demonstrations} demonstrations of {rows} rows, {steps} steps, {samples} samples; L1 {final_l1:.4}\n\

@@ -26,6 +26,9 @@ pub struct LabLearnArguments {
     /// Time of the training, such as 90s, 30m or 2h
     #[arg(long, value_name = "TIME", value_parser = parse::time)]
     pub budget: Option<u64>,
+    /// Train without simulator labels, as `genmanip train --no-labels`
+    #[arg(long)]
+    pub no_labels: bool,
     /// Unseen layouts
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
     pub layouts: usize,

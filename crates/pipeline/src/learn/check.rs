@@ -4,12 +4,13 @@
 //! or when normalisation, chunks or the end of an episode are handled wrongly.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
 use genmanip_core::Policy;
-use genmanip_policy::{Demonstration, PolicyDescription, Prediction, TrainingFacts};
+use genmanip_policy::{Demonstration, Inputs, PolicyDescription, Prediction, Seen, TrainingFacts};
 use genmanip_workspace::{Progress, WorkspaceError};
 
 use super::demonstrations::{self, RunDemonstrations};
@@ -31,9 +32,12 @@ pub fn check(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<Checked>, WorkspaceError> {
-    let preset = settings(options.preset);
-    let read = demonstrations::read(&options.run, &preset.rows, options.workers, progress, stop)?;
-    let Some(RunDemonstrations { arrays, ids, contract, run }) = read else { return Ok(None) };
+    let preset = settings(options.preset, false);
+    // Recorded rows need neither images nor words.
+    let inputs = Inputs { images: Vec::new(), words: 0, ..preset.inputs.clone() };
+    let preset = PresetSettings { inputs, ..preset };
+    let read = demonstrations::read(&options.run, &preset, options.workers, progress, stop)?;
+    let Some(RunDemonstrations { arrays, ids, contract, run, .. }) = read else { return Ok(None) };
     let PresetSettings { model, execute, training, privileged, .. } = preset;
     let normalisation = arrays.normalisation();
     let description = PolicyDescription {
@@ -91,13 +95,13 @@ pub fn check(
 }
 
 /// Predictions from recorded rows: at each call those that follow the executed ones.
-fn lookup(rows: Vec<Vec<f32>>, chunk: usize, execute: usize) -> impl FnMut(&[f32]) -> Prediction + Send {
+fn lookup(rows: Vec<Vec<f32>>, chunk: usize, execute: usize) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send {
     let mut next = 0;
     move |_| {
         let row = |place: usize| rows.get(place).or(rows.last()).cloned().unwrap_or_default();
         let window = next..next + chunk;
         let end = window.clone().map(|place| if place < rows.len() { 0.0 } else { 1.0 }).collect();
         next += execute;
-        Prediction { actions: window.map(row).collect(), end }
+        Ok(Prediction { actions: window.map(row).collect(), end })
     }
 }

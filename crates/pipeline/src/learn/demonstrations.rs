@@ -1,20 +1,22 @@
 //! Demonstrations of a run as arrays: the rows that an export would hold, with the inputs of the policy.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::{ActionContract, Episode, Frame, RobotModel};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ActionContract, Atom, Camera, Episode, Frame, Projection, RobotModel};
 use genmanip_data::export::features::{Feature, Values};
 use genmanip_data::export::{Source, rows, sampling};
-use genmanip_data::{DataError, ExportSettings, Selection};
-use genmanip_policy::{Demonstration, Demonstrations};
+use genmanip_data::{DataError, Selection};
+use genmanip_policy::{Demonstration, Demonstrations, ImageInput, Inputs, instruction_words, normalised_pixel};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_workspace::{Progress, WorkspaceError, worlds};
 
+use super::presets::{LABELLED_POINTS, PresetSettings};
 use crate::folder::RunFolder;
-use crate::learned::inputs::{self, Moment, Observer};
+use crate::learned::inputs::{Moment, Observer};
 
 /// Idle rows that are kept at the end of a demonstration, during which the scene settles: from more of them a policy
 /// learns to stand still.
@@ -30,6 +32,10 @@ pub(super) struct RunDemonstrations {
     pub contract: ActionContract,
     /// Hash of the run.
     pub run: String,
+    /// Folder of the run.
+    pub folder: PathBuf,
+    /// Index of the recorded frame of each row of each episode, and of its end.
+    pub frames: Vec<Vec<usize>>,
 }
 
 /// Reads all verified episodes of a run; `None` if stopped.
@@ -38,11 +44,12 @@ pub(super) struct RunDemonstrations {
 /// When there is no run, it has no verified episode, or an episode does not fit the inputs.
 pub(super) fn read(
     path: &Path,
-    settings: &ExportSettings,
+    preset: &PresetSettings,
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<RunDemonstrations>, WorkspaceError> {
+    let settings = &preset.rows;
     let (folder, run) = RunFolder::open(path)?;
     let (store, robot) = (folder.store()?, worlds::robot(&run.settings.world)?);
     let unreadable = |error: DataError| WorkspaceError::broken("cannot read the demonstrations", error);
@@ -56,29 +63,36 @@ pub(super) fn read(
             }
             episode => episode.map_err(unreadable)?,
         };
-        let demonstration = demonstration(episode, &robot, settings)?;
+        let (demonstration, frames) = demonstration(episode, &robot, preset)?;
         progress.advance();
-        Ok::<_, WorkspaceError>(Some((id.clone(), demonstration)))
+        Ok::<_, WorkspaceError>(Some((id.clone(), (demonstration, frames))))
     })?;
     progress.end();
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
-    let (ids, episodes): (Vec<String>, Vec<Demonstration>) = read.into_iter().flatten().unzip();
+    let (ids, read): (Vec<String>, Vec<_>) = read.into_iter().flatten().unzip();
+    let (episodes, frames): (Vec<Demonstration>, Vec<_>) = read.into_iter().unzip();
     if ids.is_empty() {
         return Err(WorkspaceError::input(format!("{} has no verified demonstration to learn from", path.display()))
             .with_hint("collect some first: genmanip collect TASKS --verified 300 --no-dataset --out RUN"));
     }
     let contract = settings.contract(&robot);
-    let arrays = Demonstrations { inputs: inputs::layout(), action: contract.names.len(), episodes };
-    Ok(Some(RunDemonstrations { arrays, ids, contract, run: run.hash()? }))
+    let arrays = Demonstrations {
+        inputs: preset.inputs.clone(),
+        action: contract.names.len(),
+        points: preset.model.labelled_points,
+        episodes,
+    };
+    Ok(Some(RunDemonstrations { arrays, ids, contract, run: run.hash()?, folder: path.to_owned(), frames }))
 }
 
 fn demonstration(
     episode: Episode,
     robot: &Arc<RobotModel>,
-    settings: &ExportSettings,
-) -> Result<Demonstration, WorkspaceError> {
+    preset: &PresetSettings,
+) -> Result<(Demonstration, Vec<usize>), WorkspaceError> {
+    let (inputs, settings) = (&preset.inputs, &preset.rows);
     let id = episode.result.id.clone();
     let broken = |error: DataError| WorkspaceError::broken(format!("cannot learn from episode {id}"), error);
     let models = episode.scenario.objects.iter().map(|placed| Catalogue::builtin().instance(placed));
@@ -86,7 +100,7 @@ fn demonstration(
         WorkspaceError::broken(format!("cannot learn from episode {id}"), error)
             .with_hint("the episode was recorded with other objects; use the version it names")
     })?;
-    let observer = Observer::new(&episode.scenario, &models, robot)
+    let observer = Observer::new(inputs, &episode.scenario, &models, robot)
         .map_err(|reason| WorkspaceError::input(format!("cannot learn from episode {id}: {reason}")))?;
     let source = Source { episode, tracks: Vec::new(), masks: Vec::new() };
     let table = rows::rows(&source, robot, settings).map_err(broken)?;
@@ -105,14 +119,74 @@ fn demonstration(
     // Rows of another policy, which the expert then corrected, are no demonstration.
     let begin = episode.result.correction.as_ref().map_or(0, |correction| correction.from_step.div_ceil(stride));
     let begin = begin.min(end);
-    let frame = |row: usize| episode.frames.get(row * stride).or(episode.frames.last());
-    let inputs = (begin..=end).filter_map(frame).flat_map(|frame: &Frame| {
-        observer.inputs(Moment {
+    let last = episode.frames.len().saturating_sub(1);
+    let frames: Vec<usize> = (begin..=end).map(|row| (row * stride).min(last)).collect();
+    let numbers = frames.iter().filter_map(|frame| episode.frames.get(*frame)).flat_map(|frame: &Frame| {
+        observer.numbers(Moment {
             arm: &frame.joint_position,
             width_m: frame.gripper_width,
             objects: &frame.objects,
             held: frame.grasped,
         })
     });
-    Ok(Demonstration { inputs: inputs.collect(), actions: actions[begin * width..end * width].to_vec() })
+    let labels = match preset.model.labelled_points {
+        0 => Vec::new(),
+        _ => labels(&episode, &frames, inputs, robot)?,
+    };
+    let demonstration = Demonstration {
+        inputs: numbers.collect(),
+        actions: actions[begin * width..end * width].to_vec(),
+        words: instruction_words(&episode.scenario.task.instruction, inputs.words),
+        labels,
+    };
+    Ok((demonstration, frames))
+}
+
+/// Labels of frames, as [`Demonstrations::labels_width`] says: subject and reference of the goal's first condition.
+/// A condition on a state has its object in both places, a support surface that of the subject.
+fn labels(
+    episode: &Episode,
+    frames: &[usize],
+    inputs: &Inputs,
+    robot: &RobotModel,
+) -> Result<Vec<f32>, WorkspaceError> {
+    let id = &episode.result.id;
+    let scenario = &episode.scenario;
+    let condition = scenario.task.goal.alternatives.iter().flatten().next();
+    let (subject, reference) = match condition {
+        Some(Atom::Relation { subject, reference, .. }) => (subject, reference),
+        Some(Atom::State { object, .. }) => (object, object),
+        None => return Err(WorkspaceError::input(format!("cannot learn from episode {id}: its goal is empty"))),
+    };
+    let subject = scenario.index_of(subject);
+    let objects: [usize; LABELLED_POINTS] =
+        [subject, scenario.index_of(reference).or(subject)].map(Option::unwrap_or_default);
+    let cameras = scenario.world.cameras.iter();
+    let camera = |image: &ImageInput| {
+        let camera = cameras.clone().find(|camera| camera.name == image.camera).cloned();
+        let sized = |camera: Camera| {
+            let intrinsics = camera.intrinsics.resized(image.width as u32, image.height as u32);
+            (Camera { intrinsics, ..camera }, image)
+        };
+        camera.map(sized).ok_or_else(|| {
+            WorkspaceError::input(format!("cannot learn from episode {id}: it has no camera `{}`", image.camera))
+        })
+    };
+    let cameras = inputs.images.iter().map(camera).collect::<Result<Vec<_>, _>>()?;
+    let mut labels = Vec::new();
+    for frame in frames.iter().filter_map(|frame| episode.frames.get(*frame)) {
+        let links = robot.link_poses(&frame.joint_position, frame.gripper_width);
+        let world_from_hand = links.get(robot.hand).copied().unwrap_or_default();
+        let points = objects.map(|object| frame.objects.get(object).map_or(DVec3::ZERO, |it| it.pose.position));
+        labels.extend(points.iter().flat_map(|point| point.as_vec3().to_array()));
+        for (camera, image) in &cameras {
+            let projection = Projection::of(camera, &world_from_hand);
+            for point in points {
+                let pixel = projection.pixel(point).map(|(pixel, _)| normalised_pixel(pixel.to_array(), image));
+                let seen = pixel.filter(|pixel| pixel.iter().all(|at| at.abs() <= 1.0));
+                labels.extend(seen.map_or([0.0; 3], |[u, v]| [u, v, 1.0]));
+            }
+        }
+    }
+    Ok(labels)
 }

@@ -28,6 +28,8 @@ pub struct TrainOptions {
     pub length: Length,
     /// Seed of initial weights and samples.
     pub seed: Seed,
+    /// Simulator labels in training, where the inputs hold no simulator truth: positions of the objects of the goal.
+    pub labels: bool,
     /// Folder of the policy.
     pub out: PathBuf,
     /// Threads; the weights do not depend on them.
@@ -43,6 +45,8 @@ pub struct Trained {
     pub preset: Preset,
     /// True if the policy reads simulator ground truth.
     pub privileged: bool,
+    /// True if simulator labels were used in training.
+    pub labels: bool,
     /// Number of demonstrations.
     pub demonstrations: usize,
     /// Number of their rows.

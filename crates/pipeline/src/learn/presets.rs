@@ -3,10 +3,13 @@
 use genmanip_core::{ActionSpace, RotationEncoding};
 use genmanip_data::ExportSettings;
 use genmanip_data::export::choice::action;
-use genmanip_policy::{ModelSettings, Preset, TrainingSettings};
+use genmanip_policy::{Augmentation, Inputs, ModelSettings, Preset, TrainingSettings};
+
+use crate::learned::inputs::layout;
 
 /// Settings of one preset.
 pub(super) struct PresetSettings {
+    pub inputs: Inputs,
     pub model: ModelSettings,
     pub execute: usize,
     pub training: TrainingSettings,
@@ -16,27 +19,54 @@ pub(super) struct PresetSettings {
     pub privileged: bool,
 }
 
-/// Settings of a preset.
-pub(super) fn settings(preset: Preset) -> PresetSettings {
+/// Points that are labelled in training: the subject and the reference of the goal's first condition.
+pub(super) const LABELLED_POINTS: usize = 2;
+
+/// Settings of a preset; with `labels`, positions of objects are learned along where the inputs do not hold them.
+pub(super) fn settings(preset: Preset, labels: bool) -> PresetSettings {
+    let transformer = ModelSettings {
+        width: 128,
+        heads: 4,
+        feed_forward: 512,
+        encoder_layers: 3,
+        decoder_layers: 1,
+        chunk: 16,
+        channels: 0,
+        keypoints: 0,
+        labelled_points: 0,
+    };
+    let rows = ExportSettings {
+        action: action(ActionSpace::EePose, RotationEncoding::SixD),
+        cameras: Vec::new(),
+        depth: false,
+        ..ExportSettings::default()
+    };
+    let (inputs, execute) = (layout(preset), 8);
     match preset {
         Preset::State => PresetSettings {
-            model: ModelSettings {
-                width: 128,
-                heads: 4,
-                feed_forward: 512,
-                encoder_layers: 3,
-                decoder_layers: 1,
-                chunk: 16,
-            },
-            execute: 8,
+            inputs,
+            model: transformer,
+            execute,
             training: TrainingSettings::default(),
-            rows: ExportSettings {
-                action: action(ActionSpace::EePose, RotationEncoding::SixD),
-                cameras: Vec::new(),
-                depth: false,
-                ..ExportSettings::default()
-            },
+            rows,
             privileged: true,
+        },
+        Preset::Tiny => PresetSettings {
+            inputs,
+            model: ModelSettings {
+                channels: 32,
+                keypoints: 16,
+                labelled_points: if labels { LABELLED_POINTS } else { 0 },
+                ..transformer
+            },
+            execute,
+            training: TrainingSettings {
+                label_weight: if labels { 0.5 } else { 0.0 },
+                augmentation: Augmentation { shift_px: 4, gain: 0.1, state_noise: 0.05 },
+                ..TrainingSettings::default()
+            },
+            rows,
+            privileged: false,
         },
     }
 }

@@ -21,9 +21,9 @@ use genmanip_policy::{
 use genmanip_workspace::{Progress, WorkspaceError, documents};
 use serde::{Deserialize, Serialize};
 
-use super::demonstrations::{self, RunDemonstrations};
 use super::options::{Length, TrainOptions, Trained};
 use super::presets::{PresetSettings, settings};
+use super::{demonstrations, images};
 use crate::learned::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS};
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -66,14 +66,15 @@ pub fn train(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<Trained>, WorkspaceError> {
-    let PresetSettings { model, execute, training, rows, privileged } = settings(options.preset);
-    let Some(read) = demonstrations::read(&options.run, &rows, options.threads, progress, stop)? else {
+    let preset = settings(options.preset, options.labels);
+    let Some(read) = demonstrations::read(&options.run, &preset, options.threads, progress, stop)? else {
         return Ok(None);
     };
-    let RunDemonstrations { arrays, contract, run, .. } = read;
+    let PresetSettings { model, execute, training, privileged, .. } = preset;
+    let arrays = &read.arrays;
     let identity = Identity {
         preset: options.preset,
-        run,
+        run: read.run.clone(),
         demonstrations: arrays.episodes.len(),
         rows: arrays.total_rows(),
         seed: options.seed,
@@ -88,8 +89,9 @@ pub fn train(
     if let Some(known) = finished(out)? {
         return known.of(&identity, out).map(Some);
     }
+    let Some(images) = images::of_rows(&read, options.threads, progress, stop)? else { return Ok(None) };
     let cannot = |error: TrainError| cannot_train(error, out);
-    let trainer = Trainer::new(&arrays, &identity.model, &identity.settings, options.seed, options.threads);
+    let trainer = Trainer::new(arrays, &*images, &identity.model, &identity.settings, options.seed, options.threads);
     let mut course = Course::open(trainer.map_err(cannot)?, &identity, out)?;
     let Some(steps) = course.run(progress, stop)? else { return Ok(None) };
     let Course { mut trainer, resumed_from, started, .. } = course;
@@ -100,7 +102,7 @@ pub fn train(
         privileged,
         model: identity.model.clone(),
         inputs: arrays.inputs.clone(),
-        contract,
+        contract: read.contract.clone(),
         execute,
         normalisation: trainer.normalisation().clone(),
         training: TrainingFacts {
@@ -238,11 +240,11 @@ impl<'a> Course<'a> {
     fn line(&mut self, before_s: f64, progress: &dyn Progress) {
         let count = self.recent.len().max(1) as f64;
         let mean = |of: fn(&TrainingStep) -> f64| self.recent.iter().map(of).sum::<f64>() / count;
-        let (l1, end_loss) = (mean(|step| step.l1), mean(|step| step.end_loss));
+        let (l1, end_loss, labels) = (mean(|step| step.l1), mean(|step| step.end_loss), mean(|step| step.label_loss));
         let (norm, rate) = (mean(|step| step.gradient_norm), mean(|step| step.learning_rate));
         let seconds = before_s + self.started.elapsed().as_secs_f64();
         let finished = self.trainer.finished();
-        self.metrics.push(format!("{finished},{seconds:.1},{l1:.6},{end_loss:.6},{norm:.4},{rate:.3e}"));
+        self.metrics.push(format!("{finished},{seconds:.1},{l1:.6},{end_loss:.6},{labels:.6},{norm:.4},{rate:.3e}"));
         let since = finished - self.resumed_from.unwrap_or(0);
         let speed = (since * self.trainer.batch_size() as u64) as f64 / self.started.elapsed().as_secs_f64().max(1e-6);
         progress.tell(&format!("L1 {l1:.4}, {speed:.0} samples/s"));
@@ -259,7 +261,7 @@ impl<'a> Course<'a> {
     }
 
     fn write_metrics(&self) -> Result<(), WorkspaceError> {
-        let head = "step,seconds,l1,end_loss,gradient_norm,learning_rate";
+        let head = "step,seconds,l1,end_loss,label_loss,gradient_norm,learning_rate";
         let text = std::iter::once(head).chain(self.metrics.iter().map(String::as_str)).map(|line| format!("{line}\n"));
         documents::write_file(&self.out.join(METRICS), text.collect::<String>().as_bytes())
     }
@@ -315,6 +317,7 @@ fn trained(description: &PolicyDescription, out: &Path, resumed_from: Option<u64
         policy: out.to_owned(),
         preset: description.preset,
         privileged: description.privileged,
+        labels: description.model.labelled_points > 0,
         demonstrations,
         rows,
         samples: steps * settings.batch as u64,

@@ -1,9 +1,11 @@
-//! Inputs of the privileged-state policy: the robot and the objects as the simulator knows them.
+//! Inputs of learned policies: the robot; the objects as the simulator knows them, or images and the instruction.
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, ObjectModel, ObjectState, RobotModel, RotationEncoding, Scenario};
-use genmanip_policy::Inputs;
+use genmanip_core::{
+    Atom, CameraRequest, ImageChannels, ObjectModel, ObjectState, RobotModel, RotationEncoding, Scenario,
+};
+use genmanip_policy::{ImageInput, Inputs, Preset};
 
 /// Object slots: those of the goal, then others in the order of the scenario.
 const SLOTS: usize = 6;
@@ -46,10 +48,30 @@ const OBJECT: [&str; 23] = [
     "is_held",
 ];
 
-/// Layout of the inputs.
-pub(crate) fn layout() -> Inputs {
+/// Size of images, pixels: the shape of the cameras' own images.
+const IMAGE: (usize, usize) = (128, 72);
+/// Buckets of the instruction's words.
+const WORDS: usize = 256;
+
+/// Layout of the inputs of a preset.
+pub(crate) fn layout(preset: Preset) -> Inputs {
     let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
-    Inputs { robot: names(&ROBOT), object: names(&OBJECT), slots: SLOTS }
+    let robot = names(&ROBOT);
+    match preset {
+        Preset::State => Inputs { robot, object: names(&OBJECT), slots: SLOTS, ..Inputs::default() },
+        Preset::Tiny => {
+            let image = |camera: &str| ImageInput { camera: camera.into(), width: IMAGE.0, height: IMAGE.1 };
+            Inputs { robot, images: ["static", "wrist"].map(image).into(), words: WORDS, ..Inputs::default() }
+        }
+    }
+}
+
+/// Requests for the images of inputs.
+pub(crate) fn cameras(images: &[ImageInput]) -> Vec<CameraRequest> {
+    let request = |image: &ImageInput| {
+        CameraRequest::new(&image.camera, ImageChannels::RGB).sized(image.width as u32, image.height as u32)
+    };
+    images.iter().map(request).collect()
 }
 
 /// State of robot and objects at one moment.
@@ -59,7 +81,7 @@ pub(crate) struct Moment<'a> {
     pub arm: &'a [f64],
     /// Gripper opening, m.
     pub width_m: f64,
-    /// Objects in the order of the scenario.
+    /// Objects in the order of the scenario; empty where the inputs have none.
     pub objects: &'a [ObjectState],
     /// Index of the held object.
     pub held: Option<usize>,
@@ -68,6 +90,8 @@ pub(crate) struct Moment<'a> {
 /// Turns moments of the episodes of one scenario into inputs.
 pub(crate) struct Observer {
     robot: Arc<RobotModel>,
+    /// Numbers of a row.
+    width: usize,
     slots: Vec<Slot>,
 }
 
@@ -80,11 +104,19 @@ struct Slot {
 }
 
 impl Observer {
-    /// For a scenario and the models of its objects.
+    /// For inputs, a scenario and the models of its objects.
     ///
     /// # Errors
     /// If the goal involves more objects than there are slots.
-    pub fn new(scenario: &Scenario, models: &[Arc<ObjectModel>], robot: &Arc<RobotModel>) -> Result<Self, String> {
+    pub fn new(
+        inputs: &Inputs,
+        scenario: &Scenario,
+        models: &[Arc<ObjectModel>],
+        robot: &Arc<RobotModel>,
+    ) -> Result<Self, String> {
+        if inputs.slots == 0 {
+            return Ok(Self { robot: Arc::clone(robot), width: inputs.width(), slots: Vec::new() });
+        }
         let mut slots: Vec<Slot> = Vec::new();
         let slot = |object: usize, roles, order| Slot {
             object,
@@ -117,14 +149,13 @@ impl Observer {
         let others: Vec<Slot> = others.map(|object| slot(object, [0.0; 3], 0.0)).collect();
         slots.extend(others);
         slots.truncate(SLOTS);
-        Ok(Self { robot: Arc::clone(robot), slots })
+        Ok(Self { robot: Arc::clone(robot), width: inputs.width(), slots })
     }
 
-    /// Inputs at a moment, as [`layout`] says.
-    pub fn inputs(&self, moment: Moment) -> Vec<f32> {
-        let layout = ROBOT.len() + SLOTS * OBJECT.len();
+    /// Numbers at a moment, as [`layout`] says.
+    pub fn numbers(&self, moment: Moment) -> Vec<f32> {
         let tcp = self.robot.tcp_pose(moment.arm);
-        let mut row = Vec::with_capacity(layout);
+        let mut row = Vec::with_capacity(self.width);
         row.extend(tcp.position.as_vec3().to_array());
         row.extend(RotationEncoding::SixD.encode(tcp.rotation).into_iter().map(|value| value as f32));
         row.push(moment.width_m as f32);
@@ -140,7 +171,7 @@ impl Observer {
             row.extend((0..2).map(|joint| state.joint_positions.get(joint).map_or(0.0, |angle| *angle as f32)));
             row.push(f32::from(u8::from(moment.held == Some(*object))));
         }
-        row.resize(layout, 0.0);
+        row.resize(self.width, 0.0);
         row
     }
 }

@@ -1,11 +1,12 @@
 //! Learned policies in episodes: observation to inputs, prediction to actions.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_core::limits::Limit;
 use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
-use genmanip_policy::{Network, PolicyDescription, Prediction};
+use genmanip_policy::{Inputs, Network, PolicyDescription, Prediction, Seen, instruction_words};
 use genmanip_rollout::Stage;
 use genmanip_workspace::{WorkspaceError, documents};
 
@@ -32,7 +33,7 @@ pub(crate) struct Learned {
 /// When its files cannot be read, contradict each other, or ask for other inputs than this program makes.
 pub(crate) fn load(folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
     let description: PolicyDescription = documents::read_document(&folder.join(DESCRIPTION), MAX_DESCRIPTION)?;
-    if description.inputs != inputs::layout() {
+    if description.inputs != inputs::layout(description.preset) {
         return Err(WorkspaceError::input(format!("{} was trained on other inputs", folder.display()))
             .with_hint("train it again, or use the version of the program that trained it"));
     }
@@ -51,7 +52,7 @@ impl Learned {
     /// When robot or goal are not what it was trained for.
     pub(crate) fn act_on(self: &Arc<Self>, stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
         let network = Arc::clone(self);
-        let predict = move |inputs: &[f32]| network.network.predict(inputs);
+        let predict = move |seen: &Seen| network.network.predict(seen);
         Ok(Box::new(ChunkPolicy::new("learned", self.network.description(), predict, stage)?))
     }
 }
@@ -62,9 +63,11 @@ pub(crate) struct ChunkPolicy<F> {
     description: PolicyDescription,
     predict: F,
     observer: Observer,
+    /// Words of the instruction.
+    words: Vec<f32>,
 }
 
-impl<F: FnMut(&[f32]) -> Prediction + Send> ChunkPolicy<F> {
+impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> ChunkPolicy<F> {
     /// For an episode of a stage.
     ///
     /// # Errors
@@ -76,39 +79,61 @@ impl<F: FnMut(&[f32]) -> Prediction + Send> ChunkPolicy<F> {
             let hint = format!("scenario {} has robot `{}`", stage.scenario.id, stage.robot.name);
             return Err(WorkspaceError::input(what).with_hint(hint));
         }
-        let observer = Observer::new(&stage.scenario, &stage.models, &stage.robot)
+        let observer = Observer::new(&description.inputs, &stage.scenario, &stage.models, &stage.robot)
             .map_err(|reason| WorkspaceError::input(format!("scenario {}: {reason}", stage.scenario.id)))?;
         let spec = PolicySpec {
             action: contract.action,
             execute_steps: description.execute,
             privileged: description.privileged,
+            cameras: inputs::cameras(&description.inputs.images),
             ..PolicySpec::native(name, contract.rate_hz)
         };
-        Ok(Self { spec, description: description.clone(), predict, observer })
+        Ok(Self { spec, description: description.clone(), predict, observer, words: Vec::new() })
     }
 }
 
-impl<F: FnMut(&[f32]) -> Prediction + Send> Policy for ChunkPolicy<F> {
+impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> Policy for ChunkPolicy<F> {
     fn spec(&self) -> PolicySpec {
         self.spec.clone()
     }
 
-    fn reset(&mut self, _start: &EpisodeStart) -> Result<(), PolicyError> {
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.words = instruction_words(&start.instruction, self.description.inputs.words);
         Ok(())
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
-        let missing = |what: &str| PolicyError::Unsuited(format!("`{what}` is missing"));
-        let state = observation.state.get(Observation::STATE).and_then(|state| state.split_last());
-        let (width_m, arm) = state.ok_or_else(|| missing(Observation::STATE))?;
-        let truth = observation.privileged.as_ref().ok_or_else(|| missing("simulator truth"))?;
-        let moment = Moment { arm, width_m: *width_m, objects: &truth.objects, held: truth.grasped };
-        let Prediction { actions, end } = (self.predict)(&self.observer.inputs(moment));
+        let seen = self.seen(observation)?;
+        let predicted = (self.predict)(&seen).map_err(|error| PolicyError::Unsuited(error.to_string()))?;
+        let Prediction { actions, end } = predicted;
         let scale = &self.description.normalisation.action;
         let coming = actions.iter().zip(&end).take(self.description.execute).take_while(|(_, end)| **end <= OVER);
         let actions: Vec<Vec<f32>> = coming.map(|(action, _)| scale.restore(action).collect()).collect();
         // Only a policy that sees nothing left to do has finished; a short chunk is looked at again.
         let finished = actions.is_empty();
         Ok(ActionChunk { actions, finished })
+    }
+}
+
+impl<F> ChunkPolicy<F> {
+    /// Inputs of the network.
+    fn seen(&self, observation: &Observation) -> Result<Seen, PolicyError> {
+        let missing = |what: &str| PolicyError::Unsuited(format!("`{what}` is missing"));
+        let Inputs { slots, images, .. } = &self.description.inputs;
+        let state = observation.state.get(Observation::STATE).and_then(|state| state.split_last());
+        let (width_m, arm) = state.ok_or_else(|| missing(Observation::STATE))?;
+        let truth = observation.privileged.as_ref();
+        if *slots > 0 && truth.is_none() {
+            return Err(missing("simulator truth"));
+        }
+        let objects = truth.map_or(&[][..], |truth| &truth.objects);
+        let held = truth.and_then(|truth| truth.grasped);
+        let numbers = self.observer.numbers(Moment { arm, width_m: *width_m, objects, held });
+        let mut rgb = Vec::new();
+        for image in images {
+            let seen = observation.images.get(&image.camera).ok_or_else(|| missing(&image.camera))?;
+            rgb.extend(&seen.rgb);
+        }
+        Ok(Seen { numbers, words: self.words.clone(), rgb })
     }
 }

@@ -14,6 +14,7 @@ fn options(run: &Path, out: &str, steps: u64) -> TrainOptions {
         preset: Preset::State,
         length: Length::Steps(steps),
         seed: Seed::new(1),
+        labels: true,
         out,
         threads: 1,
     }

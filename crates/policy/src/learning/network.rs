@@ -1,10 +1,13 @@
 //! A trained network, which predicts actions on the processor.
 
+use std::io;
+
 use genmanip_core::Document;
 
 use super::nn::{Transformer, Weights};
 use super::parameters::ParametersError;
 use super::tensor::Cpu;
+use crate::augmentation::ImageChange;
 use crate::{Batch, Demonstrations, PolicyDescription};
 
 /// A trained network with its description.
@@ -12,6 +15,17 @@ pub struct Network {
     description: PolicyDescription,
     transformer: Transformer,
     weights: Weights<Cpu>,
+}
+
+/// Inputs of a network at one moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Numbers of robot and objects: [`crate::Inputs::width`].
+    pub numbers: Vec<f32>,
+    /// Words of the instruction, see [`crate::instruction_words`].
+    pub words: Vec<f32>,
+    /// Images as [`crate::RowImages::read`] gives them.
+    pub rgb: Vec<u8>,
 }
 
 /// Predicted chunk.
@@ -64,17 +78,22 @@ impl Network {
         &self.description
     }
 
-    /// Predicted chunk for one row of inputs.
-    pub fn predict(&self, inputs: &[f32]) -> Prediction {
+    /// Predicted chunk.
+    ///
+    /// # Errors
+    /// If the images have another size.
+    pub fn predict(&self, seen: &Seen) -> io::Result<Prediction> {
         let PolicyDescription { inputs: layout, normalisation, contract, .. } = &self.description;
         let mut batch = Batch::default();
-        Demonstrations::push_inputs(layout, normalisation, inputs, &mut batch);
+        Demonstrations::push_inputs(layout, normalisation, &seen.numbers, &mut batch);
+        Demonstrations::push_images(layout, &seen.rgb, &mut || ImageChange::NONE, &mut batch)?;
+        batch.words.extend(&seen.words);
         let output = self.transformer.forward(&self.weights, &batch);
         let actions = output.actions.values();
         let probability = |logit: f32| 1.0 / (1.0 + (-logit).exp());
-        Prediction {
+        Ok(Prediction {
             actions: actions.chunks_exact(contract.names.len()).map(<[f32]>::to_vec).collect(),
             end: output.end.values().into_iter().map(probability).collect(),
-        }
+        })
     }
 }

@@ -1,8 +1,8 @@
 //! The transformer that predicts a chunk of actions at once, after ACT (Zhao et al., 2023) without its variational
 //! encoder: scripted demonstrations need none.
 //!
-//! Tokens of the robot and of the objects pass through an encoder; learned queries, one per action of the chunk, read
-//! its output in a decoder. Layers normalise before attention.
+//! Tokens of the robot, the objects, the instruction and the keypoints of images ([`super::vision`]) pass through an
+//! encoder; learned queries, one per action of the chunk, read its output in a decoder. Layers normalise before attention.
 
 use std::collections::BTreeMap;
 
@@ -12,6 +12,7 @@ use rand::RngExt;
 
 use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
+use super::vision;
 use crate::{Batch, Inputs, ModelSettings};
 
 /// The network: sizes without weights.
@@ -31,14 +32,48 @@ pub struct Output<B: Backend> {
     pub actions: Tensor<B>,
     /// Logit that the episode is over before each action: batch × chunk × 1.
     pub end: Tensor<B>,
+    /// Positions of the labelled points in [`POINT_UNIT_M`], world frame: batch × 3 · points.
+    pub points: Option<Tensor<B>>,
+    /// Keypoints of each image in normalised pixels: batch × keypoints × 2.
+    pub keypoints: Vec<Tensor<B>>,
 }
 
-/// An array before training: values within `bound` of `mean`.
+/// Unit of predicted positions, m; about the deviation of positions on a table.
+pub const POINT_UNIT_M: f32 = 0.1;
+
+/// Arrays before training: values within a bound of a mean.
+#[derive(Default)]
+pub(super) struct Initials(Vec<Initial>);
+
 struct Initial {
     name: String,
     shape: Vec<usize>,
     bound: f32,
     mean: f32,
+}
+
+impl Initials {
+    fn add(&mut self, name: String, shape: &[usize], bound: f32, mean: f32) {
+        self.0.push(Initial { name, shape: shape.to_vec(), bound, mean });
+    }
+
+    /// Weight and bias of [`Layers::linear`].
+    pub fn linear(&mut self, name: &str, from: usize, to: usize) {
+        self.add(format!("{name}.weight"), &[from, to], (1.0 / from.max(1) as f32).sqrt(), 0.0);
+        self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
+    }
+
+    /// Weight and bias of [`Layers::convolve`].
+    pub fn convolution(&mut self, name: &str, from: usize, to: usize, side: usize) {
+        let bound = (1.0 / (from * side * side) as f32).sqrt();
+        self.add(format!("{name}.weight"), &[to, from, side, side], bound, 0.0);
+        self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
+    }
+
+    fn norm(&mut self, name: &str, width: usize) {
+        self.add(format!("{name}.gain"), &[width], 0.0, 1.0);
+        self.add(format!("{name}.bias"), &[width], 0.0, 0.0);
+    }
 }
 
 /// Largest value of learned tokens before training.
@@ -69,44 +104,39 @@ impl Transformer {
 
     fn arrays(&self) -> Vec<Initial> {
         let ModelSettings { width, feed_forward, encoder_layers, decoder_layers, chunk, .. } = self.settings;
-        let mut arrays = Vec::new();
-        let mut add = |name: String, shape: &[usize], bound: f32, mean: f32| {
-            arrays.push(Initial { name, shape: shape.to_vec(), bound, mean });
-        };
-        let mut linear = |name: &str, from: usize, to: usize| {
-            add(format!("{name}.weight"), &[from, to], (1.0 / from as f32).sqrt(), 0.0);
-            add(format!("{name}.bias"), &[to], 0.0, 0.0);
-        };
-        linear("robot", self.inputs.robot.len(), width);
-        linear("object", self.inputs.object.len(), width);
-        let layers = (0..encoder_layers).map(|layer| (format!("encoder.{layer}"), false));
-        let layers: Vec<(String, bool)> =
-            layers.chain((0..decoder_layers).map(|layer| (format!("decoder.{layer}"), true))).collect();
-        let attentions = |layer: &str, is_decoder: bool| {
-            let own = format!("{layer}.attention");
-            if is_decoder { vec![own, format!("{layer}.cross")] } else { vec![own] }
-        };
-        for (layer, is_decoder) in &layers {
-            for attention in attentions(layer, *is_decoder) {
-                for part in ["query", "key", "value", "out"] {
-                    linear(&format!("{attention}.{part}"), width, width);
-                }
-            }
-            linear(&format!("{layer}.widen"), width, feed_forward);
-            linear(&format!("{layer}.narrow"), feed_forward, width);
+        let mut arrays = Initials::default();
+        arrays.linear("robot", self.inputs.robot.len(), width);
+        if self.inputs.slots > 0 {
+            arrays.linear("object", self.inputs.object.len(), width);
         }
-        linear("head", width, self.action + 1);
-        let norms = layers.iter().flat_map(|(layer, is_decoder)| {
-            let before = attentions(layer, *is_decoder).into_iter().map(|attention| format!("{attention}.norm"));
-            before.chain([format!("{layer}.norm")]).collect::<Vec<_>>()
-        });
-        for norm in norms.chain(["encoder.norm".into(), "decoder.norm".into()]) {
-            add(format!("{norm}.gain"), &[width], 0.0, 1.0);
-            add(format!("{norm}.bias"), &[width], 0.0, 0.0);
+        if self.inputs.words > 0 {
+            arrays.linear("words", self.inputs.words, width);
+            arrays.linear("instruction", width, width);
         }
-        add("tokens".into(), &[1, 1 + self.inputs.slots, width], MAX_TOKEN, 0.0);
-        add("queries".into(), &[1, chunk, width], MAX_TOKEN, 0.0);
-        arrays
+        for image in 0..self.inputs.images.len() {
+            vision::add(&format!("image.{image}"), &self.settings, self.inputs.words > 0, &mut arrays);
+        }
+        for layer in 0..encoder_layers {
+            layer_arrays(&format!("encoder.{layer}"), &["attention"], width, feed_forward, &mut arrays);
+        }
+        for layer in 0..decoder_layers {
+            layer_arrays(&format!("decoder.{layer}"), &["attention", "cross"], width, feed_forward, &mut arrays);
+        }
+        arrays.norm("encoder.norm", width);
+        arrays.norm("decoder.norm", width);
+        arrays.linear("head", width, self.action + 1);
+        if self.settings.labelled_points > 0 {
+            arrays.linear("points", width, 3 * self.settings.labelled_points);
+        }
+        arrays.add("tokens".into(), &[1, self.tokens(), width], MAX_TOKEN, 0.0);
+        arrays.add("queries".into(), &[1, chunk, width], MAX_TOKEN, 0.0);
+        arrays.0
+    }
+
+    /// Number of tokens of the encoder.
+    fn tokens(&self) -> usize {
+        let Inputs { slots, words, images, .. } = &self.inputs;
+        1 + slots + usize::from(*words > 0) + images.len() * self.settings.keypoints
     }
 
     /// Weights on a back end.
@@ -117,17 +147,35 @@ impl Transformer {
 
     /// Predictions for the inputs of a batch.
     pub fn forward<B: Backend>(&self, weights: &Weights<B>, batch: &Batch) -> Output<B> {
-        let (size, slots, width) = (batch.size, self.inputs.slots, self.settings.width);
+        let (size, width) = (batch.size, self.settings.width);
+        let Inputs { robot, object, slots, images, words } = &self.inputs;
         let layers = Layers { weights, heads: self.settings.heads };
-        let robot = Tensor::new(&batch.robot, &[size, 1, self.inputs.robot.len()]);
-        let objects = Tensor::new(&batch.objects, &[size, slots, self.inputs.object.len()]);
-        let tokens = Tensor::join(vec![layers.linear(robot, "robot"), layers.linear(objects, "object")], 1);
-        let mut memory = tokens.add(layers.get("tokens"));
+        let mut tokens = vec![layers.linear(Tensor::new(&batch.robot, &[size, 1, robot.len()]), "robot")];
+        if *slots > 0 {
+            tokens.push(layers.linear(Tensor::new(&batch.objects, &[size, *slots, object.len()]), "object"));
+        }
+        let instruction = (*words > 0).then(|| {
+            let hidden = layers.linear(Tensor::new(&batch.words, &[size, 1, *words]), "words").relu();
+            layers.linear(hidden, "instruction").relu()
+        });
+        tokens.extend(instruction.clone());
+        let mut keypoints = Vec::new();
+        for (index, (image, batch)) in images.iter().zip(&batch.images).enumerate() {
+            let name = format!("image.{index}");
+            let seen = vision::keypoints(&layers, &name, &self.settings, instruction.as_ref(), image, batch);
+            tokens.push(seen.tokens);
+            keypoints.push(seen.pixels);
+        }
+        let mut memory = Tensor::join(tokens, 1).add(layers.get("tokens"));
         for layer in 0..self.settings.encoder_layers {
             memory = layers.attend(memory, None, &format!("encoder.{layer}.attention"));
             memory = layers.feed_forward(memory, &format!("encoder.{layer}"));
         }
         let memory = layers.norm(memory, "encoder.norm");
+        let points = (self.settings.labelled_points > 0).then(|| {
+            let robot = memory.clone().narrow(1, 0..1).reshape(&[size, width]);
+            layers.linear(robot, "points")
+        });
         let chunk = self.settings.chunk;
         let mut queries = layers.get("queries").expand(&[size, chunk, width]);
         for layer in 0..self.settings.decoder_layers {
@@ -137,12 +185,25 @@ impl Transformer {
         }
         let out = layers.linear(layers.norm(queries, "decoder.norm"), "head");
         let end = out.clone().narrow(2, self.action..self.action + 1);
-        Output { actions: out.narrow(2, 0..self.action), end }
+        Output { actions: out.narrow(2, 0..self.action), end, points, keypoints }
     }
 }
 
+/// Arrays of one layer of the transformer.
+fn layer_arrays(layer: &str, attentions: &[&str], width: usize, feed_forward: usize, arrays: &mut Initials) {
+    for attention in attentions {
+        for part in ["query", "key", "value", "out"] {
+            arrays.linear(&format!("{layer}.{attention}.{part}"), width, width);
+        }
+        arrays.norm(&format!("{layer}.{attention}.norm"), width);
+    }
+    arrays.linear(&format!("{layer}.widen"), width, feed_forward);
+    arrays.linear(&format!("{layer}.narrow"), feed_forward, width);
+    arrays.norm(&format!("{layer}.norm"), width);
+}
+
 /// Layers by the names of their weights.
-struct Layers<'a, B: Backend> {
+pub(super) struct Layers<'a, B: Backend> {
     weights: &'a Weights<B>,
     heads: usize,
 }
@@ -154,8 +215,12 @@ impl<B: Backend> Layers<'_, B> {
         self.weights.get(name).unwrap_or_else(|| unreachable!("no weight `{name}`")).clone()
     }
 
-    fn linear(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
+    pub fn linear(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
         x.linear(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")))
+    }
+
+    pub fn convolve(&self, x: Tensor<B>, name: &str, stride: usize, padding: usize) -> Tensor<B> {
+        x.convolve(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")), stride, padding)
     }
 
     fn norm(&self, x: Tensor<B>, name: &str) -> Tensor<B> {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use burn_autodiff::Autodiff;
-use burn_backend::ops::FloatTensorOps;
+use burn_backend::ops::{ConvOptions, FloatTensorOps};
 use burn_backend::{AutodiffBackend, Backend, BackendTypes, Shape, Slice, TensorData, TensorMetadata, read_sync};
 use burn_flex::Flex;
 
@@ -74,6 +74,12 @@ impl<B: Backend> Tensor<B> {
     /// Affine map of the last dimension: weight of inputs × outputs, bias of outputs.
     pub fn linear(self, weight: Self, bias: Self) -> Self {
         Self(B::linear(self.0, weight.0, Some(bias.0)))
+    }
+
+    /// Convolution of batch × channels × height × width; weight of outputs × inputs × side × side.
+    pub fn convolve(self, weight: Self, bias: Self, stride: usize, padding: usize) -> Self {
+        let options = ConvOptions::new([stride; 2], [padding; 2], [1; 2], 1);
+        Self(B::conv2d(self.0, weight.0, Some(bias.0), options))
     }
 
     /// Normalisation over the last dimension.

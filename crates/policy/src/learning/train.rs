@@ -5,15 +5,17 @@
 //! does not matter.
 
 use std::collections::BTreeMap;
-use std::thread;
+use std::{io, thread};
 
 use genmanip_core::Seed;
 
 use super::adam::{Adam, learning_rate};
-use super::nn::{Transformer, Weights};
+use super::nn::{POINT_UNIT_M, Transformer, Weights};
 use super::parameters::{Parameters, ParametersError};
 use super::tensor::{Cpu, CpuTraining, Tensor};
-use crate::{Batch, Demonstrations, Inputs, ModelSettings, Normalisation, Sampler, TrainingSettings};
+use crate::{
+    Batch, Demonstrations, ImageBatch, Inputs, ModelSettings, Normalisation, RowImages, Sampler, TrainingSettings,
+};
 
 /// Samples whose gradients are computed together.
 const PART: usize = 32;
@@ -21,6 +23,7 @@ const PART: usize = 32;
 /// A training in progress.
 pub struct Trainer<'a> {
     demonstrations: &'a Demonstrations,
+    images: &'a dyn RowImages,
     normalisation: Normalisation,
     network: Transformer,
     settings: TrainingSettings,
@@ -40,6 +43,8 @@ pub struct TrainingStep {
     pub l1: f64,
     /// Cross-entropy of the end of the episode.
     pub end_loss: f64,
+    /// L1 error of labelled points: positions in units of 0.1 m, and normalised pixels.
+    pub label_loss: f64,
     /// Norm of all gradients before clipping.
     pub gradient_norm: f64,
     /// Learning rate.
@@ -59,6 +64,9 @@ pub enum TrainError {
     /// There is nothing to learn from.
     #[error("there are no rows to learn from")]
     NoRows,
+    /// An image cannot be read.
+    #[error("the images of the demonstrations cannot be read")]
+    Images(#[from] io::Error),
     /// The loss is not a number any more.
     #[error("the loss of step {step} is not finite")]
     NotFinite {
@@ -85,6 +93,7 @@ impl<'a> Trainer<'a> {
     /// If there are no rows.
     pub fn new(
         demonstrations: &'a Demonstrations,
+        images: &'a dyn RowImages,
         model: &ModelSettings,
         settings: &TrainingSettings,
         seed: Seed,
@@ -95,12 +104,24 @@ impl<'a> Trainer<'a> {
         }
         let normalisation = demonstrations.normalisation();
         let gripper = normalisation.action.deviation.last().copied().unwrap_or(1.0);
-        let sampler = Sampler::new(demonstrations, gripper, model.chunk, settings.transition_copies, seed);
+        let TrainingSettings { transition_copies, augmentation, .. } = settings.clone();
+        let sampler = Sampler::new(demonstrations, gripper, model.chunk, transition_copies, augmentation, seed);
         let network = Transformer::new(model.clone(), demonstrations.inputs.clone(), demonstrations.action);
         let parameters = network.initial(seed);
         let adam = Adam::new(&parameters);
         let settings = settings.clone();
-        Ok(Self { demonstrations, normalisation, network, settings, sampler, parameters, adam, step: 0, threads })
+        Ok(Self {
+            demonstrations,
+            images,
+            normalisation,
+            network,
+            settings,
+            sampler,
+            parameters,
+            adam,
+            step: 0,
+            threads,
+        })
     }
 
     /// Number of finished steps.
@@ -126,13 +147,14 @@ impl<'a> Trainer<'a> {
         let weights = Transformer::load::<Cpu>(&self.average());
         let (mut sum, mut count) = (0.0, 0.0);
         for step in 0..batches {
-            let batch = self.sampler.batch(self.demonstrations, &self.normalisation, step, self.settings.batch);
-            let actions = self.network.forward(&weights, &batch).actions.values();
-            let pairs = actions.iter().zip(&batch.actions).enumerate();
-            let there = pairs.filter(|(place, _)| batch.mask[place / self.demonstrations.action] > 0.0);
-            for (_, (got, target)) in there {
-                sum += f64::from((got - target).abs());
-                count += 1.0;
+            for batch in self.parts(step)? {
+                let actions = self.network.forward(&weights, &batch).actions.values();
+                let pairs = actions.iter().zip(&batch.actions).enumerate();
+                let there = pairs.filter(|(place, _)| batch.mask[place / self.demonstrations.action] > 0.0);
+                for (_, (got, target)) in there {
+                    sum += f64::from((got - target).abs());
+                    count += 1.0;
+                }
             }
         }
         let error: f64 = sum / f64::max(count, 1.0);
@@ -149,11 +171,8 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// If the loss is not finite; the weights stay as they were.
     pub fn step(&mut self, steps: u64) -> Result<TrainingStep, TrainError> {
-        let (step, size) = (self.step, self.settings.batch);
-        let parts: Vec<Batch> = {
-            let batch = self.sampler.batch(self.demonstrations, &self.normalisation, step, size);
-            batch.parts(PART, &self.demonstrations.inputs)
-        };
+        let step = self.step;
+        let parts = self.parts(step)?;
         let targets = f64::from(parts.iter().flat_map(|part| &part.mask).sum::<f32>()).max(1.0);
         let loss = Loss {
             network: &self.network,
@@ -161,27 +180,39 @@ impl<'a> Trainer<'a> {
             action: self.demonstrations.action,
             actions: targets * self.demonstrations.action as f64,
             queries: parts.iter().map(|part| part.mask.len()).sum::<usize>() as f64,
+            size: self.settings.batch as f64,
+            points: self.demonstrations.points,
             end_weight: self.settings.end_weight,
+            label_weight: self.settings.label_weight,
         };
-        let (mut l1, mut end_loss) = (0.0, 0.0);
+        let (mut l1, mut end_loss, mut label_loss) = (0.0, 0.0, 0.0);
         let mut gradients: Vec<Vec<f32>> =
             self.parameters.arrays.iter().map(|array| vec![0.0; array.values.len()]).collect();
         for parts in parts.chunks(self.threads.max(1)) {
             for part in loss.of_parts(parts) {
                 l1 += part.l1;
                 end_loss += part.end;
+                label_loss += part.labels;
                 for (sum, gradient) in gradients.iter_mut().flatten().zip(part.gradients.iter().flatten()) {
                     *sum += gradient;
                 }
             }
         }
-        if !(l1.is_finite() && end_loss.is_finite() && gradients.iter().flatten().all(|value| value.is_finite())) {
+        let losses: [f64; 3] = [l1, end_loss, label_loss];
+        if !(losses.iter().all(|loss| loss.is_finite()) && gradients.iter().flatten().all(|value| value.is_finite())) {
             return Err(TrainError::NotFinite { step });
         }
         let learning_rate = learning_rate(step, steps, &self.settings);
         let gradient_norm = self.adam.step(&mut self.parameters, &gradients, step, learning_rate, &self.settings);
         self.step += 1;
-        Ok(TrainingStep { step, l1, end_loss, gradient_norm, learning_rate })
+        Ok(TrainingStep { step, l1, end_loss, label_loss, gradient_norm, learning_rate })
+    }
+
+    /// The batch of a step in parts.
+    fn parts(&mut self, step: u64) -> Result<Vec<Batch>, TrainError> {
+        let Self { demonstrations, images, normalisation, settings, .. } = self;
+        let batch = self.sampler.batch(demonstrations, *images, normalisation, step, settings.batch)?;
+        Ok(batch.parts(PART, &demonstrations.inputs))
     }
 
     /// The whole state, with further metadata.
@@ -224,7 +255,7 @@ impl Batch {
     /// The same samples in parts of at most `size`.
     fn parts(self, size: usize, inputs: &Inputs) -> Vec<Self> {
         let per = |values: &[f32]| values.len() / self.size.max(1);
-        let (actions, mask) = (per(&self.actions), per(&self.mask));
+        let (actions, mask, labels) = (per(&self.actions), per(&self.mask), per(&self.labels));
         let (robot, objects) = (inputs.robot.len(), inputs.slots * inputs.object.len());
         let part = |from: usize| {
             let to = (from + size).min(self.size);
@@ -233,6 +264,16 @@ impl Batch {
                 size: to - from,
                 robot: cut(&self.robot, robot),
                 objects: cut(&self.objects, objects),
+                words: cut(&self.words, inputs.words),
+                images: self
+                    .images
+                    .iter()
+                    .map(|images| ImageBatch {
+                        planes: cut(&images.planes, per(&images.planes)),
+                        shift: cut(&images.shift, 2),
+                    })
+                    .collect(),
+                labels: cut(&self.labels, labels),
                 actions: cut(&self.actions, actions),
                 mask: cut(&self.mask, mask),
             }
@@ -251,13 +292,19 @@ struct Loss<'a> {
     actions: f64,
     /// Queries of the batch.
     queries: f64,
+    /// Samples of the batch.
+    size: f64,
+    /// Labelled points.
+    points: usize,
     end_weight: f64,
+    label_weight: f64,
 }
 
 /// Share of a part in losses and gradients of its batch.
 struct PartLoss {
     l1: f64,
     end: f64,
+    labels: f64,
     gradients: Vec<Vec<f32>>,
 }
 
@@ -292,8 +339,38 @@ impl Loss<'_> {
         let end = output.end.clone().softplus().sub(output.end.mul(over)).sum().scale(1.0 / self.queries);
         let value = |tensor: &Tensor<CpuTraining>| tensor.clone().values().first().map_or(f64::NAN, |x| f64::from(*x));
         let (l1_value, end_value) = (value(&l1), value(&end));
-        let gradients = l1.add(end.scale(self.end_weight)).gradients(&leaves);
-        PartLoss { l1: l1_value, end: end_value, gradients }
+        let loss = l1.add(end.scale(self.end_weight));
+        let labels = self.labels(&output.points, &output.keypoints, part);
+        let labels_value = labels.as_ref().map_or(0.0, value);
+        let loss = match labels {
+            Some(labels) => loss.add(labels.scale(self.label_weight)),
+            None => loss,
+        };
+        PartLoss { l1: l1_value, end: end_value, labels: labels_value, gradients: loss.gradients(&leaves) }
+    }
+
+    /// L1 error of the labelled points, in space and in each image where they are seen; `None` without labels.
+    fn labels(
+        &self,
+        points: &Option<Tensor<CpuTraining>>,
+        keypoints: &[Tensor<CpuTraining>],
+        part: &Batch,
+    ) -> Option<Tensor<CpuTraining>> {
+        let (count, size) = (self.points, part.size);
+        let points = points.clone()?;
+        let rows = part.labels.chunks_exact(part.labels.len() / size.max(1));
+        let targets: Vec<f32> =
+            rows.clone().flat_map(|row| &row[..3 * count]).map(|metres| metres / POINT_UNIT_M).collect();
+        let entries = self.size * count as f64;
+        let error = points.sub(Tensor::new(&targets, &[size, 3 * count])).abs().sum().scale(1.0 / (3.0 * entries));
+        let errors = keypoints.iter().enumerate().map(|(image, pixels)| {
+            let seen = rows.clone().flat_map(|row| row[3 * count * (1 + image)..].chunks_exact(3).take(count));
+            let targets: Vec<f32> = seen.clone().flat_map(|point| [point[0], point[1]]).collect();
+            let mask: Vec<f32> = seen.map(|point| point[2]).collect();
+            let pixels = pixels.clone().narrow(1, 0..count).sub(Tensor::new(&targets, &[size, count, 2]));
+            pixels.abs().mul(Tensor::new(&mask, &[size, count, 1])).sum().scale(1.0 / (2.0 * entries))
+        });
+        Some(errors.fold(error, Tensor::add))
     }
 }
 

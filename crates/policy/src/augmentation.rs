@@ -1,0 +1,123 @@
+//! Random changes of training samples: pure functions of seed, step and sample.
+
+use genmanip_core::Seed;
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use crate::ImageInput;
+
+/// Sizes of random changes; 0 for none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Augmentation {
+    /// Largest shift of an image along each axis, pixels; pixels of its border are repeated.
+    pub shift_px: u32,
+    /// Largest relative change of the brightness of each colour channel.
+    pub gain: f32,
+    /// Largest change of each entry of the robot's token, in deviations.
+    pub state_noise: f32,
+}
+
+/// Random change of one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ImageChange {
+    /// Shift of the content to the right and down, pixels.
+    shift_px: [i64; 2],
+    gain: [f32; 3],
+}
+
+impl ImageChange {
+    /// No change.
+    pub const NONE: Self = Self { shift_px: [0; 2], gain: [1.0; 3] };
+
+    /// The shift of a point of the image, in the units of [`normalised_pixel`].
+    pub fn shift(&self, size: &ImageInput) -> [f32; 2] {
+        [self.shift_px[0] as f32 * 2.0 / size.width as f32, self.shift_px[1] as f32 * 2.0 / size.height as f32]
+    }
+
+    /// Adds the changed image to `planes`: three planes of height × width, about −2 to 2.
+    pub fn push(&self, rgb: &[u8], size: &ImageInput, planes: &mut Vec<f32>) {
+        let (width, height) = (size.width as i64, size.height as i64);
+        let columns: Vec<usize> =
+            (0..width).map(|column| 3 * (column - self.shift_px[0]).clamp(0, width - 1) as usize).collect();
+        for (channel, gain) in self.gain.into_iter().enumerate() {
+            // Mean and spread of 8-bit values: those of a grey scale that is used evenly, roughly.
+            let (factor, offset) = (gain / 64.0, 2.0);
+            for row in 0..height {
+                let from = 3 * (width * (row - self.shift_px[1]).clamp(0, height - 1)) as usize + channel;
+                planes.extend(columns.iter().map(|column| f32::from(rgb[from + column]) * factor - offset));
+            }
+        }
+    }
+}
+
+/// Random changes of one sample.
+pub(crate) struct Changes<R> {
+    rng: R,
+    settings: Augmentation,
+}
+
+impl Augmentation {
+    /// Changes of a sample of a step.
+    pub(crate) fn of_sample(&self, seed: Seed, position: u64) -> Changes<impl Rng + use<>> {
+        Changes { rng: seed.fork("augmentation").fork_index(position).rng(), settings: self.clone() }
+    }
+}
+
+impl<R: Rng> Changes<R> {
+    /// Change of the next image.
+    pub fn image(&mut self) -> ImageChange {
+        let most = i64::from(self.settings.shift_px);
+        let shift_px = [(); 2].map(|()| self.rng.random_range(-most..=most));
+        let gain = [(); 3].map(|()| 1.0 + self.settings.gain * self.symmetric());
+        ImageChange { shift_px, gain }
+    }
+
+    /// Adds noise to normalised entries.
+    pub fn noise(&mut self, entries: &mut [f32]) {
+        let most = self.settings.state_noise;
+        if most > 0.0 {
+            entries.iter_mut().for_each(|entry| *entry += most * self.symmetric());
+        }
+    }
+
+    /// From −1 to 1.
+    fn symmetric(&mut self) -> f32 {
+        2.0 * self.rng.random::<f32>() - 1.0
+    }
+}
+
+/// Pixel coordinates (u right, v down; centres whole) from −1 to 1 across the image.
+pub fn normalised_pixel(pixel: [f64; 2], size: &ImageInput) -> [f32; 2] {
+    let normalised = |at: f64, length: usize| ((at + 0.5) * 2.0 / length as f64 - 1.0) as f32;
+    [normalised(pixel[0], size.width), normalised(pixel[1], size.height)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shifted_image_moves_its_points_along() {
+        let size = ImageInput { camera: "static".into(), width: 8, height: 4 };
+        let mut rgb = vec![0_u8; size.bytes()];
+        // One bright green pixel at u = 3, v = 1.
+        rgb[3 * (8 + 3) + 1] = 255;
+        let settings = Augmentation { shift_px: 1, gain: 0.0, state_noise: 0.0 };
+        let mut seen = std::collections::BTreeSet::new();
+        for position in 0..40 {
+            let change = settings.of_sample(Seed::new(1), position).image();
+            assert_eq!(change, settings.of_sample(Seed::new(1), position).image());
+            let mut planes = Vec::new();
+            change.push(&rgb, &size, &mut planes);
+            let bright = planes.iter().position(|value| *value > 0.0).unwrap();
+            let (channel, v, u) = (bright / 32, bright % 32 / 8, bright % 8);
+            assert_eq!(channel, 1);
+            let (from, to) = (normalised_pixel([3.0, 1.0], &size), normalised_pixel([u as f64, v as f64], &size));
+            let shift = change.shift(&size);
+            assert!((0..2).all(|axis| (to[axis] - from[axis] - shift[axis]).abs() < 1e-6), "{from:?} {to:?} {shift:?}");
+            seen.insert((u, v));
+        }
+        assert_eq!(seen.len(), 9, "every shift of at most one pixel");
+    }
+}
