@@ -161,18 +161,14 @@ fn labels(
     let subject = scenario.index_of(subject);
     let objects: [usize; LABELLED_POINTS] =
         [subject, scenario.index_of(reference).or(subject)].map(Option::unwrap_or_default);
-    let cameras = scenario.world.cameras.iter();
-    let camera = |image: &ImageInput| {
-        let camera = cameras.clone().find(|camera| camera.name == image.camera).cloned();
-        let sized = |camera: Camera| {
-            let intrinsics = camera.intrinsics.resized(image.width as u32, image.height as u32);
-            (Camera { intrinsics, ..camera }, image)
-        };
-        camera.map(sized).ok_or_else(|| {
+    let mut cameras = Vec::new();
+    for image in &inputs.images {
+        let camera = scenario.world.cameras.iter().find(|camera| camera.name == image.camera).ok_or_else(|| {
             WorkspaceError::input(format!("cannot learn from episode {id}: it has no camera `{}`", image.camera))
-        })
-    };
-    let cameras = inputs.images.iter().map(camera).collect::<Result<Vec<_>, _>>()?;
+        })?;
+        let intrinsics = camera.intrinsics.resized(image.width as u32, image.height as u32);
+        cameras.push((Camera { intrinsics, ..camera.clone() }, image));
+    }
     let mut labels = Vec::new();
     for frame in frames.iter().filter_map(|frame| episode.frames.get(*frame)) {
         let links = robot.link_poses(&frame.joint_position, frame.gripper_width);
