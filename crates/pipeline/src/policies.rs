@@ -206,9 +206,8 @@ fn learned(given: &Given) -> Result<Prepared, WorkspaceError> {
             .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
     };
     let learned = learned::load(&folder)?;
-    let prepared = Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage));
     // Its end is an estimate: the episodes end where its goal holds.
-    Ok(Prepared { never_finishes: true, ..prepared })
+    Ok(Prepared::new(move |episode: &PolicyContext| learned.act_on(episode.stage)).never_finishing())
 }
 
 fn do_nothing(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -270,7 +269,8 @@ fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
     })?;
     Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         Ok(remote::openpi(&settings, episode.planner.robot(), episode.cores))
-    }))
+    })
+    .never_finishing())
 }
 
 fn vla_eval(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -279,7 +279,8 @@ fn vla_eval(given: &Given) -> Result<Prepared, WorkspaceError> {
     let settings = remote::vla_eval_settings(url, preset, [given.text("exterior"), given.text("wrist")], patience_s)?;
     Ok(Prepared::new(move |episode: &PolicyContext| {
         Ok(remote::vla_eval(&settings, episode.planner.robot(), episode.cores))
-    }))
+    })
+    .never_finishing())
 }
 
 fn python(given: &Given) -> Result<Prepared, WorkspaceError> {
@@ -335,6 +336,10 @@ struct Prepared {
 impl Prepared {
     fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, WorkspaceError> + Send + Sync + 'static) -> Self {
         Self { make: Box::new(make), account: None, never_finishes: false }
+    }
+
+    fn never_finishing(self) -> Self {
+        Self { never_finishes: true, ..self }
     }
 }
 
@@ -437,7 +442,7 @@ impl PolicyFactory {
     /// The same policy as one that never says that it is finished.
     #[must_use]
     pub fn never_finishing(mut self) -> Self {
-        self.prepared.never_finishes = true;
+        self.prepared = self.prepared.never_finishing();
         self
     }
 

@@ -10,7 +10,7 @@ use genmanip_core::{ActionContract, Atom, Camera, Episode, Frame, Projection, Ro
 use genmanip_data::export::features::{Feature, Values};
 use genmanip_data::export::{Source, rows, sampling};
 use genmanip_data::{DataError, Selection};
-use genmanip_policy::{Demonstration, Demonstrations, ImageInput, Inputs, instruction_words, normalised_pixel};
+use genmanip_policy::{Demonstration, Demonstrations, Inputs, instruction_words, normalised_pixel};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_workspace::{Progress, WorkspaceError, worlds};
 
