@@ -19,16 +19,19 @@ enum Outcome {
 const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 
 /// Tests of learned policies, in a build with Burn that shares all other libraries with the tests' own; most programs do
-/// without. The language-model client is there for its features alone.
-const LEARNED: [&str; 10] = [
+/// without. The program is there for its choice of features alone.
+const LEARNED: [&str; 13] = [
     "-p",
     "genmanip-policy",
     "-p",
     "genmanip-pipeline",
     "-p",
-    "genmanip-llm",
+    "genmanip-cli",
     "--features",
-    "genmanip-pipeline/learn",
+    "genmanip-cli/learn",
+    "--lib",
+    "--test",
+    "pipeline",
     "--",
     "learn",
 ];

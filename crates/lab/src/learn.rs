@@ -4,8 +4,8 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
@@ -18,7 +18,7 @@ use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::collect::{CollectOptions, collect};
 use genmanip_pipeline::evaluate::{EndingRules, EvaluateOptions, Suite, evaluate};
 use genmanip_pipeline::layouts::{LayoutOutput, lay_out};
-use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TrainOptions, check, train};
+use genmanip_pipeline::learn::{CheckOptions, Length, Preset, TRAINING, TrainOptions, check, train};
 use genmanip_pipeline::{PolicyFactory, Run, RunFolder};
 use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::ExpertSettings;
@@ -211,7 +211,7 @@ fn resumed_identical(
     let stop = AtomicBool::new(false);
     let length = Length::Steps(SHORT);
     let whole = train(&training("short", length), progress, &stop)?.ok_or_else(stopped)?;
-    let halves = StopAfter { inner: progress, steps: SHORT / 2, seen: 0.into(), stop: AtomicBool::new(false) };
+    let halves = StopAfter { inner: progress, steps: SHORT / 2, seen: Mutex::new(None), stop: AtomicBool::new(false) };
     let first = train(&training("halves", length), &halves, &halves.stop)?;
     let second = train(&training("halves", length), progress, &stop)?.ok_or_else(stopped)?;
     let was_stopped = first.is_none() && second.resumed_from.is_some_and(|from| (1..SHORT).contains(&from));
@@ -222,20 +222,27 @@ fn resumed_identical(
 struct StopAfter<'a> {
     inner: &'a dyn Progress,
     steps: u64,
-    seen: std::sync::atomic::AtomicU64,
+    /// Steps that are finished; `None` before the training, since reading the demonstrations counts units of its own.
+    seen: Mutex<Option<u64>>,
     stop: AtomicBool,
+}
+
+impl StopAfter<'_> {
+    fn seen(&self) -> MutexGuard<'_, Option<u64>> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Progress for StopAfter<'_> {
     fn begin(&self, what: &str, total: usize) {
-        // Reading counts units of its own.
-        self.seen.store(0, std::sync::atomic::Ordering::Relaxed);
+        *self.seen() = (what == TRAINING).then_some(0);
         self.inner.begin(what, total);
     }
 
     fn advance(&self) {
-        let seen = self.seen.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        self.stop.fetch_or(seen == self.steps, std::sync::atomic::Ordering::Relaxed);
+        let mut seen = self.seen();
+        *seen = seen.map(|seen| seen + 1);
+        self.stop.fetch_or(*seen == Some(self.steps), Ordering::Relaxed);
         self.inner.advance();
     }
 

@@ -433,7 +433,11 @@ pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, WorkspaceEr
         return Ok(format!("its seed is {}, not {}", known.seed, asked.seed));
     }
     if known.episodes_per_task != asked.episodes_per_task {
-        return Ok(format!("it has {} attempts per task, not {}", known.episodes_per_task, asked.episodes_per_task));
+        let length = |run: &Run| match run.episodes_per_task {
+            0 => "a number of verified demonstrations".to_owned(),
+            attempts => format!("{attempts} attempts per task"),
+        };
+        return Ok(format!("it has {}, not {}", length(known), length(asked)));
     }
     if known.genmanip_version != asked.genmanip_version || known.engine != asked.engine {
         return Ok(format!("made by version {} with {}", known.genmanip_version, known.engine));

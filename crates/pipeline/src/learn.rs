@@ -21,7 +21,7 @@ mod uninstalled;
 #[cfg(feature = "learn")]
 pub use check::check;
 pub use genmanip_policy::Preset;
-pub use options::{CheckOptions, Checked, Length, TrainOptions, Trained};
+pub use options::{CheckOptions, Checked, Length, TRAINING, TrainOptions, Trained};
 #[cfg(feature = "learn")]
 pub use training::train;
 #[cfg(not(feature = "learn"))]

@@ -69,7 +69,7 @@ fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Resul
         ]);
     }
     printer.data(&found, &text_table(&rows));
-    printer.say(format!("{} objects", found.len()));
+    printer.say(format!("{} object{}", found.len(), if found.len() == 1 { "" } else { "s" }));
     Ok(if found.is_empty() { ExitStatus::NotMet } else { ExitStatus::Done })
 }
 
@@ -95,7 +95,7 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
         "hashes": {"physics": hashes.physics, "judging": hashes.judging, "looks": hashes.looks},
     });
     let mut text = format!(
-        "{} {}\n{}\n\ncategory   {}\nalso       {}\nuses       {}\nsize       {} mm, {} kg, friction {}\nsplit      {}\n\
+        "{} {}\n{}\n\ncategory   {}\nalso       {}\nuses       {}\nsize       {} mm, {:.3} kg, friction {}\nsplit      {}\n\
          pieces     {} convex collision pieces\ngrasps     {} tried with {}\n\nstands\n",
         card.uid,
         card.name,
@@ -230,13 +230,16 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
     printer.data(&rows, &packs::table(&rows));
     let count = |of: &dyn Fn(&&ImportRow) -> bool| rows.iter().filter(of).count();
     let imported = count(&|row| row.error.is_none());
+    let graspable = count(&|row| row.can_grasp);
+    let held = match arguments.no_grasps {
+        true => format!("no grasp was tried on {graspable} graspable ones"),
+        false => format!("{} of {graspable} graspable ones were held in a trial", count(&|row| row.grasps > 0)),
+    };
     printer.say(format!(
-        "{imported} of {} imported into {}; {} rest on a table, {} of {} graspable ones were held in a trial",
+        "{imported} of {} imported into {}; {} rest on a table, {held}",
         found.len(),
         folder.join(&arguments.pack).display(),
         count(&|row| row.rests),
-        count(&|row| row.grasps > 0),
-        count(&|row| row.can_grasp),
     ));
     let refused = found.len() - imported;
     Ok(if refused == 0 { ExitStatus::Done } else { ExitStatus::NotMet })

@@ -13,7 +13,7 @@ use genmanip_workspace::documents;
 const MAX_FILES: usize = 50_000;
 const MAX_DEPTH: usize = 16;
 /// Extensions of importable files; of files with the same stem in one folder, the first is used.
-const EXTENSIONS: [&str; 7] = ["urdf", "xml", "glb", "gltf", "obj", "stl", "msh"];
+const EXTENSIONS: [&str; 8] = ["urdf", "xml", "glb", "gltf", "obj", "dae", "stl", "msh"];
 /// Words in the names of collision meshes, which accompany visual ones.
 const COLLISION_WORDS: [&str; 5] = ["collision", "_col", "vhacd", "coacd", "convex"];
 /// YCB folders with alternative reconstructions of the same object.

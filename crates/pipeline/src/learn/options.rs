@@ -7,6 +7,9 @@ use genmanip_core::Seed;
 use genmanip_policy::Preset;
 use serde::{Deserialize, Serialize};
 
+/// Activity that a training tells its progress, a unit per step.
+pub const TRAINING: &str = "training";
+
 /// Length of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

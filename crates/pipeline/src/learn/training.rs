@@ -29,7 +29,7 @@ use crate::learned::policy::{DESCRIPTION, MAX_DESCRIPTION, MAX_WEIGHTS, WEIGHTS}
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const METRICS: &str = "metrics.csv";
 /// Keys of the checkpoint's metadata.
-const TRAINING: &str = "training";
+const IDENTITY: &str = "training";
 const STEPS: &str = "steps";
 
 /// Steps after which a time budget becomes a number of steps, and those of them that are timed.
@@ -160,7 +160,7 @@ impl<'a> Course<'a> {
                 WorkspaceError::file("read", &path, error).or_hint("remove it; the training then starts again")
             };
             let metadata = checkpoint.metadata().map_err(|error| damaged(error.into()))?;
-            let known = metadata.get(TRAINING).map(String::as_str).unwrap_or_default();
+            let known = metadata.get(IDENTITY).map(String::as_str).unwrap_or_default();
             if known != training {
                 return Err(another(out, known, &training));
             }
@@ -206,7 +206,7 @@ impl<'a> Course<'a> {
                 self.save()?;
             }
             if let (Some(steps), false) = (self.steps, is_shown) {
-                progress.begin("training", steps.saturating_sub(finished) as usize);
+                progress.begin(super::TRAINING, steps.saturating_sub(finished) as usize);
                 is_shown = true;
             }
             if let Some(steps) = self.steps.filter(|steps| finished >= *steps) {
@@ -252,7 +252,7 @@ impl<'a> Course<'a> {
     }
 
     fn save(&mut self) -> Result<(), WorkspaceError> {
-        let mut metadata = BTreeMap::from([(TRAINING.to_owned(), self.training.clone())]);
+        let mut metadata = BTreeMap::from([(IDENTITY.to_owned(), self.training.clone())]);
         metadata.extend(self.steps.map(|steps| (STEPS.to_owned(), steps.to_string())));
         self.write_metrics()?;
         documents::write_file(&self.out.join(CHECKPOINT), &self.trainer.checkpoint(&metadata).bytes)?;
