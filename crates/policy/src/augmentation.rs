@@ -2,21 +2,8 @@
 
 use genmanip_core::Seed;
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 
-use crate::ImageInput;
-
-/// Sizes of random changes; 0 for none.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Augmentation {
-    /// Largest shift of an image along each axis, pixels; pixels of its border are repeated.
-    pub shift_px: u32,
-    /// Largest relative change of the brightness of each colour channel.
-    pub gain: f32,
-    /// Largest change of each entry of the robot's token, in deviations.
-    pub state_noise: f32,
-}
+use crate::{Augmentation, ImageInput};
 
 /// Random change of one image.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 use genmanip_core::{ActionContract, Document, DocumentError, Seed, named_enum};
 use serde::{Deserialize, Serialize};
 
-use crate::{Augmentation, Scale};
+use crate::Scale;
 
 /// A learned policy: its network, inputs and outputs, and the facts of its training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -207,6 +207,18 @@ pub struct TrainingSettings {
     pub label_weight: f64,
     /// Random changes of the samples.
     pub augmentation: Augmentation,
+}
+
+/// Sizes of random changes; 0 for none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Augmentation {
+    /// Largest shift of an image along each axis, pixels; pixels of its border are repeated.
+    pub shift_px: u32,
+    /// Largest relative change of the brightness of each colour channel.
+    pub gain: f32,
+    /// Largest change of each entry of the robot's token, in deviations.
+    pub state_noise: f32,
 }
 
 impl Default for TrainingSettings {

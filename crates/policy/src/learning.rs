@@ -1,6 +1,7 @@
 //! Networks and their training.
 
 mod adam;
+mod layers;
 mod network;
 mod nn;
 mod parameters;

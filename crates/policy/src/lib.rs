@@ -10,10 +10,11 @@ mod description;
 mod scale;
 mod words;
 
-pub use augmentation::{Augmentation, normalised_pixel};
+pub use augmentation::normalised_pixel;
 pub use demonstrations::{Batch, Demonstration, Demonstrations, ImageBatch, RowImages, Sampler};
 pub use description::{
-    ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts, TrainingSettings,
+    Augmentation, ImageInput, Inputs, ModelSettings, Normalisation, PolicyDescription, Preset, TrainingFacts,
+    TrainingSettings,
 };
 pub use scale::Scale;
 pub use words::instruction_words;

@@ -4,7 +4,8 @@ use std::io;
 
 use genmanip_core::Document;
 
-use super::nn::{Transformer, Weights};
+use super::layers::Weights;
+use super::nn::Transformer;
 use super::parameters::ParametersError;
 use super::tensor::Cpu;
 use crate::augmentation::ImageChange;

@@ -4,13 +4,11 @@
 //! Tokens of the robot, the objects, the instruction and the keypoints of images ([`super::vision`]) pass through an
 //! encoder; learned queries, one per action of the chunk, read its output in a decoder. Layers normalise before attention.
 
-use std::collections::BTreeMap;
-
 use burn_backend::Backend;
 use genmanip_core::Seed;
-use rand::RngExt;
 
-use super::parameters::{Array, Parameters};
+use super::layers::{Initials, Layers, Weights};
+use super::parameters::Parameters;
 use super::tensor::Tensor;
 use super::vision;
 use crate::{Batch, Inputs, ModelSettings};
@@ -22,9 +20,6 @@ pub struct Transformer {
     inputs: Inputs,
     action: usize,
 }
-
-/// Weights on a back end by name.
-pub type Weights<B> = BTreeMap<String, Tensor<B>>;
 
 /// Output for a batch.
 pub struct Output<B: Backend> {
@@ -41,41 +36,6 @@ pub struct Output<B: Backend> {
 /// Unit of predicted positions, m; about the deviation of positions on a table.
 pub const POINT_UNIT_M: f32 = 0.1;
 
-/// Arrays before training: values within a bound of a mean.
-#[derive(Default)]
-pub(super) struct Initials(Vec<Initial>);
-
-struct Initial {
-    name: String,
-    shape: Vec<usize>,
-    bound: f32,
-    mean: f32,
-}
-
-impl Initials {
-    fn add(&mut self, name: String, shape: &[usize], bound: f32, mean: f32) {
-        self.0.push(Initial { name, shape: shape.to_vec(), bound, mean });
-    }
-
-    /// Weight and bias of [`Layers::linear`].
-    pub fn linear(&mut self, name: &str, from: usize, to: usize) {
-        self.add(format!("{name}.weight"), &[from, to], (1.0 / from.max(1) as f32).sqrt(), 0.0);
-        self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
-    }
-
-    /// Weight and bias of [`Layers::convolve`].
-    pub fn convolution(&mut self, name: &str, from: usize, to: usize, side: usize) {
-        let bound = (1.0 / (from * side * side) as f32).sqrt();
-        self.add(format!("{name}.weight"), &[to, from, side, side], bound, 0.0);
-        self.add(format!("{name}.bias"), &[to], 0.0, 0.0);
-    }
-
-    fn norm(&mut self, name: &str, width: usize) {
-        self.add(format!("{name}.gain"), &[width], 0.0, 1.0);
-        self.add(format!("{name}.bias"), &[width], 0.0, 0.0);
-    }
-}
-
 /// Largest value of learned tokens before training.
 const MAX_TOKEN: f32 = 0.1;
 
@@ -87,22 +47,15 @@ impl Transformer {
 
     /// Initial weights: uniform within the inverse square root of the number of inputs, biases 0.
     pub fn initial(&self, seed: Seed) -> Parameters {
-        let array = |Initial { name, shape, bound, mean }| {
-            let mut rng = seed.fork("weights").fork(&name).rng();
-            let count = shape.iter().product();
-            let values = (0..count).map(|_| mean + bound * (2.0 * rng.random::<f32>() - 1.0)).collect();
-            Array { name, shape, values }
-        };
-        Parameters { arrays: self.arrays().into_iter().map(array).collect() }
+        self.arrays().drawn(seed)
     }
 
     /// Names and shapes of the weights, without values.
     pub fn empty(&self) -> Parameters {
-        let array = |Initial { name, shape, .. }| Array { name, shape, values: Vec::new() };
-        Parameters { arrays: self.arrays().into_iter().map(array).collect() }
+        self.arrays().empty()
     }
 
-    fn arrays(&self) -> Vec<Initial> {
+    fn arrays(&self) -> Initials {
         let ModelSettings { width, feed_forward, encoder_layers, decoder_layers, chunk, .. } = self.settings;
         let mut arrays = Initials::default();
         arrays.linear("robot", self.inputs.robot.len(), width);
@@ -117,10 +70,10 @@ impl Transformer {
             vision::add(&format!("image.{image}"), &self.settings, self.inputs.words > 0, &mut arrays);
         }
         for layer in 0..encoder_layers {
-            layer_arrays(&format!("encoder.{layer}"), &["attention"], width, feed_forward, &mut arrays);
+            arrays.layer(&format!("encoder.{layer}"), &["attention"], width, feed_forward);
         }
         for layer in 0..decoder_layers {
-            layer_arrays(&format!("decoder.{layer}"), &["attention", "cross"], width, feed_forward, &mut arrays);
+            arrays.layer(&format!("decoder.{layer}"), &["attention", "cross"], width, feed_forward);
         }
         arrays.norm("encoder.norm", width);
         arrays.norm("decoder.norm", width);
@@ -130,7 +83,7 @@ impl Transformer {
         }
         arrays.add("tokens".into(), &[1, self.tokens(), width], MAX_TOKEN, 0.0);
         arrays.add("queries".into(), &[1, chunk, width], MAX_TOKEN, 0.0);
-        arrays.0
+        arrays
     }
 
     /// Number of tokens of the encoder.
@@ -186,66 +139,5 @@ impl Transformer {
         let out = layers.linear(layers.norm(queries, "decoder.norm"), "head");
         let end = out.clone().narrow(2, self.action..self.action + 1);
         Output { actions: out.narrow(2, 0..self.action), end, points, keypoints }
-    }
-}
-
-/// Arrays of one layer of the transformer.
-fn layer_arrays(layer: &str, attentions: &[&str], width: usize, feed_forward: usize, arrays: &mut Initials) {
-    for attention in attentions {
-        for part in ["query", "key", "value", "out"] {
-            arrays.linear(&format!("{layer}.{attention}.{part}"), width, width);
-        }
-        arrays.norm(&format!("{layer}.{attention}.norm"), width);
-    }
-    arrays.linear(&format!("{layer}.widen"), width, feed_forward);
-    arrays.linear(&format!("{layer}.narrow"), feed_forward, width);
-    arrays.norm(&format!("{layer}.norm"), width);
-}
-
-/// Layers by the names of their weights.
-pub(super) struct Layers<'a, B: Backend> {
-    weights: &'a Weights<B>,
-    heads: usize,
-}
-
-impl<B: Backend> Layers<'_, B> {
-    /// # Panics
-    /// If there is no weight of that name, which [`Transformer::initial`] rules out.
-    fn get(&self, name: &str) -> Tensor<B> {
-        self.weights.get(name).unwrap_or_else(|| unreachable!("no weight `{name}`")).clone()
-    }
-
-    pub fn linear(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
-        x.linear(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")))
-    }
-
-    pub fn convolve(&self, x: Tensor<B>, name: &str, stride: usize, padding: usize) -> Tensor<B> {
-        x.convolve(self.get(&format!("{name}.weight")), self.get(&format!("{name}.bias")), stride, padding)
-    }
-
-    fn norm(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
-        x.layer_norm(self.get(&format!("{name}.gain")), self.get(&format!("{name}.bias")))
-    }
-
-    /// Attention of tokens to a memory, or to themselves, added to them: batch × tokens × width.
-    fn attend(&self, x: Tensor<B>, memory: Option<&Tensor<B>>, name: &str) -> Tensor<B> {
-        let normed = self.norm(x.clone(), &format!("{name}.norm"));
-        let source = memory.unwrap_or(&normed).clone();
-        let [size, width] = [x.length(0), x.length(2)];
-        let depth = width / self.heads;
-        let split = |y: Tensor<B>, part: &str| {
-            let tokens = y.length(1);
-            self.linear(y, &format!("{name}.{part}")).reshape(&[size, tokens, self.heads, depth]).swap(1, 2)
-        };
-        let tokens = normed.length(1);
-        let (query, key, value) = (split(normed, "query"), split(source.clone(), "key"), split(source, "value"));
-        let shares = query.matmul(key.swap(2, 3)).scale(1.0 / (depth as f64).sqrt()).softmax();
-        let mixed = shares.matmul(value).swap(1, 2).reshape(&[size, tokens, width]);
-        x.add(self.linear(mixed, &format!("{name}.out")))
-    }
-
-    fn feed_forward(&self, x: Tensor<B>, name: &str) -> Tensor<B> {
-        let wide = self.linear(self.norm(x.clone(), &format!("{name}.norm")), &format!("{name}.widen")).relu();
-        x.add(self.linear(wide, &format!("{name}.narrow")))
     }
 }

@@ -10,7 +10,8 @@ use std::{io, thread};
 use genmanip_core::Seed;
 
 use super::adam::{Adam, learning_rate};
-use super::nn::{POINT_UNIT_M, Transformer, Weights};
+use super::layers::Weights;
+use super::nn::{POINT_UNIT_M, Transformer};
 use super::parameters::{Parameters, ParametersError};
 use super::tensor::{Cpu, CpuTraining, Tensor};
 use crate::{

@@ -7,7 +7,7 @@
 
 use burn_backend::Backend;
 
-use super::nn::{Initials, Layers};
+use super::layers::{Initials, Layers};
 use super::tensor::Tensor;
 use crate::{ImageBatch, ImageInput, ModelSettings, normalised_pixel};
 
