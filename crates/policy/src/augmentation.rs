@@ -14,7 +14,8 @@ pub(crate) struct ImageChange {
 }
 
 impl ImageChange {
-    /// No change.
+    /// No change, for inference.
+    #[cfg(feature = "learn")]
     pub const NONE: Self = Self { shift_px: [0; 2], gain: [1.0; 3] };
 
     /// The shift of a point of the image, in the units of [`normalised_pixel`].

@@ -8,7 +8,7 @@ use burn_backend::Backend;
 use genmanip_core::Seed;
 
 use super::layers::{Initials, Layers, Weights};
-use super::parameters::Parameters;
+use super::parameters::{Array, Parameters};
 use super::tensor::Tensor;
 use super::vision;
 use crate::{Batch, Inputs, ModelSettings};
