@@ -1,7 +1,7 @@
 """Compares state steps per CPU second with FetchPickAndPlace-v4 of Gymnasium-Robotics at the same control rate, in turn.
 
 Usage: compare_speed.py [SCENARIOS], in an environment with genmanip, gymnasium-robotics 1.4.2 and mujoco 3.3.7.
-Without scenarios, the built-in task `lift`: a cube and a plate, where Fetch has a cube.
+Without scenarios, the built-in task `place`: a cube and a plate, where Fetch has a cube.
 """
 
 import sys
@@ -31,7 +31,7 @@ def rate(env, steps=400):
 
 fetch = gymnasium.make("FetchPickAndPlace-v4", max_episode_steps=10_000)
 fetch.unwrapped.n_substeps = int(round(1 / (RATE_HZ * fetch.unwrapped.model.opt.timestep)))
-scene = {"suite": sys.argv[1], "index": 0} if len(sys.argv) > 1 else {"tasks": "lift"}
+scene = {"suite": sys.argv[1], "index": 0} if len(sys.argv) > 1 else {"tasks": "place"}
 ours = {
     action: gymnasium.make("GenManip-v0", **scene, action=action, rate_hz=RATE_HZ)
     for action in ("joint_delta", "ee_delta")

@@ -60,6 +60,11 @@ const FEW_ORIENTATION: f64 = 0.06;
 /// Improvement of an iteration, relative to the error, at which such an arm has come as near as it can.
 const FEW_STALLED: f64 = 1e-3;
 
+/// Iterations in which the error of a followed pose must fall to [`PROGRESS`] of itself; else the limits keep the arm from
+/// it. Chosen: over 36,000 random tool motions, none that took longer converged within a hundred iterations.
+const PROGRESS_ITERATIONS: usize = 6;
+const PROGRESS: f64 = 0.9;
+
 /// Iterates from `config` towards the desired TCP pose within the ranges; `None` if it does not converge.
 ///
 /// An arm with fewer than six joints meets the position, and the orientation within 3.4 degrees.
@@ -69,7 +74,8 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
     let mut drift = settings.drift.clone().filter(|drift| drift.len() == config.len());
     let has_few = chain.tool_dof() < 6;
     let mut before = f64::INFINITY;
-    for _ in 0..=settings.iterations {
+    let mut checkpoint = f64::INFINITY;
+    for iteration in 0..=settings.iterations {
         chain.frames_into(&config, &mut frames);
         let mut error = tcp_error(&chain.tcp(&frames), desired);
         if has_few {
@@ -85,6 +91,12 @@ pub(crate) fn descend(chain: &Chain, desired: &Rigid, config: &[f64], settings: 
         let size = error.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         if size < settings.tolerance {
             return Some(config);
+        }
+        if settings.hold_at_limits && iteration.is_multiple_of(PROGRESS_ITERATIONS) {
+            if size > PROGRESS * checkpoint {
+                return None;
+            }
+            checkpoint = size;
         }
         let mut jacobian = chain.jacobian_at(&frames);
         if has_few {
