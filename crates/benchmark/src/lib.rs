@@ -11,10 +11,12 @@
 //! - [`leaderboard_html`]: policies on the same suites.
 //! - [`failure_page`]: failures of a policy that asks questions, with its images.
 //! - [`suites`]: suite folders: check, freeze, review, differences, training tasks.
+//! - [`distributions`]: suites of task distributions, whose layouts are regenerated: to learn from and to be tested on.
 //! - [`compare`](mod@compare): paired comparison of two evaluations of one suite.
 
 pub mod compare;
 mod dataset_page;
+pub mod distributions;
 pub mod evaluation;
 mod failure_page;
 mod leaderboard;

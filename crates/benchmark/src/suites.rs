@@ -22,6 +22,7 @@ mod training;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::distributions::is_of_distributions;
 use crate::suite_format::{Marginal, Review, ReviewFile, SuiteFile, marginals};
 use genmanip_core::{TaskKind, limits};
 use genmanip_workspace::text_table;
@@ -83,6 +84,13 @@ pub fn open(folder: &Path) -> Result<SuiteFile, WorkspaceError> {
     if !path.is_file() {
         return Err(WorkspaceError::input(format!("there is no suite at {}", folder.display()))
             .with_hint("expected a folder with suite.json, as `genmanip suite build --out DIR` makes it"));
+    }
+    if is_of_distributions(folder) {
+        let name = folder.file_name().unwrap_or_default().display();
+        let what = format!("{name} is a suite of task distributions, not of frozen scenarios");
+        return Err(WorkspaceError::input(what).with_hint(
+            "`collect`, `evaluate` and `layout` take it with --split; `suite` shows, checks and freezes it",
+        ));
     }
     documents::read_document(&path, limits::SUITE)
 }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::builder::{ArgPredicate, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use genmanip_pipeline::policies;
+use split::SplitArguments;
 
 pub use agent::*;
 pub use assets::*;
@@ -33,6 +34,7 @@ mod parse_values;
 mod render;
 mod robot;
 mod serve;
+mod split;
 mod suite;
 mod train;
 mod world;
@@ -391,8 +393,13 @@ pub struct ShowArguments {
 #[derive(Debug, Args)]
 pub struct LayoutArguments {
     /// Tasks: recorded answers, task documents or folders of them
-    #[arg(required = true)]
+    #[arg(required_unless_present = "suite")]
     pub tasks: Vec<PathBuf>,
+    /// Suite of task distributions whose layouts are written, folder or name, instead of tasks
+    #[arg(long, value_name = "NAME|DIR", conflicts_with_all = ["tasks", "count", "seed", "distractors"], value_parser = genmanip_benchmark::suites::parse_folder)]
+    pub suite: Option<PathBuf>,
+    #[command(flatten)]
+    pub layouts: SplitArguments,
     /// Layouts per task
     #[arg(long, default_value_t = 1, value_parser = parse::count)]
     pub count: usize,

@@ -49,19 +49,6 @@ pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, WorkspaceErro
     Ok(spool.finish())
 }
 
-/// Number of tasks.
-///
-/// # Errors
-/// As [`read_tasks`].
-pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, WorkspaceError> {
-    let mut count = 0;
-    each_task(paths, |_| {
-        count += 1;
-        Ok(())
-    })?;
-    Ok(count)
-}
-
 /// Reads one task from a task document or a recorded answer.
 ///
 /// # Errors

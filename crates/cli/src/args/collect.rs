@@ -10,6 +10,7 @@ use genmanip_workspace::shard::ShardChoice;
 use genmanip_core::ExpertStyle;
 
 use super::parse_values::parse_rate;
+use super::split::SplitArguments;
 
 /// Property that may be randomised per episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,14 +36,19 @@ fn parse_part(text: &str) -> Result<Part, String> {
 #[derive(Clone, Debug, Args)]
 pub struct CollectArguments {
     /// Tasks: recorded answers, task documents, folders of them, or lists with a task document per line, *.jsonl
-    #[arg(required = true)]
+    #[arg(required_unless_present = "suite")]
     pub tasks: Vec<PathBuf>,
+    /// Suite of task distributions whose layouts are demonstrated, folder or name, instead of tasks
+    #[arg(long, value_name = "NAME|DIR", conflicts_with_all = ["tasks", "seed"], value_parser = genmanip_benchmark::suites::parse_folder)]
+    pub suite: Option<PathBuf>,
+    #[command(flatten)]
+    pub layouts: SplitArguments,
     /// Folder of the run
     #[arg(long)]
     pub out: PathBuf,
-    /// Attempts per task, each on its own layout
-    #[arg(long, default_value_t = 2, value_parser = parse::count)]
-    pub episodes: usize,
+    /// Attempts per task, each on its own layout [default: 2; of a suite 1, on the layout that is frozen]
+    #[arg(long, value_parser = parse::count)]
+    pub episodes: Option<usize>,
     /// Instead of a number of attempts: make attempts of all tasks in turn until exactly N are verified. A larger N
     /// extends the run
     #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with_all = ["episodes", "shard", "keep_failed"])]

@@ -7,6 +7,7 @@ use clap::Args;
 use genmanip_workspace::shard::ShardChoice;
 
 use super::parse_values::{parse_sum, parse_yes};
+use super::split::SplitArguments;
 
 /// Settings of episodes whose policy may query a model.
 #[derive(Clone, Debug, Args)]
@@ -32,6 +33,8 @@ pub struct EvaluateArguments {
     /// Folder of a frozen suite, or its name, instead of a run or scenarios
     #[arg(long, value_name = "NAME|DIR", conflicts_with = "paths", value_parser = genmanip_benchmark::suites::parse_folder)]
     pub suite: Option<PathBuf>,
+    #[command(flatten)]
+    pub layouts: SplitArguments,
     /// A policy, with arguments if it takes any; may be given several times [default: all of them]
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,

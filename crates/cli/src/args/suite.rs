@@ -45,8 +45,14 @@ pub enum SuiteCommand {
     )]
     Review(SuiteReviewArguments),
     /// Say whether a suite is what was frozen, and name everything that is not
-    Check(SuiteWorkArguments),
-    /// Put the objects of a suite, and hashes of what its cameras see, beside its scenarios
+    #[command(
+        after_help = "Examples:\n  genmanip suite check suites/mine\n  genmanip suite check genmanip-learn-10 --all\n\n\
+                      Of a suite of task distributions, all frozen hashes are compared with each other, and a sample of\n\
+                      the layouts is made anew."
+    )]
+    Check(SuiteCheckArguments),
+    /// Put the objects of a suite, and hashes of what its cameras see, beside its scenarios; of a suite of task
+    /// distributions the hashes of its layouts
     #[command(after_help = "Example:\n  genmanip suite freeze suites/mine\n\n\
                       From then on the suite is evaluated on with its own objects (collision pieces, inertia, cavities,\n\
                       states, recipes of what is drawn), and `suite check` names every byte, every place in which the\n\
@@ -67,6 +73,17 @@ pub struct SuiteFreezeArguments {
     /// Hash the images of a frozen suite anew and keep its objects: after a change of the renderer
     #[arg(long)]
     pub images: bool,
+}
+
+/// Arguments of `suite check`.
+#[derive(Debug, Args)]
+pub struct SuiteCheckArguments {
+    /// Suite and threads
+    #[command(flatten)]
+    pub work: SuiteWorkArguments,
+    /// Make every layout of a suite of task distributions anew, not a sample; other suites are checked whole
+    #[arg(long)]
+    pub all: bool,
 }
 
 /// Arguments of `suite check` and `suite freeze`.

@@ -11,14 +11,21 @@ use genmanip_rollout::collect::PipelineSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_viz::render::AppearanceFactor;
+use genmanip_workspace::documents::nearest_folder;
+use genmanip_workspace::task_spool::Tasks;
 use genmanip_workspace::{task_files, workers, worlds};
 
 use crate::args::{CollectArguments, MergeArguments, Part};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
+/// Attempts per task by default.
+const ATTEMPTS_PER_TASK: usize = 2;
+/// Attempts per layout of a suite by default; further ones have layouts that are not frozen.
+const ATTEMPTS_PER_LAYOUT: usize = 1;
+
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
+    let Planned { tasks, seed, attempts } = planned(arguments)?;
     let (vary, vary_physics) = varied(arguments)?;
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let cameras = worlds::cameras(&world, &arguments.cameras)?;
@@ -40,12 +47,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
         expert,
         ..PipelineSettings::in_world(world)
     };
-    let run = Run::new(
-        tasks,
-        if arguments.verified.is_some() { 0 } else { arguments.episodes },
-        settings,
-        Seed::new(arguments.seed),
-    );
+    let run = Run::new(tasks, if arguments.verified.is_some() { 0 } else { attempts }, settings, seed);
     let stop = genmanip_terminal::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&genmanip_terminal::environment)).transpose()?;
     let options = CollectOptions {
@@ -61,6 +63,28 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     }
     printer.data(&collected.rows, &collected.table(arguments.each));
     Ok(status(&collected))
+}
+
+/// Attempts that the arguments ask for.
+pub struct Planned {
+    /// The tasks; of a suite of task distributions one per layout.
+    pub tasks: Tasks,
+    /// Seed of the run.
+    pub seed: Seed,
+    /// Attempts per task.
+    pub attempts: usize,
+}
+
+/// Reads the tasks, or draws those of a suite of task distributions.
+pub fn planned(arguments: &CollectArguments) -> Result<Planned, Failed> {
+    let Some((suite, choice)) = arguments.layouts.layouts(arguments.suite.as_deref())? else {
+        let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
+        let attempts = arguments.episodes.unwrap_or(ATTEMPTS_PER_TASK);
+        return Ok(Planned { tasks, seed: Seed::new(arguments.seed), attempts });
+    };
+    let folder = nearest_folder(&arguments.out).unwrap_or_else(|| ".".into());
+    let tasks = Tasks::spool(suite.draw(&choice)?.into_iter().map(|drawn| drawn.task), &folder)?;
+    Ok(Planned { tasks, seed: suite.seed(), attempts: arguments.episodes.unwrap_or(ATTEMPTS_PER_LAYOUT) })
 }
 
 pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

@@ -21,10 +21,17 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         [only] if only.join("run.json").is_file() || !only.exists() => Some(only),
         _ => None,
     };
-    let mut suite = match (&arguments.suite, run) {
-        (Some(suite), _) => Suite::frozen(suite)?,
-        (None, Some(run)) => Suite::of_run(run)?,
-        (None, None) => Suite::of_scenarios(&arguments.paths)?,
+    let stop = genmanip_terminal::on_interrupt();
+    let workers = workers::workers(arguments.asking.workers);
+    let chosen = arguments.layouts.choose(arguments.suite.as_deref())?;
+    let mut suite = match (&chosen, &arguments.suite, run) {
+        (Some((suite, choice)), _, _) => match Suite::of_split(suite, choice, workers, printer, &stop)? {
+            Some(suite) => suite,
+            None => return Ok(ExitStatus::NotMet),
+        },
+        (None, Some(suite), _) => Suite::frozen(suite)?,
+        (None, None, Some(run)) => Suite::of_run(run)?,
+        (None, None, None) => Suite::of_scenarios(&arguments.paths)?,
     };
     for scenario in &suite.scenarios {
         worlds::check_robot(&scenario.world, arguments.robot.as_deref())?;
@@ -52,7 +59,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
         shard,
-        workers: workers::workers(arguments.asking.workers),
+        workers,
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
         ending: EndingRules {
@@ -61,7 +68,6 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
             stop_on_unreachable: arguments.stop_on_unreachable,
         },
     };
-    let stop = genmanip_terminal::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
     let of_traits = table_of_traits(&reports);

@@ -4,9 +4,9 @@ use std::process::Command as Process;
 
 use crate::launch::{Cluster, Container, Job, Need, Sample, measure, script, write};
 use clap::Parser;
-use genmanip_workspace::task_files;
 use serde::Serialize;
 
+use super::collect::{Planned, planned};
 use crate::args::{Arguments, CollectArguments, Command, LaunchArguments};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
@@ -25,7 +25,7 @@ struct Launched {
 
 pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let collect = collecting(&arguments.call)?;
-    let tasks = task_files::count_tasks(&collect.tasks)?;
+    let Planned { tasks, attempts, .. } = planned(&collect)?;
     let program = std::env::current_exe().map_err(|error| Failed::because("cannot find this program", &error))?;
     let cluster = match arguments {
         LaunchArguments { slurm: true, .. } => Cluster::Slurm,
@@ -40,7 +40,7 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
         arguments: arguments.call.clone(),
         out: collect.out.clone(),
         shards: arguments.shards,
-        attempts: tasks.saturating_mul(collect.episodes),
+        attempts: tasks.entries().len().saturating_mul(attempts),
         cpus: arguments.cpus,
         at_once: arguments.at_once.unwrap_or(at_once),
         container: container.map(|(image, claim)| Container { image, claim, mount: arguments.mount.clone() }),

@@ -14,11 +14,14 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = task_files::read_tasks(&arguments.tasks)?;
+    let (tasks, seed) = match arguments.layouts.layouts(arguments.suite.as_deref())? {
+        Some((suite, choice)) => (suite.draw(&choice)?.into_iter().map(|drawn| drawn.task).collect(), suite.seed()),
+        None => (task_files::read_tasks(&arguments.tasks)?, Seed::new(arguments.seed)),
+    };
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
-    let (seed, workers) = (Seed::new(arguments.seed), workers::workers(arguments.workers));
+    let workers = workers::workers(arguments.workers);
     // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
     let never = AtomicBool::new(false);
     let (mut list, count) = (printer.list(), arguments.count);

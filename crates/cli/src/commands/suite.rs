@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use genmanip_benchmark::distributions;
 use genmanip_benchmark::suites::{self, TrainingOptions};
 use genmanip_core::Seed;
 use genmanip_pipeline::suites::{self as suite_steps, BuildOptions, PerturbOptions};
@@ -23,14 +24,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Perturb(arguments) => return perturb(arguments, printer),
         SuiteCommand::Train(arguments) => return train(arguments, printer),
         SuiteCommand::Check(arguments) => {
-            let (workers, stop) = (workers::workers(arguments.workers), genmanip_terminal::on_interrupt());
-            let Some(checked) = suites::check(&arguments.folder, workers, printer, &stop)? else {
-                return Ok(ExitStatus::NotMet);
-            };
-            printer.data(&checked, &suites::describe_check(&checked));
-            if !checked.faults.is_empty() {
-                return Ok(ExitStatus::NotMet);
-            }
+            return check(&arguments.work.folder, arguments.all, arguments.work.workers, printer);
         }
         SuiteCommand::Review(arguments) => {
             let SuiteReviewArguments { folder, scenario, reviewer, verdict, note } = arguments;
@@ -44,6 +38,16 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Freeze(arguments) => {
             let folder = &arguments.work.folder;
             let (workers, stop) = (workers::workers(arguments.work.workers), genmanip_terminal::on_interrupt());
+            if distributions::is_of_distributions(folder) {
+                if arguments.images {
+                    return Err(Failed::new(format!("{} has no images to hash", folder.display()))
+                        .hint("omit --images: of task distributions, layouts are frozen"));
+                }
+                return match distributions::freeze(folder, workers, printer, &stop)? {
+                    Some(()) => show(folder, printer),
+                    None => Ok(ExitStatus::NotMet),
+                };
+            }
             let freeze = if arguments.images { suites::freeze_images } else { suites::freeze };
             return match freeze(folder, workers, printer, &stop)? {
                 Some(_) => show(folder, printer),
@@ -119,7 +123,28 @@ fn train(arguments: &SuiteTrainArguments, printer: &Printer) -> Result<ExitStatu
     Ok(ExitStatus::Done)
 }
 
+fn check(folder: &Path, all: bool, workers: Option<usize>, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let (workers, stop) = (workers::workers(workers), genmanip_terminal::on_interrupt());
+    let is_sound = if distributions::is_of_distributions(folder) {
+        distributions::check(folder, all, workers, printer, &stop)?.map(|checked| {
+            printer.data(&checked, &distributions::describe_check(&checked));
+            checked.faults.is_empty()
+        })
+    } else {
+        suites::check(folder, workers, printer, &stop)?.map(|checked| {
+            printer.data(&checked, &suites::describe_check(&checked));
+            checked.faults.is_empty()
+        })
+    };
+    Ok(if is_sound == Some(true) { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
 fn show(folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
+    if distributions::is_of_distributions(folder) {
+        let shown = distributions::show(folder)?;
+        printer.data(&shown, &distributions::describe_distributions(&shown));
+        return Ok(ExitStatus::Done);
+    }
     let shown = suites::show(folder)?;
     printer.data(&shown, &suites::describe_suite(&shown));
     Ok(ExitStatus::Done)

@@ -58,7 +58,7 @@ fn workplace() -> tempfile::TempDir {
     folder
 }
 
-const CASES: [&str; 39] = [
+const CASES: [&str; 46] = [
     "task check missing.json",
     "task check empty",
     "task check latin1.json",
@@ -88,6 +88,13 @@ const CASES: [&str; 39] = [
     "replay --check nowhere",
     "replay --check empty",
     "demo",
+    "collect --suite genmanip-learn-10 --out out",
+    "collect --suite genmanip-200-rc --out out",
+    "evaluate --suite genmanip-learn-10",
+    "evaluate --suite genmanip-200-rc --split familiar",
+    "evaluate --suite genmanip-learn-10 --split familiar --first 1000",
+    "layout --suite genmanip-learn-10 --split train --distribution in --out out",
+    "suite perturb genmanip-learn-10 --axis light --out out",
     "export --mjcf nan.json",
     "export --mjcf null.json",
     "export --mjcf turn.json",

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::{REPOSITORY, genmanip, genmanip_lab, tree};
+use crate::{REPOSITORY, assert_same_tree, genmanip, genmanip_lab, tree, without_timings};
 
 #[test]
 fn a_suite_is_built_checked_and_evaluated_on() {
@@ -218,4 +218,81 @@ fn recorded_answers_of_models_give_the_recorded_verdicts() {
         }
         assert_eq!(now["verdict"]["score"], then["score"], "{name}");
     }
+}
+
+#[test]
+fn layouts_of_a_split_are_demonstrated_evaluated_on_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let with = |verb: &str, split: &str, more: &[&str]| {
+        let chosen = [verb, "--suite", "genmanip-learn-10", "--distribution", "into", "--split", split];
+        genmanip(here, &[&chosen, more].concat())
+    };
+    let demonstrate = |count, out| {
+        let more = ["--verified", count, "--expert", "consistent", "--no-dataset", "--out", out];
+        assert_eq!(with("collect", "train", &more).code, Some(0));
+    };
+    demonstrate("1", "run");
+    demonstrate("2", "run");
+    demonstrate("2", "again");
+    assert_same_tree(&without_timings(tree(&here.join("run"))), &without_timings(tree(&here.join("again"))));
+
+    // The layouts are those that `layout` writes, and `evaluate` uses.
+    let rows = with("layout", "train", &["--first", "2", "--out", "scenarios", "--json"]).json(0);
+    assert_eq!(rows.as_array().unwrap().len(), 2);
+    for name in ["into-train-0000-000.json", "into-train-0001-000.json"] {
+        let read = |folder: &str| fs::read(here.join(folder).join(name)).unwrap();
+        assert_eq!(read("run/scenarios"), read("scenarios"), "{name}");
+    }
+    let do_nothing = ["--policy", "do_nothing:seconds=0.1", "--first", "1", "--json"];
+    let reports = with("evaluate", "train", &do_nothing).json(0);
+    assert_eq!(reports[0]["suite"], "genmanip-learn-10/train/into");
+    let result = &reports[0]["results"][0];
+    let shown = genmanip(here, &["suite", "show", "genmanip-learn-10", "--json"]).json(0);
+    let entry = &shown["distributions"][0];
+    assert_eq!((&result["id"], &result["horizon_s"]), (&"into-train-0000-000".into(), &entry["horizon_s"]));
+    with("evaluate", "tests", &do_nothing).assert_ended(2, &["tests", "familiar"]);
+    genmanip(here, &["evaluate", "scenarios", "--split", "train"])
+        .assert_ended(2, &["--split chooses layouts", "--suite"]);
+}
+
+#[test]
+fn a_suite_of_distributions_is_frozen_and_changes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let shipped = fs::read(Path::new(REPOSITORY).join("suites/genmanip-learn-10/suite.json")).unwrap();
+    let mut document: Value = serde_json::from_slice(&shipped).unwrap();
+    document["distributions"].as_array_mut().unwrap().truncate(2);
+    let splits = ["train", "validation", "familiar", "instance", "category", "relation"];
+    document["layouts"] = splits.map(|split| (split.to_owned(), json!(2))).into_iter().collect();
+    fs::create_dir(here.join("small")).unwrap();
+    fs::write(here.join("small/suite.json"), document.to_string()).unwrap();
+    let check = |code: i32, faults: &[&str]| {
+        let checked = genmanip(here, &["suite", "check", "small", "--all", "--json"]).json(code);
+        assert_eq!(checked["checked"], 24);
+        let found: Vec<&str> = checked["faults"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+        assert_eq!(found.len(), faults.len(), "{found:?}");
+        assert!(found.iter().zip(faults).all(|(found, fault)| found.contains(fault)), "{found:?}");
+    };
+    let missing = splits.map(|split| format!("into {split}: 0 of 2"));
+    let missing = missing.iter().cloned().chain(missing.iter().map(|fault| fault.replace("into", "onto")));
+    let missing: Vec<String> = missing.collect();
+    check(1, &missing.iter().map(String::as_str).collect::<Vec<_>>());
+    let freeze = ["suite", "freeze", "small"];
+    assert_eq!(genmanip(here, &freeze).code, Some(0));
+    check(0, &[]);
+    genmanip(here, &freeze).assert_refused(&["small is frozen already", "suite check"]);
+    genmanip(here, &[&freeze[..], &["--images"]].concat()).assert_refused(&["no images", "omit --images"]);
+
+    // A test layout that is a training layout, and a file that is none.
+    let path = here.join("small/layouts/into.txt");
+    let text = fs::read_to_string(&path).unwrap();
+    let hashes: Vec<&str> = text.lines().filter(|line| !line.starts_with(['#', '['])).collect();
+    fs::write(&path, text.replace(hashes[5], hashes[0])).unwrap();
+    let other = format!("into-familiar-0001: its layout is {}, not {}", hashes[5], hashes[0]);
+    check(1, &["into-familiar-0001 is the layout of into-train-0000", &other]);
+    fs::write(&path, text.replace(hashes[0], "00")).unwrap();
+    genmanip(here, &["suite", "show", "small"]).assert_refused(&["line 3", "twelve hexadecimal digits"]);
+    fs::write(here.join("small/suite.json"), document.to_string().replace("peach-1", "avocado-1")).unwrap();
+    genmanip(here, &["suite", "show", "small"]).assert_refused(&["`avocado-1` does not belong into split `train`"]);
 }

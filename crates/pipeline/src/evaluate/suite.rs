@@ -6,15 +6,18 @@ use genmanip_workspace::task_files;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
+use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_benchmark::distributions::{Distributions, DrawnTask, SplitChoice, layout_hash};
 use genmanip_benchmark::statistics::Traits;
 use genmanip_benchmark::suite_format::{Perturbation, SuiteEntry};
 use genmanip_benchmark::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Atom, Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
-use genmanip_rollout::collect::PipelineSettings;
+use genmanip_rollout::collect::{PipelineSettings, Resources, in_parallel};
 use genmanip_rollout::evaluate::Case;
 
 use crate::folder::{Run, RunFolder};
@@ -22,7 +25,8 @@ use crate::policies::label;
 use genmanip_benchmark::suites;
 use genmanip_benchmark::suites::SuiteAssets;
 use genmanip_workspace::task_spool::Tasks;
-use genmanip_workspace::{Cause, WorkspaceError};
+use genmanip_workspace::worlds;
+use genmanip_workspace::{Cause, Progress, WorkspaceError};
 
 /// Separator between the id of a scenario's first episode and the number of a further one.
 const AGAIN: char = '+';
@@ -201,6 +205,67 @@ impl Suite {
         suite.name = file.name;
         suite.perturbation = file.perturbation;
         Ok(suite)
+    }
+
+    /// Layouts of a suite of task distributions, made anew in the built-in world; each scenario has the time that its
+    /// distribution gives it. `None` if interrupted.
+    ///
+    /// # Errors
+    /// When there is no such layout, or one cannot be made.
+    pub fn of_split(
+        suite: &Distributions,
+        choice: &SplitChoice,
+        workers: usize,
+        progress: &dyn Progress,
+        stop: &AtomicBool,
+    ) -> Result<Option<Self>, WorkspaceError> {
+        let drawn = suite.draw(choice)?;
+        let settings = PipelineSettings::in_world((*default_world()).clone());
+        let planner = worlds::planner(&settings.world, &settings.planner)?;
+        progress.begin("laying out", drawn.len());
+        let one = |drawn: &DrawnTask| {
+            let made = suite.lay_out(&drawn.task, Resources::builtin(&planner), &settings.world);
+            progress.advance();
+            made.map_err(|error| WorkspaceError::broken(format!("layout {} cannot be made", drawn.task.id), error))
+        };
+        let made = in_parallel(&drawn, workers, stop, &one)?;
+        progress.end();
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let is_other = |(scenario, drawn): &(&Scenario, &DrawnTask)| {
+            drawn.hash.as_ref().is_some_and(|hash| *hash != layout_hash(scenario))
+        };
+        let others = made.iter().zip(&drawn).filter(is_other).count();
+        if others > 0 {
+            progress.note(&format!(
+                "{others} of {} layouts are not as they were frozen; `genmanip suite check` names some",
+                made.len()
+            ));
+        }
+        let (mut cases, mut traits) = (Vec::new(), Traits::new());
+        for (scenario, drawn) in made.into_iter().zip(drawn) {
+            let (id, seed, horizon_s) = (scenario.id.clone(), scenario.seed, Some(drawn.horizon_s));
+            traits.insert(id.clone(), BTreeMap::from([("distribution".to_owned(), vec![drawn.distribution])]));
+            cases.push(Case { id, scenario: Arc::new(scenario), seed, horizon_s });
+        }
+        let mut scenarios: Vec<Arc<Scenario>> = cases.iter().map(|case| Arc::clone(&case.scenario)).collect();
+        scenarios.sort_by(|a, b| a.id.cmp(&b.id));
+        let of = choice.distribution.as_ref().map_or_else(String::new, |name| format!("/{name}"));
+        Ok(Some(Self {
+            name: format!("{}/{}{of}", suite.file.name, choice.split.name()),
+            scenarios,
+            cases,
+            reference_paths_m: BTreeMap::new(),
+            traits,
+            settings,
+            perturbation: None,
+            cameras: None,
+            left_out: Vec::new(),
+            assets: None,
+            store: None,
+            is_of_run: false,
+        }))
     }
 
     /// Source of the objects of the scenarios.

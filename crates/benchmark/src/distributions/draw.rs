@@ -1,0 +1,102 @@
+//! The task of a layout, drawn from its distribution.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use genmanip_core::{Atom, Goal, GraphNode, ObjectCard, SceneGraph, Seed, Task};
+use rand::seq::IndexedRandom;
+use rand::{Rng, RngExt};
+
+use super::format::{Distractors, Distribution, DistributionsFile, Split, card, placeholders};
+
+/// Attempts to draw objects of different categories; chosen far above what sets of several categories need.
+const MAX_DRAWS: usize = 100;
+
+/// Number of layout `number` of a split and of the attempt at it, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub split: Split,
+    pub number: u64,
+    pub attempt: u64,
+}
+
+/// Draws the task of a layout: a pure function of the document and the place.
+pub(super) fn draw(file: &DistributionsFile, distribution: &Distribution, place: Place) -> Task {
+    let Place { split, number, attempt } = place;
+    let stream = file.seed.fork(&distribution.name).fork(split.name()).fork_index(number);
+    let rng = &mut stream.fork(&format!("attempt {attempt}")).rng();
+    let cast = cast(distribution, split, rng);
+    let goal = distribution.goals.of(split).choose(rng).cloned();
+    let wording = goal.as_ref().and_then(|goal| goal.wordings.choose(rng)).cloned().unwrap_or_default();
+    let others = others(&distribution.distractors, &cast, rng);
+    let player = |role: &str| distribution.roles.iter().position(|it| it.role == role).map(|index| cast[index]);
+    let uid = |role: &String| player(role).map(|card| card.uid.clone()).unwrap_or_default();
+    let mut instruction = wording.clone();
+    for role in placeholders(&wording) {
+        let category = player(role).map(|card| card.category.as_str()).unwrap_or_default();
+        instruction = instruction.replace(&format!("{{{role}}}"), category);
+    }
+    let states = goal.iter().flat_map(|goal| &goal.initial_states);
+    let states: Vec<(String, String)> = states.map(|(role, state)| (uid(role), state.clone())).collect();
+    let atom = |atom: &Atom| match atom {
+        Atom::Relation { subject, relation, reference, second_reference } => Atom::Relation {
+            subject: uid(subject),
+            relation: *relation,
+            reference: uid(reference),
+            second_reference: second_reference.as_ref().map(uid),
+        },
+        Atom::State { object, state } => Atom::State { object: uid(object), state: state.clone() },
+    };
+    let node = |card: &&ObjectCard| {
+        let state = states.iter().find(|(uid, _)| *uid == card.uid).map(|(_, state)| state.clone());
+        GraphNode { state, ..GraphNode::of(card) }
+    };
+    let cards: Vec<&ObjectCard> = cast.iter().copied().chain(others).collect();
+    let again = if attempt > 1 { format!("_{attempt}") } else { String::new() };
+    Task {
+        id: format!("{}-{}-{number:04}{again}", distribution.name, split.name()),
+        kind: distribution.kind,
+        instruction,
+        goal: Goal { alternatives: vec![goal.iter().flat_map(|goal| &goal.conditions).map(atom).collect()] },
+        scene_graph: SceneGraph {
+            description: String::new(),
+            nodes: cards.iter().map(node).collect(),
+            edges: Vec::new(),
+        },
+        objects: cards.into_iter().map(|card| Arc::new(card.clone())).collect(),
+        surfaces: Vec::new(),
+        interchangeable: Vec::new(),
+        source: file.name.clone(),
+    }
+}
+
+/// Objects of the roles, in their order, of different categories where possible.
+fn cast(distribution: &Distribution, split: Split, rng: &mut impl Rng) -> Vec<&'static ObjectCard> {
+    let mut drawn = Vec::new();
+    for _ in 0..MAX_DRAWS {
+        let sets = distribution.roles.iter().map(|role| role.objects.of(split));
+        drawn = sets.filter_map(|set| card(set.choose(rng)?)).collect();
+        let categories: BTreeSet<&str> = drawn.iter().map(|card: &&ObjectCard| card.category.as_str()).collect();
+        if categories.len() == drawn.len() {
+            break;
+        }
+    }
+    drawn
+}
+
+/// Distractors of categories that are neither in the cast nor drawn before.
+fn others(distractors: &Distractors, cast: &[&'static ObjectCard], rng: &mut impl Rng) -> Vec<&'static ObjectCard> {
+    let count = rng.random_range(0..=distractors.most);
+    let mut drawn: Vec<&'static ObjectCard> = Vec::new();
+    for _ in 0..count {
+        let is_free = |card: &&ObjectCard| cast.iter().chain(&drawn).all(|other| other.category != card.category);
+        let free: Vec<_> = distractors.objects.iter().filter_map(|uid| card(uid)).filter(is_free).collect();
+        drawn.extend(free.choose(rng));
+    }
+    drawn
+}
+
+/// Seed from which the layout of every task is made, as an attempt of a run with this seed.
+pub(super) fn layout_seed(file: &DistributionsFile) -> Seed {
+    file.seed.fork("layouts")
+}

@@ -1,0 +1,237 @@
+//! The document of a suite of task distributions, and its validation.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_assets::Catalogue;
+use genmanip_assets::metadata::Split as AssetSplit;
+use genmanip_core::names::is_file_name;
+use genmanip_core::{Atom, Document, ObjectCard, Seed, TaskKind, named_enum};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+named_enum! {
+    /// Part of the layouts of every distribution.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Split {
+        /// Layouts for demonstrations.
+        Train = "train",
+        /// Layouts for decisions during training.
+        Validation = "validation",
+        /// Unseen layouts of the objects of `train`.
+        Familiar = "familiar",
+        /// Unseen instances of the categories of `train`.
+        Instance = "instance",
+        /// Unseen categories.
+        Category = "category",
+        /// The objects of `train`, with a goal or wording that `train` does not have.
+        Relation = "relation",
+    }
+}
+
+/// The file `suite.json` of a suite of task distributions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DistributionsFile {
+    /// Name, e.g. `genmanip-learn-10`.
+    pub name: String,
+    /// Seed of all layouts.
+    pub seed: Seed,
+    /// Number of layouts of each distribution, by split.
+    pub layouts: BTreeMap<Split, u64>,
+    /// The distributions.
+    pub distributions: Vec<Distribution>,
+}
+
+impl Document for DistributionsFile {
+    const SCHEMA: &'static str = "genmanip.distributions/1";
+}
+
+/// A distribution of tasks: objects by role, and goals with their wordings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distribution {
+    /// Name, e.g. `into`.
+    pub name: String,
+    /// Task category.
+    pub kind: TaskKind,
+    /// Simulated time available to a policy, s.
+    pub horizon_s: f64,
+    /// Roles of the objects that the instruction names.
+    pub roles: Vec<Role>,
+    /// Goals, one of which is drawn.
+    pub goals: BySplit<Vec<GoalTemplate>>,
+    /// Other objects on the table.
+    pub distractors: Distractors,
+}
+
+/// A role in the goal, played by one object of a set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Role {
+    /// Name in goals and wordings, e.g. `object`.
+    pub role: String,
+    /// Uids of the full catalogue.
+    pub objects: BySplit<Vec<String>>,
+}
+
+/// Values of splits; an absent one is that of `train`, which `validation` and `familiar` share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BySplit<T> {
+    /// Of `train`, `validation` and `familiar`.
+    pub train: T,
+    /// Of `instance`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<T>,
+    /// Of `category`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub category: Option<T>,
+    /// Of `relation`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relation: Option<T>,
+}
+
+impl<T> BySplit<T> {
+    /// Value of a split.
+    pub fn of(&self, split: Split) -> &T {
+        let own = match split {
+            Split::Train | Split::Validation | Split::Familiar => None,
+            Split::Instance => self.instance.as_ref(),
+            Split::Category => self.category.as_ref(),
+            Split::Relation => self.relation.as_ref(),
+        };
+        own.unwrap_or(&self.train)
+    }
+}
+
+/// A goal with roles in place of objects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GoalTemplate {
+    /// Instructions, one of which is drawn; `{ROLE}` stands for the category of the role's object.
+    pub wordings: Vec<String>,
+    /// Conditions that all hold at the end, with roles as ids.
+    pub conditions: Vec<Atom>,
+    /// Initial states of articulated objects, by role.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub initial_states: BTreeMap<String, String>,
+}
+
+/// Objects that the instruction does not name, of other categories than those that it names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distractors {
+    /// Largest number; each number from 0 is equally likely.
+    pub most: usize,
+    /// Uids of the full catalogue.
+    pub objects: Vec<String>,
+}
+
+/// Smallest number of objects of the first role in training.
+const MIN_INSTANCES: usize = 8;
+
+impl DistributionsFile {
+    /// Number of layouts of each distribution in a split.
+    pub fn size(&self, split: Split) -> u64 {
+        self.layouts.get(&split).copied().unwrap_or_default()
+    }
+
+    /// The first fault, with its place; `None` if every layout can be drawn and the splits are what their names say.
+    pub fn fault(&self) -> Option<String> {
+        let missing = Split::ALL.into_iter().find(|split| self.size(*split) == 0);
+        if let Some(split) = missing {
+            return Some(format!("$.layouts: there is no layout of split `{}`", split.name()));
+        }
+        let names: BTreeSet<&str> = self.distributions.iter().map(|it| it.name.as_str()).collect();
+        if names.is_empty() || names.len() < self.distributions.len() || !names.iter().all(|name| is_file_name(name)) {
+            return Some("$.distributions: expected distributions with names of their own, fit for files".into());
+        }
+        let faults = self.distributions.iter().find_map(|one| Some((one.name.clone(), one.fault()?)));
+        faults.map(|(name, fault)| format!("distribution `{name}`: {fault}"))
+    }
+}
+
+impl Distribution {
+    fn fault(&self) -> Option<String> {
+        if !(self.horizon_s.is_finite() && self.horizon_s > 0.0) {
+            return Some("expected a positive horizon_s".into());
+        }
+        let Some(first) = self.roles.first() else { return Some("expected at least one role".into()) };
+        if first.objects.train.len() < MIN_INSTANCES {
+            let count = first.objects.train.len();
+            return Some(format!("role `{}` has {count} objects to train on, expected {MIN_INSTANCES}", first.role));
+        }
+        if let Some(uid) = self.distractors.objects.iter().find(|uid| card(uid).is_none()) {
+            return Some(unknown(uid));
+        }
+        let roles = self.roles.iter().find_map(Role::fault);
+        roles.or_else(|| Split::ALL.into_iter().find_map(|split| self.goals_fault(split)))
+    }
+
+    fn goals_fault(&self, split: Split) -> Option<String> {
+        let goals = self.goals.of(split);
+        if goals.is_empty() || goals.iter().any(|goal| goal.wordings.is_empty() || goal.conditions.is_empty()) {
+            return Some(format!("{}: expected goals, each with wordings and conditions", split.name()));
+        }
+        if split == Split::Relation && goals.iter().any(|goal| self.goals.train.contains(goal)) {
+            return Some("relation: it has a goal of train".into());
+        }
+        for goal in goals {
+            let states = goal.initial_states.keys().map(String::as_str);
+            let named = goal.conditions.iter().flat_map(Atom::objects).chain(states);
+            let said = goal.wordings.iter().flat_map(|wording| placeholders(wording));
+            if let Some(role) = named.chain(said).find(|name| self.roles.iter().all(|role| role.role != *name)) {
+                return Some(format!("{}: there is no role `{role}`", split.name()));
+            }
+        }
+        None
+    }
+}
+
+impl Role {
+    fn fault(&self) -> Option<String> {
+        let BySplit { train, instance, category, relation } = &self.objects;
+        let all = || {
+            let further = [instance, category, relation].into_iter().flatten().flatten();
+            train.iter().chain(further)
+        };
+        if let Some(uid) = all().find(|uid| card(uid).is_none()) {
+            return Some(unknown(uid));
+        }
+        if Split::ALL.into_iter().any(|split| self.objects.of(split).is_empty()) {
+            return Some(format!("role `{}` has an empty set of objects", self.role));
+        }
+        let catalogue = Catalogue::full();
+        let of = |uid: &String| card(uid).map(|card| card.category.as_str()).unwrap_or_default();
+        let trained: BTreeSet<&str> = train.iter().map(of).collect();
+        let is_wrong = |uid: &&String, split: Split| {
+            let (is_trained, known) = (trained.contains(of(uid)), catalogue.split(uid));
+            match split {
+                Split::Train | Split::Validation | Split::Familiar | Split::Relation => known != AssetSplit::Train,
+                Split::Instance => known != AssetSplit::UnseenInstance || !is_trained,
+                Split::Category => is_trained,
+            }
+        };
+        let own = [(Split::Train, Some(train)), (Split::Instance, instance.as_ref())];
+        let own = own.into_iter().chain([(Split::Category, category.as_ref()), (Split::Relation, relation.as_ref())]);
+        let mut wrong = own.filter_map(|(split, uids)| uids?.iter().find(|uid| is_wrong(uid, split)).zip(Some(split)));
+        wrong.next().map(|(uid, split)| {
+            format!("role `{}`: object `{uid}` does not belong into split `{}`", self.role, split.name())
+        })
+    }
+}
+
+/// Card of an object of the full catalogue.
+pub(super) fn card(uid: &str) -> Option<&'static ObjectCard> {
+    Catalogue::full().card(uid)
+}
+
+fn unknown(uid: &str) -> String {
+    format!("object `{uid}` is not in the full catalogue")
+}
+
+/// Names in braces.
+pub(super) fn placeholders(wording: &str) -> impl Iterator<Item = &str> {
+    wording.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0))
+}
