@@ -15,7 +15,7 @@ import time
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.wrappers import TransformAction
+from gymnasium.wrappers import TransformAction, TransformObservation
 from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
@@ -33,7 +33,20 @@ SCALE = np.array([1, 1, 1, 0.1, 0.1, 0.1, 1], np.float32)
 def make(task):
     given = {"observation": "flat", "action": "ee_delta", "rate_hz": 10, "reward": "dense", "discount": DISCOUNT}
     env = gymnasium.make("GenManip-v0", tasks=task, layouts=TRAINED, scenes_kept=TRAINED, horizon_s=5.0, **given)
-    return TransformAction(env, lambda action: SCALE * action, env.action_space)
+
+    def scaled(action):
+        action = SCALE * action
+        if task == "reach":
+            action[-1] = 1  # the hand stays open: closed, its fingers would stand on the cube
+        return action
+
+    env.reset(options={"layout": 0})
+    names = env.unwrapped.state_names()
+    tool, cube = ([names.index(f"{name}.{axis}") for axis in "xyz"] for name in ("tool", "046"))
+    wider = gymnasium.spaces.Box(-np.inf, np.inf, (len(names) + 3,), np.float32)
+    # The way from the tool to the cube, which a network would have to learn to subtract.
+    env = TransformObservation(env, lambda seen: np.append(seen, seen[cube] - seen[tool]).astype(np.float32), wider)
+    return TransformAction(env, scaled, env.action_space)
 
 
 class Curve(BaseCallback):
