@@ -173,7 +173,8 @@ impl Runner<'_> {
             let task = self.tasks.read(planned.task).map_err(Stopped::Run)?;
             let attempt = Attempt::of(&task, planned.number, self.seed);
             let (result, was_there) = match complete(&attempt, self.resources, store, self.settings) {
-                Err(RolloutError::NotRun { reason, mistake, .. }) => {
+                // Without a policy to correct, a service is gone: that stops the run.
+                Err(RolloutError::NotRun { reason, mistake, .. }) if self.settings.corrects.is_some() => {
                     return Ok(Err(NotRun { id: attempt.id(), scenario_id: attempt.id(), reason, mistake }));
                 }
                 completed => completed?,
