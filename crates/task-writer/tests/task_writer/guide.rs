@@ -10,9 +10,9 @@ fn the_settings_of_the_guide() {
         .iter()
         .map(|text| LlmSettings::from_toml(text).unwrap_or_else(|error| panic!("{error}\n{text}")))
         .collect();
-    assert_eq!(read[0].server.model, "qwen2.5-14b-instruct");
-    assert_eq!(read[1].server.api_key_env.as_deref(), Some("OPENAI_API_KEY"));
-    assert_eq!(read[1].prices.len(), 1);
+    assert_eq!(read[0].server.api_key_env.as_deref(), Some("OPENAI_API_KEY"));
+    assert_eq!(read[0].prices.len(), 1);
+    assert_eq!(read[1].server.model, "qwen2.5-14b-instruct");
     assert_eq!(read[2].cassettes.mode, CassetteMode::Record);
     assert_eq!(read.len(), 3);
 }
