@@ -87,7 +87,7 @@ class Mistakes(unittest.TestCase):
             self.skipTest("GENMANIP_PROGRAM is not set")
         policy = f"python:planted:RaisesInMakingTheSecond,python={sys.executable}"
         told = [program, "collect", ROOT / "examples/tasks/012_pick_and_place.json", "--out", f"{FOLDER.name}/corrected"]
-        told += ["--episodes", "2", "--no-dataset", "--workers", "1", "--corrections", policy]
+        told += ["--episodes", "2", "--no-dataset", "--workers", "1", f"--corrections={policy}"]
         first, second = (subprocess.run(told, capture_output=True, text=True, cwd=ROOT / "python/tests") for _ in "ab")
         self.assertEqual(first.returncode, 1, first.stderr)
         self.assertIn("-001 was not run: ", first.stderr)
