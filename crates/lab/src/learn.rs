@@ -10,10 +10,9 @@ use std::time::Instant;
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::worlds::default_world;
+use genmanip_benchmark::distributions::layout_hash;
 use genmanip_benchmark::statistics::{Rate, StatisticsSettings};
-use genmanip_core::{
-    ExpertStyle, Goal, GraphEdge, GraphNode, ObjectCard, Relation, Scenario, SceneGraph, Seed, Task, TaskKind,
-};
+use genmanip_core::{ExpertStyle, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 use genmanip_layout::LayoutSettings;
 use genmanip_pipeline::collect::{CollectOptions, collect};
 use genmanip_pipeline::evaluate::{EndingRules, EvaluateOptions, Suite, evaluate};
@@ -26,7 +25,6 @@ use genmanip_workspace::Progress;
 use genmanip_workspace::task_spool::Tasks;
 use rand::RngExt;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use crate::LabError;
 use crate::clock::process_clock;
@@ -270,9 +268,9 @@ fn evaluated(
     let (world, settings) = (default_world(), LayoutSettings::default());
     lay_out(tasks, each, &world, &settings, seed.fork("unseen"), &output, workers, progress, &stop, &mut |_| {})?;
     let trained_on = Suite::of_run(&folder.join("run"))?;
-    let known: BTreeSet<String> = trained_on.scenarios.iter().map(|scenario| hash(scenario)).collect();
+    let known: BTreeSet<String> = trained_on.scenarios.iter().map(|scenario| layout_hash(scenario)).collect();
     let mut suite = Suite::of_scenarios(&[scenarios])?;
-    suite.cases.retain(|case| !known.contains(&hash(&case.scenario)));
+    suite.cases.retain(|case| !known.contains(&layout_hash(&case.scenario)));
     // Layouts of all tasks in turn.
     suite.cases.sort_by_key(|case| case.scenario.id.rsplit('-').next().map(str::to_owned));
     suite.cases.truncate(layouts);
@@ -286,13 +284,6 @@ fn evaluated(
     let report = reports.first().ok_or_else(|| LabError::input("the policy was not evaluated"))?;
     let successes = report.results.iter().filter(|result| result.success).count();
     Ok(Rate::new(successes, report.results.len(), &StatisticsSettings::default()))
-}
-
-/// Hash of the poses of a scenario's objects.
-fn hash(scenario: &Scenario) -> String {
-    let poses: Vec<_> = scenario.objects.iter().map(|object| (&object.id, &object.pose)).collect();
-    let text = serde_json::to_string(&poses).unwrap_or_default();
-    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Median time of the demonstrations of a run, s.
