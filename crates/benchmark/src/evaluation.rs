@@ -4,8 +4,8 @@ use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{
-    Document, DocumentError, EpisodeResult, LongDocument, NotRun, Scenario, TaskKind, Upgrade, long_from_json,
-    long_to_json, upgrade,
+    Document, DocumentError, EpisodeResult, LongDocument, NotRun, Scenario, TaskKind, Upgrade, hexadecimal,
+    long_from_json, long_to_json, upgrade,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -119,7 +119,7 @@ pub fn suite_hash(scenarios: &[impl Borrow<Scenario>]) -> String {
         hasher.update(scenario.borrow().to_json().as_bytes());
         hasher.update([0]);
     }
-    hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&hasher.finalize()[..6])
 }
 
 /// Shortest verified tool path of the expert per scenario, m, from the results of collected episodes.

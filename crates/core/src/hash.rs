@@ -115,7 +115,8 @@ fn dynamics(joint: &Joint) -> [f64; 6] {
     [least, most, joint.damping, joint.friction_loss, joint.stiffness, joint.spring_reference]
 }
 
-fn hexadecimal(bytes: &[u8]) -> String {
+/// Bytes as lower-case hexadecimal digits, as hashes are written in files.
+pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

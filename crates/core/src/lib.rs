@@ -72,7 +72,7 @@ pub use episode::{
 pub use failure::{AgentFailure, AgentStage, FailedStage, Failure, FailureCause, FailureClass, StageCause};
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, VerifiedGrasp};
-pub use hash::AssetHashes;
+pub use hash::{AssetHashes, hexadecimal};
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MAX_ALTERNATIVES, MAX_INTERCHANGEABLE};
 pub use intrinsics::Intrinsics;

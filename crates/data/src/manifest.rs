@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use genmanip_core::Document;
+use genmanip_core::{Document, hexadecimal};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -28,7 +28,7 @@ impl Document for Manifest {
 
 impl FileHash {
     pub fn of(name: &str, bytes: &[u8]) -> Self {
-        let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = hexadecimal(&Sha256::digest(bytes));
         Self { name: name.into(), bytes: bytes.len(), sha256 }
     }
 }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use genmanip_core::hexadecimal;
 use sha2::{Digest, Sha256};
 
 /// Separates the target's name from the writer's id.
@@ -96,7 +97,7 @@ fn start_of(pid: &str) -> Option<u64> {
 
 /// First eight hex digits of the SHA-256 of a text.
 fn digits(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().take(4).map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&Sha256::digest(text.as_bytes())[..4])
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_core::Texture;
 use genmanip_core::limits::{IMPORTED_MESH, IMPORTED_PICTURE, Limit, SETTINGS};
+use genmanip_core::{Texture, hexadecimal};
 use sha2::{Digest, Sha256};
 
 use crate::raw::MAX_TRIANGLES;
@@ -186,7 +186,7 @@ impl<'a> Files<'a> {
             part(name.as_bytes());
             part(bytes);
         }
-        hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(&hash.finalize()[..8])
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use genmanip_core::hexadecimal;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -152,10 +153,6 @@ impl MediaType {
             Self::Jpeg => b"\xff\xd8\xff",
         }
     }
-}
-
-pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

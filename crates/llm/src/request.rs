@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
-use crate::message::{Image, Message, Part, hexadecimal};
+use crate::message::{Image, Message, Part};
 use crate::recorded::RecordedMessage;
+use genmanip_core::hexadecimal;
 
 /// A conversation to continue, with everything that determines the reply. It never contains a secret.
 #[derive(Clone, Debug, PartialEq)]

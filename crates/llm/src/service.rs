@@ -10,9 +10,9 @@ use sha2::{Digest, Sha256};
 
 use crate::cassette::{CassetteMode, CassetteSettings, path_of, read_text, write_atomically};
 use crate::error::{ChatError, SettingsError};
-use crate::message::hexadecimal;
 use crate::settings::{check_address, is_loopback};
 use crate::transport::{Limits, Transport};
+use genmanip_core::hexadecimal;
 
 /// A JSON request-response service. Calls block and may come from several threads at once.
 pub trait Service: Send + Sync {

@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_core::{
-    Document, DocumentError, LongDocument, Seed, Task, Upgrade, limits, long_from_json, long_from_reader, long_to_json,
-    upgrade, write_tagged,
+    Document, DocumentError, LongDocument, Seed, Task, Upgrade, hexadecimal, limits, long_from_json, long_from_reader,
+    long_to_json, upgrade, write_tagged,
 };
 use genmanip_data::{EpisodeStore, files};
 use genmanip_rollout::collect::PipelineSettings;
@@ -149,7 +149,7 @@ struct Hashing(Sha256);
 
 impl Hashing {
     fn in_hex(self) -> String {
-        self.0.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(&self.0.finalize()[..16])
     }
 }
 
@@ -376,12 +376,13 @@ const RECORD: &str = "run.json";
 const SHARD: &str = "shard.json";
 
 /// Files and folders that a run writes besides its record.
-const OWN: [&str; 11] = [
+const OWN: [&str; 12] = [
     SHARD,
     "episodes",
     "scenarios",
     "dataset",
     "dataset-depth",
+    "exports",
     "evaluation",
     "damaged",
     "timings.json",

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
 use genmanip_benchmark::Outcome;
-use genmanip_core::limits;
+use genmanip_core::{hexadecimal, limits};
 use genmanip_data::{EpisodeStore, FileInventory, Inspected, files};
 use genmanip_rollout::collect::in_parallel;
 use serde::{Deserialize, Serialize};
@@ -124,7 +124,7 @@ impl Head {
         Self {
             schema: "genmanip.index/1".into(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
-            sha256: Sha256::digest(lines).iter().map(|byte| format!("{byte:02x}")).collect(),
+            sha256: hexadecimal(&Sha256::digest(lines)),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{Document, Seed, Task, World};
+use genmanip_core::{Document, Seed, Task, World, hexadecimal};
 use genmanip_data::files;
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
@@ -105,7 +105,7 @@ pub fn lay_out(
 fn key(attempt: &Attempt, shared: &str) -> String {
     let task = attempt.task.to_json();
     let about = format!("{}\n{}\n{task}\n{shared}", attempt.id(), attempt.seed);
-    Sha256::digest(about).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&Sha256::digest(about)[..16])
 }
 
 /// The row of a layout that was made before; `None` when a file of it is gone.

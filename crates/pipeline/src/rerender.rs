@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use genmanip_core::hexadecimal;
 use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection};
 use genmanip_render::AppearanceFactor;
@@ -112,7 +113,7 @@ fn drawing_folder(
             record.record_hash(id).map_err(|error| WorkspaceError::broken(format!("cannot read {id}"), error))?;
         work.update(format!("\n{id} {hash}"));
     }
-    let hash: String = work.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    let hash = hexadecimal(&work.finalize()[..8]);
     let name = out.file_name().unwrap_or_default().to_string_lossy();
     let folder = out.with_file_name(format!(".{name}-{hash}.drawing"));
     fs::create_dir_all(&folder)

@@ -10,5 +10,5 @@ mod train;
 mod vision;
 
 pub use network::{Network, NetworkError, Prediction, Seen};
-pub use parameters::{Array, Parameters, ParametersError};
+pub use parameters::{Array, Parameters, ParametersError, Precision};
 pub use train::{Checkpoint, TrainError, Trainer, TrainingStep};

@@ -6,8 +6,8 @@ use std::time::Duration;
 use sha2::{Digest, Sha256};
 
 use crate::request::{AttemptError, Connection, Request, Response, element, error_message};
-use crate::sign::hex;
 use crate::{Access, S3Error};
+use genmanip_core::hexadecimal;
 
 /// Part size of multipart uploads, bytes; S3 allows 10,000 parts of 5 MiB to 5 GiB. Chosen.
 pub(crate) const PART: u64 = 16 << 20;
@@ -139,7 +139,7 @@ impl Bucket {
             tags.push(tag);
             left -= part.len() as u64;
         }
-        Ok((tags, hex(&hasher.finalize())))
+        Ok((tags, hexadecimal(&hasher.finalize())))
     }
 
     fn complete(&self, key: &str, (sha256, what): (&str, &str), upload: &str, tags: &[String]) -> Result<(), S3Error> {
@@ -232,7 +232,7 @@ fn copy_body(response: Response, most: u64, into: &mut impl Write) -> Result<(u6
     loop {
         let count = reader.read(&mut buffer).map_err(|error| AttemptError::transient(error.to_string()))?;
         if count == 0 {
-            return Ok((bytes, hex(&hasher.finalize())));
+            return Ok((bytes, hexadecimal(&hasher.finalize())));
         }
         bytes += count as u64;
         if bytes > most {

@@ -16,8 +16,8 @@ use sha2::{Digest, Sha256};
 
 use crate::bucket::{ObjectInfo, PART};
 use crate::parallel::each;
-use crate::sign::hex;
 use crate::{Bucket, S3Error};
+use genmanip_core::hexadecimal;
 
 /// Name of the object that lists the files of a folder.
 pub const LIST: &str = "genmanip-objects.json";
@@ -120,7 +120,7 @@ pub fn push(
         moved: sent.into_inner(),
     };
     let list = FileList { files }.to_json().into_bytes();
-    bucket.put(&key(prefix, LIST), &list, &hex(&Sha256::digest(&list)))?;
+    bucket.put(&key(prefix, LIST), &list, &hexadecimal(&Sha256::digest(&list)))?;
     Ok(moved)
 }
 
@@ -189,7 +189,7 @@ fn send(bucket: &Bucket, folder: &Path, prefix: &str, path: &str) -> Result<(Fil
         false => None,
     };
     let sha256 = match &whole {
-        Some(whole) => hex(&Sha256::digest(whole)),
+        Some(whole) => hexadecimal(&Sha256::digest(whole)),
         None => hash(&from)?.1,
     };
     let listed = FileEntry { path: path.into(), bytes, sha256 };
@@ -231,7 +231,7 @@ fn hash(path: &Path) -> Result<(u64, String), S3Error> {
     loop {
         let count = file.read(&mut buffer).map_err(io("read", path))?;
         if count == 0 {
-            return Ok((bytes, hex(&hasher.finalize())));
+            return Ok((bytes, hexadecimal(&hasher.finalize())));
         }
         bytes += count as u64;
         hasher.update(&buffer[..count]);

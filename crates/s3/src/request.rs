@@ -6,7 +6,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use sha2::{Digest, Sha256};
 
 use crate::access::{Access, Endpoint};
-use crate::sign::{Unsigned, authorization, encoded, hex, time};
+use crate::sign::{Unsigned, authorization, encoded, time};
+use genmanip_core::hexadecimal;
 
 /// Maximum length of an error text, bytes.
 const MAX_ERROR_BYTES: u64 = 64 << 10;
@@ -96,7 +97,7 @@ impl Connection {
             .collect();
         let query = query.join("&");
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        let (now, payload) = (time(now), hex(&Sha256::digest(request.body)));
+        let (now, payload) = (time(now), hexadecimal(&Sha256::digest(request.body)));
         let mut headers =
             vec![("host", self.host.clone()), ("x-amz-content-sha256", payload.clone()), ("x-amz-date", now.clone())];
         headers.extend(request.file_sha256.map(|hash| ("x-amz-meta-sha256", hash.to_owned())));

@@ -1,5 +1,6 @@
 //! AWS Signature Version 4 with payload hash, in the `authorization` header.
 
+use genmanip_core::hexadecimal;
 use sha2::{Digest, Sha256};
 
 use crate::access::Access;
@@ -25,11 +26,11 @@ pub(crate) fn authorization(request: &Unsigned, payload: &str, time: &str, acces
     let Unsigned { method, path, query, .. } = request;
     let canonical = format!("{method}\n{path}\n{query}\n{headers}\n{names}\n{payload}");
     let scope = format!("{day}/{}/s3/aws4_request", access.region);
-    let text = format!("AWS4-HMAC-SHA256\n{time}\n{scope}\n{}", hex(&Sha256::digest(canonical.as_bytes())));
+    let text = format!("AWS4-HMAC-SHA256\n{time}\n{scope}\n{}", hexadecimal(&Sha256::digest(canonical.as_bytes())));
     let key = [day, &access.region, "s3", "aws4_request"]
         .iter()
         .fold(format!("AWS4{}", access.secret).into_bytes(), |key, part| hmac(&key, part.as_bytes()).to_vec());
-    let signature = hex(&hmac(&key, text.as_bytes()));
+    let signature = hexadecimal(&hmac(&key, text.as_bytes()));
     format!("AWS4-HMAC-SHA256 Credential={}/{scope},SignedHeaders={names},Signature={signature}", access.key_id)
 }
 
@@ -59,10 +60,6 @@ pub(crate) fn encoded(text: &str, path: bool) -> String {
         }
     }
     encoded
-}
-
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// HMAC-SHA256 (RFC 2104).
@@ -101,7 +98,7 @@ mod tests {
         .unwrap();
         let time = time(1_369_353_600);
         assert_eq!(time, "20130524T000000Z");
-        let put = hex(&Sha256::digest(b"Welcome to Amazon S3."));
+        let put = hexadecimal(&Sha256::digest(b"Welcome to Amazon S3."));
         type Headers = [(&'static str, &'static str)];
         let cases: [(&str, &str, &str, &str, &Headers, &str); 4] = [
             (

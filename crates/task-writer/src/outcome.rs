@@ -125,8 +125,11 @@ impl GenerationOutcome {
         match &self.result {
             Designed::Refused(Refusal::Unanswered { error }) => error.hint(),
             Designed::Refused(Refusal::Invalid) => "a stronger model or a higher `max_rounds` may help",
-            Designed::Refused(Refusal::NoObjects { .. }) => {
+            Designed::Refused(Refusal::NoObjects { error: SamplingError::TooFew { .. } }) => {
                 "lower `generation.sampling.offered`, or widen the catalogue"
+            }
+            Designed::Refused(Refusal::NoObjects { error: SamplingError::Lacks { .. } }) => {
+                "widen the catalogue, or ask for another kind of task"
             }
             Designed::Refused(Refusal::NotAsked) | Designed::Task(_) => "",
         }

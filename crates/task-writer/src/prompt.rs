@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use genmanip_core::{NamedSurface, ObjectCard, TaskKind, limits};
+use genmanip_core::{NamedSurface, ObjectCard, TaskKind, hexadecimal, limits};
 use genmanip_llm::ReplySchema;
 use genmanip_llm::files::read_text;
 use genmanip_tasks::answer::TaskRequest;
@@ -269,11 +269,7 @@ impl Prompt {
 
     fn stamp(&self) -> PromptStamp {
         let digest = Sha256::digest(self.text.as_bytes());
-        PromptStamp {
-            id: self.head.id.clone(),
-            version: self.head.version,
-            sha256: digest.iter().take(6).map(|byte| format!("{byte:02x}")).collect(),
-        }
+        PromptStamp { id: self.head.id.clone(), version: self.head.version, sha256: hexadecimal(&digest[..6]) }
     }
 }
 

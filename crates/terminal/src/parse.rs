@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use genmanip_core::{ExpertStyle, Seed};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use genmanip_core::Seed;
 
 /// A package and its folder, NAME=DIR.
 ///
@@ -77,11 +78,11 @@ pub fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Style of the expert.
-///
-/// # Errors
-/// The known names.
-pub fn expert(text: &str) -> Result<ExpertStyle, String> {
-    let known = || format!("expected {}", ExpertStyle::ALL.map(ExpertStyle::name).join(" or "));
-    ExpertStyle::named(text).ok_or_else(known)
+/// A variant by its name; the names are listed in the help.
+pub fn variant<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [T; N],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.map(name))
+        .try_map(move |text| all.into_iter().find(|one| name(*one) == text).ok_or("expected one of the names"))
 }

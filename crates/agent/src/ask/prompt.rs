@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use genmanip_core::limits;
+use genmanip_core::{hexadecimal, limits};
 use genmanip_llm::files::read_text;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
@@ -99,7 +99,7 @@ impl Prompt {
         let Head { id, version } = toml::from_str(head).map_err(|error| error.message().to_owned())?;
         let text = text.trim().to_owned();
         let digest = Sha256::digest(text.as_bytes());
-        let sha256 = digest.iter().take(6).map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = hexadecimal(&digest[..6]);
         Ok(Self { stamp: PromptStamp { id, version, sha256 }, text })
     }
 }

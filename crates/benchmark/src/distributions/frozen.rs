@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use genmanip_core::{Pose, Scenario};
+use genmanip_core::{Pose, Scenario, hexadecimal};
 use sha2::{Digest, Sha256};
 
 use super::format::Split;
@@ -50,7 +50,7 @@ pub fn layout_hash(scenario: &Scenario) -> String {
     let objects: Vec<_> = scenario.objects.iter().map(object).collect();
     let about = (&scenario.task.instruction, &scenario.task.goal, objects);
     let text = serde_json::to_string(&about).unwrap_or_default();
-    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect::<String>()[..DIGITS].to_owned()
+    hexadecimal(&Sha256::digest(text)[..DIGITS / 2])
 }
 
 /// The text of a file.

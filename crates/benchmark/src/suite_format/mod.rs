@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{AssetRef, Atom, Document, Seed, Task, TaskKind};
+use genmanip_core::{AssetRef, Atom, Document, Seed, Task, TaskKind, hexadecimal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -145,7 +145,7 @@ pub struct Certificate {
 
 /// SHA-256, hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&Sha256::digest(bytes))
 }
 
 /// Balanced traits of a task; `is_unseen` tells if an asset is held out from training.

@@ -98,7 +98,7 @@ pub struct CollectArguments {
     pub grasps: String,
     /// Choices of the expert where several solve the task: `consistent` takes the grasp nearest to the gripper's
     /// orientation and the goal pose nearest to the middle, so that a policy can predict them
-    #[arg(long, value_name = "default|consistent", default_value = "default", value_parser = parse::expert)]
+    #[arg(long, value_name = "STYLE", default_value = "default", value_parser = parse::variant(ExpertStyle::ALL, ExpertStyle::name))]
     pub expert: ExpertStyle,
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]

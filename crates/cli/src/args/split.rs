@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use genmanip_benchmark::distributions::{self, Distributions, Split, SplitChoice};
 use genmanip_terminal::{Failed, parse};
 
@@ -11,7 +10,7 @@ use genmanip_terminal::{Failed, parse};
 #[derive(Clone, Debug, Args)]
 pub struct SplitArguments {
     /// Split of a suite of task distributions
-    #[arg(long, value_name = "SPLIT", requires = "suite", value_parser = split())]
+    #[arg(long, value_name = "SPLIT", requires = "suite", value_parser = parse::variant(Split::ALL, Split::name))]
     pub split: Option<Split>,
     /// Only this distribution of the suite
     #[arg(long, value_name = "NAME", requires = "split")]
@@ -52,9 +51,4 @@ impl SplitArguments {
             (chosen, _) => Ok(chosen),
         }
     }
-}
-
-fn split() -> impl TypedValueParser<Value = Split> {
-    PossibleValuesParser::new(Split::ALL.map(Split::name))
-        .try_map(|name| Split::named(&name).ok_or("there is no such split"))
 }

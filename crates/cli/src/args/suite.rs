@@ -3,7 +3,6 @@
 use genmanip_terminal::parse;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use genmanip_benchmark::suite_format::ReviewVerdict;
 use genmanip_benchmark::suites::{self, Axis};
@@ -144,11 +143,6 @@ pub struct SuiteTrainArguments {
     pub check: Vec<PathBuf>,
 }
 
-fn axis() -> impl TypedValueParser<Value = Axis> {
-    PossibleValuesParser::new(Axis::ALL.map(Axis::name))
-        .try_map(|name| Axis::named(&name).ok_or("there is no such axis"))
-}
-
 /// Arguments of `suite perturb`.
 #[derive(Debug, Args)]
 pub struct SuitePerturbArguments {
@@ -156,7 +150,7 @@ pub struct SuitePerturbArguments {
     #[arg(value_name = "SUITE", value_parser = suites::parse_folder)]
     pub folder: PathBuf,
     /// Perturbation axis
-    #[arg(long, value_name = "AXIS", value_parser = axis())]
+    #[arg(long, value_name = "AXIS", value_parser = parse::variant(Axis::ALL, Axis::name))]
     pub axis: Axis,
     /// Perturbation strength: above 0, up to 1 for the largest that is meant to be solvable
     #[arg(long, value_name = "D", default_value_t = 1.0)]

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use genmanip_pipeline::learn::Preset;
 use genmanip_terminal::parse;
 
@@ -16,7 +15,7 @@ pub struct TrainArguments {
     pub run: PathBuf,
     /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images;
     /// `tiny` sees two cameras and reads the instruction
-    #[arg(long, value_name = "PRESET", value_parser = parse_preset())]
+    #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
     /// Number of steps
     #[arg(long, value_name = "N", value_parser = parse::count)]
@@ -43,9 +42,4 @@ pub struct TrainArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-}
-
-fn parse_preset() -> impl TypedValueParser<Value = Preset> {
-    PossibleValuesParser::new(Preset::ALL.map(Preset::name))
-        .try_map(|name| Preset::named(&name).ok_or("expected the name of a preset"))
 }

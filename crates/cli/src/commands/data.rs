@@ -260,6 +260,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
         checked.dataset, checked.format, checked.episodes, checked.frames, overview.fps, overview.robot
     );
     let action = overview.action.as_ref().map_or(String::new(), |action| format!("action: {action}\n"));
+    let images = images(overview);
     let findings = match checked.findings.len() + checked.further {
         0 => "sound".to_owned(),
         count => format!("{count} findings: see genmanip data check"),
@@ -273,7 +274,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
             ("States and actions", &ranges),
         ];
         let sheet = sheet(&arguments.dataset)?;
-        let page = dataset_page(&about, &format!("{action}{findings}"), &tables, &sheet);
+        let page = dataset_page(&about, &format!("{action}{images}{findings}"), &tables, &sheet);
         documents::write_file(path, page.as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
         return Ok(ExitStatus::Done);
@@ -285,9 +286,21 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
     }
     tables.push(ranges);
     let tables: Vec<String> = tables.iter().map(|table| text_table(table)).collect();
-    let text = format!("{about}\n{action}{findings}\n\n{}", tables.join("\n"));
+    let text = format!("{about}\n{action}{images}{findings}\n\n{}", tables.join("\n"));
     printer.data(&json!({"dataset": checked, "overview": overview}), &text);
     Ok(ExitStatus::Done)
+}
+
+/// Cameras with the sizes of their images.
+fn images(overview: &Overview) -> String {
+    let image = |image: &check::ImageFeature| {
+        let sizes: Vec<String> = image.shape.iter().map(usize::to_string).collect();
+        format!("{} {} ({})", image.key, sizes.join("×"), image.stored_as)
+    };
+    match overview.images.iter().map(image).collect::<Vec<_>>().join(", ") {
+        none if none.is_empty() => "images: none\n".into(),
+        images => format!("images: {images}\n"),
+    }
 }
 
 /// Some moments of some episodes, each with its sentence.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::hash::hexadecimal;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -86,7 +87,7 @@ impl World {
             for (field, value) in fields.iter().filter(|(field, _)| part_of(field) == part) {
                 hasher.update(format!("{field}={value}\n"));
             }
-            hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+            hexadecimal(&hasher.finalize()[..6])
         };
         WorldHashes { physics: of(WorldPart::Physics), judging: of(WorldPart::Judging), looks: of(WorldPart::Looks) }
     }

@@ -35,9 +35,9 @@ pub fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
     };
     format!(
         "{}# {name}\n\n\
-         Tabletop manipulation demonstrations, origin in simulation by GenManip in Rust, in the LeRobotDataset {version} \
+         Tabletop manipulation demonstrations, made in simulation by GenManip in Rust, in the LeRobotDataset {version} \
          format.\n\
-         Each episode was origin by an expert that reads the simulator's state, and was verified after settling; \
+         Each episode was made by an expert that reads the simulator's state, and was verified after settling; \
          `success` in the episodes table says so.\n\n\
          - `observation.state`: arm joint positions (rad) and gripper opening (m).\n\
          - `action`: {}.\n\

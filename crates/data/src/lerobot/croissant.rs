@@ -137,7 +137,7 @@ impl Card {
                 &format!("Seeds of the episodes lie between {low} and {high}; each stands in the episodes table.\n");
         }
         for origin in &self.origins {
-            text += &format!("Origin by {origin}.\n");
+            text += &format!("Origin: {origin}.\n");
         }
         text += &format!("\nObjects of the program, CC0-1.0: {}.\n", joined(&self.objects));
         if !self.imported.is_empty() {
@@ -213,7 +213,7 @@ fn croissant(name: &str, info: &Value, contents: &Card, columns: &BTreeMap<Strin
         "license": "https://creativecommons.org/publicdomain/zero/1.0/",
         "version": "1.0.0",
         "keywords": ["robotics", "manipulation", "simulation", "LeRobot"],
-        "rai:dataCollection": format!("Simulated and verified after settling. Origin by {origin}."),
+        "rai:dataCollection": format!("Simulated and verified after settling. Origin: {origin}."),
         "rai:dataCollectionType": "Software Collection",
         "distribution": distribution,
         "recordSet": [

@@ -35,7 +35,7 @@ pub(crate) use metadata::{EpisodeEntry, Feature, Metadata, Version};
 pub use contact_sheet::{Strip, contact_sheet};
 pub use findings::Finding;
 pub use leaks::{Identity, leaks};
-pub use overview::{Bin, Group, Overview, Range};
+pub use overview::{Bin, Group, ImageFeature, Overview, Range};
 
 /// Result of the check of a data set.
 #[derive(Debug, Serialize)]

@@ -56,6 +56,8 @@ pub struct Overview {
     pub action: Option<String>,
     /// Video features.
     pub videos: Vec<String>,
+    /// Images of all cameras, as videos or as single images.
+    pub images: Vec<ImageFeature>,
     /// By kind of task.
     pub groups: Vec<Group>,
     /// By sentence.
@@ -64,6 +66,17 @@ pub struct Overview {
     pub lengths: Vec<Bin>,
     /// Ranges of states and actions.
     pub ranges: Vec<Range>,
+}
+
+/// Images of one camera.
+#[derive(Clone, Debug, Serialize)]
+pub struct ImageFeature {
+    /// Feature, e.g. `observation.images.static`.
+    pub key: String,
+    /// Sizes along the dimensions that the dataset names; rows, columns and channels in datasets of this program.
+    pub shape: Vec<usize>,
+    /// `video` or `image`.
+    pub stored_as: String,
 }
 
 pub(super) fn overview(metadata: &Metadata, totals: &Totals) -> Overview {
@@ -110,6 +123,17 @@ pub(super) fn overview(metadata: &Metadata, totals: &Totals) -> Overview {
             .iter()
             .filter(|feature| feature.is_video())
             .map(|feature| feature.key.clone())
+            .collect(),
+        images: metadata
+            .info
+            .features
+            .iter()
+            .filter(|feature| feature.is_video() || feature.is_image())
+            .map(|feature| ImageFeature {
+                key: feature.key.clone(),
+                shape: feature.shape.clone(),
+                stored_as: feature.dtype.clone(),
+            })
             .collect(),
         groups: groups.into_iter().map(group).collect(),
         tasks: tasks.into_iter().map(group).collect(),

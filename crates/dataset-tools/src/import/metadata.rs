@@ -1,5 +1,6 @@
 //! Metadata of an imported episode.
 
+use genmanip_core::hexadecimal;
 use genmanip_core::names::is_file_name;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -91,5 +92,5 @@ pub(super) fn hash<F>(rows: &EpisodeRows<F>) -> String {
     }
     let images = rows.videos.iter().flat_map(|video| &video.video.frames);
     images.chain(rows.images.iter().flat_map(|image| &image.png)).for_each(|image| hasher.update(image));
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&hasher.finalize())
 }

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use genmanip_pipeline::learn::Preset;
 use genmanip_terminal::parse;
 
@@ -15,7 +14,7 @@ pub struct LabLearnArguments {
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Inputs and sizes of the policy
-    #[arg(long, value_name = "PRESET", value_parser = parse_preset())]
+    #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]
     pub preset: Preset,
     /// Verified demonstrations
     #[arg(long, value_name = "N", value_parser = parse::count)]
@@ -38,9 +37,4 @@ pub struct LabLearnArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse::count)]
     pub workers: Option<usize>,
-}
-
-fn parse_preset() -> impl TypedValueParser<Value = Preset> {
-    PossibleValuesParser::new(Preset::ALL.map(Preset::name))
-        .try_map(|name| Preset::named(&name).ok_or("expected the name of a preset"))
 }

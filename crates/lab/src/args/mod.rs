@@ -444,7 +444,7 @@ pub struct ExpertArguments {
     #[arg(long, default_value_t = 5)]
     pub tries: u64,
     /// Choices of the expert, as `genmanip collect --expert`
-    #[arg(long, value_name = "default|consistent", default_value = "default", value_parser = parse::expert)]
+    #[arg(long, value_name = "STYLE", default_value = "default", value_parser = parse::variant(ExpertStyle::ALL, ExpertStyle::name))]
     pub expert: ExpertStyle,
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use genmanip_core::hexadecimal;
 use rand::{Rng, RngExt};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
@@ -25,7 +26,7 @@ pub fn hash_again(record: &mut Vec<u8>, name: &str, bytes: &[u8]) {
     let listed = value.get_mut("files").and_then(Value::as_array_mut).into_iter().flatten();
     for entry in listed.filter(|entry| entry["name"] == name) {
         entry["bytes"] = bytes.len().into();
-        let digest: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = hexadecimal(&Sha256::digest(bytes));
         entry["sha256"] = digest.into();
     }
     *record = value.to_string().into_bytes();

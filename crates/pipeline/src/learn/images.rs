@@ -8,7 +8,7 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use genmanip_core::{Camera, Episode, ImageChannels};
+use genmanip_core::{Camera, Episode, ImageChannels, hexadecimal};
 use genmanip_data::files::Writing;
 use genmanip_policy::{ImageInput, RowImages};
 use genmanip_rollout::collect::in_parallel_each;
@@ -89,7 +89,7 @@ fn name(read: &RunDemonstrations) -> String {
     for (id, frames) in read.ids.iter().zip(&read.frames) {
         hasher.update(format!("{id} {frames:?}\n"));
     }
-    hasher.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&hasher.finalize()[..8])
 }
 
 /// Renders all rows into a file; false if stopped.

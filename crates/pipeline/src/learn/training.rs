@@ -15,8 +15,8 @@ use std::time::Instant;
 use genmanip_core::{Document, Seed};
 use genmanip_data::files;
 use genmanip_policy::{
-    Checkpoint, ModelSettings, PolicyDescription, Preset, TrainError, Trainer, TrainingFacts, TrainingSettings,
-    TrainingStep,
+    Checkpoint, ModelSettings, PolicyDescription, Precision, Preset, TrainError, Trainer, TrainingFacts,
+    TrainingSettings, TrainingStep,
 };
 use genmanip_workspace::{Progress, WorkspaceError, documents};
 use serde::{Deserialize, Serialize};
@@ -118,7 +118,7 @@ pub fn train(
         },
         tensors_sha256: weights.sha256(),
     };
-    documents::write_file(&out.join(WEIGHTS), &weights.to_bytes(&BTreeMap::new()))?;
+    documents::write_file(&out.join(WEIGHTS), &weights.to_bytes(Precision::Half, &BTreeMap::new()))?;
     documents::write_file(&out.join(DESCRIPTION), description.to_json().as_bytes())?;
     let checkpoint = out.join(CHECKPOINT);
     if checkpoint.exists() {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use genmanip_core::hexadecimal;
 use genmanip_core::limits::Limit;
 use genmanip_workspace::documents;
 use sha2::{Digest, Sha256};
@@ -87,9 +88,7 @@ fn content(path: &Path) -> Vec<u8> {
 }
 
 fn hash(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
-    let digits: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    digits[..DIGITS].to_owned()
+    hexadecimal(&Sha256::digest(bytes))[..DIGITS].to_owned()
 }
 
 #[cfg(test)]

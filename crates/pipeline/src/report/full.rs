@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use genmanip_benchmark::report::{EpisodePage, episode_page};
 use genmanip_benchmark::{EpisodeRow, ReportSettings, report_html};
+use genmanip_core::hexadecimal;
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
 use sha2::{Digest, Sha256};
@@ -109,7 +110,7 @@ fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<Str
         let task = serde_json::to_string(&opened.run.tasks.read(row.task)?).unwrap_or_default();
         let about = (LOOKS, env!("CARGO_PKG_VERSION"), &row.evaluation, row.wall_s.map(f64::to_bits), task);
         hasher.update(format!("{about:?}"));
-        Ok(hasher.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect())
+        Ok(hexadecimal(&hasher.finalize()[..16]))
     })
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use genmanip_core::hexadecimal;
+use half::f16;
 use safetensors::{Dtype, SafeTensors};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
@@ -24,6 +26,32 @@ pub struct Array {
     pub values: Vec<f32>,
 }
 
+/// Floating-point format of the values in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 32 bits.
+    Single,
+    /// 16 bits (IEEE 754 binary16); exact for values of [`Parameters::rounded_to_half`].
+    Half,
+}
+
+impl Precision {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Single => "F32",
+            Self::Half => "F16",
+        }
+    }
+
+    /// Bytes of a value.
+    const fn size(self) -> usize {
+        match self {
+            Self::Single => 4,
+            Self::Half => 2,
+        }
+    }
+}
+
 /// Reason why a file of arrays is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ParametersError {
@@ -31,7 +59,7 @@ pub enum ParametersError {
     #[error("not a safetensors file")]
     Format(#[from] safetensors::SafeTensorError),
     /// An array is missing or has another shape.
-    #[error("array `{name}`: expected shape {expected:?} of 32-bit floats, got {got}")]
+    #[error("array `{name}`: expected shape {expected:?} of 32-bit or 16-bit floats, got {got}")]
     Array {
         /// Its name.
         name: String,
@@ -59,27 +87,41 @@ impl Parameters {
             hasher.update(format!("{name} {shape:?}\n"));
             values.iter().for_each(|value| hasher.update(value.to_le_bytes()));
         }
-        hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(&hasher.finalize())
+    }
+
+    /// The same arrays with every value rounded to the nearest that 16 bits hold.
+    #[must_use]
+    pub fn rounded_to_half(mut self) -> Self {
+        let values = self.arrays.iter_mut().flat_map(|array| &mut array.values);
+        values.for_each(|value| *value = f16::from_f32(*value).to_f32());
+        self
     }
 
     /// A safetensors file: arrays in the order of their names, metadata sorted, so that equal arrays are equal bytes.
-    pub fn to_bytes(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    pub fn to_bytes(&self, precision: Precision, metadata: &BTreeMap<String, String>) -> Vec<u8> {
         let mut sorted: Vec<&Array> = self.arrays.iter().collect();
         sorted.sort_by(|one, other| one.name.cmp(&other.name));
         let (mut header, mut end) = (Map::new(), 0);
         header.insert("__metadata__".into(), json!(metadata));
         for Array { name, shape, values } in &sorted {
             let begin = end;
-            end += values.len() * size_of::<f32>();
-            header.insert(name.clone(), json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, end] }));
+            end += values.len() * precision.size();
+            header.insert(
+                name.clone(),
+                json!({ "dtype": precision.name(), "shape": shape, "data_offsets": [begin, end] }),
+            );
         }
         let mut header = Value::Object(header).to_string().into_bytes();
         header.resize(header.len().next_multiple_of(8), b' ');
         let mut bytes = Vec::with_capacity(8 + header.len() + end);
         bytes.extend((header.len() as u64).to_le_bytes());
         bytes.extend(header);
-        for array in sorted {
-            array.values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        for value in sorted.into_iter().flat_map(|array| &array.values) {
+            match precision {
+                Precision::Single => bytes.extend(value.to_le_bytes()),
+                Precision::Half => bytes.extend(f16::from_f32(*value).to_le_bytes()),
+            }
         }
         bytes
     }
@@ -94,11 +136,15 @@ impl Parameters {
             let (name, expected) = (format!("{prefix}{name}"), shape.clone());
             let wrong = |got: String| ParametersError::Array { name: name.clone(), expected: expected.clone(), got };
             let found = file.tensor(&name).map_err(|_| wrong("none".into()))?;
-            if found.shape() != shape || found.dtype() != Dtype::F32 {
-                return Err(wrong(format!("{:?} of {:?}", found.shape(), found.dtype())));
-            }
-            let (numbers, _) = found.data().as_chunks::<4>();
-            let values: Vec<f32> = numbers.iter().map(|number| f32::from_le_bytes(*number)).collect();
+            let values: Vec<f32> = match found.dtype() {
+                Dtype::F32 if found.shape() == shape => {
+                    found.data().as_chunks().0.iter().map(|number| f32::from_le_bytes(*number)).collect()
+                }
+                Dtype::F16 if found.shape() == shape => {
+                    found.data().as_chunks().0.iter().map(|number| f16::from_le_bytes(*number).to_f32()).collect()
+                }
+                other => return Err(wrong(format!("{:?} of {other:?}", found.shape()))),
+            };
             if values.iter().any(|value| !value.is_finite()) {
                 return Err(ParametersError::NotFinite(name));
             }
@@ -141,15 +187,22 @@ mod tests {
         let written =
             Parameters { arrays: vec![array("b", &[3], &[1.0, -2.5, 1e-30]), array("a", &[2, 1], &[0.1, 0.2])] };
         let metadata = BTreeMap::from([("step".into(), "7".into()), ("a".into(), "b".into())]);
-        let bytes = written.to_bytes(&metadata);
+        let bytes = written.to_bytes(Precision::Single, &metadata);
         assert_eq!(written.from_bytes(&bytes, "").unwrap(), written);
+        let rounded = written.clone().rounded_to_half();
+        assert_ne!(rounded, written);
+        let half = rounded.to_bytes(Precision::Half, &metadata);
+        assert_eq!((half.len(), bytes.len() - half.len()), (bytes.len() - 10, 10), "five values of two bytes less");
+        assert_eq!(written.from_bytes(&half, "").unwrap(), rounded);
         assert_eq!(Parameters::metadata(&bytes).unwrap(), metadata);
         let refused = |wanted: Array, bytes: &[u8]| {
             Parameters { arrays: vec![wanted] }.from_bytes(bytes, "").unwrap_err().to_string()
         };
         assert!(refused(array("c", &[1], &[]), &bytes).contains("got none"));
-        assert!(refused(array("b", &[1], &[]), &bytes).contains("expected shape [1] of 32-bit floats, got [3]"));
-        let endless = Parameters { arrays: vec![array("b", &[1], &[f32::NAN])] }.to_bytes(&metadata);
+        assert!(
+            refused(array("b", &[1], &[]), &bytes).contains("expected shape [1] of 32-bit or 16-bit floats, got [3]")
+        );
+        let endless = Parameters { arrays: vec![array("b", &[1], &[f32::NAN])] }.to_bytes(Precision::Single, &metadata);
         assert!(refused(array("b", &[1], &[]), &endless).contains("not finite"));
         for cut in [0, 7, 20, bytes.len() - 1] {
             assert!(written.from_bytes(&bytes[..cut], "").is_err(), "cut at {cut}");

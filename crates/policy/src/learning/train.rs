@@ -12,7 +12,7 @@ use genmanip_core::Seed;
 use super::adam::{Adam, learning_rate};
 use super::layers::Weights;
 use super::nn::{POINT_UNIT_M, Transformer};
-use super::parameters::{Parameters, ParametersError};
+use super::parameters::{Parameters, ParametersError, Precision};
 use super::tensor::{Cpu, CpuTraining, Tensor};
 use crate::{
     Batch, Demonstrations, ImageBatch, Inputs, ModelSettings, Normalisation, RowImages, Sampler, TrainingSettings,
@@ -162,9 +162,9 @@ impl<'a> Trainer<'a> {
         if error.is_finite() { Ok(error) } else { Err(TrainError::NotFinite { step: self.step }) }
     }
 
-    /// Average of the weights: the policy.
+    /// Average of the weights, rounded to half precision: the policy.
     pub fn average(&self) -> Parameters {
-        Parameters { arrays: self.parameters.with("", &self.adam.average).collect() }
+        Parameters { arrays: self.parameters.with("", &self.adam.average).collect() }.rounded_to_half()
     }
 
     /// The next step of `steps`.
@@ -223,7 +223,7 @@ impl<'a> Trainer<'a> {
         let arrays = PREFIXES.iter().zip(parts).flat_map(|(prefix, values)| self.parameters.with(prefix, values));
         let mut metadata = metadata.clone();
         metadata.insert(STEP.into(), self.step.to_string());
-        Checkpoint { bytes: Parameters { arrays: arrays.collect() }.to_bytes(&metadata) }
+        Checkpoint { bytes: Parameters { arrays: arrays.collect() }.to_bytes(Precision::Single, &metadata) }
     }
 
     /// Continues from a checkpoint of the same training; the caller compares what it belongs to.

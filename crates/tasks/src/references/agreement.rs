@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use genmanip_core::{Atom, ObjectCard, Relation, Task};
 
 use super::lexicon::lexicon;
+use super::mismatch::in_words;
 use super::words;
 use super::{Mismatch, ReadAtom, open, read, resembles};
 use crate::designer::RULES;
@@ -36,7 +37,7 @@ pub fn disagreement(task: &Task) -> Option<String> {
                     && read.iter().all(|read| meant.iter().any(|meant| fits(read, meant)))
             };
             let agrees = meant.iter().all(|meant| reading.goal.iter().any(|read| same(read, meant)));
-            (!agrees).then(|| format!("the sentence asks for {:?}", reading.goal))
+            (!agrees).then(|| format!("the sentence asks for {}", in_words(&reading.goal)))
         }
         Err(_) => unnamed(task).map(|name| format!("the sentence does not name {name}, which the goal is about")),
     }

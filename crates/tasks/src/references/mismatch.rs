@@ -1,5 +1,7 @@
 //! Conditions as read, and reasons why an instruction does not state the goal of its task.
 
+use std::fmt;
+
 use genmanip_core::Relation;
 
 /// A condition as stated by a sentence.
@@ -21,6 +23,24 @@ pub enum ReadAtom {
         /// Name of the state.
         state: String,
     },
+}
+
+impl fmt::Display for ReadAtom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Place { subject, relations, references } => {
+                let relations: Vec<&str> = relations.iter().map(|relation| relation.name()).collect();
+                write!(f, "{subject} {} {}", relations.join("|"), references.join(" and "))
+            }
+            Self::State { object, state } => write!(f, "{object} is {state}"),
+        }
+    }
+}
+
+/// A goal in words: conditions of an alternative joined by "and", alternatives by "or".
+pub(super) fn in_words<C: fmt::Display>(alternatives: &[Vec<C>]) -> String {
+    let joined = |conditions: &Vec<C>| conditions.iter().map(C::to_string).collect::<Vec<_>>().join(" and ");
+    alternatives.iter().map(joined).collect::<Vec<_>>().join(", or ")
 }
 
 /// Reason why an instruction does not state the goal of its task.

@@ -35,6 +35,7 @@ use genmanip_core::{Atom, MAX_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph,
 pub use agreement::{disagreement, is_beyond_the_reader};
 use grammar::Parsed;
 use meaning::Interpreter;
+use mismatch::in_words;
 pub use mismatch::{Mismatch, ReadAtom};
 pub use necessity::{Clue, clues_at_places, is_needless};
 
@@ -155,7 +156,7 @@ fn check_goal(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
     if reading.goal.len() == meant.len() && covered(&reading.goal) {
         return Ok(());
     }
-    Err(Mismatch::OtherGoal { read: format!("{:?}", reading.goal), meant: format!("{meant:?}") })
+    Err(Mismatch::OtherGoal { read: in_words(&reading.goal), meant: in_words(meant) })
 }
 
 /// True if the condition that was read is the intended one, up to exchange of copies within a group.
