@@ -121,7 +121,7 @@ fn check_error(body: &Value, url: &str) -> Result<(), ChatError> {
     }
 }
 
-/// A short string field of an object.
+/// String field of an object, truncated to one line of 100 characters.
 fn short_text(object: &Value, field: &str) -> Option<String> {
     object.get(field).and_then(Value::as_str).map(|text| shortened(text, 100))
 }

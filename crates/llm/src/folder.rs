@@ -1,8 +1,8 @@
 //! A folder as chat model: a person, a script or another program reads questions and writes answers.
 //!
 //! Each question is a folder `NNN` with `question.json` and its images; the client waits for `answer.json` beside them.
-//! The folder contains nothing about the origin of the question. A repeated question is not written again: its existing
-//! answer is read or awaited.
+//! Nothing in it tells which run or task asked. A repeated question is not written again: its existing answer is read
+//! or awaited.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -33,7 +33,7 @@ pub struct FolderSettings {
     pub timeout_s: f64,
     /// Polling interval (s).
     pub poll_s: f64,
-    /// Time without growth after which a non-JSON file counts as a complete text answer (s).
+    /// Time for which a file that is not JSON must stay unchanged to count as a complete text answer (s).
     pub settle_s: f64,
     /// Maximum answer size (bytes).
     pub max_answer_bytes: u64,
@@ -46,7 +46,7 @@ impl Default for FolderSettings {
             timeout_s: 3600.0,         // a person has time for lunch
             poll_s: 0.2,               // soon enough for a script
             settle_s: 2.0,             // editors write a small file at once
-            max_answer_bytes: 8 << 20, // as from servers
+            max_answer_bytes: 8 << 20, // twice `ServerSettings::max_body_bytes`
         }
     }
 }
@@ -76,7 +76,7 @@ impl FolderSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FolderQuestion {
-    /// Content hash of the request, see [`ChatRequest::key`]; independent of its origin.
+    /// Content hash of the request, see [`ChatRequest::key`]: equal requests have equal ids, no matter which run asks.
     pub id: String,
     /// Instructions for people.
     pub how_to_answer: String,
@@ -285,7 +285,7 @@ fn name_of(number: u32) -> String {
     format!("{number:03}")
 }
 
-/// Reads only the id, since questions may be large.
+/// Id of the question in a folder, without building its other fields; `None` if it cannot be read.
 fn id_of(place: &Path) -> Option<String> {
     #[derive(Deserialize)]
     struct Id {

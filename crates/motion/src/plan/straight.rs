@@ -12,11 +12,12 @@ use crate::path::{Path, lerp};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StraightSettings {
-    /// TCP distance between two IK solutions (m).
+    /// Maximum TCP distance between consecutive waypoints (m).
     pub step: f64,
-    /// TCP rotation between two IK solutions (rad).
+    /// Maximum TCP rotation between consecutive waypoints (rad).
     pub turn: f64,
-    /// Maximum joint motion between two IK solutions (rad); more indicates a singularity or a limit.
+    /// Maximum change of a joint between consecutive waypoints (rad); a larger one indicates a singularity or a joint
+    /// limit and fails the plan.
     pub max_joint_step: f64,
 }
 
@@ -28,7 +29,11 @@ impl Default for StraightSettings {
 
 /// Plans a straight TCP motion from `start` to `world_from_goal`.
 ///
-/// Pairs may be closer than the padding only at the start, and then stay as close.
+/// Pairs of bodies closer than the padding at the start need not reach it, but must not come noticeably closer (see
+/// [`Checker::relax`]); all other pairs keep the padding.
+///
+/// # Errors
+/// If `start` is outside the joint limits or in collision, or the line is unreachable or blocked.
 pub(crate) fn straight_line(
     checker: &mut Checker,
     ik: &InverseKinematics,

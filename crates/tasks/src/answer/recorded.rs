@@ -18,11 +18,11 @@ pub struct RecordedAnswer {
     /// Offered support surfaces of the world, other than the table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
-    /// Minimum number of nodes.
+    /// Minimum number of objects in the scene graph of the answer.
     pub num_objects: usize,
     /// The response, verbatim.
     pub response: String,
-    /// For tests: `valid`, or the only flaw of the answer.
+    /// For tests: `valid`, or the name of the only kind of flaw, see [`FlawKind::name`](super::FlawKind::name).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<String>,
     /// Remark for readers.
@@ -60,7 +60,8 @@ impl RecordedAnswer {
     /// Parses the text of a file.
     ///
     /// # Errors
-    /// [`RecordedAnswerError::Invalid`] with line and column.
+    /// [`RecordedAnswerError::NotJson`] if the text is not JSON or repeats a key; [`RecordedAnswerError::Invalid`],
+    /// with line and column, if it is not a recorded answer.
     pub fn from_json(text: &str) -> Result<Self, RecordedAnswerError> {
         // Parsed twice: only the second parser reports positions, and only the first detects duplicate keys.
         json::parse(text)?;

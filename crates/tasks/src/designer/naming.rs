@@ -11,7 +11,7 @@ use super::phrasing::phrases;
 use super::sketch::Sketch;
 use super::things::{Group, things};
 
-/// Ratio of volumes from which the larger of two objects is called the larger one.
+/// Ratio of the volumes of two bounding boxes above which their objects are called the larger and the smaller one.
 const LARGER_VOLUME_RATIO: f64 = 1.7;
 
 /// Style of a referring expression.
@@ -77,7 +77,8 @@ impl<'s, 'a> Namer<'s, 'a> {
         if alike.is_empty() {
             options.extend(words.map(|words| words.noun.clone()));
         }
-        // Names of generated objects are too long or technical for a sentence; colour and noun are used instead.
+        // Generated objects are also offered by colour and noun: many of their names are too long or technical for a
+        // sentence.
         if let (AssetRef::Generated { .. }, Some(words), Some(color)) = (&card.asset, words, card.colors.first())
             && !alike.iter().any(|&other| self.scene.cards[other].colors.contains(color))
         {

@@ -13,14 +13,15 @@ const MAX_CONSECUTIVE_FAILURES: usize = 3;
 
 /// An endless series of tasks with distinct instructions.
 ///
-/// The kinds alternate, and task `k` draws from the stream `seed.fork_index(k)`. Because of the quotas it also depends
-/// on the tasks before it, and on nothing else: a longer series begins with the tasks of a shorter one.
+/// The kinds alternate. Task `k` draws from the stream `seed.fork_index(k)`; it also depends on the tasks before it: on
+/// their relations (quotas), their instructions (none is repeated) and the kinds that failed. It does not depend on the
+/// length of the series, so a longer one begins with the tasks of a shorter one.
 pub struct Series<'a> {
     kinds: &'a [TaskKind],
     cards: &'a [ObjectCard],
     seed: Seed,
     settings: &'a DesignSettings,
-    /// If set, another kind takes the place of one that is exhausted.
+    /// If set, a task whose kind fails, this time or for good, is composed of the next kind that succeeds.
     fill: bool,
     next: usize,
     balance: Balance,
@@ -43,7 +44,8 @@ pub struct Missing {
 }
 
 impl<'a> Series<'a> {
-    /// A series from these objects. With `fill`, another kind takes the place of one that is exhausted.
+    /// Creates a series from these objects. With `fill`, a task whose kind fails is composed of the next kind that
+    /// succeeds.
     ///
     /// # Errors
     /// [`DesignError::NoKinds`] if `kinds` is empty.
@@ -79,7 +81,8 @@ impl<'a> Series<'a> {
     /// Composes the next task.
     ///
     /// # Errors
-    /// [`Missing`] if its kind is exhausted; with `fill`, if all kinds are.
+    /// [`Missing`] if its kind fails, or is no longer tried because it failed too often; with `fill`, only if all kinds
+    /// do. The error names the kind whose turn it was.
     pub fn compose(&mut self) -> Result<Task, Missing> {
         let index = self.next;
         self.next += 1;

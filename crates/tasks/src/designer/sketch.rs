@@ -1,7 +1,8 @@
 //! A rough two-dimensional sketch of a scene, from which the edges of the graph are read.
 //!
-//! Every object gets a position at some distance from its neighbours. The sketch is itself a layout that satisfies the
-//! graph; an object that may be turned is represented by a square that contains it in every orientation.
+//! Every object gets a position at some distance from its neighbours: x away from the robot, y to its left, metres; the
+//! first object is at the origin. The sketch is itself a layout that satisfies the graph. An object that may be turned
+//! is represented by a square of its longer side; turned, it exceeds each side by up to 21 % of that.
 
 use genmanip_core::asset::instance_ids;
 use genmanip_core::{Atom, GraphEdge, GraphNode, HorizontalAxis, ObjectCard, Relation, RelationKind, SceneGraph, Side};
@@ -12,7 +13,7 @@ use super::balance::Balance;
 use super::settings::DesignSettings;
 use super::things::things;
 
-/// Free space in front of a door or drawer, metres.
+/// Free space on the robot's side of a tall articulated container (see [`swings`]) for its door or drawers, metres.
 const SWING_M: f64 = 0.16;
 
 /// Largest bend at an object between two others, degrees. The relation allows 45; the margin is for layouts, which
@@ -51,7 +52,8 @@ pub(super) struct Sketch<'a> {
     places: Vec<Rect>,
     /// Areas reserved for goal positions.
     kept_free: Vec<Rect>,
-    /// Objects that nothing else is put on or in, and about which no further relations are stated.
+    /// Objects that nothing else is put on or in, and about which no further relations are stated; stored here, and
+    /// enforced by the composer.
     pub closed: Vec<usize>,
 }
 
@@ -85,12 +87,13 @@ impl<'a> Sketch<'a> {
         self.cards.iter().any(|known| known.uid == card.uid)
     }
 
-    /// Adds the first object, in the middle of the area.
+    /// Adds the first object, at the origin; the area limits only the extent of the whole sketch.
     pub fn start(&mut self, card: &'a ObjectCard) -> usize {
         self.push(card, around(DVec2::ZERO, half(card), card), None)
     }
 
-    /// Adds an object beside another; `None` if there is no room.
+    /// Adds an object beside `anchor`, without stating the relation. `None` if there is no room, `anchor` is in or on
+    /// another object, one of the two would block access to the other, or `relation` is neither a side nor `near`.
     pub fn beside(
         &mut self,
         card: &'a ObjectCard,
@@ -117,7 +120,8 @@ impl<'a> Sketch<'a> {
         place.is_some()
     }
 
-    /// Adds an object on the far side, seen from the anchor, of the room reserved last.
+    /// Adds an object next to the area reserved last, in the direction of `relation`. `None` if nothing is reserved,
+    /// `relation` has no direction, or there is no room.
     pub fn beyond(&mut self, card: &'a ObjectCard, relation: Relation, settings: &DesignSettings) -> Option<usize> {
         let free = *self.kept_free.last()?;
         let (half, middle) = (half(card), (free.low + free.high) * 0.5);
@@ -126,7 +130,8 @@ impl<'a> Sketch<'a> {
         self.is_free(&place, settings).then(|| self.push(card, place, None))
     }
 
-    /// True if two objects and one halfway between them are nearly in line, also in height.
+    /// True if the centres of two objects and of `middle`, assumed halfway between them on the table, bend by less than
+    /// [`MAX_BEND_DEG`] in height. The top view is not tested: the sketch places all three nearly in line.
     pub fn is_straight(&self, first: usize, middle: &ObjectCard, last: usize) -> bool {
         let center = |object: usize| (self.places[object].low + self.places[object].high) * 0.5;
         let halfway = 0.5 * center(first).distance(center(last));
@@ -269,8 +274,8 @@ impl<'a> Sketch<'a> {
     }
 }
 
-/// Half the side of the square that contains the object in every orientation. Articulated objects face the robot and
-/// are not turned.
+/// Half extents along x and y: half the longer side in both, since an object may be turned. Articulated objects face
+/// the robot and keep their own.
 fn half(card: &ObjectCard) -> DVec2 {
     let size = card.size_m.truncate();
     if card.is_articulated { size * 0.5 } else { DVec2::splat(size.max_element() * 0.5) }
