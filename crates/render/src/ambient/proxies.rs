@@ -17,19 +17,21 @@ use crate::simd::{BatchColumn, dot, smooth_step, whole_registers, within};
 pub(super) const FULLNESS: f32 = 0.875;
 /// Share of the occluded ambient light that a body absorbs; it reflects the rest. Fitted likewise.
 const STRENGTH: f32 = 0.578;
-/// Penumbra of a broad light: growth with distance, width at the occluder, and weakening with width, in half axes.
-/// Fitted likewise.
+/// Penumbra of a broad light: growth of its half width per half axis of distance behind the occluder. Fitted likewise.
 const LAMP_WIDTH: f32 = 0.58;
+/// Half width of that penumbra at the occluder, in half axes. Fitted likewise.
 const LAMP_EDGE: f32 = 0.1;
+/// Weakening of that shadow with the square of the half width: the light becomes wider than the body. Fitted likewise.
 const LAMP_BEYOND: f32 = 0.21;
-/// Penumbra width of a body's shadow on another body, relative to the first one's radius. Chosen: the other one is as
-/// large.
+/// Half width of the penumbra of a body's shadow at another body's centre, in half axes of the first one. Chosen for
+/// bodies of about the same size.
 const LAMP_BLUR: f32 = 0.3;
 /// Smallest half axis (m). Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Smallest form factor that counts. Chosen: an invisible step.
 const LEAST: f32 = 0.01;
-/// Inverse length of the fade-out, in squared reach. Chosen.
+/// Slope of the fade-out over squared distance / squared reach: it begins at three quarters of the squared reach.
+/// Chosen.
 const FADE: f32 = 4.0;
 
 /// Stand-in for a body: an ellipsoid that occludes light, may have a cavity, and may be held.
@@ -50,9 +52,11 @@ pub(crate) struct Proxy {
     pub(super) reach: f32,
     /// Direction to the key light in the space where the ellipsoid is the unit sphere.
     pub(super) to_lamp: [f32; 3],
-    /// Share of the key light on it and the surface around it that other bodies leave, for wrist cameras.
+    /// Share of the key light that other bodies leave at its centre, softened; also used for the surface around it. 1
+    /// for the arm and a held body, and for all unless the camera is on the wrist.
     pub(super) lit: f32,
-    /// Share of the light from above that enters its cavity through the side of its third axis.
+    /// Share of key light and sky that enters its cavity past other bodies through the positive end of its third axis,
+    /// where concave bodies are open; 0 without a cavity, or if it does not stand upright.
     pub(super) entering: f32,
     /// Degree to which it is held in the gripper, 0-1, for wrist cameras.
     pub(super) held: f32,
@@ -105,7 +109,7 @@ impl Proxy {
         Vec3A::from_array(self.color)
     }
 
-    /// Share of the key light that other bodies leave.
+    /// Share of the key light that other bodies leave at its centre, softened.
     pub fn lit(&self) -> f32 {
         self.lit
     }
@@ -123,7 +127,8 @@ pub(super) fn occlude(proxy: &Proxy, points: &Points, share: &mut BatchColumn) {
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        // Fades to no effect at its reach, where skipping it depends on the other points of a batch.
+        // The effect ends at the reach: beyond it a proxy is skipped for whole batches, and a point's result must not
+        // depend on the others of its batch.
         let near = within(dot(toward, toward).mul_add(-FADE * per_reach, FADE), 0.0, 1.0);
         share[i] *= (form_factor(proxy, toward, normal) * near).mul_add(-STRENGTH, 1.0);
     }
@@ -175,7 +180,7 @@ pub(crate) fn penumbra(proxy: &Proxy, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
 }
 
 /// Cosine-weighted share of the sky above a point that an ellipsoid covers: exact for small, distant ellipsoids above
-/// the horizon, and nearly 1 for one that touches the point from above.
+/// the horizon, and at most 0.95, as for one that touches the point from above.
 #[inline(always)]
 pub(crate) fn form_factor(proxy: &Proxy, toward: [f32; 3], normal: [f32; 3]) -> f32 {
     let square = dot(toward, toward) + 1e-12;

@@ -15,7 +15,7 @@ impl MaterialBins {
         self.parts.iter_mut().for_each(Vec::clear);
     }
 
-    /// Adds pixels of a surface number; 0 is the background.
+    /// Adds packed pixels of a surface: number n is part n − 1; 0, the background, and unknown numbers are ignored.
     pub fn extend(&mut self, surface: u16, places: impl IntoIterator<Item = u32>) {
         if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
             bin.extend(places);

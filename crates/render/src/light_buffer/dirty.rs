@@ -8,8 +8,8 @@ use crate::scene::variation::RenderVariation;
 use crate::shadow::map::ShadowMap;
 
 impl LightBuffer {
-    /// Marks the tiles whose raw shadow mask or AO may have changed: those with other geometry within reach, and those on
-    /// which the shadow map changed after a version.
+    /// Marks the tiles whose raw shadow mask or AO may have changed: those with a tile of `changed` geometry within the
+    /// reach of their SSAO, and those whose part of the shadow map changed after its version `version`.
     pub fn mark_dirty(&mut self, changed: &[bool], shadow: &ShadowMap, version: u64, dirty: &mut Vec<bool>) {
         self.marks.count(changed.iter().copied(), self.columns, self.rows);
         let (marks, columns) = shadow.changed_after(version);
@@ -23,13 +23,14 @@ impl LightBuffer {
         }));
     }
 
-    /// Marks tiles that need no SSAO: no depth edge within reach (on a support surface: no other fixture).
+    /// Marks tiles that need no SSAO: all if it is switched off; else those that show a surface with an irradiance grid
+    /// and no other fixture within reach, and those with a single convex part within reach.
     pub fn find_unoccluded(&mut self, assets: &RenderAssets, variation: &RenderVariation, grids: &IrradianceGrids) {
         let is_on = variation.occlusion_radius_m > 0.0;
         let (columns, rows) = (self.columns, self.rows);
         self.is_far_from_statics.clear();
         self.is_far_from_statics.resize(self.tiles.len(), false);
-        // Without a grid: far from all fixtures.
+        // The last pass, 0 for no support surface, marks tiles that are far from all fixtures.
         for support in grids.surfaces().chain([0]) {
             let is_other = |tile: &TileSummary| tile.fixture != 0 && tile.fixture != support;
             self.marks.count(self.tiles.iter().map(is_other), columns, rows);

@@ -12,7 +12,7 @@ use crate::scene::table_tops::TableTop;
 use crate::scene::texture::linear_from_srgb;
 use crate::scene::walls::Room;
 
-/// Light and appearance of a rendering. Colours are sRGB, 0-1.
+/// Light and appearance of a rendering. Colours are sRGB, 0-1 unless noted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderVariation {
@@ -32,21 +32,21 @@ pub struct RenderVariation {
     pub ambient_intensity: f32,
     /// Factor applied before tone mapping.
     pub exposure: f32,
-    /// Background colour, written without lighting or tone mapping.
+    /// Background colour, 0-255, written without lighting or tone mapping.
     pub background: [u8; 3],
     /// Room shown instead of the background colour; it has neither depth nor ids.
     pub room: Option<Room>,
     /// Material of the first support surface.
     pub table_top: TableTop,
-    /// Tint of its texture.
+    /// Tint that multiplies the texture of that surface.
     pub table_color: [f32; 3],
     /// Variation of the objects' paint; `None` keeps it.
     pub objects: Option<ObjectVariation>,
     /// Radius of the ambient occlusion (m); 0 switches it off.
     pub occlusion_radius_m: f32,
-    /// Strength of the ambient occlusion, 0-2.
+    /// Strength of the ambient occlusion, 0-2: factor on the darkening by nearby surfaces.
     pub occlusion_strength: f32,
-    /// Texels per side of the shadow map; 0 switches shadows off.
+    /// Texels per side of the shadow map, at most 8192; images of at most 128 px use fewer. 0 switches shadows off.
     pub shadow_resolution: u32,
     /// Centre of the ball in which objects cast shadows, world frame (m).
     pub shadow_center: [f32; 3],
@@ -54,7 +54,7 @@ pub struct RenderVariation {
     pub shadow_radius_m: f32,
 }
 
-/// Variation of the objects' paint, sampled per object and part.
+/// Variation of the objects' paint, sampled per object: all its parts change alike.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectVariation {
@@ -111,15 +111,15 @@ impl Default for RenderVariation {
             ambient_intensity: 0.42,            // shadows stay readable
             exposure: 1.1,                      // a white sheet facing the light becomes sRGB 241
             background: [255, 255, 255],        // the benchmark's plain white
-            room: None,                         // one colour
+            room: None,                         // the background colour
             table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
             objects: None,                      // as they are
             occlusion_radius_m: 0.09,           // shadows around hand-sized things
-            occlusion_strength: 1.4,            // as dark as traced ones
+            occlusion_strength: 1.4,            // corners as dark as in path-traced images
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
-            shadow_center: [0.4, 0.0, 0.3],     // the arm and its usable area …
-            shadow_radius_m: 1.0,               // … fit into this ball
+            shadow_center: [0.4, 0.0, 0.3],     // between the arm and its usable area
+            shadow_radius_m: 1.0,               // the ball holds the arm and its usable area
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use crate::simd::{polynomial, within};
 
-/// Ambient occlusion with multiple bounces between surfaces of an albedo (Jimenez, Wu, Pesce and Jarabo, "Practical
-/// Realtime Strategies for Accurate Indirect Occlusion", 2016).
+/// Share of the ambient light that reaches a point, including light that bounces between surfaces of this albedo
+/// (Jimenez, Wu, Pesce and Jarabo, "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016); at least
+/// `open`, the unoccluded share of the hemisphere (0-1).
 #[inline(always)]
 pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
     let cubic = albedo.mul_add(2.0404, -0.3324);
@@ -13,8 +14,8 @@ pub(crate) fn multibounce_ao(open: f32, albedo: f32) -> f32 {
     if share > open { share } else { open }
 }
 
-/// Interreflected light on a cavity's walls relative to the entering light, from albedo and the share of the sky that
-/// the walls see: a geometric series, as in an integrating sphere.
+/// Light that a cavity's walls reflect after at least one bounce off other walls, relative to the entering light: a
+/// geometric series, as in an integrating sphere. `open` is the share of the walls' view that the opening fills (0-1).
 #[inline(always)]
 pub(crate) fn cavity_interreflection(albedo: f32, open: f32) -> f32 {
     let walls = 1.0 - open;
@@ -29,8 +30,8 @@ pub(crate) fn schlick_weight(cosine: f32) -> f32 {
     square * square * x
 }
 
-/// Scale and bias of the reflectance at normal incidence for ambient light (Karis, "Physically Based Shading on
-/// Mobile", 2014).
+/// Scale and bias, so that `f0 * scale + bias` is the specular reflectance for ambient light (Karis, "Physically Based
+/// Shading on Mobile", 2014). `roughness` is perceptual (0-1); `facing` is the cosine between normal and viewer.
 #[inline(always)]
 pub(crate) fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
     let smoothness = 1.0 - roughness;
@@ -67,7 +68,8 @@ mod tests {
         }
     }
 
-    /// No interreflection in a black or an open cavity; all of the walls' mutual visibility in a white one.
+    /// A black or an open cavity interreflects nothing; a white one as much as the share of the walls' view that other
+    /// walls fill.
     #[test]
     fn hollows_throw_back_what_their_walls_do_not_absorb() {
         for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 0.8), (0.5, 1.0, 0.0), (0.5, 0.2, 0.04 / 0.6)] {

@@ -19,14 +19,14 @@ pub(crate) struct TransparentBuffers {
 }
 
 impl TransparentBuffers {
-    /// Rasterises all transparent parts.
+    /// Rasterises all transparent parts with `scale` × `scale` samples per pixel.
     pub fn draw(&mut self, assets: &RenderAssets, view: &View, scale: usize) {
         let (width, height) = (view.camera.width, view.camera.height);
         for layer in &mut self.layers {
             if (layer.width, layer.height) != (width * scale, height * scale) {
                 layer.reset::<true>(width, height, scale);
             }
-            // Only the areas of the last frame are not empty.
+            // Only the areas of the last frame hold samples; the rest is empty already.
             for area in &self.areas {
                 layer.clear_rectangle(
                     area.columns.start * scale..area.columns.end * scale,
