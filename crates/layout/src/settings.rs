@@ -9,7 +9,7 @@ use crate::articulation::JointSettings;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LayoutSettings {
-    /// Maximum complete layouts before the task is rejected.
+    /// Maximum number of attempts at a layout, complete or not, before the task is rejected.
     pub max_restarts: usize,
     /// Maximum layouts that fail validation before the task is rejected.
     pub max_unaccepted: usize,
@@ -32,7 +32,7 @@ pub struct LayoutSettings {
     pub x_m: [f64; 2],
     /// Object area: minimum and maximum y (m).
     pub y_m: [f64; 2],
-    /// The larger area used if a layout needs more space: x (m); limited by what the cameras see well.
+    /// The larger area used if a layout needs more space: x (m).
     pub wide_x_m: [f64; 2],
     /// The larger area: y (m).
     pub wide_y_m: [f64; 2],
@@ -75,7 +75,7 @@ impl Default for LayoutSettings {
             // Chosen: carriers are small, and grippers approach from above.
             min_gap_on_carrier_m: 0.01,
             distractors: 0,
-            // Chosen: twice the gap of other objects, so that a distractor is never in the way.
+            // Chosen: twice the gap of other objects, so that a distractor is rarely in the way.
             distractor_gap_m: 0.06,
             // Chosen: settling moves objects by a few millimetres.
             relation_margin_m: 0.01,
@@ -129,7 +129,7 @@ pub struct GoalPoseSettings {
 impl Default for GoalPoseSettings {
     fn default() -> Self {
         Self {
-            // Chosen: a pick combines every grasp with each of them.
+            // Chosen: planning a pick tests pairs of grasp and goal pose, so its time grows with this number.
             count: 10,
             // Search limit, chosen.
             draws: 600,

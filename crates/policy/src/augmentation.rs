@@ -1,4 +1,4 @@
-//! Random changes of training samples: pure functions of seed, step and sample.
+//! Random changes of training samples: pure functions of the seed and of the sample's number, counted over all steps.
 
 use genmanip_core::Seed;
 use rand::{Rng, RngExt};
@@ -29,7 +29,8 @@ impl ImageChange {
         let columns: Vec<usize> =
             (0..width).map(|column| 3 * (column - self.shift_px[0]).clamp(0, width - 1) as usize).collect();
         for (channel, gain) in self.gain.into_iter().enumerate() {
-            // Mean and spread of 8-bit values: those of a grey scale that is used evenly, roughly.
+            // Values are normalised with mean 128 and scale 64, roughly the mean and standard deviation of evenly used
+            // 8-bit values. The gain scales them before: it changes the brightness.
             let (factor, offset) = (gain / 64.0, 2.0);
             for row in 0..height {
                 let from = 3 * (width * (row - self.shift_px[1]).clamp(0, height - 1)) as usize + channel;
@@ -46,7 +47,7 @@ pub(crate) struct Changes<R> {
 }
 
 impl Augmentation {
-    /// Changes of a sample of a step.
+    /// Changes of the sample at `position`, counted over all steps: step × batch size + place in the batch.
     pub(crate) fn of_sample(&self, seed: Seed, position: u64) -> Changes<impl Rng + use<>> {
         Changes { rng: seed.fork("augmentation").fork_index(position).rng(), settings: self.clone() }
     }
@@ -69,13 +70,14 @@ impl<R: Rng> Changes<R> {
         }
     }
 
-    /// From −1 to 1.
+    /// Uniform random number in [−1, 1).
     fn symmetric(&mut self) -> f32 {
         2.0 * self.rng.random::<f32>() - 1.0
     }
 }
 
-/// Pixel coordinates (u right, v down; centres whole) from −1 to 1 across the image.
+/// Pixel coordinates (u right, v down, pixel centres at integers) scaled to −1 at one edge of the image and 1 at the
+/// opposite one.
 pub fn normalised_pixel(pixel: [f64; 2], size: &ImageInput) -> [f32; 2] {
     let normalised = |at: f64, length: usize| ((at + 0.5) * 2.0 / length as f64 - 1.0) as f32;
     [normalised(pixel[0], size.width), normalised(pixel[1], size.height)]

@@ -29,7 +29,7 @@ pub struct Unreachable {
     pub actions: usize,
     /// Control step of the first.
     pub step: usize,
-    /// Pose of the first.
+    /// Error of the first: why its pose was unreachable.
     pub reason: String,
 }
 
@@ -42,13 +42,15 @@ pub struct Evidence<'a> {
     pub unreachable: Option<&'a Unreachable>,
 }
 
-/// Minimum duration of a grip, and of its interruption, in frames.
+/// Minimum length of a grip, and of a pause that ends it, in frames (one per control step: 0.1 s at 60 Hz); also the
+/// number of frames within which an opening command explains the end of a grip.
 const STEADY_FRAMES: usize = 6;
 
 /// Failure causes of an unsuccessful episode, the most decisive first.
 ///
-/// The policy's own reason comes first, then a final slip of an object missing from the goal, then disturbed objects,
-/// then unreachable actions, then the conditions that do not hold.
+/// Order: the policy's own reason; the last slip of an object that is not gripped again and whose condition does not
+/// hold; a disturbed object; unreachable actions; the condition that misses by most; without such a slip, the last one.
+/// Evidence of the same cause is joined.
 pub fn explain(
     stage: &Stage,
     Evidence { frames, unreachable }: Evidence,
@@ -110,7 +112,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
             continue;
         }
         grip = frame.grasped.map(|object| (object, index));
-        // The command opened the gripper if it grew within the last frames.
+        // The gripper was opened if the commanded width grew within the last frames.
         let width = |frame: &Frame| frame.command.last().copied().unwrap_or_default();
         let before = &frames[index.saturating_sub(STEADY_FRAMES)];
         if index - begin >= STEADY_FRAMES && width(frame) <= width(before) {
@@ -138,6 +140,7 @@ fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<
         let displaced = shift > settings.disturbed_m || tilt > settings.disturbed_rad;
         (!moved && displaced).then(|| {
             let (name, tilt) = (stage.name(index), tilt.to_degrees());
+            // Wording alone; the cause is the same.
             let what = if tilt > 30.0 { "knocked over" } else { "pushed away" };
             format!("{name} was {what}: moved {:.0} mm, tilted {tilt:.0}°", shift * 1e3)
         })

@@ -1,4 +1,5 @@
-//! Physics simulation: MJCF assembly, a compiled [`Model`], its mutable [`Sim`] state, and control at 60 Hz.
+//! Physics simulation: MJCF assembly, a compiled [`Model`], its mutable [`Sim`] state, and joint control at the world's
+//! control rate (60 Hz by default).
 //!
 //! This is the only crate that uses a simulator (MuJoCo through `mujoco-rs`).
 //! A [`Model`] is immutable and shared between threads; all mutable state lives in a [`Sim`] and can be saved and

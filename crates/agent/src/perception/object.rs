@@ -11,7 +11,8 @@ const BASE_DIRECTIONS: usize = 16;
 const ON_TABLE_M: f64 = 0.012;
 /// Minimum height of the body of a flat object (m).
 const MIN_HEIGHT_M: f64 = 0.004;
-/// Gap between the body and its support [m]: points are not that accurate.
+/// Gap between the body and its support (m): points are less accurate, and a body that touched its support would be in
+/// collision.
 const ABOVE_BASE_M: f64 = 0.002;
 /// Share of outliers at each end of each axis, excluded from the extent: stray pixels at edges.
 const OUTLIER_SHARE: f64 = 0.002;
@@ -23,7 +24,8 @@ pub struct ObservedObject {
     pub points: Vec<DVec3>,
     /// `world_from_object`: centre of the footprint, height of the support, no rotation.
     pub pose: Pose,
-    /// Convex body that contains the points and reaches down to the base, object frame.
+    /// Convex body, object frame: hull of the extreme points in sampled directions, which other points may exceed
+    /// slightly, and of their outline 2 mm above the base.
     pub pieces: Vec<Piece>,
     /// Half extents along x and y (m).
     pub half: DVec2,
@@ -32,7 +34,8 @@ pub struct ObservedObject {
 }
 
 impl ObservedObject {
-    /// Builds an object from its points; `around` holds all other points. `None` if there are too few points.
+    /// Builds an object from its points; `around` holds the points of everything else, both in the world frame, and
+    /// `table_height` is the table's z (m). `None` for fewer than 12 points.
     pub fn new(points: Vec<DVec3>, around: &[DVec3], table_height: f64) -> Option<Self> {
         let bounds = robust_bounds(&points)?;
         let points: Vec<DVec3> = points.into_iter().filter(|point| is_inside(&bounds, *point)).collect();
@@ -45,7 +48,7 @@ impl ObservedObject {
         });
         let base = match bounds.min.z - table_height < ON_TABLE_M {
             true => table_height,
-            // The support is visible beside the object.
+            // It stands on something: the lowest other point within 1 cm of its bounds counts as the support's height.
             false => under.map(|point| point.z).fold(bounds.min.z, f64::min).max(table_height),
         };
         let center = bounds.center().truncate();

@@ -13,11 +13,14 @@ use super::format::{Distribution, Split};
 use super::frozen::{FrozenLayout, FrozenLayouts, layout_hash, to_text};
 use super::suite::{Distributions, layouts_file};
 
-/// Attempts at a layout; chosen: a distribution of which one in ten fails that often is not one to learn from.
+/// Maximum number of attempts at a layout, each with a newly drawn task; if all fail, so does freezing. Chosen: a
+/// distribution that fails this often is too hard to lay out to be learnt from.
 const MAX_ATTEMPTS: u64 = 20;
 
-/// Makes every layout and writes the hashes, a file per distribution; a stopped call continues with the distributions
-/// that have none. `None` if interrupted.
+/// Lays out every task of a suite and writes the hashes of the layouts, a file per distribution.
+///
+/// Distributions that have a file are skipped, so an interrupted call can be repeated. `None` if `stop` was set; the
+/// distribution in progress then has no file.
 ///
 /// # Errors
 /// If all are frozen already, a layout cannot be made, or a file cannot be written.

@@ -25,7 +25,7 @@ pub struct DistributionsOverview {
 /// Summary of a suite from its folder.
 ///
 /// # Errors
-/// As [`Distributions::open`].
+/// As [`Distributions::open`] and [`Distributions::draw`].
 pub fn show(folder: &Path) -> Result<DistributionsOverview, WorkspaceError> {
     let suite = Distributions::open(folder)?;
     let (mut frozen, mut instructions) = (BTreeMap::new(), BTreeMap::<_, BTreeMap<_, _>>::new());

@@ -2,8 +2,8 @@
 //!
 //! Deterministic: equal stores and settings give equal bytes. Columns that a policy must not train on by accident have
 //! their own prefix: `observation.*` and `action` are the native state and action, images are RGB video; simulator
-//! ground truth is `sim.*`, end-effector variants `ee.*`, camera poses `camera.*`; depth is in a separate data set,
-//! `<name>-depth`, with the same indices.
+//! ground truth is `sim.*`, end-effector variants `ee.*`, camera poses `camera.*`; depth and instance masks are in a
+//! sibling data set, `<name>-depth`, with the same indices.
 
 pub mod card;
 mod croissant;
@@ -153,8 +153,13 @@ impl Writers {
     }
 }
 
-/// Starts a data set at `target`, which may exist if it belongs to the run; removes unfinished files of dead processes.
-/// If two programs concurrently write different data sets without a run to the same target, the second fails.
+/// Starts a data set at `target`; removes unfinished files of dead processes.
+///
+/// With `run`, the id of the collection run that owns it, an earlier data set of that run is replaced. Without,
+/// `target` must not exist; if two programs write different data sets there at the same time, the second fails.
+///
+/// # Errors
+/// As [`check_owner`], and if a folder cannot be created.
 pub fn begin(target: &Path, run: Option<&str>) -> Result<AtomicFolder, DataError> {
     check_owner(target, run)?;
     place(target, run.is_some())
@@ -162,6 +167,9 @@ pub fn begin(target: &Path, run: Option<&str>) -> Result<AtomicFolder, DataError
 
 /// As [`begin`], for the depth sibling of a data set without a run. The sibling is published first: if it exists alone,
 /// a call was killed between the two renames, and a call with the same contents resumes.
+///
+/// # Errors
+/// As [`check_free`], and if a folder cannot be created.
 pub fn begin_sibling(dataset: &Path) -> Result<AtomicFolder, DataError> {
     check_free(dataset)?;
     place(&depth_path(dataset), false)
@@ -173,6 +181,9 @@ fn place(target: &Path, replaces: bool) -> Result<AtomicFolder, DataError> {
 }
 
 /// Fails if the data set exists, or if anything but a data set is at the path of its depth sibling.
+///
+/// # Errors
+/// [`DataError::Exists`].
 pub fn check_free(dataset: &Path) -> Result<(), DataError> {
     check_owner(dataset, None)?;
     let sibling = depth_path(dataset);

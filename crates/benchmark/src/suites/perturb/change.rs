@@ -1,7 +1,8 @@
 //! Perturbation of one scenario along one axis.
 //!
 //! Ranges at dial 1 are chosen: as large as the day-to-day variation in a laboratory, and still solvable. Smaller dials
-//! scale them proportionally.
+//! scale them proportionally. Those of light, background, texture and paint are the renderer's, in
+//! `genmanip_render::sampling`.
 
 use std::sync::Arc;
 
