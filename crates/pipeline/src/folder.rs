@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! run.json          what the run depends on; a folder never mixes two runs
-//! shard.json        which part of the run lies here, where it is not all of it
+//! shard.json        part of the run that lies here; absent for a whole run
 //! scenarios/        one file per laid-out attempt
 //! episodes/         the episode store
 //! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
 //! exports/          further data sets, by `export`
 //! evaluation/       one file per policy
 //! timings.json      wall-clock figures, apart from everything that is reproducible
-//! index.jsonl       what is known of each episode without reading it; made anew where it does not hold
+//! index.jsonl       summary of each episode, so that its files need not be read; renewed where it is stale
 //! report.html, report/   of `report` and `report --full`
 //! damaged/          episodes that `collect --repair` set aside
 //! ```
@@ -40,7 +40,7 @@ use genmanip_workspace::task_spool::{Spool, Tasks};
 pub struct Run<L = Tasks> {
     /// Seed of all attempts.
     pub seed: Seed,
-    /// Attempts per task; 0 for as many as a number of verified demonstrations needs.
+    /// Attempts per task; 0 if the run goes on until it has a number of verified demonstrations.
     pub episodes_per_task: usize,
     /// The tasks.
     pub tasks: L,
@@ -121,7 +121,8 @@ impl Run {
         Ok(Self { seed, episodes_per_task, tasks: spool.finish(), settings, engine, genmanip_version })
     }
 
-    /// Hash of its record: what is made for a run names it, so that it is known from what others made.
+    /// Hash of its record, 32 hexadecimal digits. Shards and data sets name it, which tells them from those of
+    /// other runs.
     ///
     /// # Errors
     /// When a task cannot be read again.
@@ -131,7 +132,7 @@ impl Run {
         Ok(hasher.in_hex())
     }
 
-    /// The same of a record on disk.
+    /// Hash of a record on disk, see [`Run::hash`].
     ///
     /// # Errors
     /// When it cannot be read.
@@ -144,10 +145,11 @@ impl Run {
     }
 }
 
-/// Takes the hash of what is written to it.
+/// Writer that hashes its input with SHA-256.
 struct Hashing(Sha256);
 
 impl Hashing {
+    /// The first 16 bytes of the hash, hexadecimal.
     fn in_hex(self) -> String {
         hexadecimal(&self.0.finalize()[..16])
     }
@@ -190,7 +192,8 @@ impl RunFolder {
     /// same run, or fail with the first difference.
     ///
     /// # Errors
-    /// [`WorkspaceError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
+    /// [`WorkspaceError::AnotherRun`]; when the folder holds files of a run without its record, has links inside, or
+    /// cannot be written.
     pub fn begin(path: &Path, run: &Run) -> Result<Self, WorkspaceError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
@@ -212,8 +215,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Begins a shard, or continues it: shards that lie beside each other share one record where the disk knows links,
-    /// since a record holds all tasks of the run.
+    /// Begins a shard, or continues it. Shards in one parent folder share one record through hard links, where the file
+    /// system has them, since a record holds all tasks of the run.
     ///
     /// # Errors
     /// As [`RunFolder::begin`].
@@ -232,13 +235,14 @@ impl RunFolder {
                 if std::fs::hard_link(&shared, &file).is_ok() {
                     return Ok(Self::at(path));
                 }
-                // Where there are no links, or another program was quicker, the record is written or there.
+                // Without hard links the record is written below; if another program was quicker, it is there.
             }
         }
         Self::begin(path, run)
     }
 
-    /// Says which part of the run lies here, all of it without a shard, or sees that it is this one.
+    /// Records in `shard.json` which part of the run lies here, or checks that it is this one. `None` is the whole run,
+    /// for which nothing is written.
     ///
     /// # Errors
     /// [`WorkspaceError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
@@ -280,7 +284,7 @@ impl RunFolder {
         Ok(Self::at(path))
     }
 
-    /// Removes what a kill left unfinished wherever files are written, the episodes apart.
+    /// Removes unfinished files of killed programs from all folders of the run but the episode store.
     ///
     /// # Errors
     /// When it cannot be removed.
@@ -302,7 +306,7 @@ impl RunFolder {
     }
 
     fn at(path: &Path) -> Self {
-        // Wall-clock figures are worth no refusal.
+        // Timings that cannot be read are no reason to refuse a run.
         let timings =
             documents::read_document_no_follow(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
         Self { path: path.to_owned(), timings: Mutex::new(timings) }
@@ -331,7 +335,7 @@ impl RunFolder {
         })
     }
 
-    /// Looks at every attempt in the store; the files of those that the run's index knows are not read.
+    /// Survey of all attempts in the store; files of those that the run's index knows are not read.
     ///
     /// # Errors
     /// When the store cannot be listed.
@@ -369,7 +373,7 @@ impl RunFolder {
     }
 }
 
-/// The run's own record.
+/// File with the record of the run.
 const RECORD: &str = "run.json";
 
 /// File that names the shard.
@@ -391,7 +395,7 @@ const OWN: [&str; 12] = [
     "report",
 ];
 
-/// Refuses a folder that holds what a run writes, but no record of one.
+/// Refuses a folder that holds files of a run, but no record.
 fn check_unowned(path: &Path) -> Result<(), WorkspaceError> {
     match OWN.iter().find(|name| is_there(&path.join(name))) {
         // The record may have been made by another program in between; then what lies here is that run's.

@@ -17,25 +17,25 @@ use genmanip_workspace::WorkspaceError;
 use genmanip_workspace::task_files;
 use genmanip_workspace::worlds;
 
-/// Stages that are kept ready by default, the ones used last; a stage has a few megabytes.
+/// Default number of stages kept in memory, the most recently used ones; each takes a few megabytes.
 pub const DEFAULT_KEPT: usize = 16;
 /// Task of the curricula `reach`, `lift` and `place`: a cube and a plate.
 const PLACE: &str = include_str!("../../data/place.json");
 
-/// Scenarios, or tasks that are laid out anew for each seed; sessions share one.
+/// Source of scenes: scenarios, or tasks that are laid out anew for each seed. Sessions share one source.
 pub struct SceneSource {
     origin: Origin,
     settings: PipelineSettings,
     planner: Arc<Planner>,
     milestone: Milestone,
-    /// Maximum number of stages that are kept ready.
+    /// Maximum number of stages kept in memory.
     kept: usize,
-    /// The one used last at the end.
+    /// Stages in memory, the most recently used last.
     ready: Mutex<Vec<Ready>>,
 }
 
 enum Origin {
-    /// With the objects of a suite that was frozen with its own.
+    /// Scenarios, with the objects of their suite if it was frozen with its own.
     Cases(Vec<Case>, Option<Arc<SuiteAssets>>),
     Tasks(Vec<Task>),
 }
@@ -58,13 +58,13 @@ impl SceneSource {
         Self::new(Origin::Cases(suite.cases.clone(), suite.assets.clone()), suite.settings.clone())
     }
 
-    /// Task files, or folders of them, laid out in a world: that of the file, or the one that comes with the program.
+    /// Task files, or folders of them, laid out in the world of a file, or in the built-in one.
     ///
-    /// Alone, `reach`, `lift` and `place` name the built-in task of that name, unless there is such a file: put a cube on
-    /// a plate, or the part of it at which an episode succeeds.
+    /// A single path `reach`, `lift` or `place` without a file of that name stands for the built-in task of putting a
+    /// cube on a plate; an episode succeeds when the cube is reached, lifted or placed.
     ///
     /// # Errors
-    /// When a file cannot be read.
+    /// When a file cannot be read, there is no task, or there is no such robot.
     pub fn of_tasks(paths: &[PathBuf], world: Option<&Path>) -> Result<Self, WorkspaceError> {
         if let Some(milestone) = curriculum(paths) {
             let unreadable = |error| WorkspaceError::broken("the built-in task cannot be read", error);
@@ -158,10 +158,11 @@ impl SceneSource {
         &self.planner
     }
 
-    /// A scenario made ready, with its stream.
+    /// Episode and stage of scene `index`. For a task, `seed` is the number of its layout, 0 by default; for a scenario
+    /// it replaces the random stream of the episode.
     ///
     /// # Errors
-    /// An index that is none, a task that cannot be laid out, and objects that are not those of the scenario.
+    /// When there is no such index, a task cannot be laid out, or objects or robot are not those of the scenario.
     pub fn open(&self, index: usize, seed: Option<u64>) -> Result<(Case, Stage), WorkspaceError> {
         let is_task = matches!(self.origin, Origin::Tasks(_));
         let number = seed.filter(|_| is_task).unwrap_or_default();
