@@ -374,7 +374,7 @@ pub struct LabRenderArguments {
 /// Arguments of `genmanip-lab design`.
 #[derive(Debug, Args)]
 pub struct DesignArguments {
-    /// Seed
+    /// Seed of the tasks
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Tasks, the six kinds in turn

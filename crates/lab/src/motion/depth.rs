@@ -14,7 +14,7 @@ use crate::LabError;
 
 /// Fine cloud for checking paths against all visible points: voxel size and point radius, m.
 const FINE_CLOUD: (f64, f64) = (0.002, 1e-4);
-/// Name of the cloud.
+/// Name of the cloud as an obstacle of the world.
 const SEEN: &str = "what is seen";
 
 /// Results; only the check knows the true obstacles.
@@ -30,7 +30,7 @@ pub struct Depth {
     pub solved: usize,
     /// Paths with a state, every 0.02 rad, that touches the cloud they were planned in.
     pub touching_cloud: usize,
-    /// Paths that touch a point of the visible surfaces before downsampling.
+    /// Paths that touch a point of the fine cloud, which stands for the visible surfaces.
     pub touching_seen_surfaces: usize,
     /// Paths that touch the true geometry, including unseen parts.
     pub touching_anything: usize,
@@ -46,7 +46,9 @@ pub struct Depth {
     pub failures: Vec<String>,
 }
 
+/// Measurements of the problems so far; [`DepthTally::finish`] summarises them in `depth`.
 pub struct DepthTally {
+    /// CPU time from the image to a path or failure, ms, of each planned problem.
     pub total_ms: Vec<f64>,
     pub depth: Depth,
     /// The planner with the settings of the fine cloud.

@@ -8,9 +8,9 @@ use super::lanes::{LANES, Lanes, lanes_of};
 use crate::path::lerp;
 use crate::rigid::Rigid;
 
-/// Steps at the final spacing per segment.
+/// Maximum length of a segment, in steps of the final spacing.
 const STEPS: usize = LANES;
-/// Step reduction for pairs with a reduced clearance.
+/// Step length for pairs with a relaxed clearance, as a share of the final spacing.
 const RELAXED_STEP_SHARE: f64 = 0.2;
 
 impl Checker<'_> {
@@ -47,7 +47,7 @@ impl Checker<'_> {
     }
 }
 
-/// Part of an edge around its middle state, as shares of the edge.
+/// Part of an edge: the state in its middle and half its length, as shares of the edge.
 #[derive(Clone, Copy)]
 struct Segment {
     edge: usize,
@@ -64,8 +64,11 @@ struct NearPass {
 
 /// Result for a whole segment from its middle state.
 enum SegmentState {
+    /// The whole segment keeps its clearance.
     Clear,
+    /// The segment must be followed in steps.
     Near,
+    /// The middle state is in contact.
     Touching,
 }
 
@@ -73,7 +76,7 @@ enum SegmentState {
 struct Query<'a, 'c> {
     checker: &'a Checker<'c>,
     edges: Vec<[&'a [f64]; 2]>,
-    /// Body speeds per edge.
+    /// Maximum speed of any point of each body, by edge (m per edge).
     speeds: Vec<Vec<f64>>,
     spacing: f64,
     scratch: RefMut<'a, Scratch>,

@@ -12,7 +12,8 @@ pub(crate) struct Solid {
     pieces: Vec<RayPiece>,
 }
 
-/// An interval of a line inside the solid, with the outward normals where it enters and leaves.
+/// An interval of the line `origin + t * direction` inside the solid: `t` and outward unit normals where it enters and
+/// leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Chord {
     pub(crate) enter: f64,
@@ -27,9 +28,11 @@ struct RayPiece {
     surface: Surface,
 }
 
+/// Surface of a piece in its own frame; cylinders and capsules lie along z.
 enum Surface {
-    /// Outward unit normals and offsets.
+    /// Outward unit normals and distances from the origin (m).
     Planes(Vec<(DVec3, f64)>),
+    /// Radii (m).
     Ellipsoid(DVec3),
     Cylinder {
         radius: f64,
@@ -59,7 +62,8 @@ impl Solid {
         Ok(Self { pieces: pieces.iter().enumerate().map(ray_piece).collect::<Result<_, _>>()? })
     }
 
-    /// Intervals of a line inside the solid, in order; intervals closer than `gap` are merged.
+    /// Intervals of a line inside the solid, in order; intervals closer than `gap`, in the line's
+    /// parameter, are merged.
     pub(crate) fn chords(&self, origin: DVec3, direction: DVec3, gap: f64) -> Vec<Chord> {
         let mut chords: Vec<Chord> = self.pieces.iter().filter_map(|piece| piece.chord(origin, direction)).collect();
         chords.sort_by(|a, b| a.enter.total_cmp(&b.enter));
