@@ -14,7 +14,7 @@ const SHORT_M: f64 = 0.06;
 pub(super) struct FlawedGrasps {
     pub source: Arc<dyn GraspSource>,
     pub truth: GroundTruth,
-    /// Recorder that knows the number of the preceding ask.
+    /// Recorder of the agent's questions; an error is attributed to the last one asked.
     pub asks: genmanip_agent::ask::TranscriptRecorder,
 }
 

@@ -16,7 +16,8 @@ pub(crate) struct Reflection {
 }
 
 impl Reflection {
-    /// BSDF times cosine, and the density with which [`Reflection::sample`] samples the direction.
+    /// BSDF times cosine, and the density with which [`Reflection::sample`] samples `into`; unit directions to the
+    /// viewer and to the light, local frame.
     pub fn evaluate(&self, out: Vec3A, into: Vec3A) -> (Vec3A, f32) {
         if out.z <= 0.0 || into.z <= 0.0 {
             return (Vec3A::ZERO, 0.0);
@@ -35,7 +36,8 @@ impl Reflection {
         (value * into.z, mirror_chance * mirror + (1.0 - mirror_chance) * diffuse)
     }
 
-    /// Sampled incoming direction of an outgoing one; sometimes below the surface, where it does not count.
+    /// Sampled direction to the light for a direction `out` to the viewer, from three uniform random numbers; sometimes
+    /// below the surface, where it does not count.
     pub fn sample(&self, out: Vec3A, choice: f32, at: Vec2) -> Vec3A {
         if choice >= self.mirror_chance(out.z) {
             let radius = at.x.sqrt();
@@ -54,14 +56,15 @@ impl Reflection {
         self.f0 + (1.0 - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
     }
 
-    /// Probability of specular sampling.
+    /// Probability of specular sampling, from the cosine between normal and viewer.
     fn mirror_chance(&self, cosine: f32) -> f32 {
         let (mirror, diffuse) = (luminance(self.fresnel(cosine)), luminance(self.albedo));
         if diffuse <= 0.0 { 1.0 } else { (mirror / (mirror + diffuse)).clamp(0.1, 0.9) }
     }
 }
 
-/// Fresnel reflectance of a smooth interface; `ratio` is the quotient of the refractive indices before and behind.
+/// Fresnel reflectance of a smooth interface for unpolarised light, from the cosine of the angle of incidence; `ratio`
+/// is the refractive index before the interface divided by that behind it.
 pub(crate) fn dielectric(cosine: f32, ratio: f32) -> f32 {
     let behind = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if behind <= 0.0 {

@@ -2,8 +2,8 @@
 
 use genmanip_core::RgbdImage;
 
-/// Filter radius (px). Chosen: errors of stereo cameras are correlated over about three pixels, so that nine pixels
-/// reduce them to a third.
+/// Filter radius (px), a window of 9 × 9. Chosen: errors of stereo cameras are correlated over about three pixels, so
+/// that a window holds nine independent ones, and their mean has a third of the error.
 const RADIUS: usize = 4;
 /// Maximum inverse-depth difference within one surface, in standard deviations of a single depth (three of the
 /// difference).
@@ -23,6 +23,7 @@ pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
     }
     let inverse: Vec<f32> =
         image.depth_m.iter().map(|&depth| if depth > 0.0 && depth.is_finite() { 1.0 / depth } else { 0.0 }).collect();
+    // The noise of inverse depth is the same at all depths.
     let most = SAME_SURFACE * error_m as f32;
     let mean = |index: usize| {
         let own = inverse[index];
@@ -30,7 +31,7 @@ pub fn smoothed(image: &RgbdImage, error_m: f64) -> RgbdImage {
             return 0.0;
         }
         let (column, row) = (index % width, index / width);
-        // Symmetric window: an asymmetric one would bias slanted surfaces.
+        // The window is symmetric, also at the image's border: an asymmetric one would bias slanted surfaces.
         let reach = |at: usize, count: usize| RADIUS.min(at).min(count - 1 - at);
         let (across, along) = (reach(column, width), reach(row, height));
         let (mut sum, mut count) = (0.0, 0.0);

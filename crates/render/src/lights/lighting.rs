@@ -13,7 +13,7 @@ pub struct Lighting {
     pub sky: Sky,
     /// Unit direction to the key light, world frame.
     pub to_light: Vec3A,
-    /// Radiosity of a white diffuse surface that faces the key light.
+    /// Radiosity of a white diffuse surface that faces the key light, linear RGB before exposure.
     pub key: Vec3A,
     /// Squared half angular radius of the key light (rad²): the rotation of a mirror between reflecting its centre and
     /// its edge.
