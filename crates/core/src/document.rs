@@ -155,7 +155,7 @@ pub fn long_from_reader<T: LongDocument>(
     Ok(document)
 }
 
-/// Parses an entry of the list.
+/// Parses entry `index` of the list; fails if the list has more than its maximum number of entries.
 fn entry<T: LongDocument>(index: usize, value: Value) -> Result<T::Entry, DocumentError> {
     if index == T::MAX_ENTRIES {
         let (path, message) =

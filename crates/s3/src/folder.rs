@@ -87,8 +87,8 @@ fn is_inside(path: &str) -> bool {
     path.split('/').all(is_name) && path != LIST
 }
 
-/// Uploads a folder. Files that already exist with the same size and hash are skipped, and unfinished files
-/// (`.NAME.partial-…`) are ignored. `on_file` is called with the number of files, once per file.
+/// Uploads a folder, `jobs` files at a time. Files that already exist with the same size and hash are skipped, and
+/// unfinished files (`.NAME.partial-…`) are ignored. `on_file` is called once per file, with the number of all files.
 ///
 /// # Errors
 /// [`S3Error::Stopped`] with the progress: uploaded files are kept, and another call resumes.
@@ -124,8 +124,9 @@ pub fn push(
     Ok(moved)
 }
 
-/// Downloads a pushed folder. Files that already exist with the same size and hash are skipped, others are replaced.
-/// Files that are not listed are kept, except unfinished files of an earlier pull that was killed on this machine.
+/// Downloads a pushed folder, `jobs` files at a time. Files that already exist with the same size and hash are skipped,
+/// others are replaced. Files that are not listed are kept, except unfinished files of an earlier pull that was killed
+/// on this machine. `on_file` is called once per file, with the number of all files.
 ///
 /// # Errors
 /// [`S3Error::NotComplete`] if there is no file list; [`S3Error::Stopped`] with the progress.

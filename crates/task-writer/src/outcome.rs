@@ -43,7 +43,7 @@ pub struct Round {
     pub key: String,
     /// The answer.
     pub reply: ChatReply,
-    /// Verdict.
+    /// Verdict of the validation.
     pub verdict: Verdict,
     /// Flaws found.
     pub flaws: Vec<Flaw>,
@@ -109,7 +109,7 @@ impl GenerationOutcome {
         Some(text)
     }
 
-    /// Accounting of all rounds of some outcomes.
+    /// Ledger of the tokens and costs of all rounds of these outcomes.
     pub fn ledger(outcomes: &[Self]) -> Ledger {
         let mut ledger = Ledger::default();
         for outcome in outcomes {

@@ -44,7 +44,7 @@ pub struct Design<'a> {
     pub seed: Seed,
     /// Settings of the designer.
     pub settings: DesignSettings,
-    /// True if other kinds replace a kind that is exhausted.
+    /// True if a task whose kind fails is composed of the next kind that succeeds.
     pub fill: bool,
     /// Uid of an object that the goal of every task involves.
     pub include: Option<&'a str>,
@@ -53,7 +53,7 @@ pub struct Design<'a> {
 /// Composes tasks and writes each as a file of the folder. An existing file with the same content stays, so a call with
 /// a larger `count` extends the folder of a smaller one.
 ///
-/// If a kind is exhausted, each of its missing tasks is a row with the reason, not an error.
+/// A task that cannot be composed is a row with the reason, not an error.
 ///
 /// # Errors
 /// When `kinds` is empty, a file cannot be written, or a file of the same name holds another task.
@@ -138,7 +138,8 @@ fn hint_for(error: &SentenceError) -> &'static str {
     }
 }
 
-/// The next task; with `include`, the next whose goal involves that object.
+/// The next task; with `include`, the next whose goal involves that object. The inner error is a task that could not be
+/// composed; the outer one ends the series.
 fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Missing>, WorkspaceError> {
     let Some(uid) = include else { return Ok(series.compose()) };
     let involves = |task: &Task| {
@@ -161,8 +162,8 @@ fn compose(series: &mut Series, include: Option<&str>) -> Result<Result<Task, Mi
         .with_hint("offer fewer other objects with --objects, or choose another --kind"))
 }
 
-/// Number of tasks composed without the wanted object before the search ends; chosen: a goal involves some two of the
-/// 1,120 built-in objects.
+/// Number of tasks composed without the wanted object before the search ends; chosen: a goal involves about two
+/// objects, of 1,120 with all families, so one task in some 560 suits.
 const MOST_WITHOUT: usize = 10_000;
 
 /// Number of tasks composed before they are written in parallel, and number of writer threads; chosen: flushing many

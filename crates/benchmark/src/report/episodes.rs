@@ -13,7 +13,8 @@ use genmanip_viz::markup::escape;
 /// Characters of evidence quoted in a row, about two lines; the episode's file has the full text.
 const EVIDENCE: usize = 160;
 
-/// The section with the table, at most about `max_bytes` of rows, failures first; also the number of omitted rows.
+/// Section with the table, in the order of the input, with at most `max_bytes` of rows. If there are more, successes
+/// are left out before failures, and the section says how many.
 pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     if input.episodes.is_empty() {
         return String::new();

@@ -84,7 +84,7 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
     Ok(ExitStatus::Done)
 }
 
-/// Output row of `grasps show`.
+/// Output of `grasps show`.
 #[derive(Serialize)]
 struct Shown {
     uid: String,

@@ -37,7 +37,8 @@ pub fn evaluation_from_1(evaluation: &mut Map<String, Value>) -> Result<(), Docu
     Ok(())
 }
 
-/// Version 1 recorded a single cause; causes reported by the policy took precedence.
+/// Termination reason from the single cause of version 1, in which causes reported by the policy took precedence; null
+/// for a failed layout.
 fn ending_of(failure: &Value) -> Result<Value, DocumentError> {
     match failure.get("cause").and_then(Value::as_str) {
         Some("layout") => Ok(Value::Null),

@@ -81,6 +81,7 @@ pub fn imported(name: &str, imported: &Imported) -> String {
     )
 }
 
+/// YAML front matter of data sets of this program, with its licence and tags.
 fn front_matter() -> &'static str {
     "---\n\
      license: cc0-1.0\n\

@@ -41,7 +41,7 @@ pub struct ImportReport {
 }
 
 /// Imports the data set at `source` to `out` (and `<out>-depth`); `on_episode` is called after each episode with the
-/// total number of episodes.
+/// number of episodes of the source.
 ///
 /// # Errors
 /// If the format of `source` is unknown, it is damaged or holds unsupported contents, or `out` exists; `out` is then
@@ -67,7 +67,10 @@ pub fn import(
     writers.publish(importer.notes(), settings, source, out)
 }
 
-/// Detects the format of the source.
+/// Importer for the format of the source.
+///
+/// # Errors
+/// If the format is unknown, the source cannot be read, or it is a data set of this program, which needs no import.
 fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, DataError> {
     if files::is_file_no_follow(&source.join(INFO)) {
         let dataset = lerobot::Lerobot::open(source, settings)?;
@@ -86,6 +89,7 @@ fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Importer>, D
 struct Writers {
     info: SourceInfo,
     colors: DatasetWriter<ImportedMetadata>,
+    /// Begun with the first episode, if that has depth images.
     depths: Option<DatasetWriter<ImportedMetadata>>,
     target: PathBuf,
     episodes_per_depth_file: usize,

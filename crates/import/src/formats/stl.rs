@@ -5,10 +5,10 @@ use glam::DVec3;
 use crate::ImportError;
 use crate::raw::{MAX_TRIANGLES, RawMesh};
 
-/// Triangles of an STL file.
+/// Triangles of an STL file, without shared vertices.
 ///
 /// # Errors
-/// If it is neither binary nor text STL, or too large.
+/// If it is neither binary nor text STL, has no triangles or more than [`MAX_TRIANGLES`], or a triangle is incomplete.
 pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     let corners = corners(path, bytes, MAX_TRIANGLES)?;
     if corners.is_empty() || corners.len() % 3 != 0 {
@@ -18,8 +18,8 @@ pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     Ok(RawMesh { positions: corners, uvs: Vec::new(), triangles })
 }
 
-/// Vertices of the triangles of an STL file, three each; none if it has no triangles. Bytes behind the triangles of a
-/// binary file are ignored.
+/// Vertices of the triangles of an STL file, three each; none if it has no triangles. The number is not checked in text
+/// files, and bytes behind the triangles of a binary file are ignored.
 ///
 /// # Errors
 /// If it is neither binary nor text STL, or has more than `max_triangles`.
@@ -46,7 +46,7 @@ pub fn corners(path: &str, bytes: &[u8], max_triangles: usize) -> Result<Vec<DVe
 /// Triangles of an MSH file: four counts, then vertices, normals, texture coordinates and faces.
 ///
 /// # Errors
-/// If its length does not match its counts.
+/// If its length does not match its counts, it has more than [`MAX_TRIANGLES`], or a face refers to a missing vertex.
 pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     let wrong = || ImportError::new(path, "not an MSH file: its length does not match its counts");
     let word = |index: usize| Some(i32::from_le_bytes(bytes.get(4 * index..4 * index + 4)?.try_into().ok()?));

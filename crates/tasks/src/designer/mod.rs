@@ -109,7 +109,8 @@ pub fn design_many(
     Ok(Batch { tasks, rejections: series.rejections().clone() })
 }
 
-/// Draws designs until one passes the gate with an instruction that was not used before.
+/// Draws at most [`DesignSettings::max_draws`] designs until one passes the gate with an instruction that is not in
+/// `said`; adds the numbers of rejected ones by reason to `rejections`.
 #[allow(clippy::too_many_arguments)] // one task's share of a batch's state
 fn draw(
     kind: TaskKind,
