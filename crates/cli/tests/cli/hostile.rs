@@ -122,7 +122,7 @@ fn links_in_a_run_folder_lead_nowhere() {
     assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
     // Folders of the run that lie elsewhere.
     let elsewhere = folder.path().join("elsewhere");
-    for name in ["episodes", "evaluation", "dataset", "scenarios"] {
+    for name in ["episodes", "evaluation", "dataset", "exports", "scenarios"] {
         let folder = copy_of_finished_run();
         let inside = folder.path().join("run").join(name);
         fs::create_dir_all(&elsewhere).unwrap();
