@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, AssetRef, Atom, AtomVerdict, Distortion, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece,
-    Pose, Projection, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
+    Aabb, AssetRef, Atom, AtomVerdict, BetweenReading, Distortion, Document, Ending, EpisodeResult, Intrinsics,
+    Measurement, Piece, Pose, Projection, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
 };
 use proptest::prelude::*;
 
@@ -122,6 +122,7 @@ fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
         holds: margin >= 0.0,
         margin,
         measurements: vec![measurement],
+        other_readings: Vec::new(),
         explanation: String::new(),
     }
 }
@@ -146,6 +147,20 @@ fn margins_of_different_units_are_compared_by_their_scale() {
         assert!(lower < higher, "{pair:?}: {lower} and {higher}");
     }
     assert_eq!(verdict(0.03, Unit::Metre).normalised_margin(), Unit::Metre.normalise(0.03));
+}
+
+/// A world without the key means what was the only reading, and is written and hashed as before.
+#[test]
+fn a_world_of_before_reads_between_in_space() {
+    let old = World::from_json(include_str!("../testdata/world.json")).unwrap();
+    assert_eq!(old.relations.between, BetweenReading::Space);
+    assert!(old.to_value()["relations"].get("between").is_none());
+    let mut new = old.clone();
+    new.relations.between = BetweenReading::Plane;
+    assert_eq!(new.to_value()["relations"]["between"], "plane");
+    assert_eq!(World::from_json(&new.to_json()).unwrap(), new);
+    assert_eq!(new.hashes().physics, old.hashes().physics);
+    assert_ne!(new.hashes().judging, old.hashes().judging);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use genmanip_core::Aabb;
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_relations::PosedScene;
+use genmanip_relations::{PosedScene, between_bend_rad};
 
 use crate::context::Context;
 use crate::sampled_layout::OrientedObject;
@@ -74,6 +74,6 @@ pub(crate) fn leaves_space(
     let apart = (a.min - b.max).max(b.min - a.max).truncate();
     let has_gap = (apart.x >= size.x + 2.0 * gap) || (apart.y >= size.y + 2.0 * gap);
     let middle = ((from + to) * 0.5).truncate().extend(subject.bounds.center().z - subject.bounds.min.z);
-    let angle = (middle - from).angle_between(to - middle);
-    has_gap && angle < context.relations.between_angle_rad - ANGLE_MARGIN_RAD
+    let bend_rad = between_bend_rad([from, middle, to], context.relations.between).unwrap_or(f64::INFINITY);
+    has_gap && bend_rad < context.relations.between_angle_rad - ANGLE_MARGIN_RAD
 }

@@ -1,6 +1,7 @@
 //! Judges conditions, goals and initial graphs.
 
-use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph, Unit};
+use genmanip_core::{Atom, AtomVerdict, BetweenReading, Goal, GoalVerdict, Relation, SceneGraph, Unit};
+use glam::DVec3;
 
 use super::contact::Contact;
 use super::extent::{Extent, Extents};
@@ -78,10 +79,14 @@ pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &R
         return verdict(atom, word, vec![Requirement::fact("in the scene", false)]);
     };
     let bodies: Vec<_> = indices.iter().filter_map(|&index| scene.extent(index)).collect();
+    let mut other_readings = Vec::new();
     let mut requirements = match (atom, bodies.as_slice()) {
         (Atom::State { state, .. }, [body]) => body.state(state, settings),
         (Atom::Relation { relation: Relation::Between, .. }, [subject, one, other]) => {
-            between(*subject, *one, *other, settings)
+            let centers = [one.center(), subject.center(), other.center()];
+            let others = BetweenReading::ALL.into_iter().filter(|reading| *reading != settings.between);
+            other_readings.extend(others.map(|reading| between(centers, reading, settings).measurement()));
+            vec![between(centers, settings.between, settings)]
         }
         (Atom::Relation { relation: Relation::Between, .. }, _) => vec![Requirement::fact("two references", false)],
         (Atom::Relation { relation, .. }, [subject, reference, ..]) if indices[0] != indices[1] => {
@@ -91,7 +96,7 @@ pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &R
     };
     let disturbed = indices.iter().find_map(|&index| rest.disturbed(index));
     requirements.extend(disturbed.map(|what| Requirement::fact(what, false)));
-    verdict(atom, word, requirements)
+    AtomVerdict { other_readings, ..verdict(atom, word, requirements) }
 }
 
 /// Requirements for A to be in a relation to B.
@@ -176,13 +181,24 @@ fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement
     }
 }
 
-/// Requirements for the subject being between two objects.
-fn between<E: Extent>(subject: &E, one: &E, other: &E, settings: &RelationSettings) -> Vec<Requirement> {
-    let (there, onward) = (subject.center() - one.center(), other.center() - subject.center());
-    if there.length() == 0.0 || onward.length() == 0.0 {
-        return vec![Requirement::fact("three different places", false)];
+/// Requirement for the middle one of three centres, on the way from the first to the last, to be between the others.
+fn between(centers: [DVec3; 3], reading: BetweenReading, settings: &RelationSettings) -> Requirement {
+    let Some(bend_rad) = between_bend_rad(centers, reading) else {
+        return Requirement::fact("three different places", false);
+    };
+    let quantity = match reading {
+        BetweenReading::Plane => "bend of the way, seen from above, under the limit",
+        BetweenReading::Space => "bend of the way under the limit",
+    };
+    Requirement::above(quantity, settings.between_angle_rad - bend_rad, 0.0).in_unit(Unit::Radian)
+}
+
+/// Angle by which the way turns at the middle one of three centres, rad; `None` where it has no direction.
+pub fn between_bend_rad([from, at, to]: [DVec3; 3], reading: BetweenReading) -> Option<f64> {
+    let (mut there, mut onward) = (at - from, to - at);
+    match reading {
+        BetweenReading::Plane => (there.z, onward.z) = (0.0, 0.0),
+        BetweenReading::Space => {}
     }
-    let angle = there.angle_between(onward);
-    let below = Requirement::above("bend of the way under the limit", settings.between_angle_rad - angle, 0.0);
-    vec![below.in_unit(Unit::Radian)]
+    (there.length() > 0.0 && onward.length() > 0.0).then(|| there.angle_between(onward))
 }

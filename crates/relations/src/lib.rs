@@ -43,7 +43,7 @@ mod window;
 pub use cloud_scene::CloudScene;
 pub use contact::Contact;
 pub use genmanip_core::RelationSettings;
-pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
+pub use judge::{Rest, between_bend_rad, judge_atom, judge_edges, judge_goal, judge_states};
 pub use pair::{Label, PairGeometry, PairVerdict, contact_below, label_pair, measure_pair, outlines_apart, planar_gap};
 pub use posed_scene::{PosedObject, PosedScene};
 pub use requirement::is_clear;

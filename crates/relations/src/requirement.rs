@@ -64,6 +64,12 @@ impl Requirement {
         }
     }
 
+    /// The quantity without its comparison.
+    pub fn measurement(self) -> Measurement {
+        let Self { quantity, value, threshold, unit, comparison: _, met, margin } = self;
+        Measurement { quantity: quantity.into(), value, threshold, unit, met, margin }
+    }
+
     /// True if the requirement is met.
     pub fn met(&self) -> bool {
         self.met
@@ -126,17 +132,8 @@ pub(super) fn verdict(atom: &Atom, word: &str, mut requirements: Vec<Requirement
         holds,
         margin: requirements.first().map_or(0.0, |first| first.margin),
         explanation: format!("{not}{word}: {}", told.join("; ")),
-        measurements: requirements
-            .into_iter()
-            .map(|requirement| Measurement {
-                quantity: requirement.quantity.into(),
-                value: requirement.value,
-                threshold: requirement.threshold,
-                unit: requirement.unit,
-                met: requirement.met,
-                margin: requirement.margin,
-            })
-            .collect(),
+        measurements: requirements.into_iter().map(Requirement::measurement).collect(),
+        other_readings: Vec::new(),
     }
 }
 

@@ -2,8 +2,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use genmanip_core::{
-    AssetRef, Atom, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece,
-    Pose, Relation, Shape,
+    AssetRef, Atom, BetweenReading, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink,
+    ObjectModel, Piece, Pose, Relation, Shape,
 };
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -232,22 +232,30 @@ fn under_an_overhang_is_beside() {
 
 #[test]
 fn between_three() {
-    let (a, b, c) = (block("a", 0.05, 0.05, 0.05), block("b", 0.05, 0.05, 0.05), block("c", 0.05, 0.05, 0.05));
-    let check = |x: f64, expected: bool| {
-        let scene = scene(&[(&b, at(x, 0.0, 0.0)), (&a, at(0.5, 0.1, 0.0)), (&c, at(0.5, -0.1, 0.0))]);
+    let (a, c) = (block("a", 0.05, 0.05, 0.05), block("c", 0.05, 0.05, 0.05));
+    let (low, tall) = (block("low", 0.05, 0.05, 0.05), block("tall", 0.05, 0.05, 0.30));
+    // Half-way between centres 10 cm away, 3 cm aside bends the way by 33 degrees, 5 cm by 53, 12.5 cm up by 103.
+    let check = |subject: &Arc<ObjectModel>, x: f64, [plane, space]: [bool; 2]| {
+        let scene = scene(&[(subject, at(x, 0.0, 0.0)), (&a, at(0.5, 0.1, 0.0)), (&c, at(0.5, -0.1, 0.0))]);
         let atom = Atom::Relation {
-            subject: "b".into(),
+            subject: subject.card.uid.clone(),
             relation: Relation::Between,
             reference: "a".into(),
             second_reference: Some("c".into()),
         };
-        let verdict = judge_atom(&scene, &atom, &RelationSettings::default());
-        assert_eq!(verdict.holds, expected, "{verdict:#?}");
+        let judged = |between| judge_atom(&scene, &atom, &RelationSettings { between, ..RelationSettings::default() });
+        let [by_plane, by_space] = [BetweenReading::Plane, BetweenReading::Space].map(judged);
+        assert_eq!([by_plane.holds, by_space.holds], [plane, space], "{by_plane:#?} {by_space:#?}");
+        assert_eq!(by_plane.other_readings, by_space.measurements);
+        assert_eq!(by_space.other_readings, by_plane.measurements);
     };
-    check(0.5, true);
-    check(0.53, true);
-    check(0.55, false);
-    check(0.7, false);
+    check(&low, 0.5, [true, true]);
+    check(&low, 0.53, [true, true]);
+    check(&low, 0.55, [false, false]);
+    check(&low, 0.7, [false, false]);
+    check(&tall, 0.5, [true, false]);
+    check(&tall, 0.53, [true, false]);
+    check(&tall, 0.55, [false, false]);
 }
 
 #[test]

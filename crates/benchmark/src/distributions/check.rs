@@ -48,7 +48,7 @@ pub fn check(
     let suite = Distributions::open(folder)?;
     let (frozen, mut faults) = compare(&suite);
     let sampled = sample(&suite, all);
-    let world = default_world();
+    let world = suite.judged_in(&default_world());
     let planner = worlds::planner(&world, &PlannerSettings::default())?;
     let resources = Resources::builtin(&planner);
     progress.begin("checking layouts", sampled.len());

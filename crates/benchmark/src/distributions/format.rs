@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_assets::Catalogue;
 use genmanip_assets::metadata::Split as AssetSplit;
 use genmanip_core::names::is_file_name;
-use genmanip_core::{Atom, Document, ObjectCard, Seed, TaskKind, named_enum};
+use genmanip_core::{Atom, BetweenReading, Document, ObjectCard, Seed, TaskKind, named_enum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +37,9 @@ pub struct DistributionsFile {
     pub name: String,
     /// Seed of all layouts.
     pub seed: Seed,
+    /// Reading of *between* in its layouts, initial and goal, whatever the world says; absent means `space`.
+    #[serde(default = "BetweenReading::of_old_documents", skip_serializing_if = "BetweenReading::is_of_old_documents")]
+    pub between: BetweenReading,
     /// Number of layouts of each distribution, by split.
     pub layouts: BTreeMap<Split, u64>,
     /// The distributions.

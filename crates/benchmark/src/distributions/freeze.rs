@@ -37,7 +37,7 @@ pub fn freeze(
         return Err(WorkspaceError::input(format!("{} is frozen already", folder.display()))
             .with_hint("`genmanip suite check` says whether it still is what it was; remove layouts/ to freeze anew"));
     }
-    let world = default_world();
+    let world = suite.judged_in(&default_world());
     let planner = worlds::planner(&world, &PlannerSettings::default())?;
     let resources = Resources::builtin(&planner);
     for distribution in left {

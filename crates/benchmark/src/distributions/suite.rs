@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{Document, Scenario, Seed, Task, World, limits};
+use genmanip_core::{Document, RelationSettings, Scenario, Seed, Task, World, limits};
 use genmanip_layout::{LayoutError, LayoutSettings};
 use genmanip_rollout::collect::{Attempt, Resources};
 use genmanip_workspace::{WorkspaceError, documents};
@@ -77,6 +77,12 @@ impl Distributions {
     /// Seed of a run whose first attempts are the layouts.
     pub fn seed(&self) -> Seed {
         layout_seed(&self.file)
+    }
+
+    /// A world in which relations are read as in the suite.
+    pub fn judged_in(&self, world: &World) -> World {
+        let relations = RelationSettings { between: self.file.between, ..world.relations };
+        World { relations, ..world.clone() }
     }
 
     /// The layouts of a choice: the first of every distribution, then the second of every distribution, and so on.

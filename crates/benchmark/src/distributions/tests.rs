@@ -31,7 +31,7 @@ fn all_layouts_of_the_shipped_suite_are_frozen_and_differ() {
 #[test]
 fn layouts_made_anew_are_as_they_were_frozen() {
     let suite = shipped();
-    let world = default_world();
+    let world = suite.judged_in(&default_world());
     let planner = worlds::planner(&world, &PlannerSettings::default()).unwrap();
     for split in [Split::Train, Split::Category] {
         for one in drawn(&suite, split, None, 1) {

@@ -139,7 +139,8 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     let condition = format!("{prefix}{}<span class=\"why\">{why}</span>", atom_markup(task, &verdict.atom));
     let lines = |text: &dyn Fn(&Measurement) -> String| -> String {
         let line = |measurement| format!("<span class=\"line\">{}</span>", text(measurement));
-        verdict.measurements.iter().map(line).collect()
+        let other = |measurement| format!("<span class=\"line muted\">{}</span>", text(measurement));
+        verdict.measurements.iter().map(line).chain(verdict.other_readings.iter().map(other)).collect()
     };
     let margin = |measurement: &Measurement| {
         let class = if measurement.met { "met" } else { "missed" };

@@ -133,6 +133,7 @@ pub fn verdict(task: &Task, success: bool) -> GoalVerdict {
                 holds,
                 margin,
                 measurements,
+                other_readings: Vec::new(),
                 explanation: format!(
                     "{quantity} {value:.3} {symbol} {sign} {threshold:.3} {symbol}",
                     symbol = unit.symbol()

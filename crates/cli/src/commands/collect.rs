@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use genmanip_benchmark::distributions::Distributions;
 use genmanip_core::Seed;
 use genmanip_pipeline::Run;
 use genmanip_pipeline::collect::{CollectOptions, Collected, collect};
@@ -25,9 +26,10 @@ const ATTEMPTS_PER_TASK: usize = 2;
 const ATTEMPTS_PER_LAYOUT: usize = 1;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let Planned { tasks, seed, attempts } = planned(arguments)?;
+    let Planned { tasks, seed, attempts, suite } = planned(arguments)?;
     let (vary, vary_physics) = varied(arguments)?;
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+    let world = suite.map_or_else(|| world.clone(), |suite| suite.judged_in(&world));
     let cameras = worlds::cameras(&world, &arguments.cameras)?;
     let images = (!arguments.no_dataset).then(|| ImageSettings {
         fps: arguments.rate,
@@ -73,6 +75,8 @@ pub struct Planned {
     pub seed: Seed,
     /// Attempts per task.
     pub attempts: usize,
+    /// Suite of task distributions.
+    pub suite: Option<Distributions>,
 }
 
 /// Reads the tasks, or draws those of a suite of task distributions.
@@ -80,11 +84,12 @@ pub fn planned(arguments: &CollectArguments) -> Result<Planned, Failed> {
     let Some((suite, choice)) = arguments.layouts.layouts(arguments.suite.as_deref())? else {
         let tasks = task_files::spool_tasks(&arguments.tasks, &arguments.out)?;
         let attempts = arguments.episodes.unwrap_or(ATTEMPTS_PER_TASK);
-        return Ok(Planned { tasks, seed: Seed::new(arguments.seed), attempts });
+        return Ok(Planned { tasks, seed: Seed::new(arguments.seed), attempts, suite: None });
     };
     let folder = nearest_folder(&arguments.out).unwrap_or_else(|| ".".into());
     let tasks = Tasks::spool(suite.draw(&choice)?.into_iter().map(|drawn| drawn.task), &folder)?;
-    Ok(Planned { tasks, seed: suite.seed(), attempts: arguments.episodes.unwrap_or(ATTEMPTS_PER_LAYOUT) })
+    let attempts = arguments.episodes.unwrap_or(ATTEMPTS_PER_LAYOUT);
+    Ok(Planned { tasks, seed: suite.seed(), attempts, suite: Some(suite) })
 }
 
 pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

@@ -14,11 +14,14 @@ use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let (tasks, seed) = match arguments.layouts.layouts(arguments.suite.as_deref())? {
-        Some((suite, choice)) => (suite.draw(&choice)?.into_iter().map(|drawn| drawn.task).collect(), suite.seed()),
-        None => (task_files::read_tasks(&arguments.tasks)?, Seed::new(arguments.seed)),
-    };
     let world = worlds::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
+    let (tasks, seed, world) = match arguments.layouts.layouts(arguments.suite.as_deref())? {
+        Some((suite, choice)) => {
+            let tasks = suite.draw(&choice)?.into_iter().map(|drawn| drawn.task).collect();
+            (tasks, suite.seed(), suite.judged_in(&world))
+        }
+        None => (task_files::read_tasks(&arguments.tasks)?, Seed::new(arguments.seed), world),
+    };
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
     let workers = workers::workers(arguments.workers);

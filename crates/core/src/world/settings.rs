@@ -6,6 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::named_enum;
+
 /// Engine-independent physics settings; drives and pads belong to the robot ([`crate::Drives`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -69,10 +71,37 @@ pub struct RelationSettings {
     pub support_area_ratio: f64,
     /// Largest angle between the directions from the first object to the middle one and on to the second, radians.
     pub between_angle_rad: f64,
+    /// Places between which that angle is measured; documents from before this key mean `space`.
+    #[serde(default = "BetweenReading::of_old_documents", skip_serializing_if = "BetweenReading::is_of_old_documents")]
+    pub between: BetweenReading,
     /// Distance by which a joint may leave its state's interval before the state ends, as a fraction of the interval.
     pub state_hysteresis: f64,
     /// Safety margin of placement windows inside their limits, metres.
     pub window_margin_m: f64,
+}
+
+named_enum! {
+    /// Places of three objects by which one is *between* the others.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum BetweenReading {
+        /// Centres projected onto the table: seen from above.
+        Plane = "plane",
+        /// Centres in space, as published: a tall object between two flat ones bends the way.
+        Space = "space",
+    }
+}
+
+impl BetweenReading {
+    /// The only reading before documents named one.
+    pub fn of_old_documents() -> Self {
+        Self::Space
+    }
+
+    /// True for [`Self::of_old_documents`], which is not written, so that hashes of old documents stay.
+    pub fn is_of_old_documents(&self) -> bool {
+        *self == Self::of_old_documents()
+    }
 }
 
 impl Default for RelationSettings {
@@ -85,6 +114,7 @@ impl Default for RelationSettings {
             support_overlap: 0.7,                           // published
             support_area_ratio: 1.5,                        // published
             between_angle_rad: std::f64::consts::FRAC_PI_4, // published: 45 degrees
+            between: BetweenReading::Plane,                 // published: space, where the height of objects counts
             state_hysteresis: 0.1,                          // a rattling drawer does not flicker
             window_margin_m: 0.01,                          // a placement tolerates a shift of 1 cm while settling
         }

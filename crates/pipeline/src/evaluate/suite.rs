@@ -220,7 +220,7 @@ impl Suite {
         stop: &AtomicBool,
     ) -> Result<Option<Self>, WorkspaceError> {
         let drawn = suite.draw(choice)?;
-        let settings = PipelineSettings::in_world((*default_world()).clone());
+        let settings = PipelineSettings::in_world(suite.judged_in(&default_world()));
         let planner = worlds::planner(&settings.world, &settings.planner)?;
         progress.begin("laying out", drawn.len());
         let one = |drawn: &DrawnTask| {
