@@ -19,8 +19,8 @@ enum Outcome {
 const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 
 /// Tests of learned policies, in a build with Burn that shares all other libraries with the tests' own; most programs do
-/// without. The program is there for its choice of features alone.
-const LEARNED: [&str; 13] = [
+/// without.
+const LEARNED: [&str; 15] = [
     "-p",
     "genmanip-policy",
     "-p",
@@ -32,6 +32,8 @@ const LEARNED: [&str; 13] = [
     "--lib",
     "--test",
     "pipeline",
+    "--test",
+    "cli",
     "--",
     "learn",
 ];

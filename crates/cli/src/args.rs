@@ -155,10 +155,12 @@ pub enum Command {
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),
-    /// Train a policy on the demonstrations of a run; needs a build with learned policies: cargo xtask install --learn
+    /// Train a policy on the demonstrations of a run or a suite; needs a build with learned policies: cargo xtask install --learn
     #[command(after_help = "Examples:\n  genmanip train out/run --preset state --check\n  \
                       genmanip train out/run --preset state --budget 15m --out out/policy\n  \
-                      genmanip evaluate out/unseen --policy learned:out/policy\n\n\
+                      genmanip evaluate out/unseen --policy learned:out/policy\n  \
+                      genmanip train genmanip-learn-10 --distribution into --demos 300 --preset state --budget 15m \\\n    \
+                      --out out/into\n\n\
                       A training that was interrupted or killed continues where it stopped: start the same command\n\
                       again. Same seed and number of steps: same weights, bit for bit. DIR/metrics.csv holds the losses.")]
     Train(TrainArguments),

@@ -196,6 +196,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
 fn learn_arguments(arguments: &args::LabLearnArguments) -> LearnArguments {
     let steps = arguments.steps.unwrap_or(1) as u64;
     LearnArguments {
+        distribution: arguments.distribution.clone(),
         preset: arguments.preset,
         demos: arguments.demos,
         length: arguments.budget.map_or(Length::Steps(steps), Length::BudgetS),

@@ -14,6 +14,8 @@ mod images;
 #[cfg(feature = "learn")]
 mod presets;
 #[cfg(feature = "learn")]
+mod suite;
+#[cfg(feature = "learn")]
 mod training;
 #[cfg(not(feature = "learn"))]
 mod uninstalled;
@@ -21,8 +23,10 @@ mod uninstalled;
 #[cfg(feature = "learn")]
 pub use check::check;
 pub use genmanip_policy::Preset;
-pub use options::{CheckOptions, Checked, Length, TRAINING, TrainOptions, Trained};
+pub use options::{CheckOptions, Checked, Length, SuiteDemonstrations, TRAINING, TrainOptions, Trained};
+#[cfg(feature = "learn")]
+pub use suite::demonstrate;
 #[cfg(feature = "learn")]
 pub use training::train;
 #[cfg(not(feature = "learn"))]
-pub use uninstalled::{check, train};
+pub use uninstalled::{check, demonstrate, train};

@@ -5,6 +5,7 @@
 //! - [`collect`]: demonstrations, their images and the dataset; [`merge`] joins the shards of a run.
 //! - [`export`] and [`rerender`]: further datasets of a run, with the recorded or another appearance.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the registry of policies by name with arguments.
+//! - [`offered`]: policies that other programs ask over a protocol.
 //! - [`ablate`]: the agent with one setting changed at a time.
 //! - [`suites`]: building and perturbing benchmark suites, the two steps that run policies.
 //! - [`sessions`]: environments that other programs step, action by action.
@@ -26,6 +27,7 @@ pub mod learn;
 mod learned;
 pub mod merge;
 mod not_run;
+pub mod offered;
 pub mod plan;
 pub mod policies;
 mod policy_spec;

@@ -32,6 +32,7 @@ pub use label::InLabel;
 pub(crate) use label::label;
 use label::{MAX_LABEL, fits};
 
+use crate::policy_spec::check_robot;
 pub use crate::policy_spec::{mistaken, read_spec};
 
 /// All policies there are, in the order in which they are listed.
@@ -187,11 +188,7 @@ fn playback(given: &Given) -> Result<Prepared, WorkspaceError> {
     let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
     Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
         let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
-        if contract.robot != episode.stage.robot.name {
-            let what = format!("the dataset has actions of robot `{}`", contract.robot);
-            let hint = format!("scenario {scenario} has robot `{}`", episode.stage.robot.name);
-            return Err(WorkspaceError::input(what).with_hint(hint));
-        }
+        check_robot(&contract.robot, episode.stage)?;
         let not_run = |reason| WorkspaceError::Unreachable { policy: "playback".into(), reason };
         let rows = dataset.episodes().iter().find(|row| row.scenario_id == *scenario);
         let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
@@ -259,7 +256,7 @@ fn agent(given: &Given) -> Result<Prepared, WorkspaceError> {
 }
 
 fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
-    let settings = remote::settings(&remote::Named {
+    let server = remote::server(&remote::Named {
         url: given.text("url"),
         preset: given.text("preset"),
         exterior: given.text("exterior"),
@@ -268,7 +265,7 @@ fn openpi(given: &Given) -> Result<Prepared, WorkspaceError> {
         timeout_s: given.number("timeout_s", 0.1..=remote::MAX_WAIT_S)?,
     })?;
     Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, WorkspaceError> {
-        Ok(remote::openpi(&settings, episode.planner.robot(), episode.cores))
+        server.policy(episode.stage, episode.cores)
     })
     .never_finishing())
 }

@@ -3,6 +3,7 @@
 use genmanip_core::names::near_misses;
 use genmanip_core::{ActionSpec, CameraRequest, GripperSpec, ImageChannels, Observation, PolicySpec, RotationEncoding};
 use genmanip_data::export::choice::ACTIONS;
+use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -48,6 +49,18 @@ pub fn read_spec(name: &str, given: &Value) -> Result<PolicySpec, String> {
     }
     mistakes.0.extend(spec.action.check().err().map(|error| format!("`action`: {error}")));
     if mistakes.0.is_empty() { Ok(spec) } else { Err(mistakes.0.join("\n")) }
+}
+
+/// Checks that actions of a robot suit a stage.
+///
+/// # Errors
+/// If it has another robot.
+pub(crate) fn check_robot(robot: &str, stage: &Stage) -> Result<(), WorkspaceError> {
+    if robot == stage.robot.name {
+        return Ok(());
+    }
+    Err(WorkspaceError::input(format!("the policy has actions of robot `{robot}`"))
+        .with_hint(format!("scenario {} has robot `{}`", stage.scenario.id, stage.robot.name)))
 }
 
 /// A mistake of a policy, whose text may end with a line that starts with `hint:`.

@@ -7,14 +7,19 @@ use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError,
 use genmanip_remote_policies::Timeouts;
 use genmanip_remote_policies::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
 use genmanip_remote_policies::process::{ProcessSettings, Processes};
+use genmanip_remote_policies::served::Offer;
 use genmanip_remote_policies::vla_eval::{self, VlaEvalPolicy, VlaEvalSettings};
-use genmanip_rollout::Cores;
+use genmanip_rollout::{Cores, Stage};
 
-use crate::policy_spec::{mistaken, read_spec};
+use crate::policy_spec::{check_robot, mistaken, read_spec};
 use genmanip_workspace::WorkspaceError;
 
 /// Environment variable that holds the server's API key, if it wants one.
 const KEY: &str = "OPENPI_API_KEY";
+/// Name of the preset of servers that describe their policy, as `genmanip serve policy` does.
+const DESCRIBED: &str = "genmanip";
+/// Names of the cameras unless others are given.
+pub(crate) const CAMERAS: [&str; 2] = ["static", "wrist"];
 /// A policy waits no longer than this for a server that is there, s.
 pub(crate) const MAX_WAIT_S: f64 = 3600.0;
 
@@ -29,40 +34,68 @@ pub(crate) struct Named<'a> {
     pub timeout_s: f64,
 }
 
+/// A policy server behind openpi's protocol.
+pub(crate) enum Server {
+    /// Observations and actions of a preset.
+    Preset(OpenpiSettings),
+    /// Observations and actions that the server describes.
+    Described { url: String, execute_steps: Option<usize>, timeouts: Timeouts },
+}
+
 /// Settings for a server.
 ///
 /// # Errors
-/// A URL that is none, an unknown preset, and a number of steps that is none.
-pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, WorkspaceError> {
+/// A URL that is none, an unknown preset, cameras where the server names them, and a number of steps that is none.
+pub(crate) fn server(named: &Named) -> Result<Server, WorkspaceError> {
     let input = |what: String, hint: &str| Err(WorkspaceError::input(what).with_hint(hint));
     let Named { url, preset, exterior, wrist, execute, timeout_s } = *named;
     check_url("openpi", url)?;
-    let known = Preset::ALL.map(Preset::name);
-    let preset = Preset::ALL.into_iter().find(|it| it.name() == preset);
-    let preset = preset.ok_or_else(|| WorkspaceError::unknown("preset", "presets", named.preset, &known))?;
     let execute_steps = match execute.parse::<usize>() {
         _ if execute.is_empty() => None,
         Ok(steps @ 1..=1000) => Some(steps),
         _ => return input(format!("policy openpi: execute={execute} is not possible"), "expected 1 to 1000 actions"),
     };
-    Ok(OpenpiSettings {
+    let timeouts = Timeouts { answer: Duration::from_secs_f64(timeout_s), ..Timeouts::default() };
+    if preset == DESCRIBED {
+        if [exterior, wrist] != CAMERAS {
+            let what = format!("policy openpi: preset={DESCRIBED} takes no exterior and wrist");
+            return input(what, "leave them out; the server names its cameras");
+        }
+        return Ok(Server::Described { url: url.into(), execute_steps, timeouts });
+    }
+    let known: Vec<&str> = Preset::ALL.map(Preset::name).into_iter().chain([DESCRIBED]).collect();
+    let preset = Preset::ALL.into_iter().find(|it| it.name() == preset);
+    let preset = preset.ok_or_else(|| WorkspaceError::unknown("preset", "presets", named.preset, &known))?;
+    Ok(Server::Preset(OpenpiSettings {
         url: url.into(),
         preset,
         exterior: exterior.into(),
         wrist: wrist.into(),
         execute_steps,
         api_key: std::env::var(KEY).ok().filter(|key| !key.is_empty()),
-        timeouts: Timeouts { answer: Duration::from_secs_f64(timeout_s), ..Timeouts::default() },
-    })
+        timeouts,
+    }))
 }
 
-/// The policy for one episode, which lends its core while it waits for the server.
-pub(crate) fn openpi(
-    settings: &OpenpiSettings,
-    robot: &Arc<RobotModel>,
-    cores: Option<&Arc<Cores>>,
-) -> Box<dyn Policy> {
-    lending(OpenpiPolicy::new(settings.clone(), Arc::clone(robot)), cores)
+impl Server {
+    /// The policy for one episode, which lends its core while it waits for the server.
+    ///
+    /// # Errors
+    /// When a server that describes its policy is unreachable, or the policy moves another robot.
+    pub(crate) fn policy(&self, stage: &Stage, cores: Option<&Arc<Cores>>) -> Result<Box<dyn Policy>, WorkspaceError> {
+        match self {
+            Self::Preset(settings) => Ok(lending(OpenpiPolicy::new(settings.clone(), Arc::clone(&stage.robot)), cores)),
+            Self::Described { url, execute_steps, timeouts } => {
+                let unreachable = |reason: String| WorkspaceError::Unreachable { policy: "openpi".into(), reason };
+                let offer = Offer::of(url, *timeouts).map_err(|error| unreachable(error.to_string()))?;
+                let spec = read_spec("openpi", &offer.spec)
+                    .map_err(|mistakes| unreachable(format!("the policy of the server {url}: {mistakes}")))?;
+                check_robot(&offer.robot, stage)?;
+                let spec = PolicySpec { execute_steps: execute_steps.unwrap_or(spec.execute_steps), ..spec };
+                Ok(lending(offer.policy(spec, stage.robot.arm_dof()), cores))
+            }
+        }
+    }
 }
 
 /// Settings for a model server of vla-eval.

@@ -2,6 +2,8 @@
 //!
 //! - [`openpi`]: WebSocket protocol of openpi's policy server, which many others support.
 //! - [`vla_eval`]: WebSocket protocol of vla-eval's model servers.
+//! - [`served`]: policies that `genmanip serve policy` offers, in their own formats over openpi's protocol.
+//! - [`wire`]: MessagePack and JSON.
 //! - [`numpy`]: NumPy arrays in MessagePack.
 //! - [`fake`]: a configurable misbehaving loopback server, for tests.
 //! - [`process`]: classes of Python modules in a separate process.
@@ -14,9 +16,10 @@ mod connection;
 pub mod fake;
 pub mod numpy;
 pub mod openpi;
-
 pub mod process;
 pub mod resize;
+pub mod served;
 pub mod vla_eval;
+pub mod wire;
 
 pub use connection::{RemoteError, Timeouts, decode};

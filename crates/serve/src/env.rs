@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 use genmanip_core::{Observation, Pose, RgbdImage};
 use genmanip_pipeline::sessions::{SceneSource, Session, SessionSettings, SessionState, StepOutcome};
 use genmanip_remote_policies::numpy::{Array, Numbers};
+use genmanip_remote_policies::wire;
 use genmanip_workspace::WorkspaceError;
 use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::request_error::RequestError;
-use crate::wire;
 
 /// Idle time after which a session may be closed for a new one.
 const IDLE: Duration = Duration::from_secs(600);

@@ -31,6 +31,23 @@ pub enum ServeCommand {
                       docs/guides/services.md has every request."
     )]
     Env(ServeEnvArguments),
+    /// A learned policy over openpi's websocket protocol: an observation in, an action chunk out
+    #[command(
+        after_help = "Examples:\n  genmanip serve policy learned:out/policy --address 127.0.0.1:8000\n  genmanip evaluate \
+                      out/scenarios --policy openpi:url=ws://127.0.0.1:8000,preset=genmanip\n\ndocs/guides/policy-servers.md \
+                      says what is sent."
+    )]
+    Policy(ServePolicyArguments),
+}
+
+/// Arguments of a policy as a service.
+#[derive(Debug, Args)]
+pub struct ServePolicyArguments {
+    /// A policy that `train` made; it sees no simulator truth
+    #[arg(value_name = "learned:DIR")]
+    pub policy: String,
+    #[command(flatten)]
+    pub listen: ListenArguments,
 }
 
 /// Arguments of environments as a service.
@@ -71,9 +88,19 @@ pub struct ServeAgentArguments {
     pub serve: ServeArguments,
 }
 
-/// Arguments of every service.
+/// Arguments of every service over HTTP.
 #[derive(Debug, Args)]
 pub struct ServeArguments {
+    #[command(flatten)]
+    pub listen: ListenArguments,
+    /// Print the OpenAPI description instead
+    #[arg(long)]
+    pub openapi: bool,
+}
+
+/// Arguments of every service.
+#[derive(Debug, Args)]
+pub struct ListenArguments {
     /// Address and port to listen at; port 0 takes a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8091")]
     pub address: SocketAddr,
@@ -86,7 +113,4 @@ pub struct ServeArguments {
     /// Requests that are computed at once [default: one per core]
     #[arg(long, value_name = "N", value_parser = parse::count)]
     pub workers: Option<usize>,
-    /// Print the OpenAPI description instead
-    #[arg(long)]
-    pub openapi: bool,
 }

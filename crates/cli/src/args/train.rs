@@ -10,9 +10,17 @@ use genmanip_terminal::parse;
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("length").required(true).args(["steps", "budget", "check"]))]
 pub struct TrainArguments {
-    /// Folder of a run made by `collect`; its verified episodes are learned from
-    #[arg(value_name = "RUN")]
-    pub run: PathBuf,
+    /// Folder of a run made by `collect`, whose verified episodes are learned from; or a suite of task distributions,
+    /// folder or name, of whose split `train` --demos demonstrations are collected first
+    #[arg(value_name = "RUN|SUITE", value_parser = genmanip_benchmark::suites::parse_folder)]
+    pub source: PathBuf,
+    /// Demonstrations of a suite; those that are missing are collected into DIR-demonstrations, with `--expert
+    /// consistent`
+    #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "check")]
+    pub demos: Option<usize>,
+    /// Only this distribution of a suite
+    #[arg(long, value_name = "NAME", requires = "demos")]
+    pub distribution: Option<String>,
     /// Inputs and sizes: `state` sees the poses of the objects as the simulator knows them (privileged), no images;
     /// `tiny` sees two cameras and reads the instruction
     #[arg(long, value_name = "PRESET", value_parser = parse::variant(Preset::ALL, Preset::name))]

@@ -1,4 +1,4 @@
-//! `genmanip serve`: masks, grasps, the agent and environments for other programs.
+//! `genmanip serve`: masks, grasps, the agent, environments and policies for other programs.
 
 use std::sync::Arc;
 
@@ -7,11 +7,16 @@ use genmanip_agent_sim::AgentChoice;
 use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
 use genmanip_pipeline::evaluate::Suite;
+use genmanip_pipeline::offered::{OfferedPolicy, offered};
 use genmanip_pipeline::sessions::SceneSource;
-use genmanip_serve::{AgentEndpoint, Endpoint, EnvEndpoint, ServeSettings, Server, openapi};
+use genmanip_serve::{
+    AgentEndpoint, Endpoint, EnvEndpoint, PolicyEndpoint, PolicyServer, ServeError, ServeSettings, Server, openapi,
+};
 use genmanip_workspace::worlds;
 
-use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};
+use crate::args::{
+    ListenArguments, ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments, ServePolicyArguments,
+};
 use genmanip_terminal::Printer;
 use genmanip_terminal::{ExitStatus, Failed};
 
@@ -23,6 +28,7 @@ pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Fail
             serve(Endpoint::Grasp(planner), arguments, printer)
         }
         ServeCommand::Env(arguments) => serve(Endpoint::Env(environments(arguments)?), &arguments.serve, printer),
+        ServeCommand::Policy(arguments) => serve_policy(arguments, printer),
         ServeCommand::Agent(arguments) => serve(Endpoint::Agent(agent(arguments)?), &arguments.serve, printer),
     }
 }
@@ -54,19 +60,36 @@ fn serve(endpoint: Endpoint, arguments: &ServeArguments, printer: &Printer) -> R
         printer.data(&description, &serde_json::to_string_pretty(&description).unwrap_or_default());
         return Ok(ExitStatus::Done);
     }
+    let settings = settings(&arguments.listen)?;
+    let (name, path) = (endpoint.name(), endpoint.path());
+    let server = Server::start(endpoint, &settings).map_err(|error| cannot_offer(name, &error))?;
+    printer.say(format!("offering {name} at http://{}{path}; Ctrl-C ends it", server.address()));
+    server.wait();
+    Ok(ExitStatus::Done)
+}
+
+fn serve_policy(arguments: &ServePolicyArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let settings = settings(&arguments.listen)?;
+    let OfferedPolicy { robot, spec, make } = offered(&arguments.policy)?;
+    let endpoint = PolicyEndpoint { robot: robot.name.clone(), arm_dof: robot.arm_dof(), spec, make };
+    let server = PolicyServer::start(endpoint, &settings).map_err(|error| cannot_offer("the policy", &error))?;
+    printer.say(format!("offering {} at ws://{}; Ctrl-C ends it", arguments.policy, server.address()));
+    server.wait();
+    Ok(ExitStatus::Done)
+}
+
+fn settings(arguments: &ListenArguments) -> Result<ServeSettings, Failed> {
     if !arguments.address.ip().is_loopback() && !arguments.allow_others {
         return Err(Failed::new(format!("{} can be reached by other machines", arguments.address))
             .hint("nobody is asked who they are; add --allow-others if your network is trusted"));
     }
-    let settings = ServeSettings {
+    Ok(ServeSettings {
         address: arguments.address,
         max_request_bytes: arguments.max_mb << 20,
         workers: arguments.workers.unwrap_or(ServeSettings::default().workers),
-    };
-    let (name, path) = (endpoint.name(), endpoint.path());
-    let server = Server::start(endpoint, &settings)
-        .map_err(|error| Failed::because(format!("cannot offer {name}"), &error).hint("choose another --address"))?;
-    printer.say(format!("offering {name} at http://{}{path}; Ctrl-C ends it", server.address()));
-    server.wait();
-    Ok(ExitStatus::Done)
+    })
+}
+
+fn cannot_offer(name: &str, error: &ServeError) -> Failed {
+    Failed::because(format!("cannot offer {name}"), error).hint("choose another --address")
 }

@@ -1,7 +1,13 @@
 //! `genmanip train`.
 
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use genmanip_benchmark::distributions::is_of_distributions;
 use genmanip_core::Seed;
-use genmanip_pipeline::learn::{CheckOptions, Length, TrainOptions, Trained, check, train};
+use genmanip_pipeline::learn::{
+    CheckOptions, Length, SuiteDemonstrations, TrainOptions, Trained, check, demonstrate, train,
+};
 use genmanip_workspace::workers;
 
 use crate::args::TrainArguments;
@@ -12,7 +18,7 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
     let preset = arguments.preset;
     let (workers, stop) = (workers::workers(arguments.workers), genmanip_terminal::on_interrupt());
     let Some(out) = &arguments.out else {
-        let options = CheckOptions { run: arguments.run.clone(), preset, demonstrations: arguments.count, workers };
+        let options = CheckOptions { run: arguments.source.clone(), preset, demonstrations: arguments.count, workers };
         let Some(checked) = check(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
         let is_met = checked.replay_success.value >= checked.expected;
         let text = format!(
@@ -23,12 +29,17 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
         printer.data(&checked, &text);
         return Ok(if is_met { ExitStatus::Done } else { ExitStatus::NotMet });
     };
+    let interrupted = || {
+        printer.say("interrupted; start the same call again to continue");
+        Ok(ExitStatus::NotMet)
+    };
+    let Some(run) = demonstrations(arguments, out, printer, &stop)? else { return interrupted() };
     let length = match (arguments.steps, arguments.budget) {
         (_, Some(budget)) => Length::BudgetS(budget),
         (steps, None) => Length::Steps(steps.unwrap_or(1) as u64),
     };
     let options = TrainOptions {
-        run: arguments.run.clone(),
+        run,
         preset,
         length,
         seed: Seed::new(arguments.seed),
@@ -36,12 +47,37 @@ pub fn run(arguments: &TrainArguments, printer: &Printer) -> Result<ExitStatus, 
         out: out.clone(),
         threads: workers,
     };
-    let Some(trained) = train(&options, printer, &stop)? else {
-        printer.say("interrupted; start the same call again to continue from the last checkpoint");
-        return Ok(ExitStatus::NotMet);
-    };
+    let Some(trained) = train(&options, printer, &stop)? else { return interrupted() };
     printer.data(&trained, &describe(&trained));
     Ok(ExitStatus::Done)
+}
+
+/// Folder of the run to learn from, whose missing demonstrations are collected if a suite is named; `None` if stopped.
+fn demonstrations(
+    arguments: &TrainArguments,
+    out: &Path,
+    printer: &Printer,
+    stop: &AtomicBool,
+) -> Result<Option<PathBuf>, Failed> {
+    let TrainArguments { source, demos, distribution, .. } = arguments;
+    let name = source.file_name().unwrap_or_default().display();
+    match (is_of_distributions(source), *demos) {
+        (false, None) => Ok(Some(source.clone())),
+        (false, Some(_)) => Err(Failed::new(format!("{name} is no suite of task distributions")).hint(
+            "--demos collects demonstrations of a suite such as genmanip-learn-10; a run is learned from as it is",
+        )),
+        (true, None) => Err(Failed::new(format!("{name} is a suite: how many demonstrations?"))
+            .hint("add --demos 300, and --distribution NAME to learn a single one")),
+        (true, Some(count)) => {
+            let mut run = out.file_name().unwrap_or_default().to_owned();
+            run.push("-demonstrations");
+            let run = out.with_file_name(run);
+            let (suite, distribution) = (source.clone(), distribution.clone());
+            let workers = workers::workers(arguments.workers);
+            let options = SuiteDemonstrations { suite, distribution, count, run: run.clone(), workers };
+            Ok(demonstrate(&options, printer, stop)?.then_some(run))
+        }
+    }
 }
 
 fn describe(trained: &Trained) -> String {

@@ -23,6 +23,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["agent", "act"],
         &["serve", "segment"],
         &["serve", "agent"],
+        &["serve", "policy"],
         &["replay"],
         &["report"],
         &["export"],

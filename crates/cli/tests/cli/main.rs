@@ -12,6 +12,8 @@ mod hostile;
 mod importing;
 mod interrupted;
 mod labels;
+#[cfg(feature = "learn")]
+mod learn;
 mod learnability;
 mod messages;
 mod planning;

@@ -58,7 +58,7 @@ fn workplace() -> tempfile::TempDir {
     folder
 }
 
-const CASES: [&str; 46] = [
+const CASES: [&str; 47] = [
     "task check missing.json",
     "task check empty",
     "task check latin1.json",
@@ -88,6 +88,7 @@ const CASES: [&str; 46] = [
     "replay --check nowhere",
     "replay --check empty",
     "demo",
+    "serve policy expert",
     "collect --suite genmanip-learn-10 --out out",
     "collect --suite genmanip-200-rc --out out",
     "evaluate --suite genmanip-learn-10",

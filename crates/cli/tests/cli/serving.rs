@@ -33,17 +33,17 @@ fn one_cube() -> RgbdImage {
 }
 
 /// The program, which listens; it is ended with the test.
-struct Serving {
+pub(super) struct Serving {
     child: Child,
-    address: String,
+    pub(super) address: String,
 }
 
 impl Serving {
-    fn start(folder: &std::path::Path, arguments: &[&str]) -> Self {
+    pub(super) fn start(folder: &std::path::Path, arguments: &[&str]) -> Self {
         let mut child = program(folder, arguments).stderr(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
-        let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next());
+        let address = line.split("://").nth(1).and_then(|rest| rest.split(['/', ';']).next());
         let address = address.unwrap_or_else(|| panic!("no address in {line}")).to_owned();
         Self { child, address }
     }

@@ -10,7 +10,10 @@ use genmanip_terminal::parse;
 #[derive(Debug, Args)]
 #[command(group(clap::ArgGroup::new("length").required(true).args(["steps", "budget"])))]
 pub struct LabLearnArguments {
-    /// Seed of tasks, layouts, demonstrations and training
+    /// Distribution of genmanip-learn-10, whose split `train` is demonstrated and whose split `familiar` is the test
+    #[arg(long, value_name = "NAME", default_value = "into")]
+    pub distribution: String,
+    /// Seed of the training
     #[arg(long, default_value_t = 0, value_parser = parse::seed)]
     pub seed: u64,
     /// Inputs and sizes of the policy
@@ -28,7 +31,7 @@ pub struct LabLearnArguments {
     /// Train without simulator labels, as `genmanip train --no-labels`
     #[arg(long)]
     pub no_labels: bool,
-    /// Unseen layouts
+    /// Unseen layouts, the first of the split
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = parse::count)]
     pub layouts: usize,
     /// New folder for run, policy and layouts [default: a temporary one, which is removed]

@@ -134,11 +134,11 @@ pub enum LabCommand {
                       genmanip-lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
-    /// Learn one family of tasks from nothing: demonstrations, training, success on unseen layouts
+    /// Learn one distribution of genmanip-learn-10 from nothing: demonstrations, training, success on unseen layouts
     #[command(
         after_help = "Example:\n  genmanip-lab learn --seed 1 --preset state --demos 300 --budget 15m --json\n\n\
-                      Needs a build with learned policies: cargo xtask install --learn. One of eight objects goes into a\n\
-                      basket; the time limit is three times the expert's median. Evaluation is no part of CPU times."
+                      Needs a build with learned policies: cargo xtask install --learn. The time limit is three times the\n\
+                      expert's median. Evaluation is no part of CPU times."
     )]
     Learn(LabLearnArguments),
     /// Copy a run's episodes to any number, and measure the cost of report, opening and resuming

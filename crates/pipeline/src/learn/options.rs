@@ -70,6 +70,21 @@ pub struct Trained {
     pub seconds: f64,
 }
 
+/// Options of [`super::demonstrate`].
+#[derive(Clone, Debug)]
+pub struct SuiteDemonstrations {
+    /// Folder of a suite of task distributions.
+    pub suite: PathBuf,
+    /// Name of the only distribution; `None` for all, in turn.
+    pub distribution: Option<String>,
+    /// Number of verified demonstrations.
+    pub count: usize,
+    /// Folder of the run.
+    pub run: PathBuf,
+    /// Threads; the demonstrations do not depend on them.
+    pub workers: usize,
+}
+
 /// Options of [`super::check`].
 #[derive(Clone, Debug)]
 pub struct CheckOptions {

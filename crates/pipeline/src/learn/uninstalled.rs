@@ -6,7 +6,7 @@ use genmanip_workspace::{Progress, WorkspaceError};
 
 use crate::learned::refusal;
 
-use super::options::{CheckOptions, Checked, TrainOptions, Trained};
+use super::options::{CheckOptions, Checked, SuiteDemonstrations, TrainOptions, Trained};
 
 /// Refuses to train.
 ///
@@ -17,6 +17,18 @@ pub fn train(
     _progress: &dyn Progress,
     _stop: &AtomicBool,
 ) -> Result<Option<Trained>, WorkspaceError> {
+    Err(refusal())
+}
+
+/// Refuses to collect demonstrations for a training.
+///
+/// # Errors
+/// Always, with the command that installs training.
+pub fn demonstrate(
+    _options: &SuiteDemonstrations,
+    _progress: &dyn Progress,
+    _stop: &AtomicBool,
+) -> Result<bool, WorkspaceError> {
     Err(refusal())
 }
 

@@ -104,6 +104,11 @@ struct Slot {
 }
 
 impl Observer {
+    /// For inputs without objects.
+    pub fn of_robot(inputs: &Inputs, robot: &Arc<RobotModel>) -> Self {
+        Self { robot: Arc::clone(robot), width: inputs.width(), slots: Vec::new() }
+    }
+
     /// For inputs, a scenario and the models of its objects.
     ///
     /// # Errors
@@ -115,7 +120,7 @@ impl Observer {
         robot: &Arc<RobotModel>,
     ) -> Result<Self, String> {
         if inputs.slots == 0 {
-            return Ok(Self { robot: Arc::clone(robot), width: inputs.width(), slots: Vec::new() });
+            return Ok(Self::of_robot(inputs, robot));
         }
         let mut slots: Vec<Slot> = Vec::new();
         let slot = |object: usize, roles, order| Slot {

@@ -5,12 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_core::limits::Limit;
-use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RobotModel};
 use genmanip_policy::{Inputs, Network, PolicyDescription, Prediction, Seen, instruction_words};
 use genmanip_rollout::Stage;
 use genmanip_workspace::{WorkspaceError, documents};
 
 use super::inputs::{self, Moment, Observer};
+use crate::policy_spec::check_robot;
 
 /// Description of a policy in its folder.
 pub(crate) const DESCRIPTION: &str = "policy.json";
@@ -46,16 +47,33 @@ pub(crate) fn load(folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
 }
 
 impl Learned {
+    /// Its description.
+    pub(crate) fn description(&self) -> &PolicyDescription {
+        self.network.description()
+    }
+
     /// The policy for one episode.
     ///
     /// # Errors
     /// When robot or goal are not what it was trained for.
     pub(crate) fn act_on(self: &Arc<Self>, stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
-        let network = Arc::clone(self);
-        let predict = move |seen: &Seen| network.network.predict(seen);
-        Ok(Box::new(ChunkPolicy::new("learned", self.network.description(), predict, stage)?))
+        Ok(Box::new(ChunkPolicy::new(NAME, self.description(), self.predict(), stage)?))
+    }
+
+    /// The policy, which sees no objects, for a robot without a simulator.
+    pub(crate) fn act_unseen(self: &Arc<Self>, robot: &Arc<RobotModel>) -> Box<dyn Policy> {
+        let observer = Observer::of_robot(&self.description().inputs, robot);
+        Box::new(ChunkPolicy::seeing(NAME, self.description(), self.predict(), observer))
+    }
+
+    fn predict(self: &Arc<Self>) -> impl FnMut(&Seen) -> io::Result<Prediction> + Send + 'static {
+        let learned = Arc::clone(self);
+        move |seen: &Seen| learned.network.predict(seen)
     }
 }
+
+/// Name in results.
+const NAME: &str = "learned";
 
 /// Executes predicted chunks: the way of every learned policy's output.
 pub(crate) struct ChunkPolicy<F> {
@@ -73,14 +91,15 @@ impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> ChunkPolicy<F> {
     /// # Errors
     /// When robot or goal are not what the description says.
     pub fn new(name: &str, description: &PolicyDescription, predict: F, stage: &Stage) -> Result<Self, WorkspaceError> {
-        let contract = &description.contract;
-        if contract.robot != stage.robot.name {
-            let what = format!("the policy has actions of robot `{}`", contract.robot);
-            let hint = format!("scenario {} has robot `{}`", stage.scenario.id, stage.robot.name);
-            return Err(WorkspaceError::input(what).with_hint(hint));
-        }
+        check_robot(&description.contract.robot, stage)?;
         let observer = Observer::new(&description.inputs, &stage.scenario, &stage.models, &stage.robot)
             .map_err(|reason| WorkspaceError::input(format!("scenario {}: {reason}", stage.scenario.id)))?;
+        Ok(Self::seeing(name, description, predict, observer))
+    }
+
+    /// With inputs from an observer.
+    fn seeing(name: &str, description: &PolicyDescription, predict: F, observer: Observer) -> Self {
+        let contract = &description.contract;
         let spec = PolicySpec {
             action: contract.action,
             execute_steps: description.execute,
@@ -88,7 +107,7 @@ impl<F: FnMut(&Seen) -> io::Result<Prediction> + Send> ChunkPolicy<F> {
             cameras: inputs::cameras(&description.inputs.images),
             ..PolicySpec::native(name, contract.rate_hz)
         };
-        Ok(Self { spec, description: description.clone(), predict, observer, words: Vec::new() })
+        Self { spec, description: description.clone(), predict, observer, words: Vec::new() }
     }
 }
 

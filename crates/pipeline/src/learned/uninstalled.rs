@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use genmanip_core::Policy;
+use genmanip_core::{Policy, RobotModel};
+use genmanip_policy::PolicyDescription;
 use genmanip_rollout::Stage;
 use genmanip_workspace::WorkspaceError;
 
@@ -22,6 +23,16 @@ pub(crate) fn load(_folder: &Path) -> Result<Arc<Learned>, WorkspaceError> {
 impl Learned {
     /// The policy for one episode.
     pub(crate) fn act_on(self: &Arc<Self>, _stage: &Stage) -> Result<Box<dyn Policy>, WorkspaceError> {
+        match **self {}
+    }
+
+    /// Its description.
+    pub(crate) fn description(&self) -> &PolicyDescription {
+        match *self {}
+    }
+
+    /// The policy for a robot without a simulator.
+    pub(crate) fn act_unseen(self: &Arc<Self>, _robot: &Arc<RobotModel>) -> Box<dyn Policy> {
         match **self {}
     }
 }

@@ -1,6 +1,7 @@
 //! Arguments of the policies of the registry.
 
 use super::label::InLabel;
+use crate::remote::CAMERAS;
 
 /// An argument of a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +28,7 @@ impl PolicyArgument {
 }
 
 const URL: PolicyArgument = PolicyArgument::new("url", "ws://127.0.0.1:8000", "where it is").in_label(InLabel::Address);
-const EXTERIOR: PolicyArgument = PolicyArgument::new("exterior", "static", "the camera that stands beside the robot");
+const EXTERIOR: PolicyArgument = PolicyArgument::new("exterior", CAMERAS[0], "the camera that stands beside the robot");
 const TIMEOUT: PolicyArgument =
     PolicyArgument::new("timeout_s", "120", "how long is waited for an answer, s").in_label(InLabel::Omitted);
 
@@ -40,7 +41,7 @@ pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
     URL,
     PolicyArgument::new("preset", "libero", "what it is shown and what it answers: libero or joint"),
     EXTERIOR,
-    PolicyArgument::new("wrist", "wrist", "the camera at the hand, or nothing"),
+    PolicyArgument::new("wrist", CAMERAS[1], "the camera at the hand, or nothing"),
     TIMEOUT,
 ];
 
@@ -57,10 +58,10 @@ pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
     PolicyArgument::new(
         "preset",
         "droid",
-        "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
+        "what it is shown and what it answers: droid (joint speeds), droid_jointpos, libero, or genmanip, whose server says it",
     ),
     EXTERIOR,
-    PolicyArgument::new("wrist", "wrist", "the camera at the hand"),
+    PolicyArgument::new("wrist", CAMERAS[1], "the camera at the hand"),
     PolicyArgument::new("execute", "", "actions of a chunk that are executed; droid 8, libero 5"),
     TIMEOUT,
 ];

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod env;
+mod policy;
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

@@ -1,9 +1,10 @@
 //! Conversion between MessagePack and JSON.
 
-use genmanip_remote_policies::numpy::Array;
 use rmpv::Value;
 use serde::Serialize;
 use serde_json::{Map, Number, Value as Json};
+
+use crate::numpy::Array;
 
 /// Maximum nesting of a request.
 const MAX_DEPTH: usize = 16;
@@ -12,7 +13,7 @@ const MAX_DEPTH: usize = 16;
 ///
 /// # Errors
 /// Describes the problem.
-pub(crate) fn read(bytes: &[u8]) -> Result<Json, String> {
+pub fn read(bytes: &[u8]) -> Result<Json, String> {
     let mut rest = bytes;
     let value = rmpv::decode::read_value_with_max_depth(&mut rest, MAX_DEPTH);
     let value = value.map_err(|error| format!("invalid MessagePack: {error}"))?;
@@ -23,7 +24,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Json, String> {
 }
 
 /// Encodes a value.
-pub(crate) fn encoded(value: &Value) -> Vec<u8> {
+pub fn encoded(value: &Value) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.
     let _ = rmpv::encode::write_value(&mut bytes, value);
@@ -31,11 +32,15 @@ pub(crate) fn encoded(value: &Value) -> Vec<u8> {
 }
 
 /// Converts a serialisable value; nil if it has no JSON form.
-pub(crate) fn of(value: &impl Serialize) -> Value {
+pub fn of(value: &impl Serialize) -> Value {
     serde_json::to_value(value).map_or(Value::Nil, |json| pack(&json))
 }
 
-fn json(value: &Value) -> Result<Json, String> {
+/// Converts a message; arrays become lists of numbers.
+///
+/// # Errors
+/// Describes the value that has no JSON form.
+pub(crate) fn json(value: &Value) -> Result<Json, String> {
     Ok(match value {
         Value::Nil => Json::Null,
         Value::Boolean(yes) => Json::Bool(*yes),

@@ -1,0 +1,71 @@
+//! Learned policies from the command line.
+
+use serde_json::Value;
+
+use super::serving::Serving;
+use super::{example, genmanip};
+
+/// Results of one policy, without its name.
+fn results(mut evaluated: Value) -> Value {
+    let mut results = evaluated[0]["results"].take();
+    for result in results.as_array_mut().unwrap() {
+        result["policy"] = Value::Null;
+    }
+    results
+}
+
+/// Of a suite the missing demonstrations are collected first: of the layouts and with the settings of `collect`.
+#[test]
+fn a_suite_is_learned_from_its_layouts() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let train = |more: &[&str]| {
+        let usual = ["train", "genmanip-learn-10", "--distribution", "switch", "--preset", "state", "--steps", "2"];
+        genmanip(here, &[&usual[..], more].concat())
+    };
+    let trained = train(&["--demos", "2", "--out", "two", "--json"]).json(0);
+    assert_eq!(trained["demonstrations"], Value::from(2));
+    let by_hand = ["--distribution", "switch", "--verified", "2", "--expert", "consistent", "--no-dataset"];
+    let collect = ["collect", "--suite", "genmanip-learn-10", "--split", "train", "--out", "two-demonstrations"];
+    let before = super::tree(&here.join("two-demonstrations/episodes"));
+    assert_eq!(genmanip(here, &[&collect[..], &by_hand].concat()).code, Some(0));
+    assert!(super::tree(&here.join("two-demonstrations/episodes")) == before, "it is the same run");
+
+    let run = genmanip(
+        here,
+        &["train", "two-demonstrations", "--demos", "2", "--preset", "state", "--steps", "2", "--out", "x"],
+    );
+    run.assert_refused(&["two-demonstrations is no suite of task distributions"]);
+    let suite = genmanip(here, &["train", "genmanip-learn-10", "--preset", "state", "--steps", "2", "--out", "x"]);
+    suite.assert_refused(&["how many demonstrations?", "--demos"]);
+    assert!(!here.join("x").exists() && !here.join("x-demonstrations").exists());
+}
+
+/// A network that has hardly learned anything moves the arm in the same way here and behind a server.
+#[test]
+fn a_served_policy_acts_as_in_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let done = |arguments: &[&str]| {
+        let outcome = genmanip(here, arguments);
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    };
+    let task = example("024_appearance");
+    done(&["collect", &task, "--episodes", "1", "--seed", "3", "--no-dataset", "--out", "run"]);
+    done(&["train", "run", "--preset", "tiny", "--steps", "2", "--out", "policy"]);
+    let evaluate = |policy: &str| {
+        genmanip(here, &["evaluate", "run/scenarios", "--policy", policy, "--horizon", "4", "--json"]).json(0)
+    };
+    let expected = results(evaluate("learned:policy"));
+    assert_eq!(expected.as_array().map(Vec::len), Some(1));
+    assert!(expected[0]["tcp_path_m"].as_f64().unwrap() > 0.01, "{expected}");
+    let serving = Serving::start(here, &["serve", "policy", "learned:policy", "--address", "127.0.0.1:0"]);
+    let policy = |more: &str| format!("openpi:url=ws://{},preset=genmanip{more}", serving.address);
+    assert_eq!(results(evaluate(&policy(""))), expected);
+    genmanip(here, &["evaluate", "run/scenarios", "--policy", &policy(",wrist=other")])
+        .assert_refused(&["preset=genmanip takes no exterior and wrist"]);
+
+    done(&["train", "run", "--preset", "state", "--steps", "1", "--out", "privileged"]);
+    genmanip(here, &["serve", "policy", "learned:privileged"])
+        .assert_refused(&["reads simulator ground truth", "--preset tiny"]);
+}

@@ -1,0 +1,42 @@
+//! Policies that this program serves to other programs.
+
+use std::sync::Arc;
+
+use genmanip_assets::robots;
+use genmanip_core::{Policy, PolicySpec, RobotModel};
+use genmanip_workspace::WorkspaceError;
+
+use crate::learned;
+
+/// A policy without a simulator: it sees what its clients send.
+pub struct OfferedPolicy {
+    /// Robot that it moves.
+    pub robot: Arc<RobotModel>,
+    /// Observations and actions.
+    pub spec: PolicySpec,
+    /// Creates an instance for one client.
+    pub make: Arc<dyn Fn() -> Box<dyn Policy> + Send + Sync>,
+}
+
+/// A policy to be served, by `learned:FOLDER`.
+///
+/// # Errors
+/// When there is no such policy, its robot is unknown, or it reads simulator ground truth, which no client has.
+pub fn offered(policy: &str) -> Result<OfferedPolicy, WorkspaceError> {
+    let folder = policy.strip_prefix("learned:").map(|folder| folder.strip_prefix("folder=").unwrap_or(folder));
+    let Some(folder) = folder.filter(|folder| !folder.is_empty()) else {
+        return Err(WorkspaceError::input(format!("policy `{policy}` cannot be served"))
+            .with_hint("expected learned:FOLDER, a policy as `genmanip train` writes it"));
+    };
+    let learned = learned::load(folder.as_ref())?;
+    let description = learned.description();
+    if description.privileged {
+        return Err(WorkspaceError::input(format!("{folder} reads simulator ground truth, which no client can send"))
+            .with_hint("train one that sees images: genmanip train RUN --preset tiny"));
+    }
+    let robot = robots::named(&description.contract.robot)
+        .map_err(|error| WorkspaceError::input(format!("{folder} cannot be served")).because(error))?;
+    let made = Arc::clone(&robot);
+    let make: Arc<dyn Fn() -> Box<dyn Policy> + Send + Sync> = Arc::new(move || learned.act_unseen(&made));
+    Ok(OfferedPolicy { robot, spec: make().spec(), make })
+}
