@@ -31,15 +31,13 @@ pub fn demonstrate(
     let folder = nearest_folder(run).unwrap_or_else(|| ".".into());
     let tasks = Tasks::spool(suite.draw(&choice)?.into_iter().map(|drawn| drawn.task), &folder)?;
     let expert = ExpertSettings { style: ExpertStyle::Consistent, ..ExpertSettings::default() };
-    let settings = PipelineSettings { expert, ..PipelineSettings::in_world((*default_world()).clone()) };
+    let settings = PipelineSettings { expert, ..PipelineSettings::in_world(suite.judged_in(&default_world())) };
     let asked = CollectOptions { workers: *workers, verified: Some(*count), ..CollectOptions::default() };
     let collected = collect(run, Run::new(tasks, 0, settings, suite.seed()), asked, progress, stop)?;
     let verified: usize = collected.rows.iter().map(|row| row.verified).sum();
     if !collected.interrupted && verified < *count {
         return Err(WorkspaceError::input(format!("{} has {verified} of {count} demonstrations", run.display()))
-            .with_hint(
-                "repeat the call with --repair of `genmanip collect` if episodes are damaged, or ask for fewer",
-            ));
+            .with_hint("ask for fewer; `genmanip report` on that run says why attempts failed"));
     }
     Ok(!collected.interrupted)
 }
